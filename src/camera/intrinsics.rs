@@ -1,0 +1,79 @@
+//! The ideal pinhole: where a camera point falls on the picture.
+
+use glam::{DMat4, DVec2, DVec3, DVec4};
+
+/// Nearest distance along the optical axis at which geometry is drawn, m. Depth is reversed and infinite, so nothing
+/// is lost in precision far away, and no far limit exists.
+pub const NEAR_M: f64 = 0.01;
+
+/// Size and pinhole parameters of a picture. Pixel (0, 0) is top left with its centre at (0.5, 0.5); a camera point
+/// (x right, y down, z forward) falls on `(fx x / z + cx, fy y / z + cy)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intrinsics {
+    /// Columns, px.
+    pub width: u32,
+    /// Rows, px.
+    pub height: u32,
+    /// Focal length over pixel width, px.
+    pub fx: f64,
+    /// Focal length over pixel height, px.
+    pub fy: f64,
+    /// Principal point from the left edge, px.
+    pub cx: f64,
+    /// Principal point from the top edge, px.
+    pub cy: f64,
+}
+
+impl Intrinsics {
+    /// Where a camera point falls, px; `None` at or behind the camera.
+    pub fn project(&self, point_m: DVec3) -> Option<DVec2> {
+        (point_m.z > 0.0).then(|| {
+            DVec2::new(self.fx * point_m.x / point_m.z + self.cx, self.fy * point_m.y / point_m.z + self.cy)
+        })
+    }
+
+    /// Direction of the ray through a picture point, with z = 1.
+    pub fn ray(&self, px: DVec2) -> DVec3 {
+        DVec3::new((px.x - self.cx) / self.fx, (px.y - self.cy) / self.fy, 1.0)
+    }
+
+    /// The same camera with `margin_px` more pixels on every side (the paper's extended field of view, Fig. 3).
+    pub fn with_margin(&self, margin_px: [u32; 2]) -> Self {
+        Self {
+            width: self.width + 2 * margin_px[0],
+            height: self.height + 2 * margin_px[1],
+            cx: self.cx + f64::from(margin_px[0]),
+            cy: self.cy + f64::from(margin_px[1]),
+            ..*self
+        }
+    }
+
+    /// Vulkan clip space from camera space: y down, depth 1 at [`NEAR_M`] and 0 at infinity.
+    pub fn clip_from_camera(&self) -> DMat4 {
+        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        DMat4::from_cols(
+            DVec4::new(2.0 * self.fx / w, 0.0, 0.0, 0.0),
+            DVec4::new(0.0, 2.0 * self.fy / h, 0.0, 0.0),
+            DVec4::new(2.0 * self.cx / w - 1.0, 2.0 * self.cy / h - 1.0, 0.0, 1.0),
+            DVec4::new(0.0, 0.0, NEAR_M, 0.0),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clip_space_agrees_with_the_projection() {
+        let k = Intrinsics { width: 320, height: 240, fx: 280.0, fy: 270.0, cx: 158.7, cy: 120.8 };
+        let p = DVec3::new(0.3, -0.2, 1.7);
+        let clip = k.clip_from_camera() * p.extend(1.0);
+        let px = DVec2::new((clip.x / clip.w + 1.0) * 160.0, (clip.y / clip.w + 1.0) * 120.0);
+        assert!((px - k.project(p).expect("in front")).length() < 1e-9);
+        assert!((clip.z / clip.w - NEAR_M / 1.7).abs() < 1e-12);
+        let wider = k.with_margin([7, 5]);
+        let shift = wider.project(p).expect("in front") - k.project(p).expect("in front");
+        assert!((shift - DVec2::new(7.0, 5.0)).length() < 1e-9);
+    }
+}

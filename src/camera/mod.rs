@@ -1,0 +1,11 @@
+//! Pure mathematics of a camera: pose, intrinsics, trajectory, shutter timing. Knows no scene and no Vulkan.
+
+mod intrinsics;
+mod pose;
+mod timing;
+mod trajectory;
+
+pub use intrinsics::Intrinsics;
+pub use pose::Pose;
+pub use timing::{ScanOrder, ShutterTiming};
+pub use trajectory::Trajectory;

@@ -1,0 +1,49 @@
+//! Rigid transforms, named by the spaces they join: `world_from_camera`, `world_from_object`.
+
+use glam::{DMat4, DQuat, DVec3};
+
+/// A rigid transform `p_to = rotation p_from + translation_m`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Unit quaternion.
+    pub rotation: DQuat,
+    /// Position of the origin of the source frame, m.
+    pub translation_m: DVec3,
+}
+
+impl Pose {
+    /// The transform that changes nothing.
+    pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation_m: DVec3::ZERO };
+
+    /// Between `self` (at 0) and `other` (at 1): linear position, rotation on the shorter arc (CAPTURE contract).
+    pub fn interpolate(&self, other: &Self, at: f64) -> Self {
+        Self {
+            rotation: self.rotation.slerp(other.rotation, at).normalize(),
+            translation_m: self.translation_m.lerp(other.translation_m, at),
+        }
+    }
+
+    /// The inverse transform.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { rotation, translation_m: -(rotation * self.translation_m) }
+    }
+
+    /// `self` after `other`: `world_from_camera.then_from(camera_from_x)` is `world_from_x`.
+    pub fn then_from(&self, other: &Self) -> Self {
+        Self {
+            rotation: self.rotation * other.rotation,
+            translation_m: self.rotation * other.translation_m + self.translation_m,
+        }
+    }
+
+    /// Transforms a point, m.
+    pub fn transform(&self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.translation_m
+    }
+
+    /// As a column-major matrix.
+    pub fn matrix(&self) -> DMat4 {
+        DMat4::from_rotation_translation(self.rotation, self.translation_m)
+    }
+}

@@ -1,0 +1,154 @@
+//! Parameters as data: one list of specs drives `camera.toml`, range checks, reports and fits.
+
+use std::collections::BTreeMap;
+
+use super::Effect;
+use crate::error::{Error, Result};
+
+/// What values a parameter takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ParamKind {
+    /// A real number.
+    Number {
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+        /// The value that changes nothing.
+        neutral: f64,
+    },
+    /// One of a list of names.
+    Choice {
+        /// The names.
+        options: &'static [&'static str],
+        /// The one meant when none is given.
+        neutral: &'static str,
+    },
+    /// Three real numbers; neutral is zero.
+    Vector3 {
+        /// Largest allowed magnitude of each component.
+        max: f64,
+    },
+}
+
+/// Name, unit, range and neutral value of one parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParamSpec {
+    /// Name in `camera.toml` and reports, with its SI unit as suffix.
+    pub name: &'static str,
+    /// Unit in words: "s", "px", "fraction of full scale".
+    pub unit: &'static str,
+    /// Range and neutral value.
+    pub kind: ParamKind,
+    /// What it is and where its definition comes from.
+    pub about: &'static str,
+}
+
+/// The value of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// A real number.
+    Number(f64),
+    /// One of the spec's options.
+    Choice(&'static str),
+    /// Three real numbers.
+    Vector3([f64; 3]),
+}
+
+/// Which effects are on, and their parameters: a flat table keyed by stem and name, so that nothing that handles
+/// settings needs to know any effect's type.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settings {
+    tables: BTreeMap<&'static str, BTreeMap<&'static str, Value>>,
+}
+
+impl Settings {
+    /// Switches an effect on with neutral parameters (no change if it is on).
+    pub fn enable(&mut self, effect: &dyn Effect) {
+        self.tables.entry(effect.id()).or_insert_with(|| {
+            effect.specs().iter().map(|spec| (spec.name, neutral(&spec.kind))).collect()
+        });
+    }
+
+    /// Sets one parameter and switches its effect on.
+    ///
+    /// # Errors
+    /// A value outside the spec's range, or not a number.
+    ///
+    /// # Panics
+    /// If the effect has no such parameter or it takes another kind of value.
+    pub fn set(&mut self, effect: &dyn Effect, name: &str, value: Value) -> Result<()> {
+        let spec = effect.specs().iter().find(|s| s.name == name);
+        let spec = spec.unwrap_or_else(|| panic!("{} has no parameter {name}", effect.id()));
+        check_range(effect.id(), spec, value)?;
+        self.enable(effect);
+        self.tables.get_mut(effect.id()).expect("just enabled").insert(spec.name, value);
+        Ok(())
+    }
+
+    /// Switches an effect off.
+    pub fn disable(&mut self, effect: &str) {
+        self.tables.remove(effect);
+    }
+
+    /// Whether an effect is on.
+    pub fn has(&self, effect: &str) -> bool {
+        self.tables.contains_key(effect)
+    }
+
+    /// A parameter's value; `None` when its effect is off.
+    pub fn get(&self, effect: &str, name: &str) -> Option<Value> {
+        self.tables.get(effect)?.get(name).copied()
+    }
+
+    /// A number, or `neutral` when the effect is off.
+    ///
+    /// # Panics
+    /// If the parameter is not a number.
+    pub fn number(&self, effect: &str, name: &str, neutral: f64) -> f64 {
+        match self.get(effect, name) {
+            None => neutral,
+            Some(Value::Number(n)) => n,
+            Some(other) => panic!("{effect}.{name} is {other:?}, not a number"),
+        }
+    }
+
+    /// A choice; `None` when the effect is off.
+    pub fn choice(&self, effect: &str, name: &str) -> Option<&'static str> {
+        match self.get(effect, name)? {
+            Value::Choice(c) => Some(c),
+            other => panic!("{effect}.{name} is {other:?}, not a choice"),
+        }
+    }
+
+    /// Effects that are on, with their parameters.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &BTreeMap<&'static str, Value>)> {
+        self.tables.iter().map(|(k, v)| (*k, v))
+    }
+}
+
+/// The value that changes nothing.
+pub fn neutral(kind: &ParamKind) -> Value {
+    match *kind {
+        ParamKind::Number { neutral, .. } => Value::Number(neutral),
+        ParamKind::Choice { neutral, .. } => Value::Choice(neutral),
+        ParamKind::Vector3 { .. } => Value::Vector3([0.0; 3]),
+    }
+}
+
+fn check_range(effect: &'static str, spec: &ParamSpec, value: Value) -> Result<()> {
+    let outside = |value: f64, min: f64, max: f64| {
+        Err(Error::Parameter { effect, name: spec.name, value, min, max, unit: spec.unit })
+    };
+    match (spec.kind, value) {
+        // Written so that NaN, which is in no range, is refused.
+        (ParamKind::Number { min, max, .. }, Value::Number(v)) if !(min <= v && v <= max) => outside(v, min, max),
+        (ParamKind::Vector3 { max }, Value::Vector3(v)) => match v.into_iter().find(|c| !(c.abs() <= max)) {
+            Some(component) => outside(component, -max, max),
+            None => Ok(()),
+        },
+        (ParamKind::Number { .. }, Value::Number(_)) => Ok(()),
+        (ParamKind::Choice { options, .. }, Value::Choice(c)) if options.contains(&c) => Ok(()),
+        (kind, value) => panic!("{effect}.{} takes {kind:?}, not {value:?}", spec.name),
+    }
+}

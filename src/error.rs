@@ -1,0 +1,182 @@
+//! The one error type. Every variant carries what a person needs to mend the cause: where, what was found, what was
+//! expected. `Display` is one line and needs no context to be understood.
+
+use std::path::{Path, PathBuf};
+
+/// Result of everything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file holds something that cannot be used.
+    #[error("{}: found {found}; expected {expected}", place(path, *line))]
+    Input {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from 1, where the format has lines.
+        line: Option<usize>,
+        /// What stands there.
+        found: String,
+        /// What should stand there.
+        expected: String,
+    },
+    /// A name that is not known, with the nearest one that is.
+    #[error("{}: unknown {kind} `{name}`{}", place(path, *line), suggestion(nearest.as_deref()))]
+    UnknownName {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from 1.
+        line: Option<usize>,
+        /// What the name should have named: "key", "effect", "parameter".
+        kind: &'static str,
+        /// The name as written.
+        name: String,
+        /// The nearest known name.
+        nearest: Option<String>,
+    },
+    /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
+    #[error(
+        "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
+         {covered_from_s:.9} s to {covered_to_s:.9} s (poses are never extrapolated)", path.display()
+    )]
+    TrajectoryTooShort {
+        /// The trajectory's file.
+        path: PathBuf,
+        /// Whose time is not covered: "frame 3 (000003.png)".
+        what: String,
+        /// Start of the needed span.
+        needed_from_s: f64,
+        /// End of the needed span.
+        needed_to_s: f64,
+        /// First pose.
+        covered_from_s: f64,
+        /// Last pose.
+        covered_to_s: f64,
+    },
+    /// The operating system refused a file operation.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried: "read", "write", "create the folder".
+        action: &'static str,
+        /// The system's reason.
+        #[source]
+        source: std::io::Error,
+    },
+    /// A picture file that cannot be decoded or encoded.
+    #[error("{}: cannot {action} the picture: {reason}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// "decode" or "encode".
+        action: &'static str,
+        /// The codec's reason.
+        reason: String,
+    },
+    /// A parameter of an effect outside its range.
+    #[error("{effect}.{name} = {value} is outside {min} to {max} {unit}")]
+    Parameter {
+        /// Stem of the effect.
+        effect: &'static str,
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+        /// Unit of the three.
+        unit: &'static str,
+    },
+    /// A size that this program or the device cannot handle.
+    #[error("{what} is {value}, the limit is {limit} ({why})")]
+    Limit {
+        /// What is too large or too small.
+        what: &'static str,
+        /// Its value.
+        value: u64,
+        /// The limit.
+        limit: u64,
+        /// Whose limit it is.
+        why: String,
+    },
+    /// No Vulkan loader on this machine.
+    #[error("no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)")]
+    NoVulkanLoader {
+        /// The system's reason.
+        reason: String,
+    },
+    /// No usable device, or none that matches the request.
+    #[error("no Vulkan device {wanted}. Present: {present}")]
+    NoDevice {
+        /// What was asked for.
+        wanted: String,
+        /// What there is, and why it cannot be used.
+        present: String,
+    },
+    /// The device lacks something that is needed.
+    #[error("device {device} lacks {}", missing.join(", "))]
+    DeviceLacks {
+        /// The device's name.
+        device: String,
+        /// Everything that is missing.
+        missing: Vec<String>,
+    },
+    /// The device was lost during work.
+    #[error("the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete")]
+    DeviceLost {
+        /// The call that reported it.
+        call: &'static str,
+    },
+    /// Memory ran out.
+    #[error("out of {pool} memory in {call}: reduce the size, the samples per pixel or the frames in flight")]
+    OutOfMemory {
+        /// "device" or "host".
+        pool: &'static str,
+        /// The call that reported it.
+        call: &'static str,
+    },
+    /// Any other result of a Vulkan call.
+    #[error("{call} failed: {result}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// The result's name.
+        result: String,
+    },
+    /// The user asked to stop.
+    #[error("interrupted after {done} of {total} frames; run again with --resume to go on")]
+    Interrupted {
+        /// Frames finished and on disk.
+        done: usize,
+        /// Frames wanted.
+        total: usize,
+    },
+}
+
+impl Error {
+    /// Bad content at a line of a file.
+    pub fn input(path: &Path, line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Input { path: path.to_owned(), line: line.into(), found: found.into(), expected: expected.into() }
+    }
+
+    /// A failed file operation.
+    pub fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), action, source }
+    }
+}
+
+fn place(path: &Path, line: Option<usize>) -> String {
+    match line {
+        Some(line) => format!("{}:{line}", path.display()),
+        None => path.display().to_string(),
+    }
+}
+
+fn suggestion(nearest: Option<&str>) -> String {
+    nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default()
+}

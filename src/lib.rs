@@ -1,0 +1,13 @@
+//! Shutterbug: what one real, cheap, moving camera would have delivered of a rendered scene.
+#![warn(missing_docs)]
+
+pub mod camera;
+pub mod capture;
+pub mod chain;
+pub mod effects;
+pub mod error;
+pub mod plane;
+pub mod raster;
+pub mod scene;
+
+pub use error::{Error, Result};

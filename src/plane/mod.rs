@@ -1,0 +1,79 @@
+//! CPU pictures: row-major, interleaved channels, top row first.
+
+mod io;
+pub mod metrics;
+
+pub use io::{MAX_DECODED_BYTES, MAX_SIDE_PX, read_rgb8, write_atomic, write_png_atomic};
+
+/// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane<T> {
+    /// Columns, px.
+    pub width: usize,
+    /// Rows, px.
+    pub height: usize,
+    /// Values a pixel.
+    pub channels: usize,
+    /// `height * width * channels` values.
+    pub data: Vec<T>,
+}
+
+impl<T: Copy + Default> Plane<T> {
+    /// A picture of default values.
+    pub fn new(width: usize, height: usize, channels: usize) -> Self {
+        Self { width, height, channels, data: vec![T::default(); width * height * channels] }
+    }
+
+    /// A picture computed pixel by pixel; `f(x, y)` gives the channels of one.
+    pub fn from_fn<const N: usize>(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> [T; N]) -> Self {
+        let mut data = Vec::with_capacity(width * height * N);
+        for y in 0..height {
+            for x in 0..width {
+                data.extend_from_slice(&f(x, y));
+            }
+        }
+        Self { width, height, channels: N, data }
+    }
+
+    /// The channels of one pixel.
+    ///
+    /// # Panics
+    /// If the pixel lies outside.
+    pub fn pixel(&self, x: usize, y: usize) -> &[T] {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) outside {}x{}", self.width, self.height);
+        let at = (y * self.width + x) * self.channels;
+        &self.data[at..at + self.channels]
+    }
+
+    /// The channels of one pixel, to be changed.
+    ///
+    /// # Panics
+    /// If the pixel lies outside.
+    pub fn pixel_mut(&mut self, x: usize, y: usize) -> &mut [T] {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) outside {}x{}", self.width, self.height);
+        let at = (y * self.width + x) * self.channels;
+        &mut self.data[at..at + self.channels]
+    }
+
+    /// One row: `width * channels` values.
+    pub fn row(&self, y: usize) -> &[T] {
+        let stride = self.width * self.channels;
+        &self.data[y * stride..(y + 1) * stride]
+    }
+}
+
+/// Linear radiance (1 = white) to the sRGB-encoded value in 0..=1 (IEC 61966-2-1); clips first.
+pub fn srgb_encode(linear: f32) -> f32 {
+    let l = linear.clamp(0.0, 1.0);
+    if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// sRGB-encoded value in 0..=1 to linear radiance (IEC 61966-2-1).
+pub fn srgb_decode(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear radiance to an 8-bit sRGB value: `round(255 srgb(L))`.
+pub fn srgb8(linear: f32) -> u8 {
+    (255.0 * srgb_encode(linear) + 0.5) as u8
+}
