@@ -6,6 +6,8 @@ pub mod capture;
 pub mod chain;
 pub mod effects;
 pub mod error;
+pub mod gpu;
+pub mod kernels;
 pub mod plane;
 pub mod raster;
 pub mod scene;

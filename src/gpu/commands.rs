@@ -1,0 +1,286 @@
+//! Recording commands. The only file with barriers: one global memory barrier between dependent commands.
+
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::{NoUninit, bytes_of};
+
+use super::bind::BindGroup;
+use super::context::Context;
+use super::graphics::{Attachments, GraphicsPipeline};
+use super::kernel::ComputePipeline;
+use super::memory::{Buffer, Image};
+use super::slot::{MAX_QUERIES, Slot};
+
+/// A rectangle of the attachments, px: only it is cleared and drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RenderArea {
+    /// Left edge.
+    pub x: u32,
+    /// Top edge.
+    pub y: u32,
+    /// Width.
+    pub width: u32,
+    /// Height.
+    pub height: u32,
+}
+
+/// Records one submission of a slot.
+pub struct Recorder<'a> {
+    context: Arc<Context>,
+    slot: &'a mut Slot,
+}
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(context: Arc<Context>, slot: &'a mut Slot) -> Self {
+        Self { context, slot }
+    }
+
+    /// From here on, time counts for the pass of this name.
+    pub fn mark(&mut self, name: &'static str) {
+        if self.slot.queries == vk::QueryPool::null() || self.slot.marks.len() as u32 >= MAX_QUERIES / 2 - 1 {
+            return;
+        }
+        self.timestamp();
+        self.slot.marks.push(name);
+    }
+
+    /// Ends the last pass. Must be the last thing recorded.
+    pub fn finish(self) {
+        if self.slot.queries != vk::QueryPool::null() && !self.slot.marks.is_empty() {
+            self.timestamp();
+        }
+    }
+
+    fn timestamp(&self) {
+        let at = 2 * self.slot.marks.len() as u32;
+        for query in [at, at + 1] {
+            // SAFETY: recording; each query is written once after its reset.
+            unsafe {
+                self.context.device.cmd_write_timestamp(
+                    self.slot.commands,
+                    vk::PipelineStageFlags::BOTTOM_OF_PIPE,
+                    self.slot.queries,
+                    query,
+                );
+            }
+        }
+    }
+
+    /// Everything before is finished and visible to everything after, the host included.
+    pub fn barrier(&mut self) {
+        let barrier = vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE);
+        let stages = vk::PipelineStageFlags::ALL_COMMANDS;
+        // SAFETY: recording, outside a render pass.
+        unsafe {
+            self.context.device.cmd_pipeline_barrier(
+                self.slot.commands,
+                stages,
+                stages | vk::PipelineStageFlags::HOST,
+                vk::DependencyFlags::empty(),
+                &[barrier],
+                &[],
+                &[],
+            );
+        }
+    }
+
+    /// Brings new images into the layout in which they stay. Their content is undefined afterwards.
+    pub fn prepare<'i>(&mut self, images: impl IntoIterator<Item = &'i Image>) {
+        let barriers: Vec<_> = images
+            .into_iter()
+            .map(|image| {
+                vk::ImageMemoryBarrier::default()
+                    .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)
+                    .old_layout(vk::ImageLayout::UNDEFINED)
+                    .new_layout(vk::ImageLayout::GENERAL)
+                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                    .image(image.handle)
+                    .subresource_range(image.range())
+            })
+            .collect();
+        // SAFETY: recording, outside a render pass; the images are new.
+        unsafe {
+            self.context.device.cmd_pipeline_barrier(
+                self.slot.commands,
+                vk::PipelineStageFlags::ALL_COMMANDS,
+                vk::PipelineStageFlags::ALL_COMMANDS,
+                vk::DependencyFlags::empty(),
+                &[],
+                &[],
+                &barriers,
+            );
+        }
+    }
+
+    /// Runs a kernel over `size` invocations (rounded up to whole workgroups), after a barrier.
+    ///
+    /// # Panics
+    /// If the push constants have another size than the shader's block.
+    pub fn dispatch<P: NoUninit>(&mut self, kernel: &ComputePipeline, group: &BindGroup, push: &P, size: [u32; 2]) {
+        self.barrier();
+        let bytes = &bytes_of(push)[..kernel.kernel.push_bytes()];
+        let [x, y, _] = kernel.kernel.local_size;
+        let (device, commands) = (&self.context.device, self.slot.commands);
+        // SAFETY: recording; pipeline, layout and set are alive and were made from the same reflected table.
+        unsafe {
+            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.handle);
+            device.cmd_bind_descriptor_sets(
+                commands,
+                vk::PipelineBindPoint::COMPUTE,
+                kernel.interface.layout,
+                0,
+                &[group.set],
+                &[],
+            );
+            if !bytes.is_empty() {
+                let stages = vk::ShaderStageFlags::COMPUTE;
+                device.cmd_push_constants(commands, kernel.interface.layout, stages, 0, bytes);
+            }
+            device.cmd_dispatch(commands, size[0].div_ceil(x), size[1].div_ceil(y), 1);
+        }
+    }
+
+    /// Draws indexed triangles into an area, after a barrier. `draws` holds, in order, what to draw with which set 1.
+    pub fn draw<P: NoUninit>(&mut self, attachments: &Attachments, area: RenderArea, batch: &DrawBatch<'_, P>) {
+        self.barrier();
+        let clears = vec![vk::ClearValue::default(); attachments.images().count()];
+        let rect = vk::Rect2D {
+            offset: vk::Offset2D { x: area.x as i32, y: area.y as i32 },
+            extent: vk::Extent2D { width: area.width, height: area.height },
+        };
+        let begin = vk::RenderPassBeginInfo::default()
+            .render_pass(attachments.render_pass)
+            .framebuffer(attachments.framebuffer)
+            .render_area(rect)
+            .clear_values(&clears);
+        let size = attachments.depth().spec().size;
+        let viewport = vk::Viewport {
+            width: size[0] as f32,
+            height: size[1] as f32,
+            max_depth: 1.0,
+            ..Default::default()
+        };
+        let (device, commands) = (&self.context.device, self.slot.commands);
+        // SAFETY: recording; all handles are alive; the area lies inside the framebuffer (the caller's plan).
+        unsafe {
+            device.cmd_begin_render_pass(commands, &begin, vk::SubpassContents::INLINE);
+            device.cmd_set_viewport(commands, 0, &[viewport]);
+            device.cmd_set_scissor(commands, 0, &[rect]);
+            device.cmd_bind_vertex_buffers(commands, 0, &[batch.vertices.handle], &[0]);
+            device.cmd_bind_index_buffer(commands, batch.indices.handle, 0, vk::IndexType::UINT32);
+        }
+        for draw in batch.draws {
+            self.draw_one(batch, draw);
+        }
+        // SAFETY: the render pass was begun above.
+        unsafe { self.context.device.cmd_end_render_pass(self.slot.commands) };
+    }
+
+    fn draw_one<P: NoUninit>(&self, batch: &DrawBatch<'_, P>, draw: &DrawCall<'_>) {
+        let (device, commands) = (&self.context.device, self.slot.commands);
+        let interface = &draw.pipeline.interface;
+        let sets = [draw.groups[0].set, draw.groups[1].set];
+        // SAFETY: recording inside a render pass; sets and push constants match the pipeline's layout.
+        unsafe {
+            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, draw.pipeline.handle);
+            let point = vk::PipelineBindPoint::GRAPHICS;
+            device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &sets, &[]);
+            device.cmd_push_constants(commands, interface.layout, interface.stages, 0, bytes_of(batch.push));
+            device.cmd_draw_indexed(commands, draw.index_count, 1, draw.first_index, 0, 0);
+        }
+    }
+
+    /// Copies the first `bytes` of a buffer, after a barrier.
+    pub fn copy_buffer(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
+        self.barrier();
+        let region = [vk::BufferCopy::default().size(bytes)];
+        // SAFETY: recording; both buffers are alive, larger than `bytes` (the caller's sizes) and allow copies.
+        unsafe { self.context.device.cmd_copy_buffer(self.slot.commands, from.handle, to.handle, &region) };
+    }
+
+    /// Copies the first layer of an image, from `offset` on, into a tightly packed buffer, after a barrier.
+    pub fn copy_image_to_buffer(&mut self, from: &Image, offset: [u32; 2], size: [u32; 2], to: &Buffer) {
+        self.barrier();
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(layers)
+            .image_offset(vk::Offset3D { x: offset[0] as i32, y: offset[1] as i32, z: 0 })
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
+        let layout = vk::ImageLayout::GENERAL;
+        // SAFETY: recording; image and buffer are alive and the region lies inside both (the caller's sizes).
+        unsafe {
+            self.context.device.cmd_copy_image_to_buffer(
+                self.slot.commands,
+                from.handle,
+                layout,
+                to.handle,
+                &region,
+            );
+        }
+    }
+
+    /// Fills the first layer of an image from a tightly packed buffer, after a barrier.
+    pub fn copy_buffer_to_image(&mut self, from: &Buffer, to: &Image) {
+        self.barrier();
+        let size = to.spec().size;
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(layers)
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
+        let layout = vk::ImageLayout::GENERAL;
+        // SAFETY: recording; buffer and image are alive and of equal size (the caller's sizes).
+        unsafe {
+            self.context.device.cmd_copy_buffer_to_image(
+                self.slot.commands,
+                from.handle,
+                to.handle,
+                layout,
+                &region,
+            );
+        }
+    }
+
+    /// Fills an image with zeros, after a barrier.
+    pub fn clear(&mut self, image: &Image) {
+        self.barrier();
+        let (layout, zero) = (vk::ImageLayout::GENERAL, vk::ClearColorValue::default());
+        // SAFETY: recording; the image is a colour image that allows copies.
+        unsafe {
+            self.context.device.cmd_clear_color_image(
+                self.slot.commands,
+                image.handle,
+                layout,
+                &zero,
+                &[image.range()],
+            );
+        }
+    }
+}
+
+/// One indexed draw.
+pub struct DrawCall<'a> {
+    /// Pipeline.
+    pub pipeline: &'a GraphicsPipeline,
+    /// Sets 0 and 1.
+    pub groups: [&'a BindGroup; 2],
+    /// First index.
+    pub first_index: u32,
+    /// Number of indices.
+    pub index_count: u32,
+}
+
+/// Draws that share vertices, indices and push constants.
+pub struct DrawBatch<'a, P> {
+    /// Vertex buffer.
+    pub vertices: &'a Buffer,
+    /// Index buffer of u32.
+    pub indices: &'a Buffer,
+    /// Push constants of both stages.
+    pub push: &'a P,
+    /// The draws.
+    pub draws: &'a [DrawCall<'a>],
+}

@@ -1,0 +1,203 @@
+//! Instance, device, queue and allocator.
+
+use std::ffi::CStr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::ext::debug_utils;
+use ash::{Entry, Instance, vk};
+use gpu_allocator::AllocationSizes;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+use super::select::{self, DeviceChoice, DeviceInfo};
+use super::validation::{self, Messenger, Validation};
+use super::failed;
+use crate::error::{Error, Result};
+
+/// How to make a [`Context`].
+#[derive(Clone, Debug, Default)]
+pub struct ContextOptions {
+    /// Which device.
+    pub device: DeviceChoice,
+    /// Whether the validation layer watches.
+    pub validation: Validation,
+}
+
+/// The one holder of instance, device, queue and allocator.
+pub struct Context {
+    pub(super) device: ash::Device,
+    pub(super) pipeline_cache: vk::PipelineCache,
+    queue: Mutex<vk::Queue>,
+    allocator: Mutex<Option<Allocator>>,
+    names: Option<debug_utils::Device>,
+    info: DeviceInfo,
+    abandoned: AtomicBool,
+    root: Root,
+}
+
+/// What lives longest, in one place because it is destroyed together.
+struct Root {
+    instance: Instance,
+    messenger: Option<Messenger>,
+    _entry: Entry,
+}
+
+impl Context {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// No loader, no (matching) device, a device that lacks something, no validation layer where it is required.
+    pub fn new(options: &ContextOptions) -> Result<Arc<Self>> {
+        let entry = select::load()?;
+        let root = Root::new(entry, options.validation)?;
+        let info = options.device.pick(&select::enumerate(&root.instance)?)?;
+        let device = open(&root.instance, &info)?;
+        // SAFETY: the family and index are those that the device was created with.
+        let queue = unsafe { device.get_device_queue(info.queue_family, 0) };
+        let cache_info = vk::PipelineCacheCreateInfo::default();
+        // SAFETY: the device is alive.
+        let pipeline_cache = unsafe { device.create_pipeline_cache(&cache_info, None) };
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: root.instance.clone(),
+            device: device.clone(),
+            physical_device: info.physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            // Small first blocks: an embedded sensor must not take 256 MiB of a host's GPU for a 320x240 picture.
+            allocation_sizes: AllocationSizes::new(32 << 20, 16 << 20)
+                .with_max_device_memblock_size(256 << 20)
+                .with_max_host_memblock_size(64 << 20),
+        });
+        let names = root.messenger.as_ref().map(|_| debug_utils::Device::new(&root.instance, &device));
+        let context = Self {
+            pipeline_cache: pipeline_cache.map_err(failed("vkCreatePipelineCache"))?,
+            queue: Mutex::new(queue),
+            allocator: Mutex::new(Some(allocator.map_err(|e| allocation_failed(&e))?)),
+            names,
+            info,
+            abandoned: AtomicBool::new(false),
+            root,
+            device,
+        };
+        Ok(Arc::new(context))
+    }
+
+    /// What the device is and can do.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// What the validation layer has reported so far; always empty when it is off.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.root.messenger.as_ref().map_or_else(Vec::new, |m| m.messages.all())
+    }
+
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn with_allocator<T>(&self, f: impl FnOnce(&mut Allocator) -> T) -> T {
+        let mut guard = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        f(guard.as_mut().expect("the allocator lives as long as the context"))
+    }
+
+    /// Work is stuck on the device: from now on nothing is destroyed, as destroying what is in use is undefined and
+    /// waiting for it might block for ever. The process leaks what this context held.
+    pub(super) fn abandon(&self) {
+        self.abandoned.store(true, Ordering::Release);
+        tracing::error!("the device {} does not finish its work; its resources are leaked", self.info.name);
+    }
+
+    /// Whether handles may still be destroyed.
+    pub(super) fn alive(&self) -> bool {
+        !self.abandoned.load(Ordering::Acquire)
+    }
+
+    /// Gives a handle its name in captures and validation messages.
+    pub(super) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
+        let Some(names) = &self.names else { return };
+        let Ok(name) = std::ffi::CString::new(name) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: the handle was made by this device and is alive. A name that could not be set changes nothing else.
+        let _ = unsafe { names.set_debug_utils_object_name(&info) };
+    }
+}
+
+impl Drop for Context {
+    fn drop(&mut self) {
+        if !self.alive() {
+            return;
+        }
+        drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+        // SAFETY: every wrapper holds an `Arc` of this context, so all other handles are gone; slots have waited for
+        // their work. The order is the reverse of creation.
+        unsafe {
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+impl Root {
+    fn new(entry: Entry, validation: Validation) -> Result<Self> {
+        let watch = validation == Validation::Required;
+        if watch {
+            validation::check_layer(&entry)?;
+        }
+        let layers: &[*const i8] = if watch { &[validation::LAYER.as_ptr()] } else { &[] };
+        let extensions: &[*const i8] =
+            if watch { &[debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()] } else { &[] };
+        let app = vk::ApplicationInfo::default()
+            .application_name(c"shutterbug")
+            .engine_name(c"shutterbug")
+            .api_version(select::API_FLOOR);
+        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&app)
+            .enabled_layer_names(layers)
+            .enabled_extension_names(extensions);
+        if watch {
+            info = info.push_next(&mut features);
+        }
+        // SAFETY: `info` and all it points to live through the call.
+        let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+        let messenger = if watch { Some(Messenger::new(&entry, &instance)?) } else { None };
+        Ok(Self { instance, messenger, _entry: entry })
+    }
+}
+
+impl Drop for Root {
+    fn drop(&mut self) {
+        if let Some(messenger) = &self.messenger {
+            messenger.destroy();
+        }
+        // SAFETY: the device and the messenger, the only children, are gone (or leaked on purpose with `abandon`, in
+        // which case the driver keeps what the stuck work uses until the process ends).
+        unsafe { self.instance.destroy_instance(None) };
+    }
+}
+
+fn open(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device> {
+    let priorities = [1.0];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(info.queue_family).queue_priorities(&priorities)];
+    let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
+    let extensions: [*const i8; 0] = [];
+    let create = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&features)
+        .enabled_extension_names(&extensions);
+    // SAFETY: `create` and all it points to live through the call; the features were checked by `select`.
+    unsafe { instance.create_device(info.physical, &create, None) }.map_err(failed("vkCreateDevice"))
+}
+
+pub(super) fn allocation_failed(error: &gpu_allocator::AllocationError) -> Error {
+    match error {
+        gpu_allocator::AllocationError::OutOfMemory => Error::OutOfMemory { pool: "device", call: "vkAllocateMemory" },
+        other => Error::Vulkan { call: "vkAllocateMemory", result: other.to_string() },
+    }
+}
+
+/// A C string from a constant; kept here so that other files need no `std::ffi`.
+pub(super) const MAIN: &CStr = c"main";

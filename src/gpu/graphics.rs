@@ -1,0 +1,250 @@
+//! Drawing: attachments with their render pass, and graphics pipelines.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::bind::{BindGroup, Bound, Interface};
+use super::context::{Context, MAIN};
+use super::failed;
+use super::kernel::ShaderModule;
+use super::memory::{Format, Image, ImageSpec};
+use crate::error::Result;
+use crate::kernels::Kernel;
+
+/// Images that are drawn into together, cleared to zero at the start of each rendering (depth is reversed: zero is
+/// infinitely far).
+pub struct Attachments {
+    pub(super) framebuffer: vk::Framebuffer,
+    pub(super) render_pass: vk::RenderPass,
+    colors: Vec<Image>,
+    depth: Image,
+    context: Arc<Context>,
+}
+
+impl Attachments {
+    /// Colour images of the given formats and one depth image.
+    ///
+    /// # Errors
+    /// Out of memory; larger than the device allows.
+    pub fn new(
+        context: &Arc<Context>,
+        name: &str,
+        size: [u32; 2],
+        samples: u32,
+        formats: &[Format],
+    ) -> Result<Self> {
+        let image = |format: Format| {
+            Image::new(context, &format!("{name} {format:?}"), ImageSpec::attachment(size, format, samples))
+        };
+        let colors = formats.iter().map(|&f| image(f)).collect::<Result<Vec<_>>>()?;
+        let depth = image(Format::Depth32f)?;
+        let mut attachments = Self {
+            framebuffer: vk::Framebuffer::null(),
+            render_pass: make_render_pass(context, formats, samples)?,
+            colors,
+            depth,
+            context: context.clone(),
+        };
+        let views: Vec<_> = attachments.images().map(|i| i.view).collect();
+        let info = vk::FramebufferCreateInfo::default()
+            .render_pass(attachments.render_pass)
+            .attachments(&views)
+            .width(size[0])
+            .height(size[1])
+            .layers(1);
+        // SAFETY: pass and views are alive and agree in format, count and samples.
+        let framebuffer = unsafe { context.device.create_framebuffer(&info, None) };
+        attachments.framebuffer = framebuffer.map_err(failed("vkCreateFramebuffer"))?;
+        Ok(attachments)
+    }
+
+    /// The colour images, in order.
+    pub fn colors(&self) -> &[Image] {
+        &self.colors
+    }
+
+    /// The depth image: near over distance, zero where nothing was drawn.
+    pub fn depth(&self) -> &Image {
+        &self.depth
+    }
+
+    /// All images, colours first.
+    pub fn images(&self) -> impl Iterator<Item = &Image> {
+        self.colors.iter().chain(std::iter::once(&self.depth))
+    }
+}
+
+impl Drop for Attachments {
+    fn drop(&mut self) {
+        if !self.context.alive() {
+            return;
+        }
+        // SAFETY: slots wait for their work before the resources they use are dropped; null handles are allowed.
+        unsafe {
+            self.context.device.destroy_framebuffer(self.framebuffer, None);
+            self.context.device.destroy_render_pass(self.render_pass, None);
+        }
+    }
+}
+
+fn make_render_pass(context: &Context, formats: &[Format], samples: u32) -> Result<vk::RenderPass> {
+    let all = formats.iter().copied().chain(std::iter::once(Format::Depth32f));
+    let descriptions: Vec<_> = all
+        .map(|format| {
+            vk::AttachmentDescription::default()
+                .format(format.vk())
+                .samples(vk::SampleCountFlags::from_raw(samples))
+                .load_op(vk::AttachmentLoadOp::CLEAR)
+                .store_op(vk::AttachmentStoreOp::STORE)
+                .initial_layout(vk::ImageLayout::GENERAL)
+                .final_layout(vk::ImageLayout::GENERAL)
+        })
+        .collect();
+    let reference = |i: usize| {
+        vk::AttachmentReference::default().attachment(i as u32).layout(vk::ImageLayout::GENERAL)
+    };
+    let colors: Vec<_> = (0..formats.len()).map(reference).collect();
+    let depth = reference(formats.len());
+    let subpass = [vk::SubpassDescription::default()
+        .pipeline_bind_point(vk::PipelineBindPoint::GRAPHICS)
+        .color_attachments(&colors)
+        .depth_stencil_attachment(&depth)];
+    let info = vk::RenderPassCreateInfo::default().attachments(&descriptions).subpasses(&subpass);
+    // SAFETY: the device is alive and `info` is complete. Dependencies are the recorder's global barriers.
+    unsafe { context.device.create_render_pass(&info, None) }.map_err(failed("vkCreateRenderPass"))
+}
+
+/// What the vertex buffer holds: offset and number of floats (or one unsigned integer) by location.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexFormat {
+    /// Bytes from one vertex to the next.
+    pub stride: u32,
+    /// `(offset, components)` by location; components 0 means one u32.
+    pub attributes: &'static [(u32, u32)],
+}
+
+/// What a graphics pipeline is made of.
+pub struct GraphicsSpec {
+    /// Vertex shader.
+    pub vertex: &'static Kernel,
+    /// Fragment shader.
+    pub fragment: &'static Kernel,
+    /// Specialization constants 0, 1, ... of both stages.
+    pub constants: Vec<u32>,
+    /// Layout of the vertex buffer.
+    pub format: VertexFormat,
+    /// Samples a pixel.
+    pub samples: u32,
+}
+
+/// A pipeline that draws triangles, both sides, nearest wins.
+pub struct GraphicsPipeline {
+    pub(super) handle: vk::Pipeline,
+    pub(super) interface: Interface,
+    context: Arc<Context>,
+}
+
+impl GraphicsPipeline {
+    /// Builds the pipeline for attachments of this kind.
+    ///
+    /// # Errors
+    /// Out of memory, or a driver that refuses the shaders.
+    pub fn new(context: &Arc<Context>, attachments: &Attachments, spec: &GraphicsSpec) -> Result<Self> {
+        let flags = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
+        let interface = Interface::new(context, &[spec.vertex, spec.fragment], flags)?;
+        let handle = make_pipeline(context, attachments, spec, &interface)?;
+        context.name(handle, spec.vertex.file);
+        Ok(Self { handle, interface, context: context.clone() })
+    }
+
+    /// Binds the resources of one descriptor set by name.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn bind(&self, set: u32, resources: &[(&str, Bound<'_>)]) -> Result<BindGroup> {
+        BindGroup::new(&self.interface, set, resources)
+    }
+}
+
+fn make_pipeline(
+    context: &Arc<Context>,
+    attachments: &Attachments,
+    spec: &GraphicsSpec,
+    interface: &Interface,
+) -> Result<vk::Pipeline> {
+    let (vertex, fragment) = (ShaderModule::new(context, spec.vertex)?, ShaderModule::new(context, spec.fragment)?);
+    let entries: Vec<_> = (0..spec.constants.len() as u32)
+        .map(|id| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4))
+        .collect();
+    let constants = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&spec.constants));
+    let stage = |flag, module: &ShaderModule| {
+        vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module.handle).name(MAIN)
+    };
+    let stages = [
+        stage(vk::ShaderStageFlags::VERTEX, &vertex).specialization_info(&constants),
+        stage(vk::ShaderStageFlags::FRAGMENT, &fragment).specialization_info(&constants),
+    ];
+    let buffers = [vk::VertexInputBindingDescription::default().stride(spec.format.stride)];
+    let attributes = vertex_attributes(&spec.format);
+    let input = vk::PipelineVertexInputStateCreateInfo::default()
+        .vertex_binding_descriptions(&buffers)
+        .vertex_attribute_descriptions(&attributes);
+    let assembly =
+        vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+    let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+    let raster = vk::PipelineRasterizationStateCreateInfo::default()
+        .polygon_mode(vk::PolygonMode::FILL)
+        .cull_mode(vk::CullModeFlags::NONE)
+        .line_width(1.0);
+    let samples = vk::PipelineMultisampleStateCreateInfo::default()
+        .rasterization_samples(vk::SampleCountFlags::from_raw(spec.samples));
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(true)
+        .depth_write_enable(true)
+        .depth_compare_op(vk::CompareOp::GREATER);
+    let write = vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+    let blends = vec![write; attachments.colors.len()];
+    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+    let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+    let info = vk::GraphicsPipelineCreateInfo::default()
+        .stages(&stages)
+        .vertex_input_state(&input)
+        .input_assembly_state(&assembly)
+        .viewport_state(&viewport)
+        .rasterization_state(&raster)
+        .multisample_state(&samples)
+        .depth_stencil_state(&depth)
+        .color_blend_state(&blend)
+        .dynamic_state(&dynamic)
+        .layout(interface.layout)
+        .render_pass(attachments.render_pass);
+    // SAFETY: all handles are alive; the layout comes from the reflected table of both stages.
+    let made = unsafe { context.device.create_graphics_pipelines(context.pipeline_cache, &[info], None) };
+    Ok(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?[0])
+}
+
+fn vertex_attributes(format: &VertexFormat) -> Vec<vk::VertexInputAttributeDescription> {
+    let with_location = (0..).zip(format.attributes);
+    with_location
+        .map(|(location, &(offset, components))| {
+            let format = match components {
+                0 => vk::Format::R32_UINT,
+                2 => vk::Format::R32G32_SFLOAT,
+                3 => vk::Format::R32G32B32_SFLOAT,
+                n => panic!("no vertex attribute has {n} components"),
+            };
+            vk::VertexInputAttributeDescription::default().location(location).offset(offset).format(format)
+        })
+        .collect()
+}
+
+impl Drop for GraphicsPipeline {
+    fn drop(&mut self) {
+        if self.context.alive() {
+            // SAFETY: slots wait for their work before pipelines are dropped.
+            unsafe { self.context.device.destroy_pipeline(self.handle, None) };
+        }
+    }
+}

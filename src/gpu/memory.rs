@@ -1,0 +1,354 @@
+//! Buffers, images and samplers, with memory from gpu-allocator.
+
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::context::{Context, allocation_failed};
+use super::failed;
+use crate::error::{Error, Result};
+
+/// Where a buffer lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Location {
+    /// The device's own memory.
+    Device,
+    /// Mapped for good, written by the host, read by the device.
+    Upload,
+    /// Mapped for good in cached memory, written by the device, read by the host.
+    Readback,
+}
+
+/// What a buffer is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Usage {
+    /// Storage buffer (and copy source or target).
+    Storage,
+    /// Uniform buffer.
+    Uniform,
+    /// Vertex buffer.
+    Vertex,
+    /// Index buffer.
+    Index,
+    /// Copy source or target only.
+    Transfer,
+}
+
+/// A buffer and its memory.
+pub struct Buffer {
+    pub(super) handle: vk::Buffer,
+    bytes: u64,
+    allocation: Option<Allocation>,
+    context: Arc<Context>,
+}
+
+impl Buffer {
+    /// A buffer of `bytes` (at least 16 are allocated, as Vulkan has no empty buffers).
+    ///
+    /// # Errors
+    /// Out of memory; more bytes than a storage buffer may have.
+    pub fn new(context: &Arc<Context>, name: &str, bytes: u64, usage: Usage, location: Location) -> Result<Self> {
+        let bytes = bytes.max(16);
+        let limit = context.info().max_storage_buffer_bytes;
+        if usage == Usage::Storage && bytes > limit {
+            let why = format!("maxStorageBufferRange of {}", context.info().name);
+            return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
+        }
+        let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let flags = match usage {
+            Usage::Storage => vk::BufferUsageFlags::STORAGE_BUFFER | copies,
+            Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
+            Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Usage::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
+            Usage::Transfer => copies,
+        };
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(flags);
+        // SAFETY: the device is alive and `info` is complete.
+        let handle = unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
+        context.name(handle, name);
+        let mut buffer = Self { handle, bytes, allocation: None, context: context.clone() };
+        // SAFETY: the buffer was just made by this device.
+        let requirements = unsafe { context.device.get_buffer_memory_requirements(handle) };
+        let location = match location {
+            Location::Device => MemoryLocation::GpuOnly,
+            Location::Upload => MemoryLocation::CpuToGpu,
+            Location::Readback => MemoryLocation::GpuToCpu,
+        };
+        let allocation = allocate(context, name, requirements, location, true)?;
+        // SAFETY: the memory is fresh and fits the buffer's requirements.
+        let bound = unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        buffer.allocation = Some(allocation);
+        bound.map_err(failed("vkBindBufferMemory"))?;
+        Ok(buffer)
+    }
+
+    /// Size, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Writes values at a byte offset of mapped memory. The device must not be using that range.
+    ///
+    /// # Panics
+    /// If the range lies outside or the buffer is not mapped.
+    pub fn write<T: Pod>(&mut self, offset: usize, values: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let mapped = self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).expect("an upload buffer is mapped");
+        mapped[offset..offset + bytes.len()].copy_from_slice(bytes);
+    }
+
+    /// The mapped bytes. The device must have finished writing them.
+    ///
+    /// # Panics
+    /// If the buffer is not mapped.
+    pub fn mapped(&self) -> &[u8] {
+        let mapped = self.allocation.as_ref().and_then(|a| a.mapped_slice()).expect("a readback buffer is mapped");
+        &mapped[..self.bytes as usize]
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        if !self.context.alive() {
+            return;
+        }
+        // SAFETY: slots wait for their work before the resources they use are dropped.
+        unsafe { self.context.device.destroy_buffer(self.handle, None) };
+        free(&self.context, self.allocation.take());
+    }
+}
+
+fn allocate(
+    context: &Context,
+    name: &str,
+    requirements: vk::MemoryRequirements,
+    location: MemoryLocation,
+    linear: bool,
+) -> Result<Allocation> {
+    let desc = AllocationCreateDesc {
+        name,
+        requirements,
+        location,
+        linear,
+        allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+    };
+    context.with_allocator(|a| a.allocate(&desc)).map_err(|e| allocation_failed(&e))
+}
+
+fn free(context: &Context, allocation: Option<Allocation>) {
+    let Some(allocation) = allocation else { return };
+    if let Err(error) = context.with_allocator(|a| a.free(allocation)) {
+        tracing::error!("memory could not be freed: {error}");
+    }
+}
+
+/// Format of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Linear colour, half floats.
+    Rgba16f,
+    /// Linear colour, floats.
+    Rgba32f,
+    /// Motion, px.
+    Rg32f,
+    /// One float.
+    R32f,
+    /// Depth attachment.
+    Depth32f,
+    /// sRGB texture, decoded when it is read.
+    Rgba8Srgb,
+}
+
+impl Format {
+    pub(super) fn vk(self) -> vk::Format {
+        match self {
+            Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
+            Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
+            Self::Rg32f => vk::Format::R32G32_SFLOAT,
+            Self::R32f => vk::Format::R32_SFLOAT,
+            Self::Depth32f => vk::Format::D32_SFLOAT,
+            Self::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
+        }
+    }
+
+    /// Bytes a texel.
+    pub fn texel_bytes(self) -> u64 {
+        match self {
+            Self::Rgba16f | Self::Rg32f => 8,
+            Self::Rgba32f => 16,
+            Self::R32f | Self::Depth32f | Self::Rgba8Srgb => 4,
+        }
+    }
+}
+
+/// What an image is to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageSpec {
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Layers; more than one makes it a 2D array.
+    pub layers: u32,
+    /// Always viewed as a 2D array, even with one layer.
+    pub array: bool,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Format.
+    pub format: Format,
+    /// Drawn into.
+    pub attachment: bool,
+    /// Read and written by texel in kernels.
+    pub storage: bool,
+}
+
+impl ImageSpec {
+    /// A storage image of one layer and sample.
+    pub fn storage(size: [u32; 2], format: Format) -> Self {
+        Self { size, layers: 1, array: false, samples: 1, format, attachment: false, storage: true }
+    }
+
+    /// An attachment of so many samples that kernels read.
+    pub fn attachment(size: [u32; 2], format: Format, samples: u32) -> Self {
+        Self { size, layers: 1, array: false, samples, format, attachment: true, storage: false }
+    }
+}
+
+/// An image, its memory, and one view of all of it. Stays in layout `GENERAL` (textures too: one rule for all).
+pub struct Image {
+    pub(super) handle: vk::Image,
+    pub(super) view: vk::ImageView,
+    spec: ImageSpec,
+    allocation: Option<Allocation>,
+    context: Arc<Context>,
+}
+
+impl Image {
+    /// An image with undefined content; it must be named in [`super::Recorder::prepare`] once before it is used.
+    ///
+    /// # Errors
+    /// Out of memory; larger than the device allows.
+    pub fn new(context: &Arc<Context>, name: &str, spec: ImageSpec) -> Result<Self> {
+        let limit = context.info().max_image_side_px;
+        if let Some(&side) = spec.size.iter().find(|&&s| s > limit || s == 0) {
+            let why = format!("maxImageDimension2D of {}; margin and supersampling included", context.info().name);
+            return Err(Error::Limit { what: "side of an image, px", value: side.into(), limit: limit.into(), why });
+        }
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(spec.format.vk())
+            .extent(vk::Extent3D { width: spec.size[0], height: spec.size[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(spec.layers)
+            .samples(vk::SampleCountFlags::from_raw(spec.samples))
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(usage_flags(&spec));
+        // SAFETY: the device is alive, sizes were checked, formats and sample counts by `select`.
+        let handle = unsafe { context.device.create_image(&info, None) }.map_err(failed("vkCreateImage"))?;
+        context.name(handle, name);
+        let mut image =
+            Self { handle, view: vk::ImageView::null(), spec, allocation: None, context: context.clone() };
+        // SAFETY: the image was just made by this device.
+        let requirements = unsafe { context.device.get_image_memory_requirements(handle) };
+        let allocation = allocate(context, name, requirements, MemoryLocation::GpuOnly, false)?;
+        // SAFETY: the memory is fresh and fits the image's requirements.
+        let bound = unsafe { context.device.bind_image_memory(handle, allocation.memory(), allocation.offset()) };
+        image.allocation = Some(allocation);
+        bound.map_err(failed("vkBindImageMemory"))?;
+        image.view = image.make_view()?;
+        Ok(image)
+    }
+
+    /// What it was made as.
+    pub fn spec(&self) -> &ImageSpec {
+        &self.spec
+    }
+
+    pub(super) fn range(&self) -> vk::ImageSubresourceRange {
+        let aspect = match self.spec.format {
+            Format::Depth32f => vk::ImageAspectFlags::DEPTH,
+            _ => vk::ImageAspectFlags::COLOR,
+        };
+        vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(self.spec.layers)
+    }
+
+    fn make_view(&self) -> Result<vk::ImageView> {
+        let array = self.spec.array || self.spec.layers > 1;
+        let info = vk::ImageViewCreateInfo::default()
+            .image(self.handle)
+            .view_type(if array { vk::ImageViewType::TYPE_2D_ARRAY } else { vk::ImageViewType::TYPE_2D })
+            .format(self.spec.format.vk())
+            .subresource_range(self.range());
+        // SAFETY: the image is bound to memory and alive.
+        unsafe { self.context.device.create_image_view(&info, None) }.map_err(failed("vkCreateImageView"))
+    }
+}
+
+fn usage_flags(spec: &ImageSpec) -> vk::ImageUsageFlags {
+    let mut usage = vk::ImageUsageFlags::SAMPLED;
+    if spec.samples == 1 {
+        usage |= vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+    }
+    if spec.storage {
+        usage |= vk::ImageUsageFlags::STORAGE;
+    }
+    if spec.attachment {
+        usage |= match spec.format {
+            Format::Depth32f => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        };
+    }
+    usage
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        if !self.context.alive() {
+            return;
+        }
+        // SAFETY: slots wait for their work before the resources they use are dropped; null views are allowed.
+        unsafe {
+            self.context.device.destroy_image_view(self.view, None);
+            self.context.device.destroy_image(self.handle, None);
+        }
+        free(&self.context, self.allocation.take());
+    }
+}
+
+/// How textures are read: bilinear and repeating, or by texel.
+pub struct Sampler {
+    pub(super) handle: vk::Sampler,
+    context: Arc<Context>,
+}
+
+impl Sampler {
+    /// `linear`: bilinear and repeating in both directions; else nearest and clamped, for `texelFetch`.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn new(context: &Arc<Context>, linear: bool) -> Result<Self> {
+        let (filter, mode) = match linear {
+            true => (vk::Filter::LINEAR, vk::SamplerAddressMode::REPEAT),
+            false => (vk::Filter::NEAREST, vk::SamplerAddressMode::CLAMP_TO_EDGE),
+        };
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(filter)
+            .min_filter(filter)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode);
+        // SAFETY: the device is alive.
+        let handle = unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
+        Ok(Self { handle, context: context.clone() })
+    }
+}
+
+impl Drop for Sampler {
+    fn drop(&mut self) {
+        if self.context.alive() {
+            // SAFETY: slots wait for their work before the resources they use are dropped.
+            unsafe { self.context.device.destroy_sampler(self.handle, None) };
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Explicit Vulkan, kept small: the only module that names `ash`.
+//!
+//! [`Context`] is the only holder of instance, device, queue and allocator. Every wrapper holds an `Arc` of it and frees
+//! its own handle in `Drop`. Storage images stay in `GENERAL`; one global memory barrier stands between dependent
+//! commands (`commands.rs`, the only file with barriers).
+#![allow(unsafe_code)]
+
+mod bind;
+mod commands;
+mod context;
+mod graphics;
+mod kernel;
+mod memory;
+mod select;
+mod slot;
+mod validation;
+
+pub use bind::{BindGroup, Bound};
+pub use commands::{DrawBatch, DrawCall, Recorder, RenderArea};
+pub use context::{Context, ContextOptions};
+pub use graphics::{Attachments, GraphicsPipeline, GraphicsSpec, VertexFormat};
+pub use kernel::ComputePipeline;
+pub use memory::{Buffer, Format, Image, ImageSpec, Location, Sampler, Usage};
+pub use select::{DeviceChoice, DeviceInfo, DeviceKind, devices};
+pub use slot::{PassTime, Slot};
+pub use validation::Validation;
+
+use ash::vk;
+
+use crate::error::Error;
+
+/// Maps a Vulkan result to the error that tells a person what to do.
+pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
+    move |result| match result {
+        vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { call },
+        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => Error::OutOfMemory { pool: "device", call },
+        vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::OutOfMemory { pool: "host", call },
+        other => Error::Vulkan { call, result: format!("{other:?}") },
+    }
+}

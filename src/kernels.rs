@@ -1,0 +1,126 @@
+//! The table of compiled shaders that `build.rs` writes, and the check that a host struct has the layout of a shader's
+//! push-constant block: a difference is a compile error.
+
+/// How a binding is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// A picture read through a sampler.
+    SampledImage,
+    /// A picture read and written by texel.
+    StorageImage,
+    /// A uniform buffer.
+    UniformBuffer,
+    /// A storage buffer.
+    StorageBuffer,
+}
+
+/// One binding of a shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Descriptor set.
+    pub set: u32,
+    /// Number within the set.
+    pub binding: u32,
+    /// How it is bound.
+    pub kind: BindingKind,
+    /// Its name in the shader.
+    pub name: &'static str,
+}
+
+/// One member of the push-constant block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PushMember {
+    /// Its name.
+    pub name: &'static str,
+    /// Offset in the block, bytes.
+    pub offset: usize,
+    /// Size, bytes.
+    pub bytes: usize,
+}
+
+/// One compiled shader.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    /// File name in `glsl/`.
+    pub file: &'static str,
+    /// Workgroup size (1, 1, 1 for graphics stages).
+    pub local_size: [u32; 3],
+    /// Bindings by set and number.
+    pub bindings: &'static [Binding],
+    /// Members of the push-constant block, empty when there is none.
+    pub push_members: &'static [PushMember],
+    /// SPIR-V.
+    pub words: &'static [u32],
+}
+
+/// All shaders, by file name.
+pub const TABLE: &[Kernel] = include!(concat!(env!("OUT_DIR"), "/kernel_table.rs"));
+
+/// The shader of that file name; usable in constants, where a wrong name is a compile error.
+///
+/// # Panics
+/// If there is none.
+pub const fn kernel(file: &str) -> &'static Kernel {
+    let mut i = 0;
+    while i < TABLE.len() {
+        if same(TABLE[i].file, file) {
+            return &TABLE[i];
+        }
+        i += 1;
+    }
+    panic!("no shader of that name in glsl/")
+}
+
+impl Kernel {
+    /// Size of the push-constant block, bytes.
+    pub const fn push_bytes(&self) -> usize {
+        match self.push_members.last() {
+            Some(last) => last.offset + last.bytes,
+            None => 0,
+        }
+    }
+}
+
+/// Compares strings in constants.
+pub const fn same(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    if a.len() != b.len() {
+        return false;
+    }
+    let mut i = 0;
+    while i < a.len() {
+        if a[i] != b[i] {
+            return false;
+        }
+        i += 1;
+    }
+    true
+}
+
+/// Asserts at compile time that a `repr(C)` struct has the names, offsets and sizes of a shader's push-constant block.
+#[macro_export]
+macro_rules! assert_push_layout {
+    ($file:literal, $name:ident { $($field:ident),+ $(,)? }) => {
+        const _: () = {
+            let kernel = $crate::kernels::kernel($file);
+            let mut i = 0;
+            $(
+                assert!(i < kernel.push_members.len(), "the host struct has more members than the shader's block");
+                let member = &kernel.push_members[i];
+                assert!(
+                    $crate::kernels::same(member.name, stringify!($field)),
+                    concat!($file, ": the push constant at the place of `", stringify!($field), "` has another name")
+                );
+                assert!(
+                    member.offset == core::mem::offset_of!($name, $field),
+                    concat!($file, ": push constant `", stringify!($field), "` has another offset")
+                );
+                i += 1;
+            )+
+            assert!(i == kernel.push_members.len(), "the shader's block has more members than the host struct");
+            let last = &kernel.push_members[i - 1];
+            assert!(last.offset + last.bytes <= core::mem::size_of::<$name>(), "the host struct is too small");
+            assert!(core::mem::size_of::<$name>() <= 128, "Vulkan promises 128 bytes of push constants");
+        };
+    };
+}
