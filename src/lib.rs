@@ -10,6 +10,7 @@ pub mod gpu;
 pub mod kernels;
 pub mod plane;
 pub mod raster;
+pub mod reference;
 pub mod scene;
 
 pub use error::{Error, Result};
