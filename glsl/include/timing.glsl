@@ -8,17 +8,24 @@ const uint BOTTOM_TO_TOP = 1u;
 const uint LEFT_TO_RIGHT = 2u;
 const uint RIGHT_TO_LEFT = 3u;
 
+// Place in scan order of the line that holds `pixel`.
+uint line_of(uvec2 pixel, uvec2 size, uint scan_order) {
+    bool lines_are_rows = scan_order <= BOTTOM_TO_TOP;
+    uint place = lines_are_rows ? pixel.y : pixel.x;
+    uint count = lines_are_rows ? size.y : size.x;
+    bool backwards = scan_order == BOTTOM_TO_TOP || scan_order == RIGHT_TO_LEFT;
+    return backwards ? count - 1u - place : place;
+}
+
 // Fraction of the readout after which the line of `pixel` starts: i/N (eq. 6). With `pixel_time` 1 the pixel's place
 // within its line counts too: + k/(N K) (eq. 1, 5). Pixels of a line come in the order of growing x or y.
 float readout_fraction(uvec2 pixel, uvec2 size, uint scan_order, uint pixel_time) {
     bool lines_are_rows = scan_order <= BOTTOM_TO_TOP;
-    uvec2 place = lines_are_rows ? pixel.yx : pixel.xy;
-    uvec2 count = lines_are_rows ? size.yx : size.xy;
-    bool backwards = scan_order == BOTTOM_TO_TOP || scan_order == RIGHT_TO_LEFT;
-    uint line = backwards ? count.x - 1u - place.x : place.x;
-    precise float fraction = float(line) / float(count.x);
+    uint count = lines_are_rows ? size.y : size.x;
+    precise float fraction = float(line_of(pixel, size, scan_order)) / float(count);
     if (pixel_time != 0u) {
-        precise float within = float(place.y) / (float(count.x) * float(count.y));
+        uvec2 within_and_length = lines_are_rows ? uvec2(pixel.x, size.x) : uvec2(pixel.y, size.y);
+        precise float within = float(within_and_length.x) / (float(count) * float(within_and_length.y));
         fraction = fraction + within;
     }
     return fraction;

@@ -183,7 +183,7 @@ impl<'a> Recorder<'a> {
     fn draw_one<P: NoUninit>(&self, batch: &DrawBatch<'_, P>, draw: &DrawCall<'_>) {
         let (device, commands) = (&self.context.device, self.slot.commands);
         let interface = &draw.pipeline.interface;
-        let sets = [draw.groups[0].set, draw.groups[1].set];
+        let sets: Vec<_> = draw.groups.iter().map(|g| g.set).collect();
         // SAFETY: recording inside a render pass; sets and push constants match the pipeline's layout.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, draw.pipeline.handle);
@@ -265,8 +265,8 @@ impl<'a> Recorder<'a> {
 pub struct DrawCall<'a> {
     /// Pipeline.
     pub pipeline: &'a GraphicsPipeline,
-    /// Sets 0 and 1.
-    pub groups: [&'a BindGroup; 2],
+    /// Sets 0, 1, ... in order.
+    pub groups: Vec<&'a BindGroup>,
     /// First index.
     pub first_index: u32,
     /// Number of indices.

@@ -1,0 +1,84 @@
+// Fragment stage of all rasterizing pipelines: linear radiance with coverage, and motion in px per frame interval.
+#include "raster_push.glsl"
+
+#ifdef COLOR
+layout(constant_id = 0) const bool LIT = false;
+layout(constant_id = 1) const bool TEXTURED = false;
+layout(constant_id = 2) const uint LIGHT_COUNT = 0;
+const uint MAX_LIGHTS = 64;
+
+struct Light {
+    // Relative to the world's origin; w unused.
+    vec4 position_m;
+    vec4 color;
+    // Constant, linear, quadratic.
+    vec4 attenuation;
+};
+// Lights in a uniform buffer: reading a storage buffer in the loop costs lavapipe a fifth more.
+layout(set = 0, binding = 2, std140) uniform Lights {
+    Light lights[MAX_LIGHTS];
+};
+layout(set = 0, binding = 3, std430) readonly buffer Cameras {
+    vec4 camera_m[];
+};
+layout(set = 1, binding = 0) uniform sampler2D kd_texture;
+
+layout(location = 0) in vec3 in_position_m;
+layout(location = 1) in vec3 in_normal;
+layout(location = 2) in vec2 in_uv;
+layout(location = 3) flat in vec3 in_kd;
+layout(location = 4) flat in vec4 in_ks_ns;
+layout(location = 0) out vec4 out_color;
+
+// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract); position and camera are relative to
+// the camera, so the eye is the origin.
+vec3 blinn_phong(vec3 kd) {
+    vec3 to_eye = normalize(-in_position_m);
+    vec3 n = normalize(in_normal);
+    n = dot(n, to_eye) < 0.0 ? -n : n;
+    vec3 sum = vec3(0.0);
+    for (uint i = 0; i < LIGHT_COUNT; ++i) {
+        vec3 offset_m = lights[i].position_m.xyz - camera_m[push.instant].xyz - in_position_m;
+        float distance_m = length(offset_m);
+        vec3 to_light = offset_m / distance_m;
+        vec3 halfway = normalize(to_light + to_eye);
+        vec3 reflected = kd * max(dot(n, to_light), 0.0);
+        float toward = max(dot(n, halfway), 0.0);
+        if (toward > 0.0) {
+            reflected += in_ks_ns.rgb * pow(toward, in_ks_ns.w);
+        }
+        vec3 a = lights[i].attenuation.xyz;
+        sum += reflected * lights[i].color.rgb / (a.x + distance_m * (a.y + distance_m * a.z));
+    }
+    return sum;
+}
+#endif
+
+#ifdef MOTION
+layout(location = 5) in vec3 in_clip_from;
+layout(location = 6) in vec3 in_clip_to;
+#ifdef COLOR
+layout(location = 1) out vec2 out_motion_px;
+#else
+layout(location = 0) out vec2 out_motion_px;
+#endif
+
+// Where a point that is now in view lies behind the camera at the other time, its motion is large, not negative.
+vec2 on_picture(vec3 clip) {
+    return clip.xy / max(clip.z, 1e-4);
+}
+#endif
+
+void main() {
+#ifdef COLOR
+    vec3 kd = in_kd;
+    if (TEXTURED) {
+        // v is up, rows run down.
+        kd *= texture(kd_texture, vec2(in_uv.x, 1.0 - in_uv.y)).rgb;
+    }
+    out_color = vec4(LIT ? blinn_phong(kd) : kd, 1.0);
+#endif
+#ifdef MOTION
+    out_motion_px = (on_picture(in_clip_to) - on_picture(in_clip_from)) * push.motion_scale_px;
+#endif
+}

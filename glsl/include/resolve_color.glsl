@@ -1,0 +1,17 @@
+// Samples to pixels: linear radiance and coverage.
+layout(local_size_x = 16, local_size_y = 8) in;
+#include "resolve.glsl"
+layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
+layout(set = 0, binding = 1, rgba16f) uniform writeonly image2D color;
+layout(push_constant) uniform Push {
+    uvec2 size;
+    ivec2 grid;
+} push;
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(pixel, push.size))) {
+        return;
+    }
+    imageStore(color, ivec2(pixel), mean_of_pixel(color_samples, ivec2(pixel), push.grid));
+}

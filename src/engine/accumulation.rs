@@ -1,0 +1,241 @@
+//! `--method accumulation`: the reference. N renders over the frame's interval, each weighed into the lines whose
+//! exposure covers its instant. Twin: `reference/accumulate.rs`.
+
+use std::time::Duration;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Stage;
+use super::finish::{Finish, prepare};
+use super::frame::FrameRequest;
+use super::margin::reach;
+use super::planes::PlanesPass;
+use super::slots::FrameSlot;
+use crate::assert_push_layout;
+use crate::camera::accumulation::{AccumulationPlan, WeightedInstant};
+use crate::camera::{ScanOrder, ShutterTiming, Trajectory};
+use crate::error::Result;
+use crate::gpu::{BindGroup, Bound, ComputePipeline, Image, Recorder, RenderArea, Sampler};
+use crate::kernels::kernel;
+use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
+
+/// Instants of one submission: long frames are cut so that no submission runs into a driver's watchdog.
+const CHUNK: usize = 32;
+
+/// How the reference renders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccumulationOptions {
+    /// Number of renders N; `None`: as many as keep the motion from one to the next under `step_px`.
+    pub renders: Option<u32>,
+    /// Largest motion between two renders, px, where N is chosen.
+    pub step_px: f64,
+    /// Most renders where N is chosen.
+    pub most: u32,
+}
+
+impl Default for AccumulationOptions {
+    fn default() -> Self {
+        Self { renders: None, step_px: 0.5, most: 1024 }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+pub(super) struct AccumulatePush {
+    pub(super) origin: [u32; 2],
+    pub(super) size: [u32; 2],
+    pub(super) picture: [u32; 2],
+    pub(super) grid: [i32; 2],
+    pub(super) scan_order: u32,
+    pub(super) first_line: u32,
+    pub(super) first_weight: u32,
+}
+assert_push_layout!("accumulate_ms.comp", AccumulatePush {
+    origin, size, picture, grid, scan_order, first_line, first_weight
+});
+
+/// The pass that adds one render to the radiance.
+pub(super) struct Accumulate {
+    kernel: ComputePipeline,
+    sampler: Sampler,
+}
+
+impl Accumulate {
+    pub(super) fn new(stage: &Stage) -> Result<Self> {
+        let multisampled = const { kernel("accumulate_ms.comp") };
+        let plain = const { kernel("accumulate.comp") };
+        let kernel = if stage.plan.msaa > 1 { multisampled } else { plain };
+        let (kernel, sampler) =
+            (ComputePipeline::new(&stage.context, kernel)?, Sampler::new(&stage.context, false)?);
+        Ok(Self { kernel, sampler })
+    }
+
+    /// Binds the colour of a target, the sum, and the weights of a slot.
+    pub(super) fn bind(&self, target: &RasterTarget, sum: &Image, slot: &FrameSlot) -> Result<BindGroup> {
+        self.kernel.bind(&[
+            ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &self.sampler)),
+            ("radiance", Bound::Storage(sum)),
+            ("Weights", Bound::Buffer(&slot.inputs.weights)),
+        ])
+    }
+
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, group: &BindGroup, push: &AccumulatePush) {
+        recorder.dispatch(&self.kernel, group, push, push.size);
+    }
+}
+
+/// The method.
+pub(super) struct Accumulation {
+    inputs: Vec<(RasterInput, BindGroup)>,
+    accumulate: Accumulate,
+    target: RasterTarget,
+    options: AccumulationOptions,
+}
+
+impl Accumulation {
+    pub(super) fn new(
+        stage: &Stage,
+        options: &AccumulationOptions,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+    ) -> Result<Self> {
+        let size = [stage.intrinsics.width, stage.intrinsics.height];
+        let target = RasterTarget::new(&stage.context, &stage.buffers, RasterKind::Color, size, stage.plan)?;
+        prepare(&mut slots[0].gpu, target.attachments.images())?;
+        let accumulate = Accumulate::new(stage)?;
+        let bind = |slot: &FrameSlot| {
+            let input = target.bind(&stage.buffers, &slot.inputs.instants, &slot.inputs.cameras)?;
+            Ok((input, accumulate.bind(&target, radiance, slot)?))
+        };
+        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        Ok(Self { inputs, accumulate, target, options: *options })
+    }
+
+    /// Renders the frame in chunks; all but the last are waited for.
+    pub(super) fn submit(
+        &self,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        request: &FrameRequest,
+        path: &Trajectory,
+        (finish, planes): (&Finish, Option<&PlanesPass>),
+        limit: Duration,
+    ) -> Result<()> {
+        let plan = AccumulationPlan::new(&request.shutter, self.renders(stage, path, &request.shutter));
+        let last = plan.instants.chunks(CHUNK).count() - 1;
+        for (i, chunk) in plan.instants.chunks(CHUNK).enumerate() {
+            if i > 0 {
+                slot.gpu.wait(limit)?;
+                slot.keep_times()?;
+                slot.inputs.clear();
+            }
+            let rows = self.write_inputs(stage, slot, path, chunk);
+            let plane_row = planes
+                .filter(|_| request.planes && i == last)
+                .map(|p| p.write_inputs(stage, slot, request, path));
+            let mut recorder = slot.gpu.begin()?;
+            if i == 0 {
+                recorder.mark("clear");
+                recorder.clear(finish.radiance());
+            }
+            self.record(stage, &mut recorder, slot.index, &request.shutter, &rows);
+            if i == last {
+                finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
+                if let (Some(planes), Some(row)) = (planes, plane_row) {
+                    planes.record(stage, &mut recorder, slot.index, row);
+                }
+            }
+            recorder.finish();
+            slot.gpu.submit()?;
+        }
+        Ok(())
+    }
+
+    fn renders(&self, stage: &Stage, path: &Trajectory, shutter: &ShutterTiming) -> u32 {
+        if let Some(renders) = self.options.renders {
+            return renders.max(1);
+        }
+        let (start_s, end_s) = (shutter.start_s, shutter.end_s());
+        if end_s <= start_s {
+            return 1;
+        }
+        // Displacement over quarters of the frame, so that motion there and back is not taken for rest.
+        let quarter_s = 0.25 * (end_s - start_s);
+        let speed = (0..4).map(|i| {
+            let from_s = start_s + quarter_s * f64::from(i);
+            let to_s = (from_s + quarter_s).min(end_s);
+            reach(&stage.scene, path, &stage.intrinsics, from_s, &[to_s]).largest_px / quarter_s
+        });
+        let speed_px_per_s = speed.fold(0.0, f64::max);
+        AccumulationPlan::auto_renders(shutter, speed_px_per_s, self.options.step_px, self.options.most)
+    }
+
+    /// Writes matrices and weights; returns per instant its row and what the kernel is told.
+    fn write_inputs(
+        &self,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        path: &Trajectory,
+        chunk: &[WeightedInstant],
+    ) -> Vec<((u32, u32), WeightedLines)> {
+        let mut rows = Vec::with_capacity(chunk.len());
+        for weighted in chunk {
+            let row = slot.inputs.add(stage, path, &stage.intrinsics, &Instant::still(weighted.time_s));
+            let first_weight = slot.inputs.add_weights(&weighted.weights);
+            let line_count = weighted.weights.len() as u32;
+            rows.push((row, WeightedLines { first_line: weighted.first_line, line_count, first_weight }));
+        }
+        rows
+    }
+
+    fn record(
+        &self,
+        stage: &Stage,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        shutter: &ShutterTiming,
+        rows: &[((u32, u32), WeightedLines)],
+    ) {
+        let (input, group) = &self.inputs[slot];
+        for (row, lines) in rows {
+            let push = lines.push(shutter.scan_order, self.target.size, stage.plan.grid);
+            let area =
+                RenderArea { x: push.origin[0], y: push.origin[1], width: push.size[0], height: push.size[1] };
+            recorder.mark("raster");
+            self.target.draw(recorder, &stage.buffers, input, *row, 0.0, area);
+            recorder.mark("accumulate");
+            self.accumulate.record(recorder, group, &push);
+        }
+    }
+}
+
+/// Lines that see an instant, in scan order, and where their weights stand.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WeightedLines {
+    pub(super) first_line: u32,
+    pub(super) line_count: u32,
+    pub(super) first_weight: u32,
+}
+
+impl WeightedLines {
+    /// The rectangle of the lines, and the kernel's push constants for it.
+    pub(super) fn push(&self, scan_order: ScanOrder, picture: [u32; 2], grid: u32) -> AccumulatePush {
+        let axis = usize::from(scan_order.lines_are_rows());
+        let reversed = matches!(scan_order, ScanOrder::BottomToTop | ScanOrder::RightToLeft);
+        let (mut origin, mut size) = ([0, 0], picture);
+        origin[axis] = match reversed {
+            true => picture[axis] - self.first_line - self.line_count,
+            false => self.first_line,
+        };
+        size[axis] = self.line_count;
+        AccumulatePush {
+            origin,
+            size,
+            picture,
+            grid: [grid as i32; 2],
+            scan_order: scan_order as u32,
+            first_line: self.first_line,
+            first_weight: self.first_weight,
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What is asked for, and what comes back.
+
+use std::sync::Arc;
+
+use super::Stage;
+use crate::camera::{Pose, ShutterTiming, Trajectory};
+use crate::chain::Settings;
+use crate::error::Result;
+use crate::gpu::PassTime;
+use crate::plane::Plane;
+
+/// One frame to be made. Everything it depends on stands here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameRequest {
+    /// Number of the frame: noise that changes from frame to frame is drawn for it.
+    pub index: u32,
+    /// When its lines are exposed.
+    pub shutter: ShutterTiming,
+    /// Time from one frame to the next, s: the unit of motion vectors.
+    pub frame_interval_s: f64,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// Effects that act on pixels.
+    pub settings: Settings,
+    /// The camera rests at its pose of the frame's start.
+    pub static_camera: bool,
+    /// Whether the sharp planes are wanted too (the engine must have been made with `planes`).
+    pub planes: bool,
+    /// Whether statistics of the gather are wanted (reads the radiance back, which costs time).
+    pub statistics: bool,
+}
+
+/// The instants of a delivered frame, and the camera's pose at each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameInstants {
+    /// Start of exposure of the first line read, s, and the pose then.
+    pub first_line_start: (f64, Pose),
+    /// Half way between the first line's start and the last line's end, s, and the pose then.
+    pub middle: (f64, Pose),
+    /// End of exposure of the last line read, s, and the pose then.
+    pub last_line_end: (f64, Pose),
+}
+
+/// Counts over the pixels of a frame made by a gather.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameStatistics {
+    /// Mean number of samples read a pixel.
+    pub taps_mean: f64,
+    /// Share of pixels that read beyond the rendered picture and got its border instead, 0..1.
+    pub invalid_share: f64,
+}
+
+/// The ideal camera's picture at the frame's timestamp: no shutter, no blur, no noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planes {
+    /// Linear RGB and coverage, shape `[height, width, 4]`.
+    pub color: Plane<f32>,
+    /// Motion from this frame to the next, px, shape `[height, width, 2]`; that of the pixel's nearest sample.
+    pub motion_px: Plane<f32>,
+    /// Distance along the optical axis, m, of the pixel's nearest sample; infinite where nothing is.
+    pub depth_m: Plane<f32>,
+}
+
+/// A delivered frame.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Number of the frame, as requested.
+    pub index: u32,
+    /// 8-bit sRGB, shape `[height, width, 3]`.
+    pub picture: Plane<u8>,
+    /// When it was taken.
+    pub instants: FrameInstants,
+    /// Time of each pass on the device; empty where it has no timestamps.
+    pub times: Vec<PassTime>,
+    /// From submission to the end of the wait by the host's clock, ms. Frames in flight overlap.
+    pub host_ms: f64,
+    /// If they were asked for and the method gathers.
+    pub statistics: Option<FrameStatistics>,
+    /// If they were asked for.
+    pub planes: Option<Planes>,
+}
+
+/// The camera's path as the frame sees it.
+pub(super) fn camera_path(stage: &Stage, request: &FrameRequest) -> Arc<Trajectory> {
+    if request.static_camera {
+        Arc::new(Trajectory::fixed(stage.trajectory.pose_at(request.shutter.start_s)))
+    } else {
+        stage.trajectory.clone()
+    }
+}
+
+/// Instants and poses of a frame.
+pub(super) fn instants(path: &Trajectory, shutter: &ShutterTiming) -> FrameInstants {
+    let at = |time_s: f64| (time_s, path.pose_at(time_s));
+    FrameInstants {
+        first_line_start: at(shutter.start_s),
+        middle: at(shutter.middle_s()),
+        last_line_end: at(shutter.end_s()),
+    }
+}
+
+/// Whether camera and objects have poses for the whole frame.
+pub(super) fn check_coverage(stage: &Stage, request: &FrameRequest) -> Result<()> {
+    let what = format!("frame {}", request.index);
+    let (start_s, end_s) = (request.shutter.start_s, request.shutter.end_s());
+    stage.trajectory.require(start_s, if request.static_camera { start_s } else { end_s }, &what)?;
+    for object in &stage.scene.objects {
+        if let Some(trajectory) = &object.trajectory {
+            trajectory.require(start_s, end_s, &format!("{what}, object `{}`", object.name))?;
+        }
+    }
+    Ok(())
+}
+
+/// Times for which camera and all objects have poses.
+pub(super) fn covered_span_s(stage: &Stage, path: &Trajectory) -> (f64, f64) {
+    let objects = stage.scene.objects.iter().filter_map(|o| o.trajectory.as_deref());
+    objects.chain(std::iter::once(path)).map(Trajectory::span_s).fold(
+        (f64::NEG_INFINITY, f64::INFINITY),
+        |(from, to), (first, last)| (from.max(first), to.min(last)),
+    )
+}

@@ -1,0 +1,131 @@
+//! How far a picture has to reach beyond its borders, and how far its content moves: the paper's extended field of view
+//! (Fig. 3), computed from the motion.
+//!
+//! Every triangle is clipped to what the camera sees at an instant; the corners of what remains are points of the
+//! scene whose place in the picture at that instant and at the reference instant is known exactly.
+
+use glam::{DMat4, DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::camera::{Intrinsics, NEAR_M, Trajectory};
+use crate::scene::Scene;
+
+/// Result of [`reach`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// How far beyond the left or right border, and the upper or lower one, content lies at the reference instant that
+    /// is in view at one of the others, px. Zero where nothing leaves.
+    pub beyond_px: [f64; 2],
+    /// Largest distance between the two places of any visible point, px; infinite where one passes the camera.
+    pub largest_px: f64,
+}
+
+impl Reach {
+    fn merge(self, other: Self) -> Self {
+        let [x, y] = self.beyond_px;
+        Self {
+            beyond_px: [x.max(other.beyond_px[0]), y.max(other.beyond_px[1])],
+            largest_px: self.largest_px.max(other.largest_px),
+        }
+    }
+}
+
+/// Compares where visible points are at each of `times_s` with where they are at `reference_s`. All times lie inside
+/// the trajectories.
+pub fn reach(
+    scene: &Scene,
+    path: &Trajectory,
+    intrinsics: &Intrinsics,
+    reference_s: f64,
+    times_s: &[f64],
+) -> Reach {
+    let one = |&time_s: &f64| reach_at(scene, path, intrinsics, reference_s, time_s);
+    times_s.par_iter().map(one).reduce(Reach::default, Reach::merge)
+}
+
+fn reach_at(scene: &Scene, path: &Trajectory, k: &Intrinsics, reference_s: f64, time_s: f64) -> Reach {
+    let camera_at = |t: f64| path.pose_at(t).inverse().matrix();
+    let (now, then) = (camera_at(time_s), camera_at(reference_s));
+    // Per object: camera at `time_s` from object, and camera at the reference from camera at `time_s`.
+    let matrices: Vec<_> = scene
+        .objects
+        .iter()
+        .map(|object| {
+            let camera_from_object = now * object.world_from_object(time_s).matrix();
+            let moved = then * object.world_from_object(reference_s).matrix() * camera_from_object.inverse();
+            (camera_from_object, moved)
+        })
+        .collect();
+    let frustum = Frustum::new(k);
+    let mut reach = Reach::default();
+    for corners in scene.indices.chunks_exact(3) {
+        let vertex = |i: u32| &scene.vertices[i as usize];
+        let (camera_from_object, moved) = &matrices[vertex(corners[0]).object as usize];
+        let point = |i: u32| {
+            let [x, y, z] = vertex(i).position_m.map(f64::from);
+            camera_from_object.transform_point3(DVec3::new(x, y, z))
+        };
+        let triangle = [point(corners[0]), point(corners[1]), point(corners[2])];
+        frustum.clip(&triangle, |seen| reach = reach.merge(reach_of(k, moved, seen)));
+    }
+    reach
+}
+
+/// Reach of one visible point, given in the camera's frame.
+fn reach_of(k: &Intrinsics, moved: &DMat4, seen: DVec3) -> Reach {
+    let size = DVec2::new(f64::from(k.width), f64::from(k.height));
+    let then = moved.transform_point3(seen);
+    if then.z < NEAR_M {
+        return Reach { beyond_px: size.to_array(), largest_px: f64::INFINITY };
+    }
+    let project = |p: DVec3| DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
+    let at = project(then);
+    let beyond = (-at).max(at - size).max(DVec2::ZERO);
+    Reach { beyond_px: beyond.to_array(), largest_px: (at - project(seen)).length() }
+}
+
+/// The visible pyramid in the camera's frame, as planes `dot(n, p) + d >= 0`.
+struct Frustum([(DVec3, f64); 5]);
+
+impl Frustum {
+    fn new(k: &Intrinsics) -> Self {
+        let (w, h) = (f64::from(k.width), f64::from(k.height));
+        // u = fx x/z + cx >= 0 is fx x + cx z >= 0, and so on.
+        Self([
+            (DVec3::Z, -NEAR_M),
+            (DVec3::new(k.fx, 0.0, k.cx), 0.0),
+            (DVec3::new(-k.fx, 0.0, w - k.cx), 0.0),
+            (DVec3::new(0.0, k.fy, k.cy), 0.0),
+            (DVec3::new(0.0, -k.fy, h - k.cy), 0.0),
+        ])
+    }
+
+    /// Calls `f` for every corner of the visible part (Sutherland-Hodgman).
+    fn clip(&self, triangle: &[DVec3; 3], mut f: impl FnMut(DVec3)) {
+        let outside = |p: &DVec3| self.0.map(|(n, d)| n.dot(*p) + d < 0.0);
+        let codes = triangle.each_ref().map(outside);
+        if codes.iter().all(|c| !c.contains(&true)) {
+            triangle.iter().for_each(|p| f(*p));
+            return;
+        }
+        if (0..5).any(|plane| codes.iter().all(|c| c[plane])) {
+            return;
+        }
+        let mut polygon = triangle.to_vec();
+        for &(n, d) in &self.0 {
+            let mut kept = Vec::with_capacity(polygon.len() + 1);
+            for (i, &p) in polygon.iter().enumerate() {
+                let next = polygon[(i + 1) % polygon.len()];
+                let (a, b) = (n.dot(p) + d, n.dot(next) + d);
+                if a >= 0.0 {
+                    kept.push(p);
+                }
+                if (a >= 0.0) != (b >= 0.0) {
+                    kept.push(p + (next - p) * (a / (a - b)));
+                }
+            }
+            polygon = kept;
+        }
+        polygon.into_iter().for_each(f);
+    }
+}

@@ -1,0 +1,240 @@
+//! A capture's frames on the device: owns the resources, records one submission a frame, reads the picture back.
+//!
+//! ```text
+//! FrameRequest ─ method (raster, gather | accumulate) ─ radiance ─ develop (noise, sRGB, 8 bit) ─ readback ─ Frame
+//! ```
+//!
+//! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
+
+mod accumulation;
+mod finish;
+mod frame;
+mod margin;
+mod paper;
+mod planes;
+mod slots;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::camera::{Intrinsics, Trajectory};
+use crate::error::{Error, Result};
+use crate::gpu::{Context, PassTime};
+use crate::raster::{SamplePlan, SceneBuffers};
+use crate::scene::Scene;
+
+pub use accumulation::AccumulationOptions;
+pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
+pub use margin::{Reach, reach};
+pub use paper::{MotionSource, PaperOptions, Shift};
+
+use accumulation::Accumulation;
+use finish::Finish;
+use paper::Paper;
+use planes::PlanesPass;
+use slots::FrameSlot;
+
+/// How a frame with shutter and blur is made.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Method {
+    /// The paper's: one render, up to six motion images, remap and blur as a gather.
+    Paper(PaperOptions),
+    /// Many renders over the frame's interval, each weighed into the lines that see it: the reference.
+    Accumulation(AccumulationOptions),
+}
+
+/// How to make an [`Engine`].
+#[derive(Clone, Debug)]
+pub struct EngineOptions {
+    /// How frames are made.
+    pub method: Method,
+    /// Samples a pixel: 1, 4 or 16.
+    pub samples: u32,
+    /// Frames in flight, 1 to 8.
+    pub frames_in_flight: u32,
+    /// Whether frames may ask for sharp planes.
+    pub planes: bool,
+    /// Longest time one submission may take.
+    pub time_limit: Duration,
+}
+
+impl Default for EngineOptions {
+    fn default() -> Self {
+        Self {
+            method: Method::Accumulation(AccumulationOptions::default()),
+            samples: 16,
+            frames_in_flight: 2,
+            planes: false,
+            time_limit: Duration::from_secs(600),
+        }
+    }
+}
+
+/// Renders frames of one scene through one camera.
+pub struct Engine {
+    slots: Vec<FrameSlot>,
+    next: usize,
+    renderer: Renderer,
+    finish: Finish,
+    planes: Option<PlanesPass>,
+    options: EngineOptions,
+    stage: Stage,
+}
+
+/// What all passes share.
+pub(crate) struct Stage {
+    pub(crate) buffers: SceneBuffers,
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) trajectory: Arc<Trajectory>,
+    pub(crate) intrinsics: Intrinsics,
+    pub(crate) plan: SamplePlan,
+    pub(crate) context: Arc<Context>,
+}
+
+enum Renderer {
+    Paper(Box<Paper>),
+    Accumulation(Box<Accumulation>),
+}
+
+/// A frame that was submitted; hand it to [`Engine::collect`].
+#[derive(Debug)]
+#[must_use = "a submitted frame is lost unless it is collected"]
+pub struct Ticket {
+    slot: usize,
+}
+
+impl Engine {
+    /// Uploads the scene and makes what every frame needs. For the paper's method, `expected` are frames that will be
+    /// asked for: the margin of the extended field of view is computed from their motion (a later frame that needs
+    /// more makes the images anew).
+    ///
+    /// # Errors
+    /// Sizes that the device cannot do, out of memory.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: Arc<Scene>,
+        trajectory: Arc<Trajectory>,
+        intrinsics: Intrinsics,
+        options: EngineOptions,
+        expected: &[FrameRequest],
+    ) -> Result<Self> {
+        check_size(&intrinsics)?;
+        let stage = Stage {
+            buffers: SceneBuffers::new(context, &scene)?,
+            plan: SamplePlan::new(options.samples, &context.info().sample_counts)?,
+            scene,
+            trajectory,
+            intrinsics,
+            context: context.clone(),
+        };
+        let count = options.frames_in_flight.clamp(1, 8) as usize;
+        let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
+        let finish = Finish::new(&stage, &mut slots)?;
+        let renderer = match &options.method {
+            Method::Paper(paper) => {
+                Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
+            }
+            Method::Accumulation(accumulation) => {
+                let pass = Accumulation::new(&stage, accumulation, &mut slots, finish.radiance())?;
+                Renderer::Accumulation(Box::new(pass))
+            }
+        };
+        let planes = if options.planes { Some(PlanesPass::new(&stage, &mut slots)?) } else { None };
+        Ok(Self { slots, next: 0, renderer, finish, planes, options, stage })
+    }
+
+    /// The camera as it was given, without margin.
+    pub fn intrinsics(&self) -> &Intrinsics {
+        &self.stage.intrinsics
+    }
+
+    /// Pixels rendered beyond each side of the picture (columns, rows).
+    pub fn margin_px(&self) -> [u32; 2] {
+        match &self.renderer {
+            Renderer::Paper(paper) => paper.margin_px(),
+            Renderer::Accumulation(_) => [0, 0],
+        }
+    }
+
+    /// How many frames can be submitted before one must be collected.
+    pub fn frames_in_flight(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Records a frame and hands it to the device.
+    ///
+    /// # Errors
+    /// A trajectory that does not cover the frame; device lost; out of memory.
+    ///
+    /// # Panics
+    /// If all slots hold frames that were not collected: a bug of the caller.
+    pub fn submit(&mut self, request: &FrameRequest) -> Result<Ticket> {
+        let index = self.next;
+        assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        frame::check_coverage(&self.stage, request)?;
+        let path = frame::camera_path(&self.stage, request);
+        self.widen(request)?;
+        let slot = &mut self.slots[index];
+        slot.start(request, frame::instants(&path, &request.shutter));
+        let last = (&self.finish, self.planes.as_ref());
+        let done = match &self.renderer {
+            Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),
+            Renderer::Accumulation(pass) => {
+                pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
+            }
+        };
+        if let Err(error) = done {
+            slot.cancel();
+            return Err(error);
+        }
+        self.next = (index + 1) % self.slots.len();
+        Ok(Ticket { slot: index })
+    }
+
+    /// Makes the paper's images anew where a frame needs a wider margin than any before it.
+    fn widen(&mut self, request: &FrameRequest) -> Result<()> {
+        let Renderer::Paper(paper) = &mut self.renderer else { return Ok(()) };
+        let Some(margin_px) = paper.needs_wider(&self.stage, request) else { return Ok(()) };
+        for slot in &mut self.slots {
+            slot.gpu.wait(self.options.time_limit)?;
+        }
+        tracing::info!("the margin grows to {margin_px:?} px for frame {}", request.index);
+        paper.widen(&self.stage, &mut self.slots, self.finish.radiance(), margin_px)
+    }
+
+    /// Waits for a frame and reads it back.
+    ///
+    /// # Errors
+    /// Device lost, or the time limit passed.
+    pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
+        let slot = &mut self.slots[ticket.slot];
+        slot.gpu.wait(self.options.time_limit)?;
+        let times: Vec<PassTime> = slot.finish_times()?;
+        let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
+        let planes = self.planes.as_ref().filter(|_| slot.wants_planes()).map(|p| p.read(slot.index));
+        Ok(slot.take_frame(size, times, planes))
+    }
+
+    /// Submits and collects one frame.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`] and [`Self::collect`].
+    pub fn render(&mut self, request: &FrameRequest) -> Result<Frame> {
+        let ticket = self.submit(request)?;
+        self.collect(ticket)
+    }
+}
+
+fn check_size(intrinsics: &Intrinsics) -> Result<()> {
+    for side in [intrinsics.width, intrinsics.height] {
+        if side == 0 || side > crate::plane::MAX_SIDE_PX {
+            return Err(Error::Limit {
+                what: "side of the picture, px",
+                value: side.into(),
+                limit: crate::plane::MAX_SIDE_PX.into(),
+                why: "pictures have 1 to 16384 px a side".to_owned(),
+            });
+        }
+    }
+    Ok(())
+}

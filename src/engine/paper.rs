@@ -1,0 +1,492 @@
+//! `--method paper`: the paper's section 3 as published, in seconds. One picture at a reference instant, up to six
+//! motion images over the frame's interval, remap (eq. 4 to 7) and blur as one gather. Twins:
+//! `reference/paper_gather.rs`, `reference/motion_from_depth.rs`.
+//!
+//! What it gets wrong, by construction: one motion vector a pixel is read at the destination, so silhouettes tear;
+//! motion is a difference of the past (eq. 3), so acceleration lags; what no picture saw is invented.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DMat4;
+
+use super::Stage;
+use super::finish::{Finish, prepare};
+use super::frame::{FrameRequest, covered_span_s};
+use super::margin::reach;
+use super::planes::PlanesPass;
+use super::slots::FrameSlot;
+use crate::assert_push_layout;
+use crate::camera::{Intrinsics, NEAR_M, Trajectory};
+use crate::error::Result;
+use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler};
+use crate::kernels::kernel;
+use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
+
+/// Most motion images kept for a frame (the paper's section 3).
+pub const MAX_MOTION_IMAGES: u32 = 6;
+/// Px beyond the computed margin: bilinear reading and the chord's deviation from the path.
+const MARGIN_GUARD_PX: f64 = 4.0;
+/// Motion differences deviate from the true path under acceleration: so much more is rendered.
+const MARGIN_FACTOR: f64 = 1.15;
+
+/// Which instant of the frame the picture is rendered at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Shift {
+    /// The frame's start: eq. 7 with f.
+    Start,
+    /// Its middle: f - 0.5 (section 3.2), which halves the longest displacement.
+    #[default]
+    Middle,
+}
+
+/// Where motion images come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum MotionSource {
+    /// Rasterized: projections of every surface point at two times (eq. 3); knows objects that move.
+    #[default]
+    Rasterized,
+    /// Reconstructed from depth and two camera matrices: knows the camera's motion only.
+    Depth,
+}
+
+/// The paper's choices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaperOptions {
+    /// Motion images, 1 (constant velocity) to 6.
+    pub motion_images: u32,
+    /// Reference instant.
+    pub shift: Shift,
+    /// Most samples of the blur; the count follows the path's length.
+    pub max_samples: u32,
+    /// Whether the place in the line counts in the pixel's time (eq. 5) or not (eq. 6).
+    pub pixel_time: bool,
+    /// Where motion comes from.
+    pub motion_source: MotionSource,
+}
+
+impl Default for PaperOptions {
+    fn default() -> Self {
+        Self {
+            motion_images: 2,
+            shift: Shift::Middle,
+            max_samples: 240,
+            pixel_time: false,
+            motion_source: MotionSource::Rasterized,
+        }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ResolveColorPush {
+    size: [u32; 2],
+    grid: [i32; 2],
+}
+assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+pub(super) struct ResolveMotionPush {
+    pub(super) size: [u32; 2],
+    pub(super) grid: [i32; 2],
+    pub(super) layer: u32,
+    pub(super) near_m: f32,
+}
+assert_push_layout!("resolve_motion_ms.comp", ResolveMotionPush { size, grid, layer, near_m });
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct GatherPush {
+    size: [u32; 2],
+    margin_px: [i32; 2],
+    start_s: f32,
+    readout_time_s: f32,
+    exposure_time_s: f32,
+    frame_interval_s: f32,
+    first_motion_s: f32,
+    motion_step_s: f32,
+    motion_count: u32,
+    scan_order: u32,
+    max_samples: u32,
+    pixel_time: u32,
+}
+assert_push_layout!("paper_gather.comp", GatherPush {
+    size, margin_px, start_s, readout_time_s, exposure_time_s, frame_interval_s, first_motion_s, motion_step_s,
+    motion_count, scan_order, max_samples, pixel_time
+});
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct DepthPush {
+    size: [u32; 2],
+    layer: u32,
+    scale: f32,
+    intrinsics: [f32; 4],
+    from_rows: [[f32; 4]; 3],
+    to_rows: [[f32; 4]; 3],
+}
+
+/// Resolves motion and depth of a target's nearest samples.
+pub(super) struct ResolveMotion {
+    kernel: ComputePipeline,
+    sampler: Sampler,
+}
+
+impl ResolveMotion {
+    pub(super) fn new(stage: &Stage, plan: SamplePlan) -> Result<Self> {
+        let multisampled = const { kernel("resolve_motion_ms.comp") };
+        let plain = const { kernel("resolve_motion.comp") };
+        let kernel = if plan.msaa > 1 { multisampled } else { plain };
+        let (kernel, sampler) =
+            (ComputePipeline::new(&stage.context, kernel)?, Sampler::new(&stage.context, false)?);
+        Ok(Self { kernel, sampler })
+    }
+
+    pub(super) fn bind(&self, target: &RasterTarget, motion: &Image, depth: &Image) -> Result<BindGroup> {
+        let samples = target.attachments.colors().last().expect("a target has a colour image");
+        self.kernel.bind(&[
+            ("motion_samples", Bound::Sampled(samples, &self.sampler)),
+            ("depth_samples", Bound::Sampled(target.attachments.depth(), &self.sampler)),
+            ("motion", Bound::Storage(motion)),
+            ("depth", Bound::Storage(depth)),
+        ])
+    }
+
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, group: &BindGroup, target: &RasterTarget, layer: u32) {
+        let push = ResolveMotionPush {
+            size: target.size,
+            grid: [target.plan.grid as i32; 2],
+            layer,
+            near_m: NEAR_M as f32,
+        };
+        recorder.dispatch(&self.kernel, group, &push, target.size);
+    }
+}
+
+/// The method.
+pub(super) struct Paper {
+    images: Images,
+    kernels: Kernels,
+    options: PaperOptions,
+}
+
+struct Kernels {
+    resolve_color: ComputePipeline,
+    resolve_motion: ResolveMotion,
+    resolve_motion_plain: ResolveMotion,
+    motion_from_depth: ComputePipeline,
+    gather: ComputePipeline,
+    sampler: Sampler,
+}
+
+/// Everything whose size depends on the margin.
+struct Images {
+    margin_px: [u32; 2],
+    inputs: Vec<[RasterInput; 2]>,
+    groups: Groups,
+    /// Colour with the motion of the same instant, in one pass.
+    picture: RasterTarget,
+    /// Motion of the other instants, one sample a pixel.
+    motion_only: RasterTarget,
+    color: Image,
+    motion: Image,
+    depth: Image,
+}
+
+struct Groups {
+    resolve_color: BindGroup,
+    resolve_picture_motion: BindGroup,
+    resolve_motion: BindGroup,
+    motion_from_depth: BindGroup,
+    gather: BindGroup,
+}
+
+/// Instants of one frame.
+struct Plan {
+    reference_s: f64,
+    first_motion_s: f64,
+    step_s: f64,
+    /// Instant and scale (px per frame interval over px in the span) of each motion image.
+    motions: Vec<(Instant, f64)>,
+}
+
+impl Paper {
+    pub(super) fn new(
+        stage: &Stage,
+        options: &PaperOptions,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        expected: &[FrameRequest],
+    ) -> Result<Self> {
+        let plain = SamplePlan { grid: 1, msaa: 1 };
+        let multisampled = const { kernel("resolve_color_ms.comp") };
+        let single = const { kernel("resolve_color.comp") };
+        let resolve_color = if stage.plan.msaa > 1 { multisampled } else { single };
+        let context = &stage.context;
+        let kernels = Kernels {
+            resolve_color: ComputePipeline::new(context, resolve_color)?,
+            resolve_motion: ResolveMotion::new(stage, stage.plan)?,
+            resolve_motion_plain: ResolveMotion::new(stage, plain)?,
+            motion_from_depth: ComputePipeline::new(context, const { kernel("motion_from_depth.comp") })?,
+            gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
+            sampler: Sampler::new(context, false)?,
+        };
+        let mut options = *options;
+        options.motion_images = options.motion_images.clamp(1, MAX_MOTION_IMAGES);
+        let margin_px = expected.iter().map(|r| needed_margin_px(stage, &options, r)).fold([0, 0], larger);
+        let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
+        Ok(Self { images, kernels, options })
+    }
+
+    pub(super) fn margin_px(&self) -> [u32; 2] {
+        self.images.margin_px
+    }
+
+    /// Makes the images anew where the frame needs a wider margin; nothing must be in flight then, which the caller
+    /// sees to by the `idle` it is told to provide.
+    pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
+        let needed = needed_margin_px(stage, &self.options, request);
+        let have = self.images.margin_px;
+        (needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
+    }
+
+    /// See [`Self::needs_wider`].
+    pub(super) fn widen(
+        &mut self,
+        stage: &Stage,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        margin_px: [u32; 2],
+    ) -> Result<()> {
+        self.images = Images::new(stage, &self.kernels, slots, radiance, margin_px)?;
+        Ok(())
+    }
+
+    pub(super) fn submit(
+        &self,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        request: &FrameRequest,
+        path: &Trajectory,
+        (finish, planes): (&Finish, Option<&PlanesPass>),
+    ) -> Result<()> {
+        let plan = plan(stage, &self.options, request, path);
+        let camera = stage.intrinsics.with_margin(self.images.margin_px);
+        let in_picture = plan.motions.iter().position(|(i, _)| i.time_s == plan.reference_s);
+        let picture = in_picture.map_or(Instant::still(plan.reference_s), |k| plan.motions[k].0);
+        let row = slot.inputs.add(stage, path, &camera, &picture);
+        let mut motion_rows = Vec::new();
+        for (k, (instant, _)) in plan.motions.iter().enumerate() {
+            let own = Some(k) != in_picture || self.options.motion_source == MotionSource::Depth;
+            motion_rows.push(own.then(|| slot.inputs.add(stage, path, &camera, instant)));
+        }
+        let planes = planes.filter(|_| request.planes);
+        let plane_row = planes.map(|p| (p, p.write_inputs(stage, slot, request, path)));
+        let index = slot.index;
+        let mut recorder = slot.gpu.begin()?;
+        let scale = in_picture.map_or(0.0, |k| plan.motions[k].1);
+        self.images.draw_picture(stage, &self.kernels, &mut recorder, index, row, scale);
+        recorder.mark("motion");
+        if let Some(layer) = in_picture.filter(|_| self.options.motion_source == MotionSource::Rasterized) {
+            let (pass, group) = (&self.kernels.resolve_motion, &self.images.groups.resolve_picture_motion);
+            pass.record(&mut recorder, group, &self.images.picture, layer as u32);
+        }
+        for (layer, row) in motion_rows.iter().enumerate() {
+            let Some(row) = row else { continue };
+            let (instant, scale) = &plan.motions[layer];
+            self.images.draw_motion(stage, &self.kernels, &mut recorder, index, *row, (layer as u32, *scale));
+            if self.options.motion_source == MotionSource::Depth {
+                let push = depth_push(&camera, path, instant, layer as u32, *scale);
+                let group = &self.images.groups.motion_from_depth;
+                recorder.dispatch(&self.kernels.motion_from_depth, group, &push, push.size);
+            }
+        }
+        recorder.mark("paper_gather");
+        let push = self.gather_push(stage, request, &plan);
+        recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size);
+        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
+        if let Some((planes, row)) = plane_row {
+            planes.record(stage, &mut recorder, index, row);
+        }
+        recorder.finish();
+        slot.gpu.submit()
+    }
+
+    fn gather_push(&self, stage: &Stage, request: &FrameRequest, plan: &Plan) -> GatherPush {
+        let shutter = &request.shutter;
+        GatherPush {
+            size: [stage.intrinsics.width, stage.intrinsics.height],
+            margin_px: self.images.margin_px.map(|m| m as i32),
+            start_s: (shutter.start_s - plan.reference_s) as f32,
+            readout_time_s: shutter.readout_time_s as f32,
+            exposure_time_s: shutter.exposure_time_s as f32,
+            frame_interval_s: request.frame_interval_s as f32,
+            first_motion_s: (plan.first_motion_s - plan.reference_s) as f32,
+            motion_step_s: plan.step_s as f32,
+            motion_count: plan.motions.len() as u32,
+            scan_order: shutter.scan_order as u32,
+            max_samples: self.options.max_samples.max(1),
+            pixel_time: self.options.pixel_time.into(),
+        }
+    }
+}
+
+/// The instants of a frame: the picture's, and those of the motion images, equally spaced over the frame.
+fn plan(stage: &Stage, options: &PaperOptions, request: &FrameRequest, path: &Trajectory) -> Plan {
+    let shutter = &request.shutter;
+    let (start_s, end_s) = (shutter.start_s, shutter.end_s());
+    let span_s = end_s - start_s;
+    let reference_s = match options.shift {
+        Shift::Start => start_s,
+        Shift::Middle => shutter.middle_s(),
+    };
+    if span_s <= 0.0 {
+        let still = vec![(Instant::still(reference_s), 0.0)];
+        return Plan { reference_s, first_motion_s: start_s, step_s: 1.0, motions: still };
+    }
+    let count = options.motion_images;
+    let step_s = span_s / f64::from(count.max(2) - 1);
+    let covered = covered_span_s(stage, path);
+    let motions = (0..count).map(|k| {
+        let time_s = match count {
+            1 => reference_s,
+            // Exactly the reference where they coincide: picture and motion are then drawn in one pass.
+            _ if 2 * k + 1 == count && options.shift == Shift::Middle => reference_s,
+            _ => (start_s + step_s * f64::from(k)).min(end_s),
+        };
+        motion_instant(time_s, step_s, covered, request.frame_interval_s)
+    });
+    Plan { reference_s, first_motion_s: start_s, step_s, motions: motions.collect() }
+}
+
+/// Eq. 3: the difference to the projection one step earlier, per frame interval; to the one later where no earlier
+/// pose exists.
+fn motion_instant(time_s: f64, step_s: f64, (first_s, last_s): (f64, f64), interval_s: f64) -> (Instant, f64) {
+    let mut from_s = (time_s - step_s).max(first_s);
+    let mut to_s = time_s;
+    // Less than a tenth of the step is too short a base for a difference.
+    if to_s - from_s < 0.1 * step_s {
+        (from_s, to_s) = (time_s, (time_s + step_s).min(last_s));
+    }
+    let scale = if to_s > from_s { interval_s / (to_s - from_s) } else { 0.0 };
+    (Instant { time_s, motion_from_s: from_s, motion_to_s: to_s }, scale)
+}
+
+/// The margin that a frame's motion asks for, px; at most the picture's own size.
+fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameRequest) -> [u32; 2] {
+    let shutter = &request.shutter;
+    if shutter.end_s() <= shutter.start_s || super::frame::check_coverage(stage, request).is_err() {
+        return [0, 0];
+    }
+    let path = super::frame::camera_path(stage, request);
+    let reference_s = match options.shift {
+        Shift::Start => shutter.start_s,
+        Shift::Middle => shutter.middle_s(),
+    };
+    let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
+    let times: Vec<_> =
+        (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
+    let reach = reach(&stage.scene, &path, &stage.intrinsics, reference_s, &times);
+    let size = [stage.intrinsics.width, stage.intrinsics.height];
+    let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
+    [needed[0].min(size[0]), needed[1].min(size[1])]
+}
+
+fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
+    [a[0].max(b[0]), a[1].max(b[1])]
+}
+
+fn depth_push(camera: &Intrinsics, path: &Trajectory, instant: &Instant, layer: u32, scale: f64) -> DepthPush {
+    let now = path.pose_at(instant.time_s).matrix();
+    let rows = |time_s: f64| {
+        let matrix: DMat4 = (path.pose_at(time_s).inverse().matrix() * now).transpose();
+        let [x, y, z, _] = matrix.as_mat4().to_cols_array_2d();
+        [x, y, z]
+    };
+    DepthPush {
+        size: [camera.width, camera.height],
+        layer,
+        scale: scale as f32,
+        intrinsics: [camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32],
+        from_rows: rows(instant.motion_from_s),
+        to_rows: rows(instant.motion_to_s),
+    }
+}
+
+impl Images {
+    fn new(
+        stage: &Stage,
+        kernels: &Kernels,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        margin_px: [u32; 2],
+    ) -> Result<Self> {
+        let (context, scene) = (&stage.context, &stage.buffers);
+        let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
+        let picture = RasterTarget::new(context, scene, RasterKind::ColorMotion, size, stage.plan)?;
+        let plain = SamplePlan { grid: 1, msaa: 1 };
+        let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
+        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba16f))?;
+        let layers = ImageSpec { layers: MAX_MOTION_IMAGES, ..ImageSpec::storage(size, Format::Rg32f) };
+        let motion = Image::new(context, "motion", layers)?;
+        let depth = Image::new(context, "depth", ImageSpec::storage(size, Format::R32f))?;
+        let all = picture.attachments.images().chain(motion_only.attachments.images());
+        prepare(&mut slots[0].gpu, all.chain([&color, &motion, &depth]))?;
+        let groups = Groups {
+            resolve_color: kernels.resolve_color.bind(&[
+                ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
+                ("color", Bound::Storage(&color)),
+            ])?,
+            resolve_picture_motion: kernels.resolve_motion.bind(&picture, &motion, &depth)?,
+            resolve_motion: kernels.resolve_motion_plain.bind(&motion_only, &motion, &depth)?,
+            motion_from_depth: kernels
+                .motion_from_depth
+                .bind(&[("depth", Bound::Storage(&depth)), ("motion", Bound::Storage(&motion))])?,
+            gather: kernels.gather.bind(&[
+                ("color", Bound::Sampled(&color, &kernels.sampler)),
+                ("motion", Bound::Storage(&motion)),
+                ("radiance", Bound::Storage(radiance)),
+            ])?,
+        };
+        let bind = |slot: &FrameSlot| {
+            let (instants, cameras) = (&slot.inputs.instants, &slot.inputs.cameras);
+            Ok([picture.bind(scene, instants, cameras)?, motion_only.bind(scene, instants, cameras)?])
+        };
+        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, motion, depth })
+    }
+
+    fn area(&self) -> RenderArea {
+        let [width, height] = self.color.spec().size;
+        RenderArea { x: 0, y: 0, width, height }
+    }
+
+    fn draw_picture(
+        &self,
+        stage: &Stage,
+        kernels: &Kernels,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        row: (u32, u32),
+        scale: f64,
+    ) {
+        recorder.mark("raster");
+        self.picture.draw(recorder, &stage.buffers, &self.inputs[slot][0], row, scale, self.area());
+        recorder.mark("resolve");
+        let size = self.picture.size;
+        let push = ResolveColorPush { size, grid: [self.picture.plan.grid as i32; 2] };
+        recorder.dispatch(&kernels.resolve_color, &self.groups.resolve_color, &push, size);
+    }
+
+    fn draw_motion(
+        &self,
+        stage: &Stage,
+        kernels: &Kernels,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        row: (u32, u32),
+        (layer, scale): (u32, f64),
+    ) {
+        self.motion_only.draw(recorder, &stage.buffers, &self.inputs[slot][1], row, scale, self.area());
+        kernels.resolve_motion_plain.record(recorder, &self.groups.resolve_motion, &self.motion_only, layer);
+    }
+}

@@ -1,0 +1,142 @@
+//! The scene in the device's memory, uploaded once.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
+use crate::scene::{Draw, PointLight, Scene, Shading};
+
+/// `MAX_LIGHTS` of `raster_frag.glsl`.
+pub const MAX_LIGHTS: usize = 64;
+/// Floats of one `Light` of `raster_frag.glsl`.
+const LIGHT_FLOATS: usize = 12;
+/// An upload that takes longer than this is stuck.
+const UPLOAD_LIMIT: Duration = Duration::from_secs(120);
+
+/// Vertices, indices, materials, lights and textures.
+pub struct SceneBuffers {
+    pub(super) vertices: Buffer,
+    pub(super) indices: Buffer,
+    pub(super) index_count: u32,
+    pub(super) materials: Buffer,
+    pub(super) lights: Buffer,
+    /// The scene's textures, then a white one for what has none.
+    pub(super) textures: Vec<Image>,
+    pub(super) sampler: Sampler,
+    pub(super) draws: Vec<Draw>,
+    pub(super) light_count: u32,
+    pub(super) lit: bool,
+}
+
+impl SceneBuffers {
+    /// Uploads a scene and waits for it.
+    ///
+    /// # Errors
+    /// Out of memory, too many lights.
+    pub fn new(context: &Arc<Context>, scene: &Scene) -> Result<Self> {
+        let lights: &[PointLight] = match &scene.shading {
+            Shading::Lit(lights) => lights,
+            Shading::Unlit => &[],
+        };
+        if lights.len() > MAX_LIGHTS {
+            let why = "the shader's table of lights".to_owned();
+            let (value, limit) = (lights.len() as u64, MAX_LIGHTS as u64);
+            return Err(Error::Limit { what: "number of point lights", value, limit, why });
+        }
+        let mut uploader = Uploader { context, staging: Vec::new() };
+        let vertices: &[u8] = bytemuck::cast_slice(&scene.vertices);
+        let indices: &[u8] = bytemuck::cast_slice(&scene.indices);
+        let buffers = Self {
+            vertices: uploader.buffer("vertices", vertices, Usage::Vertex)?,
+            indices: uploader.buffer("indices", indices, Usage::Index)?,
+            index_count: scene.indices.len() as u32,
+            materials: uploader.buffer("materials", &material_bytes(scene), Usage::Storage)?,
+            lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
+            textures: uploader.textures(scene)?,
+            sampler: Sampler::new(context, true)?,
+            draws: scene.draws.clone(),
+            light_count: lights.len() as u32,
+            lit: matches!(scene.shading, Shading::Lit(_)),
+        };
+        uploader.run(&buffers)?;
+        Ok(buffers)
+    }
+
+    /// Place in `textures` of what a draw samples.
+    pub(super) fn texture_index(&self, draw: &Draw) -> usize {
+        draw.texture.unwrap_or(self.textures.len() - 1)
+    }
+}
+
+/// Staging buffers, in the order: the four buffers, then the textures.
+struct Uploader<'a> {
+    context: &'a Arc<Context>,
+    staging: Vec<Buffer>,
+}
+
+impl Uploader<'_> {
+    fn stage(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        let mut staging =
+            Buffer::new(self.context, name, bytes.len() as u64, Usage::Transfer, Location::Upload)?;
+        staging.write(0, bytes);
+        self.staging.push(staging);
+        Ok(())
+    }
+
+    fn buffer(&mut self, name: &str, bytes: &[u8], usage: Usage) -> Result<Buffer> {
+        self.stage(name, bytes)?;
+        Buffer::new(self.context, name, bytes.len() as u64, usage, Location::Device)
+    }
+
+    fn textures(&mut self, scene: &Scene) -> Result<Vec<Image>> {
+        let mut images = Vec::new();
+        for texture in &scene.textures {
+            self.stage("texture", &texture.rgba)?;
+            images.push(self.texture(&texture.path.display().to_string(), [texture.width, texture.height])?);
+        }
+        self.stage("white", &[255; 4])?;
+        images.push(self.texture("white", [1, 1])?);
+        Ok(images)
+    }
+
+    fn texture(&self, name: &str, size: [u32; 2]) -> Result<Image> {
+        let spec = ImageSpec { storage: false, ..ImageSpec::storage(size, Format::Rgba8Srgb) };
+        Image::new(self.context, name, spec)
+    }
+
+    fn run(self, to: &SceneBuffers) -> Result<()> {
+        let mut slot = Slot::new(self.context, "upload")?;
+        let mut recorder = slot.begin()?;
+        recorder.prepare(&to.textures);
+        let (buffers, textures) = self.staging.split_at(4);
+        for (from, to) in buffers.iter().zip([&to.vertices, &to.indices, &to.materials, &to.lights]) {
+            recorder.copy_buffer(from, to, from.bytes().min(to.bytes()));
+        }
+        for (from, to) in textures.iter().zip(&to.textures) {
+            recorder.copy_buffer_to_image(from, to);
+        }
+        recorder.barrier();
+        recorder.finish();
+        slot.submit()?;
+        slot.wait(UPLOAD_LIMIT)
+    }
+}
+
+fn material_bytes(scene: &Scene) -> Vec<u8> {
+    let rows = scene.materials.iter().flat_map(|m| {
+        let ([r, g, b], [sr, sg, sb]) = (m.kd, m.ks);
+        [r, g, b, 0.0, sr, sg, sb, m.ns]
+    });
+    bytemuck::cast_slice(&rows.collect::<Vec<f32>>()).to_vec()
+}
+
+fn light_bytes(lights: &[PointLight]) -> Vec<u8> {
+    let mut floats = vec![0.0f32; MAX_LIGHTS * LIGHT_FLOATS];
+    for (row, light) in floats.chunks_exact_mut(LIGHT_FLOATS).zip(lights) {
+        row[0..3].copy_from_slice(&light.position_m);
+        row[4..7].copy_from_slice(&light.color);
+        row[8..11].copy_from_slice(&light.attenuation);
+    }
+    bytemuck::cast_slice(&floats).to_vec()
+}

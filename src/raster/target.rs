@@ -1,0 +1,178 @@
+//! Attachments of one kind with the pipelines that draw into them.
+
+use std::mem::offset_of;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{SamplePlan, SceneBuffers};
+use crate::assert_push_layout;
+use crate::error::Result;
+use crate::gpu::{
+    Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline, GraphicsSpec,
+    Recorder, RenderArea, VertexFormat,
+};
+use crate::kernels::{Kernel, kernel};
+use crate::scene::Vertex;
+
+/// What is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RasterKind {
+    /// Radiance only.
+    Color,
+    /// Motion only: no lights, no textures.
+    Motion,
+    /// Both in one pass.
+    ColorMotion,
+}
+
+impl RasterKind {
+    fn shaders(self) -> (&'static Kernel, &'static Kernel) {
+        match self {
+            Self::Color => (const { kernel("raster_color.vert") }, const { kernel("raster_color.frag") }),
+            Self::Motion => (const { kernel("raster_motion.vert") }, const { kernel("raster_motion.frag") }),
+            Self::ColorMotion => {
+                (const { kernel("raster_color_motion.vert") }, const { kernel("raster_color_motion.frag") })
+            }
+        }
+    }
+
+    fn formats(self) -> &'static [Format] {
+        match self {
+            Self::Color => &[Format::Rgba16f],
+            Self::Motion => &[Format::Rg32f],
+            Self::ColorMotion => &[Format::Rgba16f, Format::Rg32f],
+        }
+    }
+
+    fn has_color(self) -> bool {
+        self != Self::Motion
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    instant: u32,
+    object_count: u32,
+    motion_scale_px: [f32; 2],
+}
+assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px });
+assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px });
+
+const VERTEX_FORMAT: VertexFormat = VertexFormat {
+    stride: size_of::<Vertex>() as u32,
+    attributes: &[
+        (offset_of!(Vertex, position_m) as u32, 3),
+        (offset_of!(Vertex, object) as u32, 0),
+        (offset_of!(Vertex, normal) as u32, 3),
+        (offset_of!(Vertex, material) as u32, 0),
+        (offset_of!(Vertex, uv) as u32, 2),
+    ],
+};
+
+/// Attachments and pipelines.
+pub struct RasterTarget {
+    /// What is drawn.
+    pub kind: RasterKind,
+    /// Delivered size, px: the attachments are `grid` times larger.
+    pub size: [u32; 2],
+    /// Samples a pixel.
+    pub plan: SamplePlan,
+    /// The images.
+    pub attachments: Attachments,
+    /// Without and with texture (the same one where nothing is coloured).
+    pipelines: Vec<GraphicsPipeline>,
+    /// Set 1 by texture.
+    textures: Vec<BindGroup>,
+}
+
+/// Set 0 of a target: the instants of one frame in flight.
+pub struct RasterInput(BindGroup);
+
+impl RasterTarget {
+    /// Attachments of `size` delivered pixels, and pipelines for the scene.
+    ///
+    /// # Errors
+    /// Out of memory; larger than the device allows.
+    pub fn new(
+        context: &Arc<Context>,
+        scene: &SceneBuffers,
+        kind: RasterKind,
+        size: [u32; 2],
+        plan: SamplePlan,
+    ) -> Result<Self> {
+        let texels = size.map(|s| s * plan.grid);
+        let name = format!("{kind:?}");
+        let attachments = Attachments::new(context, &name, texels, plan.msaa, kind.formats())?;
+        let (vertex, fragment) = kind.shaders();
+        let pipeline = |textured: bool| {
+            let constants =
+                if kind.has_color() { vec![scene.lit.into(), textured.into(), scene.light_count] } else { Vec::new() };
+            let spec = GraphicsSpec { vertex, fragment, constants, format: VERTEX_FORMAT, samples: plan.msaa };
+            GraphicsPipeline::new(context, &attachments, &spec)
+        };
+        let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
+        let pipelines = variants.iter().map(|&t| pipeline(t)).collect::<Result<Vec<_>>>()?;
+        let mut textures = Vec::new();
+        if kind.has_color() {
+            for image in &scene.textures {
+                textures.push(pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))])?);
+            }
+        }
+        Ok(Self { kind, size, plan, attachments, pipelines, textures })
+    }
+
+    /// Binds the rows of `instants` (made by [`super::instant_rows`]) and the camera positions beside them.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn bind(&self, scene: &SceneBuffers, instants: &Buffer, cameras: &Buffer) -> Result<RasterInput> {
+        let all = [
+            ("Instants", Bound::Buffer(instants)),
+            ("Cameras", Bound::Buffer(cameras)),
+            ("Materials", Bound::Buffer(&scene.materials)),
+            ("Lights", Bound::Buffer(&scene.lights)),
+        ];
+        Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
+    }
+
+    /// Draws row `instant` of the bound instants. `area` is in delivered pixels; `motion_scale` turns px over the
+    /// motion's span into px per frame interval.
+    pub fn draw(
+        &self,
+        recorder: &mut Recorder<'_>,
+        scene: &SceneBuffers,
+        input: &RasterInput,
+        (instant, object_count): (u32, u32),
+        motion_scale: f64,
+        area: RenderArea,
+    ) {
+        let scale = |side: u32| (0.5 * f64::from(side) * motion_scale) as f32;
+        let push = Push { instant, object_count, motion_scale_px: self.size.map(scale) };
+        let grid = self.plan.grid;
+        let area = RenderArea {
+            x: area.x * grid,
+            y: area.y * grid,
+            width: area.width * grid,
+            height: area.height * grid,
+        };
+        let draws = self.draw_calls(scene, input);
+        let batch = DrawBatch { vertices: &scene.vertices, indices: &scene.indices, push: &push, draws: &draws };
+        recorder.draw(&self.attachments, area, &batch);
+    }
+
+    fn draw_calls<'a>(&'a self, scene: &SceneBuffers, input: &'a RasterInput) -> Vec<DrawCall<'a>> {
+        if !self.kind.has_color() {
+            let (pipeline, groups) = (&self.pipelines[0], vec![&input.0]);
+            return vec![DrawCall { pipeline, groups, first_index: 0, index_count: scene.index_count }];
+        }
+        let calls = scene.draws.iter().map(|draw| DrawCall {
+            pipeline: &self.pipelines[usize::from(draw.texture.is_some())],
+            groups: vec![&input.0, &self.textures[scene.texture_index(draw)]],
+            first_index: draw.first_index,
+            index_count: draw.index_count,
+        });
+        calls.collect()
+    }
+}
