@@ -8,6 +8,7 @@ pub mod effects;
 pub mod error;
 pub mod plane;
 pub mod raster;
+pub mod reference;
 pub mod scene;
 
 pub use error::{Error, Result};
