@@ -115,7 +115,7 @@ fn failures(name: &str, generator: Generator) -> Vec<String> {
     let mut worst = 0.0_f64;
     let mut check = |what: String, sigmas: f64, bound: f64| {
         worst = worst.max(sigmas.abs());
-        if !(sigmas.abs() < bound) {
+        if sigmas.is_nan() || sigmas.abs() >= bound {
             failed.push(format!("{what}: {sigmas:.1} sigma"));
         }
     };

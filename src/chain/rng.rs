@@ -11,6 +11,8 @@
 //! and Vulkan round alike; `ln`, `sin` and `cos` need not agree between two devices. What is left to the device is one
 //! square root.
 
+use std::f32::consts::{FRAC_PI_2, LN_2};
+
 /// The pattern of the sensor in `paper_noise`.
 pub const STREAM_PAPER_NOISE_STATIC: u32 = 0x5354;
 /// The white part of `paper_noise`.
@@ -64,19 +66,19 @@ fn minus_two_log(bits: u32) -> f32 {
     let p = P[1..].iter().fold(P[0], |p, c| p * x + c);
     let square = x * x;
     let log_mantissa = x - 0.5 * square + x * square * p;
-    let log_u = (32.0 - exponent) * 0.693_147_2 - log_mantissa;
+    let log_u = (32.0 - exponent) * LN_2 - log_mantissa;
     (2.0 * log_u).max(0.0)
 }
 
 /// A point of the unit circle: two bits choose the quadrant, thirty the angle within (-pi/4, pi/4) of its middle.
 fn unit_circle(bits: u32) -> [f32; 2] {
-    let angle = ((bits & 0x3fff_ffff) as f32 * 9.313_225_7e-10 - 0.5) * 1.570_796_4;
+    let angle = ((bits & 0x3fff_ffff) as f32 * 9.313_226e-10 - 0.5) * FRAC_PI_2;
     let q = angle * angle;
-    let sine = angle
-        * (1.0 + q * (-0.166_666_67 + q * (0.008_333_334 + q * (-0.000_198_412_7 + q * 2.755_731_9e-6))));
+    let sine =
+        angle * (1.0 + q * (-0.166_666_67 + q * (0.008_333_334 + q * (-0.000_198_412_7 + q * 2.755_732e-6))));
     let cosine = 1.0
         + q * (-0.5
-            + q * (0.041_666_668 + q * (-0.001_388_888_9 + q * (2.480_158_7e-5 + q * -2.755_731_9e-7))));
+            + q * (0.041_666_668 + q * (-0.001_388_888_9 + q * (2.480_158_7e-5 + q * -2.755_732e-7))));
     match bits >> 30 {
         0 => [cosine, sine],
         1 => [-sine, cosine],
