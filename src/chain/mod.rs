@@ -1,6 +1,7 @@
 //! What an effect is: its name, its parameters with units and ranges, its place in the light path.
 
 mod params;
+pub mod rng;
 
 pub use params::{ParamKind, ParamSpec, Settings, Value};
 

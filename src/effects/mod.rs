@@ -5,7 +5,7 @@ mod paper_noise;
 mod rolling_shutter;
 
 pub use motion_blur::MotionBlur;
-pub use paper_noise::PaperNoise;
+pub use paper_noise::{PaperNoise, PaperNoiseSigma, paper_noise};
 pub use rolling_shutter::RollingShutter;
 
 use crate::chain::Effect;

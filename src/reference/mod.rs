@@ -1,7 +1,21 @@
-//! The CPU oracle: the scene rendered from first principles in double precision, slow and plain, so that the Vulkan
-//! engine and its approximations have something to be compared with. Nothing here is tuned to agree with a device:
-//! a ray is cast through every sample, the nearest triangle that it meets is shaded, samples are averaged.
+//! The CPU oracle, in two parts.
+//!
+//! Twins of the kernels: one file a kernel or include, of the same stem, written to be read, in the kernels' own `f32`
+//! and in the same order of operations, so that a difference means a mistake, not a rounding (up to divisions, square
+//! roots and powers, which devices may round in their own way).
+//!
+//! `raster` and `accumulate`: the scene rendered from first principles in double precision. Nothing there is tuned to
+//! agree with a device: a ray is cast through every sample, the nearest triangle that it meets is shaded, samples are
+//! averaged.
 
 pub mod accumulate;
+pub mod develop;
+pub mod motion;
+pub mod motion_blur;
+pub mod motion_from_depth;
+pub mod paper_gather;
 pub mod raster;
+pub mod rolling_shutter;
+pub mod sample;
 mod shade;
+pub mod timing;
