@@ -83,6 +83,11 @@ impl AccumulationPlan {
     /// content moves at `speed_px_per_s` (the largest over picture and frame); at most `most`. The result is lower
     /// where fewer are exact: see [`Self::new`].
     ///
+    /// Measured on the development captures with 16 samples (frames 0, 5, 10, 15 of d01 and d02): steps of 2, 1,
+    /// 0.5, 0.25 px differ from the path tracer by 1.07, 0.42, 0.22, 0.17 levels under a rolling shutter (an own
+    /// instant for each line: 0.20) and by 0.45, 0.26, 0.23, 0.23 under motion blur (0.05 px: 0.22). 0.5 px is a good
+    /// choice, less gains nothing that can be seen.
+    ///
     /// # Panics
     /// If `step_px` is not positive, or `most` is 0.
     pub fn auto_renders(timing: &ShutterTiming, speed_px_per_s: f64, step_px: f64, most: u32) -> u32 {
