@@ -2,10 +2,12 @@
 
 mod intrinsics;
 mod pose;
+mod stamp;
 mod timing;
 mod trajectory;
 
 pub use intrinsics::Intrinsics;
 pub use pose::Pose;
+pub use stamp::{Stamp, StampFault};
 pub use timing::{ScanOrder, ShutterTiming};
-pub use trajectory::Trajectory;
+pub use trajectory::{TIME_TOLERANCE_S, Trajectory};
