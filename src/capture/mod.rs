@@ -58,11 +58,15 @@ impl Capture {
     ///
     /// # Errors
     /// As [`Self::read`], for `frames.csv`, `trajectory.tum` and `objects/`.
-    pub fn with_scene(root: &Path, camera: CameraFile, mut scene: Scene) -> Result<Self> {
+    pub fn with_scene(root: &Path, mut camera: CameraFile, mut scene: Scene) -> Result<Self> {
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
         let epoch_ns = frames[0].timestamp_ns;
+        if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
+            tracing::warn!("{}: {warning}", path.display());
+            camera.warnings.push(warning);
+        }
         let trajectory = tum::read_trajectory(&root.join("trajectory.tum"), epoch_ns)?;
         tum::bind_objects(root, epoch_ns, &mut scene)?;
         let capture = Self { root: root.to_owned(), camera, scene, trajectory, frames, epoch_ns };
@@ -125,6 +129,18 @@ fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Resul
         return Err(Error::input(trajectory.path(), None, found, expected));
     }
     trajectory.require(from_s, to_s, what)
+}
+
+/// Frames may be left out of a capture, but none can follow another in less than the frame period. Up to a hundredth is
+/// the jitter of recorded stamps.
+fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
+    let closest_s = frames.windows(2).map(|pair| pair[1].start_s - pair[0].start_s).min_by(f64::total_cmp)?;
+    if closest_s >= 0.99 * frame_period_s {
+        return None;
+    }
+    // 33.3 for a camera of 30 frames a second.
+    let hint = if closest_s * 100.0 < frame_period_s { "; is the period in s?" } else { "" };
+    Some(format!("frames are as near as {closest_s} s, but frame_period_s = {frame_period_s} s{hint}"))
 }
 
 /// Refuses a folder that is no capture, naming all that it lacks at once.
