@@ -39,7 +39,8 @@ pub enum Error {
     /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
     #[error(
         "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
-         {covered_from_s:.9} s to {covered_to_s:.9} s (poses are never extrapolated)", path.display()
+         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (0 s is the first frame's timestamp; poses are never \
+         extrapolated)", path.display(), missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
     )]
     TrajectoryTooShort {
         /// The trajectory's file.
@@ -77,7 +78,7 @@ pub enum Error {
         reason: String,
     },
     /// A parameter of an effect outside its range.
-    #[error("{effect}.{name} = {value} is outside {min} to {max} {unit}")]
+    #[error("{effect}.{name} = {value} {unit} is outside {min} to {max} {unit}")]
     Parameter {
         /// Stem of the effect.
         effect: &'static str,
@@ -92,6 +93,18 @@ pub enum Error {
         /// Unit of the three.
         unit: &'static str,
     },
+    /// Another error, with the place in a file that caused it.
+    #[error("{}: {problem}{hint}", place(path, *line))]
+    At {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from 1.
+        line: Option<usize>,
+        /// What is wrong there.
+        problem: Box<Error>,
+        /// What the writer may have meant ("; is it in ms?"), or nothing.
+        hint: String,
+    },
     /// A size that this program or the device cannot handle.
     #[error("{what} is {value}, the limit is {limit} ({why})")]
     Limit {
@@ -105,7 +118,9 @@ pub enum Error {
         why: String,
     },
     /// No Vulkan loader on this machine.
-    #[error("no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)")]
+    #[error(
+        "no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+    )]
     NoVulkanLoader {
         /// The system's reason.
         reason: String,
@@ -127,7 +142,9 @@ pub enum Error {
         missing: Vec<String>,
     },
     /// The device was lost during work.
-    #[error("the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete")]
+    #[error(
+        "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete"
+    )]
     DeviceLost {
         /// The call that reported it.
         call: &'static str,
@@ -160,8 +177,30 @@ pub enum Error {
 
 impl Error {
     /// Bad content at a line of a file.
-    pub fn input(path: &Path, line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Input { path: path.to_owned(), line: line.into(), found: found.into(), expected: expected.into() }
+    pub fn input(
+        path: &Path,
+        line: impl Into<Option<usize>>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Input {
+            path: path.to_owned(),
+            line: line.into(),
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+
+    /// A name that is not among `known`; the nearest of them is suggested if it is near enough to have been meant.
+    pub fn unknown_name<'a>(
+        path: &Path,
+        line: impl Into<Option<usize>>,
+        kind: &'static str,
+        name: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> Self {
+        let nearest = nearest(name, known).map(str::to_owned);
+        Self::UnknownName { path: path.to_owned(), line: line.into(), kind, name: name.to_owned(), nearest }
     }
 
     /// A failed file operation.
@@ -179,4 +218,57 @@ fn place(path: &Path, line: Option<usize>) -> String {
 
 fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default()
+}
+
+/// The name among `known` that was probably meant: one typing error away, or the same start (`exposure_s` for
+/// `exposure_time_s`). 0.85 keeps both and refuses words that only share some letters (see the tests).
+fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let name = name.to_lowercase();
+    let likeness = |known: &str| strsim::jaro_winkler(&name, &known.to_lowercase());
+    let best = known.into_iter().map(|k| (likeness(k), k)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (best.0 >= 0.85).then_some(best.1)
+}
+
+/// Says how much of `needed` lies before and after `covered`.
+fn missing_span(needed: [f64; 2], covered: [f64; 2]) -> String {
+    let before = (needed[0] < covered[0]).then(|| (needed[0], needed[1].min(covered[0])));
+    let after = (needed[1] > covered[1]).then(|| (needed[0].max(covered[1]), needed[1]));
+    let spans: Vec<_> =
+        [before, after].into_iter().flatten().map(|(from, to)| format!("{from:.9} s to {to:.9} s")).collect();
+    format!("missing {}", spans.join(" and "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_suggestion_is_made_only_for_a_name_that_could_have_been_meant() {
+        let known =
+            ["width", "height", "frame_period_s", "readout_time_s", "rolling_shutter", "exposure_time_s"];
+        for (typed, meant) in [
+            ("widht", "width"),
+            ("Width", "width"),
+            ("frame_period", "frame_period_s"),
+            ("readout_s", "readout_time_s"),
+            ("exposure_s", "exposure_time_s"),
+            ("rollingshutter", "rolling_shutter"),
+        ] {
+            assert_eq!(nearest(typed, known), Some(meant), "{typed}");
+        }
+        for typed in ["banana", "", "x", "noise", "distortion"] {
+            assert_eq!(nearest(typed, known), None, "{typed}");
+        }
+        assert_eq!(nearest("width", []), None);
+    }
+
+    #[test]
+    fn missing_spans_name_both_ends() {
+        assert_eq!(
+            missing_span([0.0, 2.0], [0.5, 1.0]),
+            "missing 0.000000000 s to 0.500000000 s and 1.000000000 s to 2.000000000 s"
+        );
+        assert_eq!(missing_span([3.0, 4.0], [0.5, 1.0]), "missing 3.000000000 s to 4.000000000 s");
+        assert_eq!(missing_span([0.6, 1.1], [0.5, 1.0]), "missing 1.000000000 s to 1.100000000 s");
+    }
 }

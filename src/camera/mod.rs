@@ -4,10 +4,12 @@ pub mod accumulation;
 mod intrinsics;
 mod pose;
 pub mod samples;
+mod stamp;
 mod timing;
 mod trajectory;
 
 pub use intrinsics::{Intrinsics, NEAR_M};
 pub use pose::Pose;
+pub use stamp::{Stamp, StampFault};
 pub use timing::{ScanOrder, ShutterTiming};
-pub use trajectory::Trajectory;
+pub use trajectory::{TIME_TOLERANCE_S, Trajectory};

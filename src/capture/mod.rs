@@ -1,44 +1,25 @@
 //! A capture: the folder that holds a camera, a scene, a trajectory and the times of the frames (CAPTURE contract).
 
+mod camera_toml;
+mod frames_csv;
+mod lights;
+mod text;
+mod tum;
+
 use std::path::{Path, PathBuf};
 
-use crate::camera::{Intrinsics, Trajectory};
-use crate::chain::Settings;
-use crate::error::Result;
-use crate::scene::Scene;
+pub use camera_toml::CameraFile;
+pub use frames_csv::{FrameEntry, parse_frames};
+pub use lights::parse_lights;
 
-/// What `camera.toml` says.
-#[derive(Clone, Debug)]
-pub struct CameraFile {
-    /// The file.
-    pub path: PathBuf,
-    /// Size and pinhole.
-    pub intrinsics: Intrinsics,
-    /// Time from one frame to the next, s.
-    pub frame_period_s: f64,
-    /// Pixels that no geometry covers are left out of every comparison (else they are black).
-    pub background_ignored: bool,
-    /// The camera rests during each frame: poses are looked up, never differenced.
-    pub static_camera: bool,
-    /// Whether the scene is lit by `lights.toml` (else `kd` is radiance).
-    pub lit: bool,
-    /// The modelled effects.
-    pub settings: Settings,
-}
+use crate::camera::{Pose, ShutterTiming, Trajectory};
+use crate::effects::{MotionBlur, RollingShutter};
+use crate::error::{Error, Result};
+use crate::scene::{Scene, Shading, load_obj};
+use text::read_text;
 
-/// One line of `frames.csv`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrameEntry {
-    /// START of exposure of the first row exposed, as written, ns.
-    pub timestamp_ns: i64,
-    /// The same, s on the capture's clock.
-    pub start_s: f64,
-    /// File name, as written: `000000.png`.
-    pub filename: String,
-}
-
-/// A whole capture. All times in s are on the capture's clock, which starts at `epoch_ns`: timestamps of 19 digits
-/// keep their nanoseconds.
+/// A whole capture. All times in s are on the capture's clock, whose zero is the first frame's timestamp: timestamps
+/// of 19 digits keep their nanoseconds.
 #[derive(Clone, Debug)]
 pub struct Capture {
     /// The folder.
@@ -51,16 +32,138 @@ pub struct Capture {
     pub trajectory: Trajectory,
     /// The frames, in the order of `frames.csv`.
     pub frames: Vec<FrameEntry>,
-    /// Zero of the capture's clock, ns.
+    /// Zero of the capture's clock: the first frame's timestamp, ns.
     pub epoch_ns: i64,
 }
 
 impl Capture {
-    /// Reads a capture; `camera` replaces its `camera.toml`.
+    /// Reads a capture; `camera` replaces its `camera.toml`. Warnings (see [`CameraFile::warnings`]) are emitted.
     ///
     /// # Errors
     /// Everything that is missing or wrong, with file and line.
-    pub fn read(_root: &Path, _camera: Option<&Path>) -> Result<Self> {
-        unimplemented!()
+    pub fn read(root: &Path, camera: Option<&Path>) -> Result<Self> {
+        let camera_path = camera.map_or_else(|| root.join("camera.toml"), Path::to_owned);
+        check_present(root, &camera_path)?;
+        let camera = CameraFile::read(&camera_path)?;
+        let mut scene = load_obj(&root.join("scene.obj"), root)?;
+        if camera.lit {
+            let path = root.join("lights.toml");
+            let text = read_text(&path, "the point lights, as the camera says shading = \"lit\"")?;
+            scene.shading = Shading::Lit(parse_lights(&path, &text)?);
+        }
+        Self::with_scene(root, camera, scene)
+    }
+
+    /// Reads the times and poses of a capture whose camera and scene are at hand.
+    ///
+    /// # Errors
+    /// As [`Self::read`], for `frames.csv`, `trajectory.tum` and `objects/`.
+    pub fn with_scene(root: &Path, mut camera: CameraFile, mut scene: Scene) -> Result<Self> {
+        let path = root.join("frames.csv");
+        let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
+        let frames = parse_frames(&path, &text)?;
+        let epoch_ns = frames[0].timestamp_ns;
+        if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
+            tracing::warn!("{}: {warning}", path.display());
+            camera.warnings.push(warning);
+        }
+        let trajectory = tum::read_trajectory(&root.join("trajectory.tum"), epoch_ns)?;
+        tum::bind_objects(root, epoch_ns, &mut scene)?;
+        let capture = Self { root: root.to_owned(), camera, scene, trajectory, frames, epoch_ns };
+        capture.check_coverage()?;
+        Ok(capture)
+    }
+
+    /// When each line of a frame is exposed: the frame's timestamp, and the camera's shutter.
+    ///
+    /// # Panics
+    /// If there is no such frame.
+    pub fn shutter(&self, frame: usize) -> ShutterTiming {
+        let settings = &self.camera.settings;
+        let scan_order = RollingShutter::scan_order(settings);
+        ShutterTiming {
+            start_s: self.frames[frame].start_s,
+            exposure_time_s: MotionBlur::exposure_time_s(settings),
+            readout_time_s: RollingShutter::readout_time_s(settings),
+            scan_order,
+            line_count: scan_order.line_count(self.camera.intrinsics.width, self.camera.intrinsics.height),
+        }
+    }
+
+    /// The camera's pose at an instant of a frame's exposure. A camera that rests during each frame
+    /// ([`CameraFile::static_camera`]) has the pose of the frame's timestamp all the while.
+    ///
+    /// # Panics
+    /// If there is no such frame, or the time lies outside the trajectory (see [`Self::check_coverage`]).
+    pub fn world_from_camera(&self, frame: usize, time_s: f64) -> Pose {
+        let at_s = if self.camera.static_camera { self.frames[frame].start_s } else { time_s };
+        self.trajectory.pose_at(at_s)
+    }
+
+    /// Checks that poses exist from the start of every frame's first line to the end of its last line's exposure: the
+    /// camera's (of a resting camera: at every timestamp) and those of every object that moves.
+    ///
+    /// # Errors
+    /// [`Error::TrajectoryTooShort`] with the first frame that is not covered and the span that is missing;
+    /// [`Error::Input`] for a single pose where time passes.
+    pub fn check_coverage(&self) -> Result<()> {
+        let objects = self.scene.objects.iter().filter_map(|o| o.trajectory.as_deref());
+        let trajectories: Vec<_> = std::iter::once((&self.trajectory, self.camera.static_camera))
+            .chain(objects.map(|t| (t, false)))
+            .collect();
+        for (index, frame) in self.frames.iter().enumerate() {
+            let shutter = self.shutter(index);
+            for &(trajectory, rests) in &trajectories {
+                let to_s = if rests { shutter.start_s } else { shutter.end_s() };
+                require(trajectory, shutter.start_s, to_s, &format!("frame {index} ({})", frame.filename))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Result<()> {
+    if trajectory.pose_count() == 1 && !trajectory.covers(from_s, to_s) {
+        let found = format!("a single pose, at {:.9} s", trajectory.span_s().0);
+        let expected = format!("at least two, as {what} needs poses from {from_s:.9} s to {to_s:.9} s");
+        return Err(Error::input(trajectory.path(), None, found, expected));
+    }
+    trajectory.require(from_s, to_s, what)
+}
+
+/// Frames may be left out of a capture, but none can follow another in less than the frame period. Up to a hundredth is
+/// the jitter of recorded stamps.
+fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
+    let closest_s = frames.windows(2).map(|pair| pair[1].start_s - pair[0].start_s).min_by(f64::total_cmp)?;
+    if closest_s >= 0.99 * frame_period_s {
+        return None;
+    }
+    // 33.3 for a camera of 30 frames a second.
+    let hint = if closest_s * 100.0 < frame_period_s { "; is the period in s?" } else { "" };
+    Some(format!("frames are as near as {closest_s} s, but frame_period_s = {frame_period_s} s{hint}"))
+}
+
+/// Refuses a folder that is no capture, naming all that it lacks at once.
+fn check_present(root: &Path, camera: &Path) -> Result<()> {
+    if !root.is_dir() {
+        let found = if root.exists() { "a file" } else { "no such folder" };
+        return Err(Error::input(root, None, found, "a capture: a folder with camera.toml, scene.obj, ..."));
+    }
+    let wanted = [
+        (camera.to_owned(), "the camera: its size, pinhole, frame period and effects"),
+        (root.join("scene.obj"), "what the camera looks at: triangles in metres, z up"),
+        (root.join("trajectory.tum"), "the camera's poses over time: lines of t tx ty tz qx qy qz qw"),
+        (root.join("frames.csv"), "the frames: lines of `timestamp in ns,file name`"),
+    ];
+    let missing: Vec<_> = wanted.iter().filter(|(path, _)| !path.exists()).collect();
+    match missing.as_slice() {
+        [] => Ok(()),
+        [(path, purpose)] => Err(Error::input(path, None, "no such file", *purpose)),
+        several => {
+            let name = |path: &Path| path.strip_prefix(root).unwrap_or(path).display().to_string();
+            let names: Vec<_> = several.iter().map(|(path, _)| name(path)).collect();
+            let purposes: Vec<_> = several.iter().map(|(path, p)| format!("{} ({p})", name(path))).collect();
+            Err(Error::input(root, None, format!("no {}", names.join(", no ")), purposes.join(", ")))
+        }
     }
 }

@@ -58,16 +58,16 @@ impl Finish {
     pub(super) fn record(&self, recorder: &mut Recorder<'_>, request: &FrameRequest, readback: (&Buffer, &Buffer)) {
         let size = self.radiance.spec().size;
         let (picture, radiance) = readback;
-        let sigma = PaperNoise::sigmas(&request.settings);
+        let sigma = PaperNoise::sigma(&request.settings);
         let push = DevelopPush {
             size,
             seed: [request.seed as u32, (request.seed >> 32) as u32],
             frame: request.index,
             flags: 0,
             padding: [0; 2],
-            static_sigma: sigma.fixed,
-            color_sigma: sigma.color,
-            edge_sigma: sigma.edge,
+            static_sigma: sigma.static_sigma,
+            color_sigma: sigma.color_sigma,
+            edge_sigma: sigma.edge_sigma,
         };
         recorder.mark("develop");
         recorder.dispatch(&self.develop, &self.group, &push, size);

@@ -1,8 +1,13 @@
 //! CPU pictures: row-major, interleaved channels, top row first.
 
+mod exr;
 mod io;
 pub mod metrics;
 
+pub use exr::{
+    COLOR_CHANNELS, DEPTH_CHANNELS, ExrPicture, MOTION_CHANNELS, read_exr, read_exr_plane, write_exr_atomic,
+    write_exr_plane,
+};
 pub use io::{MAX_DECODED_BYTES, MAX_SIDE_PX, read_rgb8, write_atomic, write_png_atomic};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.
@@ -25,7 +30,11 @@ impl<T: Copy + Default> Plane<T> {
     }
 
     /// A picture computed pixel by pixel; `f(x, y)` gives the channels of one.
-    pub fn from_fn<const N: usize>(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> [T; N]) -> Self {
+    pub fn from_fn<const N: usize>(
+        width: usize,
+        height: usize,
+        mut f: impl FnMut(usize, usize) -> [T; N],
+    ) -> Self {
         let mut data = Vec::with_capacity(width * height * N);
         for y in 0..height {
             for x in 0..width {

@@ -1,0 +1,89 @@
+//! `frames.csv`: `timestamp in ns,file name`, one line a frame.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use crate::camera::Stamp;
+use crate::error::{Error, Result};
+
+/// One line of `frames.csv`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameEntry {
+    /// START of exposure of the first row exposed, as written, ns.
+    pub timestamp_ns: i64,
+    /// The same, s on the capture's clock.
+    pub start_s: f64,
+    /// File name, as written: `000000.png`.
+    pub filename: String,
+}
+
+/// Reads the text of `frames.csv`; `path` is what errors name. A header and comments (`#`) are optional; blank lines,
+/// CRLF and a byte order mark are skipped over. The first frame's timestamp is the zero of the capture's clock.
+///
+/// # Errors
+/// No frame, a timestamp that is not a whole number of ns or does not increase, a file name that stands twice or that
+/// is no plain name in a folder; with file and line.
+pub fn parse_frames(path: &Path, text: &str) -> Result<Vec<FrameEntry>> {
+    let mut frames: Vec<FrameEntry> = Vec::new();
+    let mut lines: Vec<usize> = Vec::new();
+    // By stem: results for a.png and a.jpg would be written to the same file.
+    let mut stems: HashMap<String, usize> = HashMap::new();
+    for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+        let (number, line) = (index + 1, line.trim());
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let (timestamp_ns, filename) = parse_line(path, number, line)?;
+        if let (Some(last), Some(last_line)) = (frames.last(), lines.last())
+            && timestamp_ns <= last.timestamp_ns
+        {
+            let found =
+                format!("timestamp {timestamp_ns} ns after {} ns in line {last_line}", last.timestamp_ns);
+            return Err(Error::input(path, number, found, "timestamps that increase"));
+        }
+        let stem = Path::new(filename).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if let Some(first) = stems.insert(stem, number) {
+            let found = format!("file name `{filename}` again, after line {first}");
+            return Err(Error::input(path, number, found, "names that differ, leaving the extension aside"));
+        }
+        let epoch_ns = frames.first().map_or(timestamp_ns, |f| f.timestamp_ns);
+        let start_s = Stamp::from_ns(timestamp_ns).seconds_since(epoch_ns);
+        frames.push(FrameEntry { timestamp_ns, start_s, filename: filename.to_owned() });
+        lines.push(number);
+    }
+    if frames.is_empty() {
+        return Err(Error::input(path, None, "no frame", "at least one line `timestamp in ns,file name`"));
+    }
+    Ok(frames)
+}
+
+fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(i64, &'a str)> {
+    let Some((timestamp, filename)) = line.split_once(',') else {
+        return Err(Error::input(
+            path,
+            number,
+            format!("`{}`", shortened(line)),
+            "`timestamp in ns,file name`",
+        ));
+    };
+    let (timestamp, filename) = (timestamp.trim(), filename.trim());
+    let timestamp_ns = timestamp.parse::<i64>().map_err(|_| {
+        let hint = if timestamp.parse::<f64>().is_ok_and(f64::is_finite) { "; is it in s?" } else { "" };
+        let found = format!("timestamp `{}`", shortened(timestamp));
+        Error::input(path, number, found, format!("a whole number of ns that fits in 64 bits{hint}"))
+    })?;
+    if filename.is_empty()
+        || filename.starts_with('.')
+        || filename.contains(['/', '\\', ',', ':'])
+        || filename.contains(char::is_control)
+    {
+        let found = format!("file name `{}`", shortened(filename).escape_debug());
+        return Err(Error::input(path, number, found, "a plain name such as 000000.png, without folders"));
+    }
+    Ok((timestamp_ns, filename))
+}
+
+/// The start of what was found, so that an error stays one line.
+fn shortened(text: &str) -> String {
+    text.chars().take(60).collect()
+}
