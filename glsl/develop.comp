@@ -47,7 +47,10 @@ void main() {
         return;
     }
     vec4 seen = imageLoad(radiance, ivec2(pixel));
-    vec3 gradient = push.edge_sigma.rgb != vec3(0.0) ? gradient_magnitude(ivec2(pixel)) : vec3(0.0);
+    vec3 gradient = vec3(0.0);
+    if (paper_noise_has(PAPER_NOISE_EDGE, push.edge_sigma.rgb)) {
+        gradient = gradient_magnitude(ivec2(pixel));
+    }
     vec3 noisy = paper_noise(seen.rgb, gradient, pixel, push.frame, push.seed, push.static_sigma.rgb,
                              push.color_sigma.rgb, push.edge_sigma.rgb);
     bool marked = (push.flags & FLAG_MARK_CLAMPED) != 0u && seen.a < 0.0;

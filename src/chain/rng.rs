@@ -115,6 +115,27 @@ mod tests {
     }
 
     #[test]
+    fn kernels_use_the_same_streams() {
+        let glsl = include_str!("../../glsl/include/rng.glsl");
+        for (name, value) in [
+            ("STREAM_PAPER_NOISE_STATIC", STREAM_PAPER_NOISE_STATIC),
+            ("STREAM_PAPER_NOISE_COLOR", STREAM_PAPER_NOISE_COLOR),
+            ("STREAM_PAPER_NOISE_EDGE", STREAM_PAPER_NOISE_EDGE),
+            ("FIXED_FRAME", FIXED_FRAME),
+        ] {
+            assert!(
+                glsl.contains(&format!("const uint {name} = {value:#x}u;")),
+                "{name} differs in rng.glsl"
+            );
+        }
+        let streams = [STREAM_PAPER_NOISE_STATIC, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE];
+        assert!(
+            streams.iter().enumerate().all(|(i, s)| !streams[..i].contains(s)),
+            "two purposes share a stream"
+        );
+    }
+
+    #[test]
     fn logarithm_and_circle_agree_with_the_standard_library() {
         let mut bits = 0x1234_5678_u32;
         for step in 0..400_000_u32 {

@@ -45,6 +45,16 @@ pub struct PaperNoiseSigma {
     pub edge_sigma: [f32; 4],
 }
 
+impl PaperNoiseSigma {
+    /// Parts that are not neutral: 1 static, 2 colour, 4 edge. The value of the kernel's specialization constant 0
+    /// (`PAPER_NOISE_PARTS`; all parts unless set): a software device runs both sides of a branch, so it saves time only
+    /// on what the pipeline leaves out.
+    pub fn parts(&self) -> u32 {
+        let parts = [self.static_sigma, self.color_sigma, self.edge_sigma];
+        (0..3).filter(|&k| parts[k][..3] != [0.0; 3]).map(|k| 1 << k).sum()
+    }
+}
+
 impl PaperNoise {
     /// Roots of the variances in `settings`; zero when the effect is off.
     pub fn sigma(settings: &Settings) -> PaperNoiseSigma {
@@ -104,5 +114,25 @@ impl Effect for PaperNoise {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::Value;
+
+    #[test]
+    fn sigma_is_the_root_of_the_variance_in_settings() {
+        let mut settings = Settings::default();
+        assert_eq!(PaperNoise::sigma(&settings), PaperNoiseSigma::default());
+        assert_eq!(PaperNoise::sigma(&settings).parts(), 0);
+        let mut set = |name, value| settings.set(&PaperNoise, name, Value::Number(value)).expect("in range");
+        set("color_variance_g", 0.04);
+        set("edge_variance_b", 0.25);
+        let sigma = PaperNoise::sigma(&settings);
+        assert_eq!(sigma.color_sigma, [0.0, 0.2, 0.0, 0.0]);
+        assert_eq!(sigma.edge_sigma, [0.0, 0.0, 0.5, 0.0]);
+        assert_eq!((sigma.static_sigma, sigma.parts()), ([0.0; 4], 6));
     }
 }
