@@ -27,7 +27,8 @@ fn main() {
 
 /// All stages in `dir` itself; `include/` holds text only.
 fn shaders(dir: &Path) -> Vec<PathBuf> {
-    let is_stage = |p: &PathBuf| p.extension().is_some_and(|e| ["comp", "vert", "frag"].iter().any(|s| e == *s));
+    let is_stage =
+        |p: &PathBuf| p.extension().is_some_and(|e| ["comp", "vert", "frag"].iter().any(|s| e == *s));
     let entries = fs::read_dir(dir).expect("glsl/ exists");
     let mut paths: Vec<_> = entries.map(|e| e.expect("glsl/ is readable").path()).filter(is_stage).collect();
     paths.sort();
@@ -101,7 +102,9 @@ fn bindings(file: &str, main: &EntryPoint) -> String {
             _ => None,
         };
         let name = name.clone().filter(|n| !n.is_empty()).or(block).unwrap_or_default();
-        let row = format!("Binding {{ set: {set}, binding: {binding}, kind: BindingKind::{kind}, name: {name:?} }}");
+        let row = format!(
+            "Binding {{ set: {set}, binding: {binding}, kind: BindingKind::{kind}, name: {name:?} }}"
+        );
         rows.push((set, binding, row));
     }
     rows.sort();

@@ -50,9 +50,10 @@ pub(super) struct AccumulatePush {
     pub(super) first_line: u32,
     pub(super) first_weight: u32,
 }
-assert_push_layout!("accumulate_ms.comp", AccumulatePush {
-    origin, size, picture, grid, scan_order, first_line, first_weight
-});
+assert_push_layout!(
+    "accumulate_ms.comp",
+    AccumulatePush { origin, size, picture, grid, scan_order, first_line, first_weight }
+);
 
 /// The pass that adds one render to the radiance.
 pub(super) struct Accumulate {
@@ -199,8 +200,12 @@ impl Accumulation {
         let (input, group) = &self.inputs[slot];
         for (row, lines) in rows {
             let push = lines.push(shutter.scan_order, self.target.size, stage.plan.grid);
-            let area =
-                RenderArea { x: push.origin[0], y: push.origin[1], width: push.size[0], height: push.size[1] };
+            let area = RenderArea {
+                x: push.origin[0],
+                y: push.origin[1],
+                width: push.size[0],
+                height: push.size[1],
+            };
             recorder.mark("raster");
             self.target.draw(recorder, &stage.buffers, input, *row, 0.0, area);
             recorder.mark("accumulate");

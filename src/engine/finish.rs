@@ -1,36 +1,29 @@
 //! Radiance to the delivered picture in host memory: the last pass of every method.
 
-use bytemuck::{Pod, Zeroable};
+use std::collections::BTreeMap;
 
 use super::Stage;
 use super::frame::FrameRequest;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
+use crate::chain::rng::seed_words;
 use crate::effects::PaperNoise;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Slot, Usage};
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Slot, Usage,
+};
 use crate::kernels::kernel;
+use crate::reference::develop::Push as DevelopPush;
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct DevelopPush {
-    size: [u32; 2],
-    seed: [u32; 2],
-    frame: u32,
-    flags: u32,
-    padding: [u32; 2],
-    static_sigma: [f32; 4],
-    color_sigma: [f32; 4],
-    edge_sigma: [f32; 4],
-}
-assert_push_layout!("develop.comp", DevelopPush {
-    size, seed, frame, flags, padding, static_sigma, color_sigma, edge_sigma
-});
+assert_push_layout!(
+    "develop.comp",
+    DevelopPush { size, seed, frame, flags, padding, static_sigma, color_sigma, edge_sigma }
+);
 
 /// The radiance image and the kernel that develops it.
 pub(super) struct Finish {
-    develop: ComputePipeline,
-    group: BindGroup,
+    /// By the parts of the noise that are on: what is off is compiled out.
+    develop: BTreeMap<u32, (ComputePipeline, BindGroup)>,
     pixels: Buffer,
     radiance: Image,
 }
@@ -42,11 +35,9 @@ impl Finish {
         let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f))?;
         let bytes = u64::from(size[0]) * u64::from(size[1]) * 4;
         let pixels = Buffer::new(context, "pixels", bytes, Usage::Storage, Location::Device)?;
-        let develop = ComputePipeline::new(context, const { kernel("develop.comp") })?;
-        let group = develop.bind(&[("radiance", Bound::Storage(&radiance)), ("Pixels", Bound::Buffer(&pixels))])?;
         let first = slots.first_mut().expect("at least one slot");
         prepare(&mut first.gpu, [&radiance])?;
-        Ok(Self { develop, group, pixels, radiance })
+        Ok(Self { develop: BTreeMap::new(), pixels, radiance })
     }
 
     /// Where the methods write.
@@ -54,14 +45,33 @@ impl Finish {
         &self.radiance
     }
 
+    /// Makes the kernel for the noise that a frame has; steady after the first frame of a kind.
+    pub(super) fn fit(&mut self, stage: &Stage, request: &FrameRequest) -> Result<()> {
+        let parts = PaperNoise::sigma(&request.settings).parts();
+        if self.develop.contains_key(&parts) {
+            return Ok(());
+        }
+        let kernel = const { kernel("develop.comp") };
+        let develop = ComputePipeline::specialized(&stage.context, kernel, &[parts])?;
+        let group = develop
+            .bind(&[("radiance", Bound::Storage(&self.radiance)), ("Pixels", Bound::Buffer(&self.pixels))])?;
+        self.develop.insert(parts, (develop, group));
+        Ok(())
+    }
+
     /// Records noise, encoding and readback.
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, request: &FrameRequest, readback: (&Buffer, &Buffer)) {
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        request: &FrameRequest,
+        readback: (&Buffer, &Buffer),
+    ) {
         let size = self.radiance.spec().size;
         let (picture, radiance) = readback;
         let sigma = PaperNoise::sigma(&request.settings);
         let push = DevelopPush {
             size,
-            seed: [request.seed as u32, (request.seed >> 32) as u32],
+            seed: seed_words(request.seed),
             frame: request.index,
             flags: 0,
             padding: [0; 2],
@@ -70,7 +80,8 @@ impl Finish {
             edge_sigma: sigma.edge_sigma,
         };
         recorder.mark("develop");
-        recorder.dispatch(&self.develop, &self.group, &push, size);
+        let (develop, group) = &self.develop[&sigma.parts()];
+        recorder.dispatch(develop, group, &push, size);
         recorder.mark("readback");
         recorder.copy_buffer(&self.pixels, picture, self.pixels.bytes());
         if request.statistics {

@@ -115,8 +115,8 @@ pub(super) fn check_coverage(stage: &Stage, request: &FrameRequest) -> Result<()
 /// Times for which camera and all objects have poses.
 pub(super) fn covered_span_s(stage: &Stage, path: &Trajectory) -> (f64, f64) {
     let objects = stage.scene.objects.iter().filter_map(|o| o.trajectory.as_deref());
-    objects.chain(std::iter::once(path)).map(Trajectory::span_s).fold(
-        (f64::NEG_INFINITY, f64::INFINITY),
-        |(from, to), (first, last)| (from.max(first), to.min(last)),
-    )
+    objects
+        .chain(std::iter::once(path))
+        .map(Trajectory::span_s)
+        .fold((f64::NEG_INFINITY, f64::INFINITY), |(from, to), (first, last)| (from.max(first), to.min(last)))
 }

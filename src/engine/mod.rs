@@ -174,6 +174,7 @@ impl Engine {
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
         self.widen(request)?;
+        self.finish.fit(&self.stage, request)?;
         let slot = &mut self.slots[index];
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());

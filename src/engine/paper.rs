@@ -5,9 +5,6 @@
 //! What it gets wrong, by construction: one motion vector a pixel is read at the destination, so silhouettes tear;
 //! motion is a difference of the past (eq. 3), so acceleration lags; what no picture saw is invented.
 
-use bytemuck::{Pod, Zeroable};
-use glam::DMat4;
-
 use super::Stage;
 use super::finish::{Finish, prepare};
 use super::frame::{FrameRequest, covered_span_s};
@@ -17,9 +14,14 @@ use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, Trajectory};
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler};
+use crate::gpu::{
+    BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
+};
 use crate::kernels::kernel;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
+use crate::reference::motion_from_depth::Push as DepthPush;
+use crate::reference::paper_gather::Push as GatherPush;
+use bytemuck::{Pod, Zeroable};
 
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
@@ -93,37 +95,39 @@ pub(super) struct ResolveMotionPush {
 }
 assert_push_layout!("resolve_motion_ms.comp", ResolveMotionPush { size, grid, layer, near_m });
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct GatherPush {
-    size: [u32; 2],
-    margin_px: [i32; 2],
-    start_s: f32,
-    readout_time_s: f32,
-    exposure_time_s: f32,
-    frame_interval_s: f32,
-    first_motion_s: f32,
-    motion_step_s: f32,
-    motion_count: u32,
-    scan_order: u32,
-    max_samples: u32,
-    pixel_time: u32,
-}
-assert_push_layout!("paper_gather.comp", GatherPush {
-    size, margin_px, start_s, readout_time_s, exposure_time_s, frame_interval_s, first_motion_s, motion_step_s,
-    motion_count, scan_order, max_samples, pixel_time
-});
+assert_push_layout!(
+    "paper_gather.comp",
+    GatherPush {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        frame_interval_s,
+        first_motion_s,
+        motion_step_s,
+        motion_count,
+        scan_order,
+        max_samples,
+        pixel_time
+    }
+);
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct DepthPush {
-    size: [u32; 2],
-    layer: u32,
-    scale: f32,
-    intrinsics: [f32; 4],
-    from_rows: [[f32; 4]; 3],
-    to_rows: [[f32; 4]; 3],
-}
+assert_push_layout!(
+    "motion_from_depth.comp",
+    DepthPush {
+        size,
+        layer,
+        scale,
+        intrinsics,
+        from_row_0,
+        from_row_1,
+        from_row_2,
+        to_row_0,
+        to_row_1,
+        to_row_2
+    }
+);
 
 /// Resolves motion and depth of a target's nearest samples.
 pub(super) struct ResolveMotion {
@@ -151,7 +155,13 @@ impl ResolveMotion {
         ])
     }
 
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, group: &BindGroup, target: &RasterTarget, layer: u32) {
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        group: &BindGroup,
+        target: &RasterTarget,
+        layer: u32,
+    ) {
         let push = ResolveMotionPush {
             size: target.size,
             grid: [target.plan.grid as i32; 2],
@@ -360,7 +370,12 @@ fn plan(stage: &Stage, options: &PaperOptions, request: &FrameRequest, path: &Tr
 
 /// Eq. 3: the difference to the projection one step earlier, per frame interval; to the one later where no earlier
 /// pose exists.
-fn motion_instant(time_s: f64, step_s: f64, (first_s, last_s): (f64, f64), interval_s: f64) -> (Instant, f64) {
+fn motion_instant(
+    time_s: f64,
+    step_s: f64,
+    (first_s, last_s): (f64, f64),
+    interval_s: f64,
+) -> (Instant, f64) {
     let mut from_s = (time_s - step_s).max(first_s);
     let mut to_s = time_s;
     // Less than a tenth of the step is too short a base for a difference.
@@ -395,21 +410,18 @@ fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
 
-fn depth_push(camera: &Intrinsics, path: &Trajectory, instant: &Instant, layer: u32, scale: f64) -> DepthPush {
-    let now = path.pose_at(instant.time_s).matrix();
-    let rows = |time_s: f64| {
-        let matrix: DMat4 = (path.pose_at(time_s).inverse().matrix() * now).transpose();
-        let [x, y, z, _] = matrix.as_mat4().to_cols_array_2d();
-        [x, y, z]
-    };
-    DepthPush {
-        size: [camera.width, camera.height],
-        layer,
-        scale: scale as f32,
-        intrinsics: [camera.fx as f32, camera.fy as f32, camera.cx as f32, camera.cy as f32],
-        from_rows: rows(instant.motion_from_s),
-        to_rows: rows(instant.motion_to_s),
-    }
+/// The reconstruction method's matrices: where the camera was and will be, from where it is.
+fn depth_push(
+    camera: &Intrinsics,
+    path: &Trajectory,
+    instant: &Instant,
+    layer: u32,
+    scale: f64,
+) -> DepthPush {
+    let now = path.pose_at(instant.time_s);
+    let camera_from_now = |time_s: f64| path.pose_at(time_s).inverse().then_from(&now);
+    let (from, to) = (camera_from_now(instant.motion_from_s), camera_from_now(instant.motion_to_s));
+    DepthPush { scale: scale as f32, ..DepthPush::new(camera, layer, 1.0, &from, &to) }
 }
 
 impl Images {

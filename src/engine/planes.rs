@@ -118,6 +118,10 @@ impl PlanesPass {
             let values: &[f32] = bytemuck::cast_slice(buffer.mapped());
             Plane { width, height, channels, data: values[..width * height * channels].to_vec() }
         };
-        Planes { color: plane(&from.color, 4), motion_px: plane(&from.motion, 2), depth_m: plane(&from.depth, 1) }
+        Planes {
+            color: plane(&from.color, 4),
+            motion_px: plane(&from.motion, 2),
+            depth_m: plane(&from.depth, 1),
+        }
     }
 }

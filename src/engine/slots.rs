@@ -99,7 +99,12 @@ impl FrameSlot {
     }
 
     /// The finished frame.
-    pub(super) fn take_frame(&mut self, size: [u32; 2], times: Vec<PassTime>, planes: Option<Planes>) -> Frame {
+    pub(super) fn take_frame(
+        &mut self,
+        size: [u32; 2],
+        times: Vec<PassTime>,
+        planes: Option<Planes>,
+    ) -> Frame {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
         let rgb = self.picture.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let statistics = request.statistics.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));

@@ -20,7 +20,11 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    pub(super) fn new(context: &Arc<Context>, kernels: &[&Kernel], stages: vk::ShaderStageFlags) -> Result<Self> {
+    pub(super) fn new(
+        context: &Arc<Context>,
+        kernels: &[&Kernel],
+        stages: vk::ShaderStageFlags,
+    ) -> Result<Self> {
         let mut bindings: Vec<Binding> = Vec::new();
         for binding in kernels.iter().flat_map(|k| k.bindings) {
             if !bindings.contains(binding) {

@@ -120,7 +120,13 @@ impl<'a> Recorder<'a> {
     ///
     /// # Panics
     /// If the push constants have another size than the shader's block.
-    pub fn dispatch<P: NoUninit>(&mut self, kernel: &ComputePipeline, group: &BindGroup, push: &P, size: [u32; 2]) {
+    pub fn dispatch<P: NoUninit>(
+        &mut self,
+        kernel: &ComputePipeline,
+        group: &BindGroup,
+        push: &P,
+        size: [u32; 2],
+    ) {
         self.barrier();
         let bytes = &bytes_of(push)[..kernel.kernel.push_bytes()];
         let [x, y, _] = kernel.kernel.local_size;
@@ -145,7 +151,12 @@ impl<'a> Recorder<'a> {
     }
 
     /// Draws indexed triangles into an area, after a barrier. `draws` holds, in order, what to draw with which set 1.
-    pub fn draw<P: NoUninit>(&mut self, attachments: &Attachments, area: RenderArea, batch: &DrawBatch<'_, P>) {
+    pub fn draw<P: NoUninit>(
+        &mut self,
+        attachments: &Attachments,
+        area: RenderArea,
+        batch: &DrawBatch<'_, P>,
+    ) {
         self.barrier();
         let clears = vec![vk::ClearValue::default(); attachments.images().count()];
         let rect = vk::Rect2D {
@@ -205,7 +216,8 @@ impl<'a> Recorder<'a> {
     /// Copies the first layer of an image, from `offset` on, into a tightly packed buffer, after a barrier.
     pub fn copy_image_to_buffer(&mut self, from: &Image, offset: [u32; 2], size: [u32; 2], to: &Buffer) {
         self.barrier();
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let layers =
+            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         let region = [vk::BufferImageCopy::default()
             .image_subresource(layers)
             .image_offset(vk::Offset3D { x: offset[0] as i32, y: offset[1] as i32, z: 0 })
@@ -227,10 +239,13 @@ impl<'a> Recorder<'a> {
     pub fn copy_buffer_to_image(&mut self, from: &Buffer, to: &Image) {
         self.barrier();
         let size = to.spec().size;
-        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let region = [vk::BufferImageCopy::default()
-            .image_subresource(layers)
-            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
+        let layers =
+            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width: size[0],
+            height: size[1],
+            depth: 1,
+        })];
         let layout = vk::ImageLayout::GENERAL;
         // SAFETY: recording; buffer and image are alive and of equal size (the caller's sizes).
         unsafe {

@@ -9,9 +9,9 @@ use ash::{Entry, Instance, vk};
 use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
+use super::failed;
 use super::select::{self, DeviceChoice, DeviceInfo};
 use super::validation::{self, Messenger, Validation};
-use super::failed;
 use crate::error::{Error, Result};
 
 /// How to make a [`Context`].
@@ -145,8 +145,11 @@ impl Root {
             validation::check_layer(&entry)?;
         }
         let layers: &[*const i8] = if watch { &[validation::LAYER.as_ptr()] } else { &[] };
-        let extensions: &[*const i8] =
-            if watch { &[debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()] } else { &[] };
+        let extensions: &[*const i8] = if watch {
+            &[debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()]
+        } else {
+            &[]
+        };
         let app = vk::ApplicationInfo::default()
             .application_name(c"shutterbug")
             .engine_name(c"shutterbug")
@@ -180,8 +183,9 @@ impl Drop for Root {
 
 fn open(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device> {
     let priorities = [1.0];
-    let queues =
-        [vk::DeviceQueueCreateInfo::default().queue_family_index(info.queue_family).queue_priorities(&priorities)];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(info.queue_family)
+        .queue_priorities(&priorities)];
     let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
     let extensions: [*const i8; 0] = [];
     let create = vk::DeviceCreateInfo::default()
@@ -194,7 +198,9 @@ fn open(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device> {
 
 pub(super) fn allocation_failed(error: &gpu_allocator::AllocationError) -> Error {
     match error {
-        gpu_allocator::AllocationError::OutOfMemory => Error::OutOfMemory { pool: "device", call: "vkAllocateMemory" },
+        gpu_allocator::AllocationError::OutOfMemory => {
+            Error::OutOfMemory { pool: "device", call: "vkAllocateMemory" }
+        }
         other => Error::Vulkan { call: "vkAllocateMemory", result: other.to_string() },
     }
 }

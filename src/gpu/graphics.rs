@@ -7,7 +7,7 @@ use ash::vk;
 use super::bind::{BindGroup, Bound, Interface};
 use super::context::{Context, MAIN};
 use super::failed;
-use super::kernel::ShaderModule;
+use super::kernel::{ShaderModule, specialization_entries};
 use super::memory::{Format, Image, ImageSpec};
 use crate::error::Result;
 use crate::kernels::Kernel;
@@ -101,9 +101,8 @@ fn make_render_pass(context: &Context, formats: &[Format], samples: u32) -> Resu
                 .final_layout(vk::ImageLayout::GENERAL)
         })
         .collect();
-    let reference = |i: usize| {
-        vk::AttachmentReference::default().attachment(i as u32).layout(vk::ImageLayout::GENERAL)
-    };
+    let reference =
+        |i: usize| vk::AttachmentReference::default().attachment(i as u32).layout(vk::ImageLayout::GENERAL);
     let colors: Vec<_> = (0..formats.len()).map(reference).collect();
     let depth = reference(formats.len());
     let subpass = [vk::SubpassDescription::default()
@@ -173,11 +172,11 @@ fn make_pipeline(
     spec: &GraphicsSpec,
     interface: &Interface,
 ) -> Result<vk::Pipeline> {
-    let (vertex, fragment) = (ShaderModule::new(context, spec.vertex)?, ShaderModule::new(context, spec.fragment)?);
-    let entries: Vec<_> = (0..spec.constants.len() as u32)
-        .map(|id| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4))
-        .collect();
-    let constants = vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&spec.constants));
+    let (vertex, fragment) =
+        (ShaderModule::new(context, spec.vertex)?, ShaderModule::new(context, spec.fragment)?);
+    let entries = specialization_entries(spec.constants.len());
+    let constants =
+        vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&spec.constants));
     let stage = |flag, module: &ShaderModule| {
         vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module.handle).name(MAIN)
     };
@@ -203,7 +202,8 @@ fn make_pipeline(
         .depth_test_enable(true)
         .depth_write_enable(true)
         .depth_compare_op(vk::CompareOp::GREATER);
-    let write = vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+    let write =
+        vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
     let blends = vec![write; attachments.colors.len()];
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
     let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];

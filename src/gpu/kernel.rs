@@ -24,10 +24,24 @@ impl ComputePipeline {
     /// # Errors
     /// Out of memory, or a driver that refuses the shader.
     pub fn new(context: &Arc<Context>, kernel: &'static Kernel) -> Result<Self> {
+        Self::specialized(context, kernel, &[])
+    }
+
+    /// The same with specialization constants 0, 1, ...
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn specialized(context: &Arc<Context>, kernel: &'static Kernel, constants: &[u32]) -> Result<Self> {
         let interface = Interface::new(context, &[kernel], vk::ShaderStageFlags::COMPUTE)?;
         let module = ShaderModule::new(context, kernel)?;
-        let stage =
-            vk::PipelineShaderStageCreateInfo::default().stage(vk::ShaderStageFlags::COMPUTE).module(module.handle).name(MAIN);
+        let entries = specialization_entries(constants.len());
+        let constants =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module.handle)
+            .name(MAIN)
+            .specialization_info(&constants);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(interface.layout);
         // SAFETY: module and layout are alive and match: both come from the same reflected table.
         let made = unsafe { context.device.create_compute_pipelines(context.pipeline_cache, &[info], None) };
@@ -52,6 +66,12 @@ impl Drop for ComputePipeline {
             unsafe { self.context.device.destroy_pipeline(self.handle, None) };
         }
     }
+}
+
+/// Constants 0, 1, ... as consecutive words.
+pub(super) fn specialization_entries(count: usize) -> Vec<vk::SpecializationMapEntry> {
+    let entry = |id: u32| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4);
+    (0..count as u32).map(entry).collect()
 }
 
 /// A shader module, needed only while a pipeline is made.

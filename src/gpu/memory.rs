@@ -50,7 +50,13 @@ impl Buffer {
     ///
     /// # Errors
     /// Out of memory; more bytes than a storage buffer may have.
-    pub fn new(context: &Arc<Context>, name: &str, bytes: u64, usage: Usage, location: Location) -> Result<Self> {
+    pub fn new(
+        context: &Arc<Context>,
+        name: &str,
+        bytes: u64,
+        usage: Usage,
+        location: Location,
+    ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
         if usage == Usage::Storage && bytes > limit {
@@ -67,7 +73,8 @@ impl Buffer {
         };
         let info = vk::BufferCreateInfo::default().size(bytes).usage(flags);
         // SAFETY: the device is alive and `info` is complete.
-        let handle = unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
+        let handle =
+            unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         context.name(handle, name);
         let mut buffer = Self { handle, bytes, allocation: None, context: context.clone() };
         // SAFETY: the buffer was just made by this device.
@@ -79,7 +86,8 @@ impl Buffer {
         };
         let allocation = allocate(context, name, requirements, location, true)?;
         // SAFETY: the memory is fresh and fits the buffer's requirements.
-        let bound = unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        let bound =
+            unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
         Ok(buffer)
@@ -96,7 +104,8 @@ impl Buffer {
     /// If the range lies outside or the buffer is not mapped.
     pub fn write<T: Pod>(&mut self, offset: usize, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        let mapped = self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).expect("an upload buffer is mapped");
+        let mapped =
+            self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).expect("an upload buffer is mapped");
         mapped[offset..offset + bytes.len()].copy_from_slice(bytes);
     }
 
@@ -105,7 +114,8 @@ impl Buffer {
     /// # Panics
     /// If the buffer is not mapped.
     pub fn mapped(&self) -> &[u8] {
-        let mapped = self.allocation.as_ref().and_then(|a| a.mapped_slice()).expect("a readback buffer is mapped");
+        let mapped =
+            self.allocation.as_ref().and_then(|a| a.mapped_slice()).expect("a readback buffer is mapped");
         &mapped[..self.bytes as usize]
     }
 }
@@ -232,8 +242,14 @@ impl Image {
     pub fn new(context: &Arc<Context>, name: &str, spec: ImageSpec) -> Result<Self> {
         let limit = context.info().max_image_side_px;
         if let Some(&side) = spec.size.iter().find(|&&s| s > limit || s == 0) {
-            let why = format!("maxImageDimension2D of {}; margin and supersampling included", context.info().name);
-            return Err(Error::Limit { what: "side of an image, px", value: side.into(), limit: limit.into(), why });
+            let why =
+                format!("maxImageDimension2D of {}; margin and supersampling included", context.info().name);
+            return Err(Error::Limit {
+                what: "side of an image, px",
+                value: side.into(),
+                limit: limit.into(),
+                why,
+            });
         }
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
@@ -253,7 +269,8 @@ impl Image {
         let requirements = unsafe { context.device.get_image_memory_requirements(handle) };
         let allocation = allocate(context, name, requirements, MemoryLocation::GpuOnly, false)?;
         // SAFETY: the memory is fresh and fits the image's requirements.
-        let bound = unsafe { context.device.bind_image_memory(handle, allocation.memory(), allocation.offset()) };
+        let bound =
+            unsafe { context.device.bind_image_memory(handle, allocation.memory(), allocation.offset()) };
         image.allocation = Some(allocation);
         bound.map_err(failed("vkBindImageMemory"))?;
         image.view = image.make_view()?;
@@ -339,7 +356,8 @@ impl Sampler {
             .address_mode_v(mode)
             .address_mode_w(mode);
         // SAFETY: the device is alive.
-        let handle = unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
+        let handle =
+            unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
         Ok(Self { handle, context: context.clone() })
     }
 }

@@ -76,7 +76,11 @@ impl DeviceChoice {
     pub(super) fn pick(&self, all: &[DeviceInfo]) -> Result<DeviceInfo> {
         let present = || {
             let lines: Vec<_> = all.iter().map(describe).collect();
-            if lines.is_empty() { "none (Debian: apt-get install mesa-vulkan-drivers)".to_owned() } else { lines.join("; ") }
+            if lines.is_empty() {
+                "none (Debian: apt-get install mesa-vulkan-drivers)".to_owned()
+            } else {
+                lines.join("; ")
+            }
         };
         let found = match self {
             Self::First => all.iter().find(|d| d.missing.is_empty()),
@@ -104,7 +108,8 @@ fn matches(device: &DeviceInfo, wanted: &str) -> bool {
 }
 
 fn describe(d: &DeviceInfo) -> String {
-    let lacks = if d.missing.is_empty() { String::new() } else { format!(", lacks {}", d.missing.join(", ")) };
+    let lacks =
+        if d.missing.is_empty() { String::new() } else { format!(", lacks {}", d.missing.join(", ")) };
     format!("{}: {} [{}]{lacks}", d.index, d.name, d.uuid)
 }
 
@@ -160,7 +165,11 @@ fn inspect(instance: &Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
         driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
         uuid: id.device_uuid.iter().map(|b| format!("{b:02x}")).collect(),
         kind: kind(core.device_type),
-        api_version: (vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)),
+        api_version: (
+            vk::api_version_major(version),
+            vk::api_version_minor(version),
+            vk::api_version_patch(version),
+        ),
         timestamp_period_ns: f64::from(core.limits.timestamp_period),
         timestamp_valid_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         sample_counts: Vec::new(),

@@ -47,7 +47,8 @@ impl Slot {
             .queue_family_index(context.info().queue_family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device is alive in this and the following calls.
-        let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failed("vkCreateCommandPool"))?;
+        let pool =
+            unsafe { device.create_command_pool(&info, None) }.map_err(failed("vkCreateCommandPool"))?;
         let mut slot = Self {
             commands: vk::CommandBuffer::null(),
             queries: vk::QueryPool::null(),
@@ -66,8 +67,9 @@ impl Slot {
         // SAFETY: as above.
         slot.fence = unsafe { device.create_fence(&info, None) }.map_err(failed("vkCreateFence"))?;
         if context.info().timestamp_valid_bits > 0 {
-            let info =
-                vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_QUERIES);
+            let info = vk::QueryPoolCreateInfo::default()
+                .query_type(vk::QueryType::TIMESTAMP)
+                .query_count(MAX_QUERIES);
             // SAFETY: as above.
             slot.queries =
                 unsafe { device.create_query_pool(&info, None) }.map_err(failed("vkCreateQueryPool"))?;
@@ -165,7 +167,12 @@ impl Slot {
         let mut ticks = vec![0u64; 2 * (self.marks.len() + 1)];
         // SAFETY: the submission that wrote these queries has finished.
         let read = unsafe {
-            self.context.device.get_query_pool_results(self.queries, 0, &mut ticks, vk::QueryResultFlags::TYPE_64)
+            self.context.device.get_query_pool_results(
+                self.queries,
+                0,
+                &mut ticks,
+                vk::QueryResultFlags::TYPE_64,
+            )
         };
         read.map_err(failed("vkGetQueryPoolResults"))?;
         let info = self.context.info();

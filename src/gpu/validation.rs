@@ -49,9 +49,8 @@ impl Messenger {
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
             )
-            .message_type(
-                vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
-            )
+            // Not PERFORMANCE: that class advises other image layouts than GENERAL, which is this layer's one rule.
+            .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
             .pfn_user_callback(Some(collect))
             .user_data(user_data.cast_mut().cast());
         // SAFETY: the instance is alive, and `messages` is boxed and destroyed only after the messenger.
@@ -76,7 +75,8 @@ unsafe extern "system" fn collect(
     // SAFETY: the layer passes valid data, and `user` is the boxed `Messages` of `Messenger::new`.
     let (data, messages) = unsafe { (&*data, &*user.cast::<Messages>()) };
     // SAFETY: the message is a NUL-terminated string that lives through the call.
-    let text = unsafe { data.message_as_c_str() }.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
+    let text =
+        unsafe { data.message_as_c_str() }.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
     messages.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(text);
     vk::FALSE
 }
@@ -91,6 +91,8 @@ pub(super) fn check_layer(entry: &Entry) -> Result<()> {
     }
     Err(Error::DeviceLacks {
         device: "(the Vulkan loader)".to_owned(),
-        missing: vec!["VK_LAYER_KHRONOS_validation (Debian: apt-get install vulkan-validationlayers)".to_owned()],
+        missing: vec![
+            "VK_LAYER_KHRONOS_validation (Debian: apt-get install vulkan-validationlayers)".to_owned(),
+        ],
     })
 }

@@ -44,10 +44,9 @@ pub fn instant_rows(
     trajectory: &Trajectory,
     objects: &[Object],
 ) -> (Vec<ObjectRow>, CameraRow) {
-    let clip_at = |time_s: f64| {
-        intrinsics.clip_from_camera() * trajectory.pose_at(time_s).inverse().matrix()
-    };
-    let (now, from, to) = (clip_at(instant.time_s), clip_at(instant.motion_from_s), clip_at(instant.motion_to_s));
+    let clip_at = |time_s: f64| intrinsics.clip_from_camera() * trajectory.pose_at(time_s).inverse().matrix();
+    let (now, from, to) =
+        (clip_at(instant.time_s), clip_at(instant.motion_from_s), clip_at(instant.motion_to_s));
     let eye = trajectory.pose_at(instant.time_s).translation_m;
     let rows = objects.iter().map(|object| {
         let world_at = |time_s: f64| object.world_from_object(time_s).matrix();

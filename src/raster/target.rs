@@ -9,8 +9,8 @@ use super::{SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{
-    Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline, GraphicsSpec,
-    Recorder, RenderArea, VertexFormat,
+    Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline,
+    GraphicsSpec, Recorder, RenderArea, VertexFormat,
 };
 use crate::kernels::{Kernel, kernel};
 use crate::scene::Vertex;
@@ -107,9 +107,13 @@ impl RasterTarget {
         let attachments = Attachments::new(context, &name, texels, plan.msaa, kind.formats())?;
         let (vertex, fragment) = kind.shaders();
         let pipeline = |textured: bool| {
-            let constants =
-                if kind.has_color() { vec![scene.lit.into(), textured.into(), scene.light_count] } else { Vec::new() };
-            let spec = GraphicsSpec { vertex, fragment, constants, format: VERTEX_FORMAT, samples: plan.msaa };
+            let constants = if kind.has_color() {
+                vec![scene.lit.into(), textured.into(), scene.light_count]
+            } else {
+                Vec::new()
+            };
+            let spec =
+                GraphicsSpec { vertex, fragment, constants, format: VERTEX_FORMAT, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
         let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
@@ -117,7 +121,8 @@ impl RasterTarget {
         let mut textures = Vec::new();
         if kind.has_color() {
             for image in &scene.textures {
-                textures.push(pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))])?);
+                textures
+                    .push(pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))])?);
             }
         }
         Ok(Self { kind, size, plan, attachments, pipelines, textures })
@@ -158,7 +163,8 @@ impl RasterTarget {
             height: area.height * grid,
         };
         let draws = self.draw_calls(scene, input);
-        let batch = DrawBatch { vertices: &scene.vertices, indices: &scene.indices, push: &push, draws: &draws };
+        let batch =
+            DrawBatch { vertices: &scene.vertices, indices: &scene.indices, push: &push, draws: &draws };
         recorder.draw(&self.attachments, area, &batch);
     }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use shutterbug::camera::{Intrinsics, Pose, ScanOrder, ShutterTiming, Trajectory};
 use shutterbug::plane::{Plane, read_rgb8};
-use shutterbug::scene::{Material, Object, Scene, Texture, Vertex};
+use shutterbug::scene::{Draw, Material, Object, Scene, Texture, Vertex};
 
 /// A capture with the answer's timing.
 pub struct Answered {
@@ -175,5 +175,22 @@ fn scene(root: &Path, epoch_s: f64) -> Scene {
             _ => {}
         }
     }
+    group_by_texture(&mut scene);
     scene
+}
+
+/// The order that the device draws in: one run of triangles a texture, the untextured ones first.
+fn group_by_texture(scene: &mut Scene) {
+    let texture = |i: u32| scene.materials[scene.vertices[i as usize].material as usize].texture;
+    let mut triangles: Vec<[u32; 3]> = scene.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+    triangles.sort_by_key(|t| texture(t[0]));
+    let mut draws: Vec<Draw> = Vec::new();
+    for (i, triangle) in triangles.iter().enumerate() {
+        let texture = texture(triangle[0]);
+        match draws.last_mut() {
+            Some(draw) if draw.texture == texture => draw.index_count += 3,
+            _ => draws.push(Draw { first_index: 3 * i as u32, index_count: 3, texture }),
+        }
+    }
+    (scene.indices, scene.draws) = (triangles.concat(), draws);
 }
