@@ -183,3 +183,92 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &
     }
     Ok((time, fields[0], Pose { rotation: rotation.normalize(), translation_m: DVec3::new(tx, ty, tz) }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+
+    fn parse(text: &str) -> Trajectory {
+        Trajectory::parse(Path::new("t.tum"), text, EPOCH_NS).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn stamps_of_nineteen_digits_keep_their_nanoseconds() {
+        let t = parse("1700000000.000000001 0 0 0 0 0 0 1\n1.700000000000000004e9 3 0 0 0 0 0 1\n");
+        assert_eq!(t.span_s(), (1e-9, 4e-9));
+        assert!((t.pose_at(2e-9).translation_m.x - 1.0).abs() < 1e-9);
+        // Control: as f64 seconds since 1970 the two lines are the same instant.
+        let seconds =
+            ["1700000000.000000001", "1700000000.000000004"].map(|s| s.parse::<f64>().expect("a number"));
+        assert_eq!(seconds[0], seconds[1]);
+    }
+
+    #[test]
+    fn comments_blank_lines_crlf_tabs_and_a_byte_order_mark_are_skipped_over() {
+        let lines = "1700000000 1 2 3 0 0 0 1\n1700000001 4 5 6 0 0 1 0\n";
+        let dressed = "\u{feff}# t tx ty\r\n\r\n  1700000000\t1 2 3  0 0 0 1  \r\n   # more\r\n1700000001 4 5 6 0 0 1 0";
+        let (plain, dressed) = (parse(lines), parse(dressed));
+        for at in [0.0, 0.3, 1.0] {
+            assert_eq!(plain.pose_at(at), dressed.pose_at(at));
+        }
+        assert_eq!(plain.pose_at(1.0).translation_m, DVec3::new(4.0, 5.0, 6.0));
+    }
+
+    #[test]
+    fn a_flipped_sign_of_a_quaternion_changes_nothing() {
+        let (half, c) = (0.2f64, 0.2f64.cos());
+        let s = half.sin();
+        let same = parse(&format!("1700000000 0 0 0 0 0 0 1\n1700000001 0 0 0 0 0 {s} {c}\n"));
+        let flipped = parse(&format!("1700000000 0 0 0 0 0 0 1\n1700000001 0 0 0 0 0 -{s} -{c}\n"));
+        let point = DVec3::new(1.0, 2.0, 3.0);
+        for at in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            let want = DQuat::from_rotation_z(2.0 * half * at) * point;
+            for trajectory in [&same, &flipped] {
+                assert!((trajectory.pose_at(at).transform(point) - want).length() < 1e-12, "at {at}");
+            }
+        }
+        // Control: the longer arc passes elsewhere.
+        let longer = DQuat::from_rotation_z((2.0 * half - std::f64::consts::TAU) * 0.5) * point;
+        assert!((same.pose_at(0.5).transform(point) - longer).length() > 1.0);
+    }
+
+    #[test]
+    fn quaternions_of_four_decimals_are_normalised_and_worse_ones_refused() {
+        // A line of the TUM recording freiburg1_xyz.
+        let t = parse("1700000000 1.3563 0.6305 1.6380 0.6132 0.5962 -0.3311 -0.3986\n");
+        assert!((t.pose_at(0.0).rotation.length() - 1.0).abs() < 1e-15);
+        for (w, accepted) in
+            [("1.0009", true), ("0.9991", true), ("1.0011", false), ("0.9989", false), ("0", false)]
+        {
+            let line = format!("1700000000 0 0 0 0 0 0 {w}");
+            assert_eq!(Trajectory::parse(Path::new("t.tum"), &line, EPOCH_NS).is_ok(), accepted, "{w}");
+        }
+    }
+
+    #[test]
+    fn rounding_of_sums_is_no_extrapolation() {
+        let t = parse("1700000000.1 0 0 0 0 0 0 1\n1700000000.3 2 0 0 0 0 0 1\n");
+        // 0.1 + 0.2 is above 0.3 by the rounding of binary fractions.
+        assert!(0.1 + 0.2 > t.span_s().1);
+        assert!(t.require(0.1, 0.1 + 0.2, "frame 0").is_ok());
+        assert_eq!(t.pose_at(0.1 + 0.2).translation_m.x, 2.0);
+        let error = t.require(0.1, 0.300_000_002, "frame 0").expect_err("2 ns more").to_string();
+        assert!(error.contains("missing 0.300000000 s to 0.300000002 s"), "{error}");
+    }
+
+    #[test]
+    #[should_panic(expected = "lies outside")]
+    fn poses_are_never_extrapolated() {
+        parse("1700000000 0 0 0 0 0 0 1\n1700000001 1 0 0 0 0 0 1\n").pose_at(1.000_000_01);
+    }
+
+    #[test]
+    fn a_fixed_pose_covers_all_time() {
+        let pose = Pose { rotation: DQuat::from_rotation_x(0.3), translation_m: DVec3::X };
+        let t = Trajectory::fixed(pose);
+        assert!(t.covers(-1e12, 1e12));
+        assert_eq!(t.pose_at(17.0), pose);
+    }
+}

@@ -4,12 +4,12 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::effect_tables::{choose, read_effects};
 use super::text::{Entry, TomlText, read_text};
 use crate::camera::Intrinsics;
-use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Value};
+use crate::chain::{Settings, Value};
 use crate::effects;
 use crate::error::{Error, Result};
 use crate::plane::MAX_SIDE_PX;
@@ -35,7 +35,7 @@ pub struct CameraFile {
     pub warnings: Vec<String>,
 }
 
-const KEYS: [&str; 10] =
+pub(super) const KEYS: [&str; 10] =
     ["width", "height", "fx", "fy", "cx", "cy", "frame_period_s", "background", "static", "shading"];
 
 /// Focal lengths outside this are no camera's, px; inside it every ray stays finite in an `f32`.
@@ -222,91 +222,91 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// One of `options`.
-fn choose(toml: &TomlText, name: &str, value: &Entry, options: &[&'static str]) -> Result<&'static str> {
-    let given = value.get_ref().as_str();
-    options.iter().find(|o| Some(**o) == given).copied().ok_or_else(|| {
-        let list: Vec<String> = options.iter().map(|o| format!("{o:?}")).collect();
-        toml.unexpected(name, value, list.join(" or "))
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::ParamKind;
 
-/// The effects' tables, and what their own checks have to say.
-fn read_effects(toml: &TomlText, table: &DeTable, frame_period_s: f64) -> Result<(Settings, Vec<String>)> {
-    let mut settings = Settings::default();
-    for effect in effects::LIST {
-        if let Some(entries) = table.get(effect.id()).and_then(|t| t.get_ref().as_table()) {
-            settings.enable(*effect);
-            for (key, value) in entries.iter() {
-                read_parameter(toml, *effect, key, value, &mut settings)?;
+    const PLAIN: &str =
+        "width = 320\nheight = 240\nfx = 280.82\nfy = 280\ncx = 158.77\ncy = 120.83\nframe_period_s = 0.04\n";
+
+    fn parse(text: &str) -> CameraFile {
+        CameraFile::parse(Path::new("camera.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn what_is_not_said_is_the_ideal_pinhole() {
+        let camera = parse(PLAIN);
+        let k = Intrinsics { width: 320, height: 240, fx: 280.82, fy: 280.0, cx: 158.77, cy: 120.83 };
+        assert_eq!((camera.intrinsics, camera.frame_period_s), (k, 0.04));
+        assert!(!camera.background_ignored && !camera.static_camera && !camera.lit);
+        assert_eq!(camera.settings, Settings::default());
+        assert!(camera.warnings.is_empty());
+        let same = parse(&format!("{PLAIN}background = \"black\"\nstatic = false\nshading = \"unlit\"\n"));
+        assert_eq!(same.to_toml(), camera.to_toml());
+    }
+
+    #[test]
+    fn keys_and_effects_are_read() {
+        let text = "background = \"ignore\"\nstatic = true\nshading = \"lit\"\n[motion_blur]\nexposure_time_s = 1e-2\n\
+                    [rolling_shutter]\nreadout_time_s = 0\nscan_order = \"right_to_left\"";
+        let camera = parse(&format!("\u{feff}{}{text}", PLAIN.replace('\n', "\r\n")));
+        assert!(camera.background_ignored && camera.static_camera && camera.lit);
+        assert_eq!(effects::MotionBlur::exposure_time_s(&camera.settings), 0.01);
+        assert_eq!(effects::RollingShutter::readout_time_s(&camera.settings), 0.0);
+        assert_eq!(effects::RollingShutter::scan_order(&camera.settings).name(), "right_to_left");
+        assert!(!camera.settings.has("paper_noise"));
+        assert!(parse(&format!("{PLAIN}[paper_noise]")).settings.has("paper_noise"));
+    }
+
+    #[test]
+    fn every_effect_survives_the_way_to_toml_and_back() {
+        let mut camera =
+            parse(&format!("{PLAIN}background = \"ignore\"\nstatic = true\nshading = \"lit\"\n"));
+        camera.frame_period_s = 1.0 / 30.0;
+        camera.intrinsics.fx = 1e-3 + 1e-17;
+        camera.intrinsics.cy = -123_456.789_012_345_67;
+        for effect in effects::LIST {
+            for (i, spec) in effect.specs().iter().enumerate() {
+                let value = match spec.kind {
+                    // A third has no end in binary or decimal.
+                    ParamKind::Number { min, max, .. } => {
+                        Value::Number(min + (max - min) * (i as f64 + 1.0) / 30.0)
+                    }
+                    ParamKind::Choice { options, .. } => Value::Choice(options[options.len() - 1]),
+                    ParamKind::Vector3 { max } => Value::Vector3([max / 3.0, -max / 7.0, 0.0]),
+                };
+                camera.settings.set(*effect, spec.name, value).expect("in range");
             }
         }
+        let text = camera.to_toml();
+        let back = parse(&text);
+        assert_eq!(back.intrinsics, camera.intrinsics);
+        assert_eq!(back.frame_period_s, camera.frame_period_s);
+        assert_eq!(back.settings, camera.settings);
+        assert!(back.background_ignored && back.static_camera && back.lit);
+        assert_eq!(back.to_toml(), text);
+        // Control: one bit more in one value is another text, and reads back as another camera.
+        camera.frame_period_s = camera.frame_period_s.next_up();
+        assert_ne!(camera.to_toml(), text);
+        assert_ne!(parse(&camera.to_toml()).frame_period_s, back.frame_period_s);
     }
-    let mut warnings = Vec::new();
-    for effect in effects::LIST.iter().filter(|e| settings.has(e.id())) {
-        let line = table.get(effect.id()).map(|t| toml.line(t.span()));
-        warnings.extend(
-            effect
-                .check(&settings, frame_period_s)
-                .map_err(|problem| at(toml, line, problem, String::new()))?,
-        );
+
+    #[test]
+    fn effects_are_written_in_light_path_order() {
+        let text = parse(&format!("{PLAIN}[paper_noise]\n[motion_blur]\n[rolling_shutter]\n")).to_toml();
+        let at: Vec<_> =
+            effects::LIST.iter().map(|e| text.find(&format!("[{}]", e.id())).expect("written")).collect();
+        assert!(at.is_sorted(), "{text}");
     }
-    Ok((settings, warnings))
-}
 
-fn read_parameter(
-    toml: &TomlText,
-    effect: &'static dyn Effect,
-    key: &Spanned<std::borrow::Cow<str>>,
-    value: &Entry,
-    settings: &mut Settings,
-) -> Result<()> {
-    let (name, line) = (key.get_ref().as_ref(), toml.line(key.span()));
-    let Some(spec) = effect.specs().iter().find(|s| s.name == name) else {
-        if KEYS.contains(&name) {
-            let found = format!("`{name}` in the table [{}]", effect.id());
-            return Err(Error::input(
-                toml.path(),
-                line,
-                found,
-                "it above the first table: it belongs to the camera",
-            ));
-        }
-        let known = effect.specs().iter().map(|s| s.name);
-        return Err(Error::unknown_name(toml.path(), line, "parameter", name, known));
-    };
-    let parsed = parameter_value(toml, effect.id(), spec, value)?;
-    settings.set(effect, name, parsed).map_err(|problem| {
-        let hint = unit_hint(&problem);
-        at(toml, Some(line), problem, hint)
-    })
-}
-
-fn parameter_value(toml: &TomlText, effect: &str, spec: &ParamSpec, value: &Entry) -> Result<Value> {
-    let name = format!("{effect}.{}", spec.name);
-    let unit = if spec.unit.is_empty() { String::new() } else { format!(" of unit {}", spec.unit) };
-    Ok(match spec.kind {
-        ParamKind::Number { min, max, .. } => {
-            Value::Number(toml.number(&name, value, &format!("a finite number{unit}, {min} to {max}"))?)
-        }
-        ParamKind::Choice { options, .. } => Value::Choice(choose(toml, &name, value, options)?),
-        ParamKind::Vector3 { max } => Value::Vector3(toml.vector3(
-            &name,
-            value,
-            &format!("a list of three finite numbers{unit}, -{max} to {max}"),
-        )?),
-    })
-}
-
-fn at(toml: &TomlText, line: Option<usize>, problem: Error, hint: String) -> Error {
-    Error::At { path: toml.path().to_owned(), line, problem: Box::new(problem), hint }
-}
-
-/// "; is it in ms?" where seconds are meant and the same number of ms, us or ns would be in range.
-fn unit_hint(problem: &Error) -> String {
-    let Error::Parameter { value, min, max, unit: "s", .. } = problem else { return String::new() };
-    let smaller = [("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
-    let meant = smaller.iter().find(|(_, s)| (*min..=*max).contains(&(value * s)));
-    // A negative value is out of range in every unit, unless the range holds negative ones.
-    meant.map(|(name, _)| format!("; is it in {name}?")).unwrap_or_default()
+    #[test]
+    fn a_readout_longer_than_the_frame_period_is_a_warning() {
+        let camera =
+            |readout: &str| parse(&format!("{PLAIN}[rolling_shutter]\nreadout_time_s = {readout}\n"));
+        assert!(camera("0.04").warnings.is_empty());
+        let warnings = camera("0.05").warnings;
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].contains("0.05 s is longer than frame_period_s = 0.04 s"), "{}", warnings[0]);
+    }
 }

@@ -87,3 +87,26 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(i64, &'a
 fn shortened(text: &str) -> String {
     text.chars().take(60).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn header_comments_and_line_ends_do_not_matter() {
+        let plain = parse_frames(Path::new("f.csv"), "1700000000000000001,a.png\n1700000000033333334,b.jpg")
+            .expect("valid");
+        let text = "\u{feff}#timestamp [ns],filename\r\n1700000000000000001, a.png \r\n\r\n# more\r\n1700000000033333334,b.jpg\r\n";
+        assert_eq!(parse_frames(Path::new("f.csv"), text).expect("valid"), plain);
+        assert_eq!(plain.len(), 2);
+        assert_eq!((plain[0].timestamp_ns, plain[0].start_s), (1_700_000_000_000_000_001, 0.0));
+        assert_eq!((plain[1].start_s, plain[1].filename.as_str()), (0.033_333_333, "b.jpg"));
+    }
+
+    #[test]
+    fn stamps_may_be_negative_and_far_apart() {
+        let text = format!("{},a.png\n{},b.png", i64::MIN, i64::MAX);
+        let frames = parse_frames(Path::new("f.csv"), &text).expect("valid");
+        assert_eq!(frames[1].start_s, (u64::MAX as f64) / 1e9);
+    }
+}

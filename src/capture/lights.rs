@@ -78,3 +78,23 @@ fn read_light(toml: &TomlText, line: usize, table: &DeTable) -> Result<PointLigh
     }
     Ok(PointLight { position_m, color, attenuation })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_are_read_in_their_order() {
+        let text = "[[light]]\nposition = [1, -2, 3.5]\ncolor = [1.0, 0.5, 0]\nattenuation = [1, 0, 0.25]\n\
+                    [[light]]\nposition = [0, 0, 9]\ncolor = [2, 2, 2]\nattenuation = [0, 1, 0]\n";
+        let lights = parse_lights(Path::new("lights.toml"), text).expect("valid");
+        let first = PointLight {
+            position_m: [1.0, -2.0, 3.5],
+            color: [1.0, 0.5, 0.0],
+            attenuation: [1.0, 0.0, 0.25],
+        };
+        let second =
+            PointLight { position_m: [0.0, 0.0, 9.0], color: [2.0; 3], attenuation: [0.0, 1.0, 0.0] };
+        assert_eq!(lights, [first, second]);
+    }
+}

@@ -1,6 +1,7 @@
 //! A capture: the folder that holds a camera, a scene, a trajectory and the times of the frames (CAPTURE contract).
 
 mod camera_toml;
+mod effect_tables;
 mod frames_csv;
 mod lights;
 mod text;
