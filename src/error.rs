@@ -105,7 +105,9 @@ pub enum Error {
         why: String,
     },
     /// No Vulkan loader on this machine.
-    #[error("no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)")]
+    #[error(
+        "no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+    )]
     NoVulkanLoader {
         /// The system's reason.
         reason: String,
@@ -127,7 +129,9 @@ pub enum Error {
         missing: Vec<String>,
     },
     /// The device was lost during work.
-    #[error("the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete")]
+    #[error(
+        "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete"
+    )]
     DeviceLost {
         /// The call that reported it.
         call: &'static str,
@@ -160,8 +164,18 @@ pub enum Error {
 
 impl Error {
     /// Bad content at a line of a file.
-    pub fn input(path: &Path, line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Input { path: path.to_owned(), line: line.into(), found: found.into(), expected: expected.into() }
+    pub fn input(
+        path: &Path,
+        line: impl Into<Option<usize>>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Input {
+            path: path.to_owned(),
+            line: line.into(),
+            found: found.into(),
+            expected: expected.into(),
+        }
     }
 
     /// A failed file operation.

@@ -65,9 +65,9 @@ pub struct Settings {
 impl Settings {
     /// Switches an effect on with neutral parameters (no change if it is on).
     pub fn enable(&mut self, effect: &dyn Effect) {
-        self.tables.entry(effect.id()).or_insert_with(|| {
-            effect.specs().iter().map(|spec| (spec.name, neutral(&spec.kind))).collect()
-        });
+        self.tables
+            .entry(effect.id())
+            .or_insert_with(|| effect.specs().iter().map(|spec| (spec.name, neutral(&spec.kind))).collect());
     }
 
     /// Sets one parameter and switches its effect on.
@@ -142,7 +142,9 @@ fn check_range(effect: &'static str, spec: &ParamSpec, value: Value) -> Result<(
     };
     match (spec.kind, value) {
         // Written so that NaN, which is in no range, is refused.
-        (ParamKind::Number { min, max, .. }, Value::Number(v)) if !(min <= v && v <= max) => outside(v, min, max),
+        (ParamKind::Number { min, max, .. }, Value::Number(v)) if !(min <= v && v <= max) => {
+            outside(v, min, max)
+        }
         (ParamKind::Vector3 { max }, Value::Vector3(v)) => match v.into_iter().find(|c| !(c.abs() <= max)) {
             Some(component) => outside(component, -max, max),
             None => Ok(()),

@@ -17,7 +17,8 @@ const fn variance(name: &'static str, about: &'static str) -> ParamSpec {
 
 const STATIC: &str = "variance of a pattern that belongs to the sensor: the same in every frame";
 const COLOR: &str = "variance of white noise, independent by pixel, channel and frame";
-const EDGE: &str = "variance added per squared gradient (full scale a pixel) of the picture, new in every frame";
+const EDGE: &str =
+    "variance added per squared gradient (full scale a pixel) of the picture, new in every frame";
 
 const SPECS: &[ParamSpec] = &[
     variance("static_variance_r", STATIC),

@@ -21,7 +21,8 @@ pub const MAX_DECODED_BYTES: u64 = 1 << 30;
 pub fn read_rgb8(path: &Path) -> Result<Plane<u8>> {
     let bytes = fs::read(path).map_err(|e| Error::io(path, "read", e))?;
     let bad = |reason: String| Error::Picture { path: path.to_owned(), action: "decode", reason };
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
+    let mut reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE_PX);
     limits.max_image_height = Some(MAX_SIDE_PX);

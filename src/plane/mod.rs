@@ -25,7 +25,11 @@ impl<T: Copy + Default> Plane<T> {
     }
 
     /// A picture computed pixel by pixel; `f(x, y)` gives the channels of one.
-    pub fn from_fn<const N: usize>(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> [T; N]) -> Self {
+    pub fn from_fn<const N: usize>(
+        width: usize,
+        height: usize,
+        mut f: impl FnMut(usize, usize) -> [T; N],
+    ) -> Self {
         let mut data = Vec::with_capacity(width * height * N);
         for y in 0..height {
             for x in 0..width {
