@@ -1,1 +1,47 @@
-fn main() {}
+//! Makers of the project's own data and pictures: not part of the product, built beside it.
+
+mod contact_sheet;
+mod demo_capture;
+mod font;
+mod timings;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Makers of Shutterbug's own data and pictures.
+#[derive(Parser)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Writes the capture that ships as demo/capture: a small football field seen by a walking robot.
+    DemoCapture {
+        /// The folder to write; made if absent.
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Puts frames of several folders side by side: one column a folder, one row a frame name.
+    ContactSheet(contact_sheet::Args),
+    /// Prints the time of each pass from the timings that `simulate --timings` wrote.
+    Timings(timings::Args),
+}
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::DemoCapture { out } => demo_capture::write(&out),
+        Command::ContactSheet(args) => contact_sheet::write(&args),
+        Command::Timings(args) => timings::print(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
