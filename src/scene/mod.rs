@@ -1,5 +1,7 @@
 //! What the camera looks at: triangles, materials, textures, lights, and objects that move on their own.
 
+mod assemble;
+mod build;
 mod load;
 
 use std::path::PathBuf;
@@ -9,6 +11,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::camera::{Pose, Trajectory};
 
+pub use build::SceneBuilder;
 pub use load::load_obj;
 
 /// One corner of a triangle, as the vertex shader reads it.
@@ -40,6 +43,13 @@ pub struct Material {
     pub ns: f32,
     /// Index into [`Scene::textures`]; the texture multiplies `kd`.
     pub texture: Option<usize>,
+}
+
+impl Default for Material {
+    /// Nameless, white, matt (no specular colour, exponent 1), untextured.
+    fn default() -> Self {
+        Self { name: String::new(), kd: [1.0; 3], ks: [0.0; 3], ns: 1.0, texture: None }
+    }
 }
 
 /// An 8-bit sRGB picture, top row first, shape `[height, width, 4]`. Decoded to linear before it is interpolated.
