@@ -4,6 +4,7 @@
 pub mod camera;
 pub mod capture;
 pub mod chain;
+pub mod cli;
 pub mod effects;
 pub mod engine;
 pub mod error;

@@ -1,1 +1,7 @@
-fn main() {}
+//! The command line; see `shutterbug --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    shutterbug::cli::run()
+}

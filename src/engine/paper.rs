@@ -198,8 +198,8 @@ struct Images {
     /// Motion of the other instants, one sample a pixel.
     motion_only: RasterTarget,
     color: Image,
-    motion: Image,
-    depth: Image,
+    /// Motion and depth: bound by the groups, kept alive here.
+    _bound: [Image; 2],
 }
 
 struct Groups {
@@ -464,7 +464,7 @@ impl Images {
             Ok([picture.bind(scene, instants, cameras)?, motion_only.bind(scene, instants, cameras)?])
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, motion, depth })
+        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, _bound: [motion, depth] })
     }
 
     fn area(&self) -> RenderArea {

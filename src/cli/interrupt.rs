@@ -1,0 +1,31 @@
+//! Ctrl-C and SIGTERM: finish what is in flight, then stop.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set once the user asks to stop.
+#[derive(Clone, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Listens for the signals. A second signal ends the process at once.
+    pub fn listen() -> Self {
+        let interrupt = Self::default();
+        let flag = interrupt.0.clone();
+        let set = ctrlc::set_handler(move || {
+            if flag.swap(true, Ordering::SeqCst) {
+                // 130 is what shells report for a process ended by SIGINT.
+                std::process::exit(130);
+            }
+        });
+        if let Err(error) = set {
+            tracing::warn!("an interruption cannot be caught, it will end the run at once: {error}");
+        }
+        interrupt
+    }
+
+    /// Whether to stop.
+    pub fn requested(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}

@@ -1,0 +1,39 @@
+//! The command line: parsing, progress, files. Everything it can do, the library can.
+
+mod args;
+mod devices;
+mod interrupt;
+mod simulate;
+mod timings;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Args, Command};
+
+/// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
+pub fn run() -> ExitCode {
+    let args = Args::parse();
+    start_log();
+    let done = match &args.command {
+        Command::Simulate(simulate) => simulate::run(simulate),
+        Command::Devices => devices::run(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("shutterbug: error: {error}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Warnings go to stderr; `RUST_LOG` asks for more or less.
+fn start_log() {
+    use tracing_subscriber::EnvFilter;
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    // A second logger in one process is a caller's choice and no reason to stop.
+    let _ = log.without_time().with_target(false).try_init();
+}
