@@ -25,7 +25,8 @@ fn describe(d: &DeviceInfo) -> String {
         DeviceKind::Cpu => "software driver (its times are CPU times)",
     };
     let (major, minor, patch) = d.api_version;
-    let usable = if d.missing.is_empty() { "yes".to_owned() } else { format!("no, lacks {}", d.missing.join(", ")) };
+    let usable =
+        if d.missing.is_empty() { "yes".to_owned() } else { format!("no, lacks {}", d.missing.join(", ")) };
     let timestamps = match d.timestamp_valid_bits {
         0 => "none".to_owned(),
         bits => format!("{bits} bits of {} ns", d.timestamp_period_ns),

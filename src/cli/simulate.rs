@@ -179,13 +179,23 @@ fn start_run(args: &Simulate, capture: &Capture) -> Result<Vec<usize>> {
     let there = |f: &usize| frame_path(&args.out, *f).is_file();
     if args.resume && !path.exists() && all.clone().any(|f| there(&f)) {
         let found = "frames without a simulate.json beside them";
-        return Err(Error::input(&args.out, None, found, "the folder of an interrupted run, as --resume was given"));
+        return Err(Error::input(
+            &args.out,
+            None,
+            found,
+            "the folder of an interrupted run, as --resume was given",
+        ));
     }
     if args.resume && path.exists() {
         let before = fs::read_to_string(&path).map_err(|e| Error::io(&path, "read", e))?;
         if before != manifest {
             let found = "frames of a run with other input or options";
-            return Err(Error::input(&path, None, found, "the same as now; use another --out, or leave out --resume"));
+            return Err(Error::input(
+                &path,
+                None,
+                found,
+                "the same as now; use another --out, or leave out --resume",
+            ));
         }
         return Ok(all.filter(|f| !there(f)).collect());
     }
@@ -206,7 +216,9 @@ fn manifest(args: &Simulate, capture: &Capture) -> Result<String> {
     let fixed = ["scene.obj", "scene.mtl", "trajectory.tum", "frames.csv", "lights.toml"];
     files.extend(fixed.iter().map(|f| args.capture.join(f)).filter(|f| f.is_file()));
     files.extend(capture.scene.textures.iter().map(|t| t.path.clone()));
-    files.extend(capture.scene.objects.iter().filter_map(|o| o.trajectory.as_ref()).map(|t| t.path().to_owned()));
+    files.extend(
+        capture.scene.objects.iter().filter_map(|o| o.trajectory.as_ref()).map(|t| t.path().to_owned()),
+    );
     files.dedup();
     let mut hashes = serde_json::Map::new();
     for file in files {

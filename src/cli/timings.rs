@@ -55,7 +55,14 @@ impl Timings {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn finish(&self, out: &Path, context: &Context, method: &str, size: [u32; 2], samples: u32) -> Result<()> {
+    pub fn finish(
+        &self,
+        out: &Path,
+        context: &Context,
+        method: &str,
+        size: [u32; 2],
+        samples: u32,
+    ) -> Result<()> {
         let info = context.info();
         let row = |(name, all): &(&'static str, Vec<f64>)| Row {
             name,

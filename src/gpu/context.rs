@@ -163,8 +163,7 @@ impl Root {
         if watch {
             info = info.push_next(&mut features);
         }
-        // SAFETY: `info` and all it points to live through the call.
-        let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+        let instance = select::create_instance(&entry, &info)?;
         let messenger = if watch { Some(Messenger::new(&entry, &instance)?) } else { None };
         Ok(Self { instance, messenger, _entry: entry })
     }
