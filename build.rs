@@ -9,7 +9,7 @@ use spirq::ReflectConfig;
 use spirq::constant::ConstantValue;
 use spirq::entry_point::EntryPoint;
 use spirq::spirv::ExecutionMode;
-use spirq::ty::{DescriptorType, Type};
+use spirq::ty::{DescriptorType, StructType, Type};
 use spirq::var::Variable;
 
 fn main() {
@@ -102,8 +102,10 @@ fn bindings(file: &str, main: &EntryPoint) -> String {
             _ => None,
         };
         let name = name.clone().filter(|n| !n.is_empty()).or(block).unwrap_or_default();
+        let members = element_members(file, var.ty());
         let row = format!(
-            "Binding {{ set: {set}, binding: {binding}, kind: BindingKind::{kind}, name: {name:?} }}"
+            "Binding {{ set: {set}, binding: {binding}, kind: BindingKind::{kind}, name: {name:?}, \
+             members: &[{members}] }}"
         );
         rows.push((set, binding, row));
     }
@@ -111,18 +113,30 @@ fn bindings(file: &str, main: &EntryPoint) -> String {
     rows.into_iter().map(|r| r.2).collect::<Vec<_>>().join(", ")
 }
 
+/// Members of the struct that a buffer holds an array of; nothing for other buffers and for images.
+fn element_members(file: &str, ty: &Type) -> String {
+    let Type::Struct(block) = ty else { return String::new() };
+    let [only] = block.members.as_slice() else { return String::new() };
+    let Type::Array(array) = &only.ty else { return String::new() };
+    let Type::Struct(element) = array.element_ty.as_ref() else { return String::new() };
+    members(file, element)
+}
+
 fn push_members(file: &str, main: &EntryPoint) -> String {
     let push = main.vars.iter().find_map(|v| match v {
         Variable::PushConstant { ty: Type::Struct(block), .. } => Some(block),
         _ => None,
     });
-    let Some(block) = push else { return String::new() };
+    push.map_or_else(String::new, |block| members(file, block))
+}
+
+fn members(file: &str, block: &StructType) -> String {
     let mut rows = Vec::new();
     for member in &block.members {
-        let name = member.name.as_deref().unwrap_or_else(|| panic!("{file}: a push constant has no name"));
-        let offset = member.offset.unwrap_or_else(|| panic!("{file}: push constant {name} has no offset"));
-        let bytes = member.ty.nbyte().unwrap_or_else(|| panic!("{file}: push constant {name} has no size"));
-        rows.push(format!("PushMember {{ name: {name:?}, offset: {offset}, bytes: {bytes} }}"));
+        let name = member.name.as_deref().unwrap_or_else(|| panic!("{file}: a member has no name"));
+        let offset = member.offset.unwrap_or_else(|| panic!("{file}: {name} has no offset"));
+        let bytes = member.ty.nbyte().unwrap_or_else(|| panic!("{file}: {name} has no size"));
+        rows.push(format!("Member {{ name: {name:?}, offset: {offset}, bytes: {bytes} }}"));
     }
     rows.join(", ")
 }

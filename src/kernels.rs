@@ -25,11 +25,13 @@ pub struct Binding {
     pub kind: BindingKind,
     /// Its name in the shader.
     pub name: &'static str,
+    /// Where a buffer is an array of structs: the members of one.
+    pub members: &'static [Member],
 }
 
-/// One member of the push-constant block.
+/// One member of the push-constant block, or of a buffer's element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PushMember {
+pub struct Member {
     /// Its name.
     pub name: &'static str,
     /// Offset in the block, bytes.
@@ -48,7 +50,7 @@ pub struct Kernel {
     /// Bindings by set and number.
     pub bindings: &'static [Binding],
     /// Members of the push-constant block, empty when there is none.
-    pub push_members: &'static [PushMember],
+    pub push_members: &'static [Member],
     /// SPIR-V.
     pub words: &'static [u32],
 }
@@ -81,6 +83,22 @@ impl Kernel {
     }
 }
 
+/// Members of the struct that the buffer `name` of a shader holds an array of; usable in constants.
+///
+/// # Panics
+/// If the shader has no such buffer.
+pub const fn element_members(file: &str, name: &str) -> &'static [Member] {
+    let bindings = kernel(file).bindings;
+    let mut i = 0;
+    while i < bindings.len() {
+        if same(bindings[i].name, name) {
+            return bindings[i].members;
+        }
+        i += 1;
+    }
+    panic!("no buffer of that name in the shader")
+}
+
 /// Compares strings in constants.
 pub const fn same(a: &str, b: &str) -> bool {
     let (a, b) = (a.as_bytes(), b.as_bytes());
@@ -97,30 +115,48 @@ pub const fn same(a: &str, b: &str) -> bool {
     true
 }
 
-/// Asserts at compile time that a `repr(C)` struct has the names, offsets and sizes of a shader's push-constant block.
+/// Asserts at compile time that a `repr(C)` struct has the names, offsets and size of a shader's push-constant block.
 #[macro_export]
 macro_rules! assert_push_layout {
     ($file:literal, $name:ident { $($field:ident),+ $(,)? }) => {
         const _: () = {
-            let kernel = $crate::kernels::kernel($file);
-            let mut i = 0;
-            $(
-                assert!(i < kernel.push_members.len(), "the host struct has more members than the shader's block");
-                let member = &kernel.push_members[i];
-                assert!(
-                    $crate::kernels::same(member.name, stringify!($field)),
-                    concat!($file, ": the push constant at the place of `", stringify!($field), "` has another name")
-                );
-                assert!(
-                    member.offset == core::mem::offset_of!($name, $field),
-                    concat!($file, ": push constant `", stringify!($field), "` has another offset")
-                );
-                i += 1;
-            )+
-            assert!(i == kernel.push_members.len(), "the shader's block has more members than the host struct");
-            let last = &kernel.push_members[i - 1];
-            assert!(last.offset + last.bytes <= core::mem::size_of::<$name>(), "the host struct is too small");
+            $crate::assert_members!($crate::kernels::kernel($file).push_members, $name { $($field),+ });
             assert!(core::mem::size_of::<$name>() <= 128, "Vulkan promises 128 bytes of push constants");
         };
+    };
+}
+
+/// Asserts at compile time that a `repr(C)` struct has the names, offsets and size of the elements of a shader's buffer.
+#[macro_export]
+macro_rules! assert_element_layout {
+    ($file:literal, $buffer:literal, $name:ident { $($field:ident),+ $(,)? }) => {
+        const _: () = {
+            $crate::assert_members!($crate::kernels::element_members($file, $buffer), $name { $($field),+ });
+        };
+    };
+}
+
+/// What both of the above check, in a constant.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! assert_members {
+    ($members:expr, $name:ident { $($field:ident),+ }) => {
+        let members = $members;
+        let mut i = 0;
+        $(
+            assert!(i < members.len(), "the host struct has more members than the shader's");
+            assert!(
+                $crate::kernels::same(members[i].name, stringify!($field)),
+                concat!("the shader's member at the place of `", stringify!($field), "` has another name")
+            );
+            assert!(
+                members[i].offset == core::mem::offset_of!($name, $field),
+                concat!("the shader's member `", stringify!($field), "` has another offset")
+            );
+            i += 1;
+        )+
+        assert!(i == members.len(), "the shader's struct has more members than the host's");
+        let end = members[i - 1].offset + members[i - 1].bytes;
+        assert!(end == core::mem::size_of::<$name>(), "the host struct has another size than the shader's");
     };
 }

@@ -50,10 +50,11 @@ pub fn run(args: &Simulate) -> Result<()> {
     };
     let camera = &capture.camera.intrinsics;
     let size = [camera.width, camera.height];
+    let stems: Vec<_> = (0..total).map(|f| stem(&capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));
     let mut engine = Engine::new(&context, scene, path, *camera, options, &requests)?;
     let mut timings = Timings::default();
-    let done = render_all(args, &mut engine, &requests, &mut timings)?;
+    let done = render_all((args, &stems), &mut engine, &requests, &mut timings)?;
     report_validation(&context)?;
     if args.timings {
         timings.finish(&args.out, &context, &args.method_name(), size, args.samples)?;
@@ -92,7 +93,7 @@ fn request(args: &Simulate, capture: &Capture, frame: usize) -> FrameRequest {
 
 /// Submits, collects and hands to the writer; returns how many frames are on disk. Stops early when asked to.
 fn render_all(
-    args: &Simulate,
+    (args, stems): (&Simulate, &[String]),
     engine: &mut Engine,
     requests: &[FrameRequest],
     timings: &mut Timings,
@@ -104,7 +105,7 @@ fn render_all(
         let writer = scope.spawn(move || {
             let mut written = 0;
             for frame in frames {
-                write_frame(args, &frame)?;
+                write_frame(args, &stems[frame.index as usize], &frame)?;
                 written += 1;
             }
             Ok(written)
@@ -145,17 +146,17 @@ fn feed(
     }
 }
 
-fn write_frame(args: &Simulate, frame: &Frame) -> Result<()> {
+fn write_frame(args: &Simulate, stem: &str, frame: &Frame) -> Result<()> {
     if let Some(planes) = &frame.planes {
         for plane in &args.planes {
-            write_plane(args, frame.index, planes, *plane)?;
+            write_plane(args, stem, planes, *plane)?;
         }
     }
     // Last, as its presence says that the frame is complete.
-    write_png_atomic(&frame_path(&args.out, frame.index as usize), &frame.picture)
+    write_png_atomic(&args.out.join(format!("{stem}.png")), &frame.picture)
 }
 
-fn write_plane(args: &Simulate, index: u32, planes: &Planes, plane: PlaneName) -> Result<()> {
+fn write_plane(args: &Simulate, stem: &str, planes: &Planes, plane: PlaneName) -> Result<()> {
     let (folder, source, names): (_, _, &[&str]) = match plane {
         PlaneName::Color => ("color", &planes.color, &["R", "G", "B", "A"]),
         PlaneName::Motion => ("motion", &planes.motion_px, &["forward.u", "forward.v"]),
@@ -163,11 +164,13 @@ fn write_plane(args: &Simulate, index: u32, planes: &Planes, plane: PlaneName) -
     };
     let folder = args.out.join(folder);
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create the folder", e))?;
-    write_exr_plane(&folder.join(format!("{index:06}.exr")), source, names)
+    write_exr_plane(&folder.join(format!("{stem}.exr")), source, names)
 }
 
-fn frame_path(out: &Path, frame: usize) -> PathBuf {
-    out.join(format!("{frame:06}.png"))
+/// Name of a frame without extension, as `frames.csv` has it: results lie under the real frames' names.
+fn stem(capture: &Capture, frame: usize) -> String {
+    let name = Path::new(&capture.frames[frame].filename);
+    name.file_stem().map_or_else(|| format!("{frame:06}"), |s| s.to_string_lossy().into_owned())
 }
 
 /// Writes what the frames depend on into `simulate.json`, and returns the frames to be rendered: all, or with
@@ -176,7 +179,8 @@ fn start_run(args: &Simulate, capture: &Capture) -> Result<Vec<usize>> {
     let path = args.out.join("simulate.json");
     let manifest = manifest(args, capture)?;
     let all = 0..capture.frames.len();
-    let there = |f: &usize| frame_path(&args.out, *f).is_file();
+    let path_of = |f: usize| args.out.join(format!("{}.png", stem(capture, f)));
+    let there = |f: &usize| path_of(*f).is_file();
     if args.resume && !path.exists() && all.clone().any(|f| there(&f)) {
         let found = "frames without a simulate.json beside them";
         return Err(Error::input(
@@ -201,7 +205,7 @@ fn start_run(args: &Simulate, capture: &Capture) -> Result<Vec<usize>> {
     }
     // Frames of an earlier run must not be taken for this one's.
     for frame in all.clone() {
-        let old = frame_path(&args.out, frame);
+        let old = path_of(frame);
         if old.exists() {
             fs::remove_file(&old).map_err(|e| Error::io(&old, "remove the earlier run's", e))?;
         }
@@ -254,7 +258,8 @@ fn instants_csv(capture: &Capture) -> String {
         let pose = capture.world_from_camera(frame, shutter.middle_s());
         let (t, q) = (pose.translation_m, pose.rotation);
         text += &format!(
-            "{frame:06},{},{},{},{:.9},{:.9},{:.9},{:.12},{:.12},{:.12},{:.12}\n",
+            "{},{},{},{},{:.9},{:.9},{:.9},{:.12},{:.12},{:.12},{:.12}\n",
+            stem(capture, frame),
             capture.frames[frame].timestamp_ns,
             ns(shutter.middle_s()),
             ns(shutter.end_s()),

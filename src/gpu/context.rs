@@ -1,6 +1,7 @@
 //! Instance, device, queue and allocator.
 
 use std::ffi::CStr;
+use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -32,10 +33,10 @@ pub struct Context {
     names: Option<debug_utils::Device>,
     info: DeviceInfo,
     abandoned: AtomicBool,
-    root: Root,
+    root: ManuallyDrop<Root>,
 }
 
-/// What lives longest, in one place because it is destroyed together.
+/// What lives longest, in one place because it is destroyed together (or leaked together after `abandon`).
 struct Root {
     instance: Instance,
     messenger: Option<Messenger>,
@@ -76,7 +77,7 @@ impl Context {
             names,
             info,
             abandoned: AtomicBool::new(false),
-            root,
+            root: ManuallyDrop::new(root),
             device,
         };
         Ok(Arc::new(context))
@@ -134,6 +135,7 @@ impl Drop for Context {
         unsafe {
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_device(None);
+            ManuallyDrop::drop(&mut self.root);
         }
     }
 }
@@ -174,8 +176,7 @@ impl Drop for Root {
         if let Some(messenger) = &self.messenger {
             messenger.destroy();
         }
-        // SAFETY: the device and the messenger, the only children, are gone (or leaked on purpose with `abandon`, in
-        // which case the driver keeps what the stuck work uses until the process ends).
+        // SAFETY: the device and the messenger, the only children, are gone.
         unsafe { self.instance.destroy_instance(None) };
     }
 }

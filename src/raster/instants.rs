@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DMat4;
 
+use crate::assert_element_layout;
 use crate::camera::{Intrinsics, Trajectory};
 use crate::scene::Object;
 
@@ -33,6 +34,17 @@ pub struct ObjectRow {
     clip_from_object_at_to: [f32; 16],
     camera_centred_from_object: [f32; 16],
 }
+
+assert_element_layout!(
+    "raster_color_motion.vert",
+    "Instants",
+    ObjectRow {
+        clip_from_object,
+        clip_from_object_at_from,
+        clip_from_object_at_to,
+        camera_centred_from_object
+    }
+);
 
 /// Position of the camera in the world, m; the fourth component is unused.
 pub type CameraRow = [f32; 4];

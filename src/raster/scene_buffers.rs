@@ -3,16 +3,36 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytemuck::{Pod, Zeroable};
+
+use crate::assert_element_layout;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
-use crate::scene::{Draw, PointLight, Scene, Shading};
+use crate::scene::{Draw, Material, PointLight, Scene, Shading};
 
 /// `MAX_LIGHTS` of `raster_frag.glsl`.
 pub const MAX_LIGHTS: usize = 64;
-/// Floats of one `Light` of `raster_frag.glsl`.
-const LIGHT_FLOATS: usize = 12;
 /// An upload that takes longer than this is stuck.
 const UPLOAD_LIMIT: Duration = Duration::from_secs(120);
+
+/// `Material` of `raster_vert.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MaterialRow {
+    kd: [f32; 4],
+    ks_ns: [f32; 4],
+}
+assert_element_layout!("raster_color.vert", "Materials", MaterialRow { kd, ks_ns });
+
+/// `Light` of `raster_frag.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct LightRow {
+    position_m: [f32; 4],
+    color: [f32; 4],
+    attenuation: [f32; 4],
+}
+assert_element_layout!("raster_color.frag", "Lights", LightRow { position_m, color, attenuation });
 
 /// Vertices, indices, materials, lights and textures.
 pub struct SceneBuffers {
@@ -124,19 +144,24 @@ impl Uploader<'_> {
 }
 
 fn material_bytes(scene: &Scene) -> Vec<u8> {
-    let rows = scene.materials.iter().flat_map(|m| {
-        let ([r, g, b], [sr, sg, sb]) = (m.kd, m.ks);
-        [r, g, b, 0.0, sr, sg, sb, m.ns]
-    });
-    bytemuck::cast_slice(&rows.collect::<Vec<f32>>()).to_vec()
+    let row = |m: &Material| {
+        let [r, g, b] = m.ks;
+        MaterialRow { kd: four(m.kd), ks_ns: [r, g, b, m.ns] }
+    };
+    bytemuck::cast_slice(&scene.materials.iter().map(row).collect::<Vec<_>>()).to_vec()
 }
 
 fn light_bytes(lights: &[PointLight]) -> Vec<u8> {
-    let mut floats = vec![0.0f32; MAX_LIGHTS * LIGHT_FLOATS];
-    for (row, light) in floats.chunks_exact_mut(LIGHT_FLOATS).zip(lights) {
-        row[0..3].copy_from_slice(&light.position_m);
-        row[4..7].copy_from_slice(&light.color);
-        row[8..11].copy_from_slice(&light.attenuation);
-    }
-    bytemuck::cast_slice(&floats).to_vec()
+    let row = |l: &PointLight| LightRow {
+        position_m: four(l.position_m),
+        color: four(l.color),
+        attenuation: four(l.attenuation),
+    };
+    let mut rows: Vec<LightRow> = lights.iter().map(row).collect();
+    rows.resize(MAX_LIGHTS, LightRow::zeroed());
+    bytemuck::cast_slice(&rows).to_vec()
+}
+
+fn four([x, y, z]: [f32; 3]) -> [f32; 4] {
+    [x, y, z, 0.0]
 }
