@@ -38,6 +38,7 @@ void main() {
     }
     vec2 motion_px = sample_at(motion_samples, nearest_texel, nearest_index).rg;
     imageStore(motion, ivec3(pixel, push.layer), vec4(motion_px, 0.0, 0.0));
-    // Infinity where nothing was drawn.
-    imageStore(depth, ivec2(pixel), vec4(push.near_m / nearest, 0.0, 0.0, 0.0));
+    // Infinity where nothing was drawn; spelled out, because Vulkan leaves a division by zero undefined.
+    float depth_m = nearest > 0.0 ? push.near_m / nearest : uintBitsToFloat(0x7f800000u);
+    imageStore(depth, ivec2(pixel), vec4(depth_m, 0.0, 0.0, 0.0));
 }

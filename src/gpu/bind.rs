@@ -25,6 +25,8 @@ impl Interface {
         kernels: &[&Kernel],
         stages: vk::ShaderStageFlags,
     ) -> Result<Self> {
+        // Each pipeline has one interface, so this counts pipelines.
+        context.count_allocation();
         let mut bindings: Vec<Binding> = Vec::new();
         for binding in kernels.iter().flat_map(|k| k.bindings) {
             if !bindings.contains(binding) {
@@ -126,6 +128,7 @@ impl BindGroup {
     pub(super) fn new(interface: &Interface, set: u32, resources: &[(&str, Bound<'_>)]) -> Result<Self> {
         let context = &interface.context;
         let rows: Vec<_> = interface.bindings.iter().filter(|b| b.set == set).collect();
+        context.count_allocation();
         let sizes: Vec<_> = rows
             .iter()
             .map(|b| vk::DescriptorPoolSize::default().ty(descriptor_type(b.kind)).descriptor_count(1))

@@ -213,13 +213,11 @@ impl<'a> Recorder<'a> {
         unsafe { self.context.device.cmd_copy_buffer(self.slot.commands, from.handle, to.handle, &region) };
     }
 
-    /// Copies the first layer of an image, from `offset` on, into a tightly packed buffer, after a barrier.
+    /// Copies a part of an image, from `offset` on, into a tightly packed buffer, layer by layer, after a barrier.
     pub fn copy_image_to_buffer(&mut self, from: &Image, offset: [u32; 2], size: [u32; 2], to: &Buffer) {
         self.barrier();
-        let layers =
-            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
         let region = [vk::BufferImageCopy::default()
-            .image_subresource(layers)
+            .image_subresource(all_layers(from))
             .image_offset(vk::Offset3D { x: offset[0] as i32, y: offset[1] as i32, z: 0 })
             .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
         let layout = vk::ImageLayout::GENERAL;
@@ -235,17 +233,13 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Fills the first layer of an image from a tightly packed buffer, after a barrier.
+    /// Fills an image from a tightly packed buffer, layer by layer, after a barrier.
     pub fn copy_buffer_to_image(&mut self, from: &Buffer, to: &Image) {
         self.barrier();
         let size = to.spec().size;
-        let layers =
-            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-        let region = [vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-            width: size[0],
-            height: size[1],
-            depth: 1,
-        })];
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(all_layers(to))
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
         let layout = vk::ImageLayout::GENERAL;
         // SAFETY: recording; buffer and image are alive and of equal size (the caller's sizes).
         unsafe {
@@ -274,6 +268,11 @@ impl<'a> Recorder<'a> {
             );
         }
     }
+}
+
+fn all_layers(image: &Image) -> vk::ImageSubresourceLayers {
+    let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR);
+    layers.layer_count(image.spec().layers)
 }
 
 /// One indexed draw.

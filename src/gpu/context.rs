@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::ext::debug_utils;
@@ -33,6 +33,7 @@ pub struct Context {
     names: Option<debug_utils::Device>,
     info: DeviceInfo,
     abandoned: AtomicBool,
+    allocations: AtomicU64,
     root: ManuallyDrop<Root>,
 }
 
@@ -77,6 +78,7 @@ impl Context {
             names,
             info,
             abandoned: AtomicBool::new(false),
+            allocations: AtomicU64::new(0),
             root: ManuallyDrop::new(root),
             device,
         };
@@ -91,6 +93,16 @@ impl Context {
     /// What the validation layer has reported so far; always empty when it is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.root.messenger.as_ref().map_or_else(Vec::new, |m| m.messages.all())
+    }
+
+    /// How many pieces of memory, pipelines and descriptor sets have been made so far. Between two frames of a steady
+    /// state it does not change.
+    pub fn allocation_count(&self) -> u64 {
+        self.allocations.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count_allocation(&self) {
+        self.allocations.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {

@@ -145,6 +145,7 @@ fn allocate(
         linear,
         allocation_scheme: AllocationScheme::GpuAllocatorManaged,
     };
+    context.count_allocation();
     context.with_allocator(|a| a.allocate(&desc)).map_err(|e| allocation_failed(&e))
 }
 

@@ -15,6 +15,7 @@ pub mod motion_blur;
 pub mod motion_from_depth;
 pub mod paper_gather;
 pub mod raster;
+pub mod resolve;
 pub mod rolling_shutter;
 pub mod sample;
 mod shade;

@@ -1,6 +1,10 @@
 //! A device for tests, with the validation layer on: any message fails the test.
 #![allow(dead_code, clippy::unwrap_used)]
 
+pub mod bench;
+pub mod frames;
+pub mod scenes;
+
 use std::sync::Arc;
 
 use shutterbug::Error;
