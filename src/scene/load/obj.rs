@@ -281,15 +281,16 @@ impl<'a> Scan<'a> {
         let magnitude = usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX);
         let absolute = match index {
             1.. if magnitude <= total => magnitude,
-            ..0 if magnitude <= so_far => so_far + 1 - magnitude,
+            ..=-1 if magnitude <= so_far => so_far + 1 - magnitude,
             _ => {
                 let found = format!("{} index {index} in {}", KINDS[kind], excerpt(content));
-                let count =
-                    |n: usize| format!("{n} `{}` {}", KEYWORDS[kind], if n == 1 { "line" } else { "lines" });
+                let keyword = KEYWORDS[kind];
                 let expected = match index {
                     0 => "a number from 1 up, or from -1 down".to_owned(),
-                    1.. => format!("at most {total}: the file has {}", count(total)),
-                    _ => format!("at least -{so_far}: {} before this one", count(so_far)),
+                    1.. if total == 0 => format!("no such index: the file has no `{keyword}` line"),
+                    1.. => format!("at most {total}, the number of `{keyword}` lines in the file"),
+                    _ if so_far == 0 => format!("no such index: no `{keyword}` line stands before this one"),
+                    _ => format!("at least -{so_far}: so many `{keyword}` lines stand before this one"),
                 };
                 return Err(self.bad(line, found, expected));
             }

@@ -165,10 +165,6 @@ mod tests {
                 .all(|w| number(w).is_some_and(f32::is_nan))
         );
         assert!(["inf", "1.#INF", "1e39"].iter().all(|w| number(w).is_some_and(f32::is_infinite)));
-        assert!(
-            ["", "3.1+e2", "0x10", "1,5", "abc", "1.#x".trim_end_matches(".#x").repeat(0).as_str()]
-                .iter()
-                .all(|w| number(w).is_none())
-        );
+        assert!(["", "3.1+e2", "0x10", "1,5", "abc", "1.x"].iter().all(|w| number(w).is_none()));
     }
 }
