@@ -55,7 +55,7 @@ pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, 
             }
             let Some(head) = line.strip_suffix('\\') else { return Some((number, Cow::Borrowed(line))) };
             let mut joined = head.trim_end().to_owned();
-            while let Some((_, next)) = physical.next() {
+            for (_, next) in physical.by_ref() {
                 let next = next.trim();
                 joined.push(' ');
                 joined.push_str(next.strip_suffix('\\').unwrap_or(next).trim());
