@@ -85,7 +85,7 @@ fn assemble(geometry: &Geometry, path: &Path) -> Result<Assembler> {
         }
     }
     degenerate.warn(path, "without area are left out");
-    crossed.warn(path, "cross themselves and are filled only in part");
+    crossed.warn(path, "cross themselves or are strongly bent; they are drawn as fans");
     if out.index_count() == 0 {
         let skipped = geometry.skipped.points_and_lines;
         let found =
