@@ -138,7 +138,7 @@ fn values_that_camera_toml_cannot_hold() {
         (
             "width = 320\n",
             "",
-            format!("camera.toml: found no `width`; expected `width = ` a whole number of px, 1 to 16384"),
+            "camera.toml: found no `width`; expected `width = ` a whole number of px, 1 to 16384".to_owned(),
         ),
         (
             "fy = 280.0\n",
