@@ -44,7 +44,6 @@ fn report(name: &str, what: &str, c: &Answered, method: &Method, step: usize) ->
         worst = worst.max(levels);
         if let Method::Paper(_) = method {
             invalid += frame.statistics.unwrap().invalid_share;
-            let _ = 0;
         }
     }
     let count = requests.len() as f64;

@@ -1,5 +1,4 @@
-//! `--method paper` on the device: right where its assumptions hold, wrong by a growing amount where they do not; and
-//! neutral parameters are the identity for every method.
+//! `--method paper` on the device: right where its assumptions hold, wrong by a growing amount where they do not.
 #![allow(clippy::unwrap_used)]
 
 mod gpu_support;
@@ -7,14 +6,14 @@ mod oracle_forms;
 
 use glam::{DQuat, DVec3};
 use gpu_support::frames::{
-    accumulation, engine, levels, linear, options, paper, paper_from_depth, picture, request, still,
+    accumulation, engine, levels, linear, options, paper, paper_from_depth, picture, request,
 };
-use gpu_support::scenes::{drawable, moving, path, rich, walk};
+use gpu_support::scenes::{closed, drawable, moving, path, rich, walk};
 use gpu_support::{Watched, device};
 use oracle_forms::{K, moments, quads, rectangle};
-use shutterbug::camera::{Intrinsics, Pose, ScanOrder, Trajectory};
-use shutterbug::engine::{EngineOptions, FrameRequest, FrameStatistics, Method, PaperOptions, Shift};
-use shutterbug::plane::{Plane, srgb8};
+use shutterbug::camera::{Pose, ScanOrder, Trajectory};
+use shutterbug::engine::{FrameRequest, FrameStatistics, Method, PaperOptions, Shift};
+use shutterbug::plane::Plane;
 use shutterbug::scene::{Material, Scene, Texture};
 
 /// A far wall with a picture on it that has detail but no edge sharper than a few px.
@@ -41,47 +40,55 @@ fn pan_px(px_per_s: f64, px_per_s2: f64) -> Trajectory {
     })
 }
 
-/// Mean and largest difference to accumulation, levels.
-fn against_accumulation(watched: &Watched, path: &Trajectory, method: Method, order: ScanOrder) -> (f64, u8) {
-    let request = request(&K, 0.01, 0.03, order);
-    let scene = far_wall();
-    let truth = picture(watched, &scene, path, K, accumulation(120), &request);
-    let (mean, largest, _) = levels(&picture(watched, &scene, path, K, method, &request), &truth);
-    (mean, largest)
+/// Mean and largest difference to accumulation of each of the methods, levels.
+fn against_accumulation(
+    watched: &Watched,
+    path: &Trajectory,
+    methods: &[Method],
+    order: ScanOrder,
+) -> Vec<(f64, u8)> {
+    let (scene, request) = (far_wall(), request(&K, 0.01, 0.03, order));
+    let truth = picture(watched, &scene, path, K, accumulation(60), &request);
+    let difference = |method: &Method| {
+        let (mean, largest, _) = levels(&picture(watched, &scene, path, K, method.clone(), &request), &truth);
+        (mean, largest)
+    };
+    methods.iter().map(difference).collect()
 }
 
 #[test]
 fn it_is_right_for_small_constant_motion_and_worse_the_faster_it_changes() {
     let Some(watched) = device("it_is_right_for_small_constant_motion") else { return };
     for order in ScanOrder::ALL {
-        for (name, method) in [("1 image", paper(1)), ("2 images", paper(2)), ("depth", paper_from_depth(2))]
-        {
-            let (mean, largest) = against_accumulation(&watched, &pan_px(60.0, 0.0), method, order);
-            eprintln!("{order}, {name}, 60 px/s: mean {mean:.3}, largest {largest} levels");
+        let methods = [paper(1), paper(2), paper_from_depth(2)];
+        for (mean, largest) in against_accumulation(&watched, &pan_px(60.0, 0.0), &methods, order) {
+            eprintln!("{order}, 60 px/s: mean {mean:.3}, largest {largest} levels");
             // Resampling between pixels softens the picture's own curvature by less than a level.
-            assert!(mean < 0.5 && largest <= 4, "{order}, {name}: {mean}, {largest}");
+            assert!(mean < 0.5 && largest <= 4, "{order}: {mean}, {largest}");
         }
-        let still = against_accumulation(&watched, &pan_px(0.0, 0.0), paper(1), order);
-        assert!(still.0 < 0.01, "{order}: nothing moves: {still:?}");
+        let still = against_accumulation(&watched, &pan_px(0.0, 0.0), &methods[..1], order)[0];
+        assert!(still.0 < 0.002, "{order}: nothing moves: {still:?}");
     }
-    // Control and finding: under acceleration one image misses half the change of speed, six only a lag.
-    let error = |images: u32, px_per_s2: f64| {
-        against_accumulation(&watched, &pan_px(60.0, px_per_s2), paper(images), ScanOrder::TopToBottom).0
-    };
-    for images in [1, 2, 6] {
-        let errors = [0.0, 5e3, 2e4, 8e4].map(|a| error(images, a));
+    // Control and finding: under acceleration one image misses the change of speed, six only a lag.
+    let counts = [1, 2, 6];
+    let methods = counts.map(paper);
+    let errors = [0.0, 5e3, 2e4, 8e4].map(|px_per_s2| {
+        against_accumulation(&watched, &pan_px(60.0, px_per_s2), &methods, ScanOrder::TopToBottom)
+    });
+    for (i, images) in counts.into_iter().enumerate() {
+        let errors = errors.each_ref().map(|e| e[i].0);
         eprintln!("{images} images, 0, 5, 20, 80 thousand px/s^2: mean {errors:.3?} levels");
         assert!(errors.windows(2).all(|e| e[1] > e[0]), "the error grows with acceleration: {errors:?}");
         assert!(errors[3] > 8.0 * errors[0], "control: wrong motion is seen: {errors:?}");
     }
-    let (one, two, six) = (error(1, 2e4), error(2, 2e4), error(6, 2e4));
+    let [one, two, six] = [0, 1, 2].map(|i| errors[2][i].0);
     assert!(six < two && six < one, "more images are nearer to the truth: {one}, {two}, {six}");
 }
 
 #[test]
 fn the_error_grows_with_speed_at_silhouettes() {
     let Some(watched) = device("the_error_grows_with_speed_at_silhouettes") else { return };
-    let scene = rich(0);
+    let scene = closed(rich(0));
     let error = |rate: f64| {
         let walk = walk();
         let slowed = path(move |t| walk.pose_at(0.01 + rate * (t - 0.01).clamp(-0.2, 0.2)));
@@ -90,20 +97,20 @@ fn the_error_grows_with_speed_at_silhouettes() {
         let object = path(move |t| object.pose_at(0.01 + rate * (t - 0.01).clamp(-0.2, 0.2)));
         scene.objects[1].trajectory = Some(object.into());
         let request = request(&K, 0.01, 0.03, ScanOrder::TopToBottom);
-        let truth = picture(&watched, &scene, &slowed, K, accumulation(100), &request);
+        let truth = picture(&watched, &scene, &slowed, K, accumulation(60), &request);
         levels(&picture(&watched, &scene, &slowed, K, paper(2), &request), &truth).0
     };
     let errors = [0.0, 0.125, 0.25, 0.5, 1.0].map(error);
     eprintln!("paper against accumulation at 0 to full speed: mean {errors:.3?} levels");
     assert!(errors[0] < 0.02, "nothing moves: {errors:?}");
     assert!(errors.windows(2).all(|e| e[1] > e[0]), "{errors:?}");
-    assert!(errors[4] > 4.0 * errors[1], "{errors:?}");
+    assert!(errors[4] > 2.0 * errors[1] && errors[4] > 0.5, "{errors:?}");
 }
 
 #[test]
 fn motion_from_depth_is_that_of_the_rasterizer_where_nothing_moves_by_itself() {
     let Some(watched) = device("motion_from_depth_is_that_of_the_rasterizer") else { return };
-    let moving_scene = rich(0);
+    let moving_scene = closed(rich(0));
     let mut resting = moving_scene.clone();
     resting.objects[1].trajectory = Some(Trajectory::fixed(moving().pose_at(0.01)).into());
     let request = request(&K, 0.01, 0.03, ScanOrder::LeftToRight);
@@ -157,16 +164,18 @@ fn statistics(watched: &Watched, px_per_s: f64, readout_s: f64) -> (FrameStatist
 #[test]
 fn the_margin_follows_from_the_motion() {
     let Some(watched) = device("the_margin_follows_from_the_motion") else { return };
-    let margins = [0.0, 100.0, 1000.0, 3000.0].map(|px_per_s| {
+    let margins = [0.0, 100.0, 1000.0, 1500.0].map(|px_per_s| {
         let (s, margin) = statistics(&watched, px_per_s, 0.03);
         eprintln!("{px_per_s} px/s: margin {margin:?} px, {s:?}");
         assert_eq!(s.invalid_share, 0.0, "{px_per_s} px/s");
-        assert!(px_per_s == 0.0 || (s.taps_mean / (0.01 * px_per_s).ceil() - 1.0).abs() < 0.6, "{s:?}");
+        assert!(px_per_s < 1000.0 || (s.taps_mean / (0.01 * px_per_s) - 1.0).abs() < 0.5, "one a px: {s:?}");
         margin
     });
     assert!(margins.windows(2).all(|m| m[1][0] > m[0][0]), "{margins:?}");
-    // Half of the motion of the frame of 0.04 s on each side, and the guard.
-    assert!((margins[2][0] as f64 - 20.0 * 1.15 - 4.0).abs() < 5.0, "{margins:?}");
+    // What the right border (82.7 px from the axis) sees half a frame earlier or later, with 15 % and 4 px more.
+    let half_turn = 1000.0 / 140.0 * 0.5 * (0.01 + 0.03 * 119.0 / 120.0);
+    let beyond = 140.0 * ((82.7_f64 / 140.0).atan() + half_turn).tan() - 82.7;
+    assert_eq!(margins[2][0], (1.15 * beyond + 4.0).ceil() as u32, "{beyond} px beyond the border");
     // Control: a margin never exceeds the picture, so a frame that moves by twelve pictures reads beyond it.
     let (s, margin) = statistics(&watched, 11_000.0, 0.06);
     eprintln!("11000 px/s: margin {margin:?} px, {s:?}");
@@ -176,8 +185,12 @@ fn the_margin_follows_from_the_motion() {
 #[test]
 fn a_bar_leans_in_all_scan_orders() {
     let Some(watched) = device("a_bar_leans_in_all_scan_orders") else { return };
-    let scene = drawable(quads(&[rectangle([-0.8, 0.8], [-90.0, 90.0], 20.0)]));
-    // 280 px/s to the left; the paper's motion is that of the nearest sample.
+    let mut scene =
+        quads(&[rectangle([-90.0, 90.0], [-90.0, 90.0], 20.01), rectangle([-0.8, 0.8], [-90.0, 90.0], 20.0)]);
+    // A black wall behind the bar: where nothing is drawn, the paper has no motion, and nothing could lean out there.
+    scene.materials.push(Material { kd: [0.0; 3], ..scene.materials[0].clone() });
+    scene.vertices[..4].iter_mut().for_each(|v| v.material = 1);
+    let scene = drawable(scene);
     let frame = |order: ScanOrder, images: u32| {
         let request = request(&K, 0.0, 0.04, order);
         linear(&picture(&watched, &scene, &pan_px(280.0, 0.0), K, paper(images), &request))
@@ -196,44 +209,9 @@ fn a_bar_leans_in_all_scan_orders() {
                 (0..120).map(off).fold(0.0, f64::max)
             };
             eprintln!("{order}, {images} images: the bar is off by at most {:.3} px", slant(1.0));
-            // The bar's edges are remapped by the wall's motion or nobody's: the paper's own error, up to a px of one
-            // edge, half of it in the middle.
-            assert!(slant(1.0) < 0.6, "{order}, {images} images: {} px", slant(1.0));
+            // Motion changes by 1 % over the bar's path of up to 7 px, and edges are softened by bilinear reading.
+            assert!(slant(1.0) < 0.2, "{order}, {images} images: {} px", slant(1.0));
             assert!(slant(-1.0) > 5.0, "control: {}", slant(-1.0));
         }
     }
-}
-
-#[test]
-fn neutral_parameters_are_the_identity_for_every_method() {
-    let Some(watched) = device("neutral_parameters_are_the_identity_for_every_method") else { return };
-    let k = Intrinsics { width: 161, height: 119, ..K };
-    let (scene, path) = (rich(3), walk());
-    let auto = EngineOptions::default().method;
-    let mut methods = vec![("accumulation", auto), ("accumulation of 7", accumulation(7))];
-    methods.extend((1..=6).map(|n| ("paper", paper(n))));
-    methods.push(("paper from depth", paper_from_depth(2)));
-    for (name, method) in methods {
-        for order in ScanOrder::ALL {
-            let request = FrameRequest { planes: true, ..request(&k, 0.0, 0.0, order) };
-            let mut engine = engine(&watched, &scene, &path, k, options(method.clone(), 16), &[]);
-            let frame = engine.render(&request).unwrap();
-            let color = &frame.planes.unwrap().color;
-            let still = Plane::from_fn(161, 119, |x, y| {
-                let p = color.pixel(x, y);
-                [srgb8(p[0]), srgb8(p[1]), srgb8(p[2])]
-            });
-            let (_, largest, share) = levels(&frame.picture, &still);
-            eprintln!(
-                "{name}, {order}: {share:.6} of bytes differ from the still frame, by at most {largest}"
-            );
-            // The bound of `develop` against its twin: one level in one byte of 20 000.
-            assert!(largest <= 1 && share < 1.0 / 20_000.0, "{name}, {order}: {share}");
-            let mut late = request.clone();
-            late.shutter.start_s += 0.001;
-            let control = levels(&engine.render(&late).unwrap().picture, &still).2;
-            assert!(control > 0.05, "control: 1 ms later: {control}");
-        }
-    }
-    let _ = still(&k);
 }
