@@ -1,6 +1,7 @@
 //! Instance, device, queue and allocator.
 
 use std::ffi::CStr;
+use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -33,10 +34,10 @@ pub struct Context {
     info: DeviceInfo,
     abandoned: AtomicBool,
     allocations: AtomicU64,
-    root: Root,
+    root: ManuallyDrop<Root>,
 }
 
-/// What lives longest, in one place because it is destroyed together.
+/// What lives longest, in one place because it is destroyed together (or leaked together after `abandon`).
 struct Root {
     instance: Instance,
     messenger: Option<Messenger>,
@@ -78,7 +79,7 @@ impl Context {
             info,
             abandoned: AtomicBool::new(false),
             allocations: AtomicU64::new(0),
-            root,
+            root: ManuallyDrop::new(root),
             device,
         };
         Ok(Arc::new(context))
@@ -146,6 +147,7 @@ impl Drop for Context {
         unsafe {
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_device(None);
+            ManuallyDrop::drop(&mut self.root);
         }
     }
 }
@@ -175,8 +177,7 @@ impl Root {
         if watch {
             info = info.push_next(&mut features);
         }
-        // SAFETY: `info` and all it points to live through the call.
-        let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+        let instance = select::create_instance(&entry, &info)?;
         let messenger = if watch { Some(Messenger::new(&entry, &instance)?) } else { None };
         Ok(Self { instance, messenger, _entry: entry })
     }
@@ -187,8 +188,7 @@ impl Drop for Root {
         if let Some(messenger) = &self.messenger {
             messenger.destroy();
         }
-        // SAFETY: the device and the messenger, the only children, are gone (or leaked on purpose with `abandon`, in
-        // which case the driver keeps what the stuck work uses until the process ends).
+        // SAFETY: the device and the messenger, the only children, are gone.
         unsafe { self.instance.destroy_instance(None) };
     }
 }

@@ -100,11 +100,17 @@ impl DeviceChoice {
     }
 }
 
+/// A UUID is 32 hexadecimal digits, an index a shorter number (also where a device's name holds that number, as in "256
+/// bits"); all else is a part of a name.
 fn matches(device: &DeviceInfo, wanted: &str) -> bool {
     let plain_uuid = wanted.replace('-', "").to_lowercase();
-    wanted.parse() == Ok(device.index)
-        || plain_uuid == device.uuid
-        || device.name.to_lowercase().contains(&wanted.to_lowercase())
+    if plain_uuid.len() == 32 && plain_uuid.chars().all(|c| c.is_ascii_hexdigit()) {
+        return plain_uuid == device.uuid;
+    }
+    match wanted.parse::<usize>() {
+        Ok(index) => index == device.index,
+        Err(_) => device.name.to_lowercase().contains(&wanted.to_lowercase()),
+    }
 }
 
 fn describe(d: &DeviceInfo) -> String {
@@ -120,14 +126,27 @@ fn describe(d: &DeviceInfo) -> String {
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     let entry = load()?;
     let app = vk::ApplicationInfo::default().api_version(API_FLOOR);
-    let info = vk::InstanceCreateInfo::default().application_info(&app);
-    // SAFETY: `info` and what it points to live through the call.
-    let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+    let instance = create_instance(&entry, &vk::InstanceCreateInfo::default().application_info(&app))?;
     let all = enumerate(&instance);
     // SAFETY: nothing made from the instance is alive.
     unsafe { instance.destroy_instance(None) };
     all
 }
+
+/// An instance; a loader that finds no driver says so here.
+pub(super) fn create_instance(entry: &Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<Instance> {
+    // SAFETY: `info` and what it points to live through the call.
+    unsafe { entry.create_instance(info, None) }.map_err(|result| match result {
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
+            Error::NoDevice { wanted: "is there".to_owned(), present: NO_DRIVER.to_owned() }
+        }
+        other => failed("vkCreateInstance")(other),
+    })
+}
+
+/// What to do where the loader is there and no driver is.
+const NO_DRIVER: &str = "none: the Vulkan loader finds no driver (Debian: apt-get install mesa-vulkan-drivers; a GPU \
+                         needs its vendor's driver; VK_DRIVER_FILES may point elsewhere)";
 
 /// The Vulkan loader of this machine.
 pub(super) fn load() -> Result<Entry> {
