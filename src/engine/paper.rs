@@ -437,7 +437,8 @@ impl Images {
         let picture = RasterTarget::new(context, scene, RasterKind::ColorMotion, size, stage.plan)?;
         let plain = SamplePlan { grid: 1, msaa: 1 };
         let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
-        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba16f))?;
+        // Floats: a frame without motion is the still picture bit for bit, which half floats would round once more.
+        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba32f))?;
         let layers = ImageSpec { layers: MAX_MOTION_IMAGES, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "motion", layers)?;
         let depth = Image::new(context, "depth", ImageSpec::storage(size, Format::R32f))?;

@@ -100,11 +100,17 @@ impl DeviceChoice {
     }
 }
 
+/// A UUID is 32 hexadecimal digits, an index a shorter number (also where a device's name holds that number, as in "256
+/// bits"); all else is a part of a name.
 fn matches(device: &DeviceInfo, wanted: &str) -> bool {
     let plain_uuid = wanted.replace('-', "").to_lowercase();
-    wanted.parse() == Ok(device.index)
-        || plain_uuid == device.uuid
-        || device.name.to_lowercase().contains(&wanted.to_lowercase())
+    if plain_uuid.len() == 32 && plain_uuid.chars().all(|c| c.is_ascii_hexdigit()) {
+        return plain_uuid == device.uuid;
+    }
+    match wanted.parse::<usize>() {
+        Ok(index) => index == device.index,
+        Err(_) => device.name.to_lowercase().contains(&wanted.to_lowercase()),
+    }
 }
 
 fn describe(d: &DeviceInfo) -> String {
