@@ -7,6 +7,8 @@
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
 
 mod accumulation;
+mod fast;
+mod fast_pass;
 mod finish;
 mod frame;
 mod margin;
@@ -24,11 +26,14 @@ use crate::raster::{SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
 pub use accumulation::AccumulationOptions;
+pub use fast::FastOptions;
+pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
 pub use paper::{MotionSource, PaperOptions, Shift};
 
 use accumulation::Accumulation;
+use fast::Fast;
 use finish::Finish;
 use paper::Paper;
 use planes::PlanesPass;
@@ -39,6 +44,8 @@ use slots::FrameSlot;
 pub enum Method {
     /// The paper's: one render, up to six motion images, remap and blur as a gather.
     Paper(PaperOptions),
+    /// One render and a warp along true paths, silhouettes kept apart by depth.
+    Fast(FastOptions),
     /// Many renders over the frame's interval, each weighed into the lines that see it: the reference.
     Accumulation(AccumulationOptions),
 }
@@ -93,6 +100,7 @@ pub(crate) struct Stage {
 
 enum Renderer {
     Paper(Box<Paper>),
+    Fast(Box<Fast>),
     Accumulation(Box<Accumulation>),
 }
 
@@ -134,6 +142,9 @@ impl Engine {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
             }
+            Method::Fast(fast) => {
+                Renderer::Fast(Box::new(Fast::new(&stage, fast, &mut slots, finish.radiance(), expected)?))
+            }
             Method::Accumulation(accumulation) => {
                 let pass = Accumulation::new(&stage, accumulation, &mut slots, finish.radiance())?;
                 Renderer::Accumulation(Box::new(pass))
@@ -152,6 +163,7 @@ impl Engine {
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {
             Renderer::Paper(paper) => paper.margin_px(),
+            Renderer::Fast(fast) => fast.margin_px(),
             Renderer::Accumulation(_) => [0, 0],
         }
     }
@@ -180,6 +192,7 @@ impl Engine {
         let last = (&self.finish, self.planes.as_ref());
         let done = match &self.renderer {
             Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),
+            Renderer::Fast(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Accumulation(pass) => {
                 pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
             }
@@ -192,15 +205,24 @@ impl Engine {
         Ok(Ticket { slot: index })
     }
 
-    /// Makes the paper's images anew where a frame needs a wider margin than any before it.
+    /// Makes the images anew where a frame needs a wider margin than any before it.
     fn widen(&mut self, request: &FrameRequest) -> Result<()> {
-        let Renderer::Paper(paper) = &mut self.renderer else { return Ok(()) };
-        let Some(margin_px) = paper.needs_wider(&self.stage, request) else { return Ok(()) };
+        let needed = match &self.renderer {
+            Renderer::Paper(paper) => paper.needs_wider(&self.stage, request),
+            Renderer::Fast(fast) => fast.needs_wider(&self.stage, request),
+            Renderer::Accumulation(_) => None,
+        };
+        let Some(margin_px) = needed else { return Ok(()) };
         for slot in &mut self.slots {
             slot.gpu.wait(self.options.time_limit)?;
         }
         tracing::info!("the margin grows to {margin_px:?} px for frame {}", request.index);
-        paper.widen(&self.stage, &mut self.slots, self.finish.radiance(), margin_px)
+        let (stage, slots, radiance) = (&self.stage, &mut self.slots[..], self.finish.radiance());
+        match &mut self.renderer {
+            Renderer::Paper(paper) => paper.widen(stage, slots, radiance, margin_px),
+            Renderer::Fast(fast) => fast.widen(stage, slots, radiance, margin_px),
+            Renderer::Accumulation(_) => Ok(()),
+        }
     }
 
     /// Waits for a frame and reads it back.

@@ -26,9 +26,9 @@ use bytemuck::{Pod, Zeroable};
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
 /// Px beyond the computed margin: bilinear reading and the chord's deviation from the path.
-const MARGIN_GUARD_PX: f64 = 4.0;
+pub(super) const MARGIN_GUARD_PX: f64 = 4.0;
 /// Motion differences deviate from the true path under acceleration: so much more is rendered.
-const MARGIN_FACTOR: f64 = 1.15;
+pub(super) const MARGIN_FACTOR: f64 = 1.15;
 
 /// Which instant of the frame the picture is rendered at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -79,9 +79,9 @@ impl Default for PaperOptions {
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct ResolveColorPush {
-    size: [u32; 2],
-    grid: [i32; 2],
+pub(super) struct ResolveColorPush {
+    pub(super) size: [u32; 2],
+    pub(super) grid: [i32; 2],
 }
 assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
 
@@ -406,7 +406,7 @@ fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameReques
     [needed[0].min(size[0]), needed[1].min(size[1])]
 }
 
-fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
+pub(super) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
 

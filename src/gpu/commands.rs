@@ -253,6 +253,15 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Fills a buffer with zeros, after a barrier.
+    pub fn clear_buffer(&mut self, buffer: &Buffer) {
+        self.barrier();
+        // SAFETY: recording; the buffer is alive and allows copies; the whole size needs no alignment.
+        unsafe {
+            self.context.device.cmd_fill_buffer(self.slot.commands, buffer.handle, 0, vk::WHOLE_SIZE, 0);
+        }
+    }
+
     /// Fills an image with zeros, after a barrier.
     pub fn clear(&mut self, image: &Image) {
         self.barrier();

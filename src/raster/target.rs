@@ -24,6 +24,9 @@ pub enum RasterKind {
     Motion,
     /// Both in one pass.
     ColorMotion,
+    /// Displacement from the instant of the picture to the begin (first two channels) and to the end (last two) of the
+    /// span; no lights, no textures.
+    Path,
 }
 
 impl RasterKind {
@@ -34,6 +37,7 @@ impl RasterKind {
             Self::ColorMotion => {
                 (const { kernel("raster_color_motion.vert") }, const { kernel("raster_color_motion.frag") })
             }
+            Self::Path => (const { kernel("raster_path.vert") }, const { kernel("raster_path.frag") }),
         }
     }
 
@@ -42,11 +46,12 @@ impl RasterKind {
             Self::Color => &[Format::Rgba16f],
             Self::Motion => &[Format::Rg32f],
             Self::ColorMotion => &[Format::Rgba16f, Format::Rg32f],
+            Self::Path => &[Format::Rgba32f],
         }
     }
 
     fn has_color(self) -> bool {
-        self != Self::Motion
+        !matches!(self, Self::Motion | Self::Path)
     }
 }
 
@@ -59,6 +64,7 @@ struct Push {
 }
 assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px });
 assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px });
+assert_push_layout!("raster_path.frag", Push { instant, object_count, motion_scale_px });
 
 const VERTEX_FORMAT: VertexFormat = VertexFormat {
     stride: size_of::<Vertex>() as u32,

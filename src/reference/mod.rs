@@ -10,6 +10,7 @@
 
 pub mod accumulate;
 pub mod develop;
+pub mod fast_push;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;

@@ -1,0 +1,181 @@
+//! The warp of `--method fast` on its own: it takes a picture, the paths of what it shows and their depth, wherever these
+//! come from (a renderer's, or frames from outside), and writes radiance. Twins: `reference/fast_seeds.rs`,
+//! `reference/fast_gather.rs`.
+
+use std::sync::Arc;
+
+use crate::assert_push_layout;
+use crate::camera::ShutterTiming;
+use crate::error::Result;
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, Sampler, Usage,
+};
+use crate::kernels::kernel;
+use crate::reference::fast_push::Push;
+
+assert_push_layout!(
+    "fast_seeds.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+assert_push_layout!(
+    "fast_gather.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+
+/// Most path images: two knots each.
+pub const MAX_PATH_IMAGES: usize = 3;
+
+/// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
+pub struct FastImages<'a> {
+    /// Linear radiance at the reference instant; `color_scale` texels a px.
+    pub color: &'a Image,
+    /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
+    /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
+    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place.
+    pub paths: Vec<&'a Image>,
+    /// One float, size of the path images: grows towards the camera (near distance over distance), 0 infinitely far.
+    pub inverse_depth: &'a Image,
+    /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
+    pub radiance: &'a Image,
+}
+
+/// When lines are exposed and where the knots lie, all relative to the reference instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FastTiming {
+    /// The shutter; `start_s` on any clock.
+    pub shutter: ShutterTiming,
+    /// The reference instant on the same clock, s.
+    pub reference_s: f64,
+    /// Time from one knot to the next, s.
+    pub knot_step_s: f64,
+    /// Which knot is the reference instant.
+    pub reference_knot: u32,
+    /// Number of knots less one.
+    pub last_knot: u32,
+}
+
+/// Kernels and claims of the warp.
+pub struct FastGather {
+    seeds: ComputePipeline,
+    gather: ComputePipeline,
+    claims: Buffer,
+    sampler: Sampler,
+    size: [u32; 2],
+}
+
+/// The images of a warp, bound.
+pub struct FastBinding {
+    seeds: BindGroup,
+    gather: BindGroup,
+}
+
+impl FastGather {
+    /// A warp that delivers `size` px from pictures of `color_scale` (1 or 2) and path images of `path_scale` texels a px.
+    ///
+    /// # Errors
+    /// Out of memory.
+    ///
+    /// # Panics
+    /// If there are no path images, or more than three; another colour scale than 1 or 2.
+    pub fn new(
+        context: &Arc<Context>,
+        size: [u32; 2],
+        (path_images, path_scale): (usize, u32),
+        color_scale: u32,
+    ) -> Result<Self> {
+        assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
+        assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
+        let constants = [path_images as u32, path_scale, color_scale];
+        let pipeline = |kernel, constants: &[u32]| ComputePipeline::specialized(context, kernel, constants);
+        // One claim a pixel at each of up to three moments of the exposure.
+        let bytes = 3 * 4 * u64::from(size[0]) * u64::from(size[1]);
+        Ok(Self {
+            seeds: pipeline(const { kernel("fast_seeds.comp") }, &constants[..2])?,
+            gather: pipeline(const { kernel("fast_gather.comp") }, &constants)?,
+            claims: Buffer::new(context, "fast claims", bytes, Usage::Storage, Location::Device)?,
+            sampler: Sampler::new(context, false)?,
+            size,
+        })
+    }
+
+    /// Binds the images of a warp.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn bind(&self, images: &FastImages<'_>) -> Result<FastBinding> {
+        let sampled = |image| Bound::Sampled(image, &self.sampler);
+        // Images that do not exist are never read; the set still wants something there.
+        let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(images.paths[0]));
+        let shared = [
+            ("Seeds", Bound::Buffer(&self.claims)),
+            ("path_0", path(0)),
+            ("path_1", path(1)),
+            ("path_2", path(2)),
+            ("inverse_depth", sampled(images.inverse_depth)),
+            ("color", sampled(images.color)),
+            ("radiance", Bound::Storage(images.radiance)),
+        ];
+        Ok(FastBinding { seeds: self.seeds.bind(&shared)?, gather: self.gather.bind(&shared)? })
+    }
+
+    /// Records the warp: claims, then the gather.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        binding: &FastBinding,
+        margin_px: [u32; 2],
+        timing: &FastTiming,
+        max_samples: u32,
+    ) {
+        let push = timing.push(self.size, margin_px, max_samples);
+        recorder.mark("fast_seeds");
+        recorder.clear_buffer(&self.claims);
+        let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
+        recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
+        recorder.mark("fast_gather");
+        recorder.dispatch(&self.gather, &binding.gather, &push, self.size);
+    }
+}
+
+impl FastTiming {
+    /// The kernels' parameters.
+    pub fn push(&self, size: [u32; 2], margin_px: [u32; 2], max_samples: u32) -> Push {
+        Push {
+            size,
+            margin_px: margin_px.map(|m| m as i32),
+            start_s: (self.shutter.start_s - self.reference_s) as f32,
+            readout_time_s: self.shutter.readout_time_s as f32,
+            exposure_time_s: self.shutter.exposure_time_s as f32,
+            knot_step_s: self.knot_step_s as f32,
+            reference_knot: self.reference_knot,
+            last_knot: self.last_knot,
+            scan_order: self.shutter.scan_order as u32,
+            max_samples: max_samples.max(1),
+            slots: if self.shutter.exposure_time_s > 0.0 { 3 } else { 1 },
+        }
+    }
+}
