@@ -1,7 +1,7 @@
 //! A capture's frames on the device: owns the resources, records one submission a frame, reads the picture back.
 //!
 //! ```text
-//! FrameRequest ─ method (raster, gather | accumulate) ─ radiance ─ develop (noise, sRGB, 8 bit) ─ readback ─ Frame
+//! FrameRequest ─ method (raster, gather | accumulate) ─ radiance ─ chain of pixel effects ─ readback ─ Frame
 //! ```
 //!
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
@@ -186,8 +186,8 @@ impl Engine {
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
         self.widen(request)?;
-        self.finish.fit(&self.stage, request)?;
         let slot = &mut self.slots[index];
+        self.finish.fit(&self.stage, request, slot)?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &self.renderer {

@@ -9,6 +9,7 @@
 //! averaged.
 
 pub mod accumulate;
+pub mod chain;
 pub mod develop;
 pub mod fast_push;
 pub mod motion;
