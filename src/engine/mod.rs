@@ -161,7 +161,8 @@ impl Engine {
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {
             Renderer::Paper(paper) => paper.margin_px(),
-            Renderer::Exact(_) | Renderer::Accumulation(_) => [0, 0],
+            Renderer::Exact(exact) => exact.margin_px(),
+            Renderer::Accumulation(_) => [0, 0],
         }
     }
 
@@ -205,11 +206,11 @@ impl Engine {
     /// Makes the paper's images anew where a frame needs a wider margin than any before it.
     fn widen(&mut self, request: &FrameRequest) -> Result<()> {
         if let Renderer::Exact(exact) = &mut self.renderer {
-            if exact.needs_fit(request) {
+            if exact.needs_fit(&self.stage, request) {
                 for slot in &mut self.slots {
                     slot.gpu.wait(self.options.time_limit)?;
                 }
-                exact.fit(&self.stage, request)?;
+                exact.fit(&self.stage, &mut self.slots, self.finish.radiance(), request)?;
             }
             return Ok(());
         }
