@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
-use crate::engine::{AccumulationOptions, Method, MotionSource, PaperOptions, Shift};
+use crate::engine::{
+    AccumulationOptions, ExactOptions, FastOptions, Method, MotionSource, PaperOptions, Shift,
+};
 
 /// What a real, cheap, moving camera does to a picture.
 #[derive(Debug, Parser)]
@@ -82,8 +84,12 @@ pub struct Simulate {
 /// `--method`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
-    /// Many renders over the frame, each weighed into the lines that see it: the reference
+    /// One render with every line at its own time, blurred along the paths of its samples
     #[default]
+    Exact,
+    /// One render and a warp along the paths of what it shows
+    Fast,
+    /// Many renders over the frame, each weighed into the lines that see it: the reference
     Accumulation,
     /// One render, motion images, remap and blur as published in 2008
     Paper,
@@ -124,6 +130,10 @@ impl Simulate {
     /// The engine's method.
     pub fn engine_method(&self) -> Method {
         match self.method {
+            MethodName::Exact => Method::Exact(ExactOptions::default()),
+            MethodName::Fast => {
+                Method::Fast(FastOptions { max_samples: self.max_blur_samples, ..FastOptions::default() })
+            }
             MethodName::Accumulation => {
                 Method::Accumulation(AccumulationOptions { renders: self.renders, ..Default::default() })
             }

@@ -7,6 +7,7 @@
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
 
 mod accumulation;
+mod exact;
 mod fast;
 mod fast_pass;
 mod finish;
@@ -26,6 +27,7 @@ use crate::raster::{SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
 pub use accumulation::AccumulationOptions;
+pub use exact::ExactOptions;
 pub use fast::FastOptions;
 pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
@@ -33,6 +35,7 @@ pub use margin::{Reach, reach};
 pub use paper::{MotionSource, PaperOptions, Shift};
 
 use accumulation::Accumulation;
+use exact::Exact;
 use fast::Fast;
 use finish::Finish;
 use paper::Paper;
@@ -46,6 +49,8 @@ pub enum Method {
     Paper(PaperOptions),
     /// One render and a warp along true paths, silhouettes kept apart by depth.
     Fast(FastOptions),
+    /// One render with every line at its own time, blurred along the paths of its samples.
+    Exact(ExactOptions),
     /// Many renders over the frame's interval, each weighed into the lines that see it: the reference.
     Accumulation(AccumulationOptions),
 }
@@ -101,6 +106,7 @@ pub(crate) struct Stage {
 enum Renderer {
     Paper(Box<Paper>),
     Fast(Box<Fast>),
+    Exact(Box<Exact>),
     Accumulation(Box<Accumulation>),
 }
 
@@ -145,6 +151,9 @@ impl Engine {
             Method::Fast(fast) => {
                 Renderer::Fast(Box::new(Fast::new(&stage, fast, &mut slots, finish.radiance(), expected)?))
             }
+            Method::Exact(exact) => {
+                Renderer::Exact(Box::new(Exact::new(&stage, exact, &mut slots, finish.radiance(), expected)?))
+            }
             Method::Accumulation(accumulation) => {
                 let pass = Accumulation::new(&stage, accumulation, &mut slots, finish.radiance())?;
                 Renderer::Accumulation(Box::new(pass))
@@ -164,6 +173,7 @@ impl Engine {
         match &self.renderer {
             Renderer::Paper(paper) => paper.margin_px(),
             Renderer::Fast(fast) => fast.margin_px(),
+            Renderer::Exact(exact) => exact.margin_px(),
             Renderer::Accumulation(_) => [0, 0],
         }
     }
@@ -190,9 +200,10 @@ impl Engine {
         self.finish.fit(&self.stage, request, slot)?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
-        let done = match &self.renderer {
+        let done = match &mut self.renderer {
             Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Fast(pass) => pass.submit(&self.stage, slot, request, &path, last),
+            Renderer::Exact(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Accumulation(pass) => {
                 pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
             }
@@ -207,10 +218,19 @@ impl Engine {
 
     /// Makes the images anew where a frame needs a wider margin than any before it.
     fn widen(&mut self, request: &FrameRequest) -> Result<()> {
+        if let Renderer::Exact(exact) = &mut self.renderer {
+            if exact.needs_fit(&self.stage, request) {
+                for slot in &mut self.slots {
+                    slot.gpu.wait(self.options.time_limit)?;
+                }
+                exact.fit(&self.stage, &mut self.slots, self.finish.radiance(), request)?;
+            }
+            return Ok(());
+        }
         let needed = match &self.renderer {
             Renderer::Paper(paper) => paper.needs_wider(&self.stage, request),
             Renderer::Fast(fast) => fast.needs_wider(&self.stage, request),
-            Renderer::Accumulation(_) => None,
+            Renderer::Exact(_) | Renderer::Accumulation(_) => None,
         };
         let Some(margin_px) = needed else { return Ok(()) };
         for slot in &mut self.slots {
@@ -221,7 +241,7 @@ impl Engine {
         match &mut self.renderer {
             Renderer::Paper(paper) => paper.widen(stage, slots, radiance, margin_px),
             Renderer::Fast(fast) => fast.widen(stage, slots, radiance, margin_px),
-            Renderer::Accumulation(_) => Ok(()),
+            Renderer::Exact(_) | Renderer::Accumulation(_) => Ok(()),
         }
     }
 
