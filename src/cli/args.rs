@@ -64,18 +64,18 @@ pub struct Simulate {
     /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub renders: Option<u32>,
-    /// paper: motion images a frame, 1 (constant velocity) to 6
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=6))]
-    pub motion_images: u32,
-    /// paper: render the picture at the frame's start (f) or middle (f - 0.5)
-    #[arg(long, value_enum, default_value_t)]
-    pub shift: ShiftName,
-    /// paper: most samples of the blur; the count follows the length of the path
-    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub max_blur_samples: u32,
-    /// paper: motion rasterized, or reconstructed from depth (knows no moving objects)
-    #[arg(long, value_enum, default_value_t)]
-    pub motion_source: MotionSourceName,
+    /// paper: motion images a frame, 1 (constant velocity) to 6 [default: 2]; fast: 2, 4 or 6 [default: 4]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=6))]
+    pub motion_images: Option<u32>,
+    /// paper: render the picture at the frame's start (f) or middle (f - 0.5) [default: middle]
+    #[arg(long, value_enum)]
+    pub shift: Option<ShiftName>,
+    /// paper, fast: most samples of the blur; the count follows the length of the path [default: 240]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub max_blur_samples: Option<u32>,
+    /// paper: motion rasterized, or reconstructed from depth (knows no moving objects) [default: rasterized]
+    #[arg(long, value_enum)]
+    pub motion_source: Option<MotionSourceName>,
     /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
     #[arg(long)]
     pub pixel_time: bool,
@@ -107,20 +107,18 @@ pub enum PlaneName {
 }
 
 /// `--shift`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ShiftName {
     /// The frame's start
     Start,
     /// The frame's middle
-    #[default]
     Middle,
 }
 
 /// `--motion-source`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum MotionSourceName {
     /// From the projections of every surface point
-    #[default]
     Rasterized,
     /// From depth and two camera matrices
     Depth,
@@ -132,25 +130,61 @@ impl Simulate {
         match self.method {
             MethodName::Exact => Method::Exact(ExactOptions::default()),
             MethodName::Fast => {
-                Method::Fast(FastOptions { max_samples: self.max_blur_samples, ..FastOptions::default() })
+                let usual = FastOptions::default();
+                Method::Fast(FastOptions {
+                    motion_images: self.motion_images.unwrap_or(usual.motion_images),
+                    max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+                })
             }
             MethodName::Accumulation => {
                 Method::Accumulation(AccumulationOptions { renders: self.renders, ..Default::default() })
             }
-            MethodName::Paper => Method::Paper(PaperOptions {
-                motion_images: self.motion_images,
-                shift: match self.shift {
-                    ShiftName::Start => Shift::Start,
-                    ShiftName::Middle => Shift::Middle,
-                },
-                max_samples: self.max_blur_samples,
-                pixel_time: self.pixel_time,
-                motion_source: match self.motion_source {
-                    MotionSourceName::Rasterized => MotionSource::Rasterized,
-                    MotionSourceName::Depth => MotionSource::Depth,
-                },
-            }),
+            MethodName::Paper => Method::Paper(self.paper_options()),
         }
+    }
+
+    fn paper_options(&self) -> PaperOptions {
+        let usual = PaperOptions::default();
+        PaperOptions {
+            motion_images: self.motion_images.unwrap_or(usual.motion_images),
+            shift: match self.shift {
+                Some(ShiftName::Start) => Shift::Start,
+                Some(ShiftName::Middle) => Shift::Middle,
+                None => usual.shift,
+            },
+            max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+            pixel_time: self.pixel_time,
+            motion_source: match self.motion_source {
+                Some(MotionSourceName::Rasterized) => MotionSource::Rasterized,
+                Some(MotionSourceName::Depth) => MotionSource::Depth,
+                None => usual.motion_source,
+            },
+        }
+    }
+
+    /// No option is accepted and ignored: those of another method are refused.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
+        use MethodName::{Accumulation, Fast, Paper};
+        let given: [(&str, bool, &[MethodName]); 6] = [
+            ("--renders", self.renders.is_some(), &[Accumulation]),
+            ("--motion-images", self.motion_images.is_some(), &[Paper, Fast]),
+            ("--shift", self.shift.is_some(), &[Paper]),
+            ("--max-blur-samples", self.max_blur_samples.is_some(), &[Paper, Fast]),
+            ("--motion-source", self.motion_source.is_some(), &[Paper]),
+            ("--pixel-time", self.pixel_time, &[Paper]),
+        ];
+        for (option, is_given, methods) in given {
+            if is_given && !methods.contains(&self.method) {
+                return Err(format!("{option} has no meaning with --method {}", self.method_name()));
+            }
+        }
+        if self.method == Fast && !matches!(self.motion_images, None | Some(2 | 4 | 6)) {
+            return Err("--motion-images is 2, 4 or 6 with --method fast".to_owned());
+        }
+        Ok(())
     }
 
     /// The method's name on the command line.

@@ -8,13 +8,19 @@ mod timings;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 
 use args::{Args, Command};
 
 /// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
 pub fn run() -> ExitCode {
     let args = Args::parse();
+    if let Command::Simulate(simulate) = &args.command
+        && let Err(problem) = simulate.check()
+    {
+        Args::command().error(ErrorKind::ArgumentConflict, problem).exit();
+    }
     start_log();
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
