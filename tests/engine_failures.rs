@@ -102,7 +102,7 @@ fn try_engine(context: &Arc<Context>, k: Intrinsics, samples: u32, method: Metho
 #[test]
 fn sizes_beyond_the_limits_are_refused() {
     let Some(watched) = device("sizes_beyond_the_limits_are_refused") else { return };
-    let side = watched.0.info().max_image_side_px;
+    let side = watched.0.info().max_attachment_side_px;
     let size = |width: u32, height: u32| Intrinsics { width, height, ..K };
     for (name, k, samples, wanted) in [
         ("no columns", size(0, 9), 1, 0),

@@ -241,10 +241,13 @@ impl Image {
     /// # Errors
     /// Out of memory; larger than the device allows.
     pub fn new(context: &Arc<Context>, name: &str, spec: ImageSpec) -> Result<Self> {
-        let limit = context.info().max_image_side_px;
+        let info = context.info();
+        let (limit, limit_name) = match spec.attachment {
+            true => (info.max_attachment_side_px, "maxFramebufferWidth, maxFramebufferHeight"),
+            false => (info.max_image_side_px, "maxImageDimension2D"),
+        };
         if let Some(&side) = spec.size.iter().find(|&&s| s > limit || s == 0) {
-            let why =
-                format!("maxImageDimension2D of {}; margin and supersampling included", context.info().name);
+            let why = format!("{limit_name} of {}; margin and supersampling included", info.name);
             return Err(Error::Limit {
                 what: "side of an image, px",
                 value: side.into(),
