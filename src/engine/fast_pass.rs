@@ -46,6 +46,23 @@ assert_push_layout!(
     }
 );
 
+assert_push_layout!(
+    "fast_silhouettes.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
 
@@ -82,7 +99,10 @@ pub struct FastTiming {
 pub struct FastGather {
     seeds: ComputePipeline,
     gather: ComputePipeline,
+    silhouettes: ComputePipeline,
     claims: Buffer,
+    /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
+    listed: Buffer,
     sampler: Sampler,
     size: [u32; 2],
 }
@@ -91,6 +111,7 @@ pub struct FastGather {
 pub struct FastBinding {
     seeds: BindGroup,
     gather: BindGroup,
+    silhouettes: BindGroup,
 }
 
 impl FastGather {
@@ -112,11 +133,15 @@ impl FastGather {
         let constants = [path_images as u32, path_scale, color_scale];
         let pipeline = |kernel, constants: &[u32]| ComputePipeline::specialized(context, kernel, constants);
         // One claim a pixel at each of up to three moments of the exposure.
-        let bytes = 3 * 4 * u64::from(size[0]) * u64::from(size[1]);
+        let words = u64::from(size[0]) * u64::from(size[1]);
+        let buffer =
+            |name: &str, words: u64| Buffer::new(context, name, 4 * words, Usage::Storage, Location::Device);
         Ok(Self {
             seeds: pipeline(const { kernel("fast_seeds.comp") }, &constants[..2])?,
             gather: pipeline(const { kernel("fast_gather.comp") }, &constants)?,
-            claims: Buffer::new(context, "fast claims", bytes, Usage::Storage, Location::Device)?,
+            silhouettes: pipeline(const { kernel("fast_silhouettes.comp") }, &constants)?,
+            claims: buffer("fast claims", 3 * words)?,
+            listed: buffer("fast silhouettes", 4 + words)?,
             sampler: Sampler::new(context, false)?,
             size,
         })
@@ -132,6 +157,7 @@ impl FastGather {
         let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(images.paths[0]));
         let shared = [
             ("Seeds", Bound::Buffer(&self.claims)),
+            ("listed", Bound::Buffer(&self.listed)),
             ("path_0", path(0)),
             ("path_1", path(1)),
             ("path_2", path(2)),
@@ -139,10 +165,14 @@ impl FastGather {
             ("color", sampled(images.color)),
             ("radiance", Bound::Storage(images.radiance)),
         ];
-        Ok(FastBinding { seeds: self.seeds.bind(&shared)?, gather: self.gather.bind(&shared)? })
+        Ok(FastBinding {
+            seeds: self.seeds.bind(&shared)?,
+            gather: self.gather.bind(&shared)?,
+            silhouettes: self.silhouettes.bind(&shared)?,
+        })
     }
 
-    /// Records the warp: claims, then the gather.
+    /// Records the warp: claims, the gather, and the pixels at silhouettes.
     pub fn record(
         &self,
         recorder: &mut Recorder<'_>,
@@ -154,10 +184,13 @@ impl FastGather {
         let push = timing.push(self.size, margin_px, max_samples);
         recorder.mark("fast_seeds");
         recorder.clear_buffer(&self.claims);
+        recorder.clear_buffer(&self.listed);
         let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
         recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         recorder.mark("fast_gather");
         recorder.dispatch(&self.gather, &binding.gather, &push, self.size);
+        recorder.mark("fast_silhouettes");
+        recorder.dispatch_indirect(&self.silhouettes, &binding.silhouettes, &push, &self.listed);
     }
 }
 
