@@ -11,6 +11,8 @@ struct SlotClaims {
     bool agree;
 };
 
+// Neighbours of more different depth, and different motion, are two surfaces: a quarter of an octave.
+const uint ONE_SURFACE_KEYS = 32u;
 const uint NO_CLAIM = 0xffffffffu;
 const ivec2 NEIGHBOURS[5] = ivec2[5](ivec2(0), ivec2(-1), ivec2(1, -1), ivec2(-1, 1), ivec2(1));
 
@@ -31,7 +33,10 @@ SlotClaims slot_claims(uint slot, ivec2 pixel) {
             ++count;
         }
     }
-    c.agree = count >= 3 && all(lessThanEqual(high - low, ivec2(1)));
+    // Neighbours on one surface differ by rounding, or because it slants or turns; a step in depth with it is an edge.
+    ivec2 spread = high - low;
+    bool one_depth = (c.nearest >> 20u) - (c.farthest >> 20u) <= ONE_SURFACE_KEYS;
+    c.agree = count >= 3 && all(lessThanEqual(spread, ivec2(1))) && (one_depth || all(equal(spread, ivec2(0))));
     return c;
 }
 

@@ -25,7 +25,7 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
     int reference = int(push.reference_knot);
     int last = int(push.last_knot);
     precise float half_span = 0.5 * push.exposure_time_s / push.knot_step_s;
-    SlotClaims middle = slot_claims(push.slots == 1u ? 0u : 1u, pixel);
+    SlotClaims middle = slot_claims(BLUR, pixel);
     ivec2 block = path_block(x_px + vec2(seed_offset(middle.nearest)));
     precise float at = from + half_span;
     PathBlock model = block_displacement(block, path_weights(at, reference, last));
@@ -33,7 +33,7 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
     s.begin_px = s.middle_px;
     s.end_px = s.middle_px;
     bool one_surface = middle.agree && model.one_surface;
-    if (push.slots == 1u) {
+    if (!blurs()) {
         return one_surface;
     }
     SlotClaims begin = slot_claims(0u, pixel);
@@ -45,11 +45,6 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
            is_claimed(end.nearest, x_px, s.end_px);
 }
 
-// Samples for a path, px: steps of at most a px, both ends included.
-int blur_samples(float path_px) {
-    return path_px < 0.02 ? 1 : int(min(ceil(path_px - 0.001) + 1.0, float(push.max_samples)));
-}
-
 // Mean over the exposure along the parabola through three sources: no motion is read for it.
 vec4 blur_one_surface(Sources s) {
     precise vec2 chord = s.end_px - s.begin_px;
@@ -57,14 +52,14 @@ vec4 blur_one_surface(Sources s) {
     float path_px = sqrt(squared(s.middle_px - s.begin_px)) + sqrt(squared(s.end_px - s.middle_px));
     int count = blur_samples(path_px);
     bool clamped = false;
-    if (push.slots == 1u) {
-        return vec4(read_pixel_area_sharp(s.middle_px, clamped), clamped ? -1.0 : 1.0);
+    if (!blurs()) {
+        return vec4(read_pixel_area(s.middle_px, clamped), clamped ? -1.0 : 1.0);
     }
     precise vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         precise float t = (float(i) + 0.5) / float(count) - 0.5;
-        precise vec2 position = s.middle_px + t * (chord + t * bend);
-        sum = sum + read_pixel_area_sharp(position, clamped);
+        precise vec2 area = s.middle_px + t * (chord + t * bend) - 0.5;
+        sum = sum + sample_bilinear(color, area * float(COLOR_SCALE) + 0.5, clamped).rgb;
     }
     precise vec3 mean = sum / float(count);
     return vec4(mean, clamped ? -float(count) : float(count));

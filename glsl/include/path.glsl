@@ -94,7 +94,7 @@ float squared(vec2 v) {
 }
 
 // Displacements of neighbouring texels further apart than this, px, belong to different surfaces.
-const float ONE_SURFACE_PX = 0.75;
+const float ONE_SURFACE_PX = 0.4;
 
 // Displacements of a block of 2x2 texels: where the block's first texel has its centre, px, the displacement there, and
 // its change from texel to texel along x and y. Both differences are means of the block's two.
