@@ -15,6 +15,12 @@ layout(set = 0, binding = 2) uniform sampler2D path_1;
 layout(set = 0, binding = 3) uniform sampler2D path_2;
 // Grows towards the camera; 0: infinitely far.
 layout(set = 0, binding = 4) uniform sampler2D inverse_depth;
+// Cleared; fast_gather fills it.
+layout(set = 0, binding = 5, std430) buffer Listed {
+    uvec3 groups;
+    uint count;
+    uint pixels[];
+} listed;
 
 #include "timing.glsl"
 #include "path.glsl"
@@ -43,6 +49,9 @@ void main() {
         return;
     }
     ivec2 texel = source * PATH_SCALE;
+    if (all(equal(source, ivec2(0)))) {
+        listed.groups.yz = uvec2(1u);
+    }
     precise vec2 at_px = (vec2(texel) + 0.5) / float(PATH_SCALE) - vec2(push.margin_px);
     float reference = float(push.reference_knot);
     float after = float(push.last_knot) - reference;

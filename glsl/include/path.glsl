@@ -88,52 +88,61 @@ vec2 nearest_displacement(vec2 position_px, PathWeights w) {
     return texel_displacement(path_texel(position_px), w);
 }
 
-// Displacements further apart than this, px, belong to different surfaces: nothing lies between them.
-const float ONE_SURFACE_PX = 0.75;
-
-// Displacement between texels; at a silhouette that of the texel that holds the position.
-vec2 smooth_displacement(vec2 position_px, PathWeights w) {
-    ivec2 last = textureSize(path_0, 0) - 1;
-    precise vec2 wanted = position_px * float(PATH_SCALE) - 0.5;
-    vec2 inside = clamp(wanted, vec2(0.0), vec2(last));
-    ivec2 near = clamp(ivec2(inside), ivec2(0), last);
-    ivec2 far = min(near + 1, last);
-    precise vec2 f = inside - vec2(near);
-    precise vec2 a = texel_displacement(near, w);
-    precise vec2 b = texel_displacement(ivec2(far.x, near.y), w);
-    precise vec2 c = texel_displacement(ivec2(near.x, far.y), w);
-    precise vec2 d = texel_displacement(far, w);
-    vec2 spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d));
-    if (max(spread.x, spread.y) > ONE_SURFACE_PX) {
-        return f.x < 0.5 ? (f.y < 0.5 ? a : c) : (f.y < 0.5 ? b : d);
-    }
-    precise vec2 above = a + f.x * (b - a);
-    precise vec2 below = c + f.x * (d - c);
-    precise vec2 value = above + f.y * (below - above);
-    return value;
-}
-
-const int MAX_STEPS = 8;
-// A step shorter than this, px, ends the iteration; the next one is shorter by the displacement's slope again.
-const float CONVERGED_PX = 0.02;
-
 float squared(vec2 v) {
     precise float square = v.x * v.x + v.y * v.y;
     return square;
 }
 
-// The place in the reference picture of what stands at `x_px` at the instant of `w`: p + displacement(p) = x, by
-// fixed-point iteration from `guess_px`.
-vec2 source_of(vec2 x_px, vec2 guess_px, PathWeights w) {
-    precise vec2 p = x_px - nearest_displacement(guess_px, w);
-    for (int i = 1; i < MAX_STEPS; ++i) {
-        precise vec2 next = x_px - smooth_displacement(p, w);
-        float step = squared(next - p);
-        p = next;
-        if (step < CONVERGED_PX * CONVERGED_PX) {
-            break;
-        }
-    }
+// Displacements of neighbouring texels further apart than this, px, belong to different surfaces.
+const float ONE_SURFACE_PX = 0.4;
+
+// Displacements of a block of 2x2 texels: where the block's first texel has its centre, px, the displacement there, and
+// its change from texel to texel along x and y. Both differences are means of the block's two.
+struct PathBlock {
+    vec2 centre_px;
+    vec2 at_centre_px;
+    vec2 along_x_px;
+    vec2 along_y_px;
+    bool one_surface;
+};
+
+// The block around a position, read once for any number of instants.
+ivec2 path_block(vec2 position_px) {
+    ivec2 last = max(textureSize(path_0, 0) - 2, ivec2(0));
+    precise vec2 wanted = position_px * float(PATH_SCALE) - 0.5;
+    return clamp(ivec2(floor(clamp(wanted, vec2(0.0), vec2(last)))), ivec2(0), last);
+}
+
+PathBlock block_displacement(ivec2 block, PathWeights w) {
+    ivec2 far = min(block + 1, textureSize(path_0, 0) - 1);
+    precise vec2 a = texel_displacement(block, w);
+    precise vec2 b = texel_displacement(ivec2(far.x, block.y), w);
+    precise vec2 c = texel_displacement(ivec2(block.x, far.y), w);
+    precise vec2 d = texel_displacement(far, w);
+    vec2 spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d));
+    PathBlock m;
+    precise vec2 centre = (vec2(block) + 1.0) / float(PATH_SCALE);
+    precise vec2 mean = 0.25 * (a + b + (c + d));
+    precise vec2 along_x = 0.5 * float(PATH_SCALE) * (b - a + (d - c));
+    precise vec2 along_y = 0.5 * float(PATH_SCALE) * (c - a + (d - b));
+    m.centre_px = centre;
+    m.at_centre_px = mean;
+    m.along_x_px = along_x;
+    m.along_y_px = along_y;
+    m.one_surface = max(spread.x, spread.y) <= ONE_SURFACE_PX;
+    return m;
+}
+
+// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a displacement that
+// is linear around the block (a Newton step). The error is the displacement's curvature over half the squared distance
+// from the block.
+vec2 block_source(PathBlock m, vec2 x_px) {
+    precise vec2 rest = x_px - m.centre_px - m.at_centre_px;
+    precise float xx = 1.0 + m.along_x_px.x;
+    precise float yy = 1.0 + m.along_y_px.y;
+    precise float determinant = xx * yy - m.along_y_px.x * m.along_x_px.y;
+    precise vec2 moved = vec2(yy * rest.x - m.along_y_px.x * rest.y, xx * rest.y - m.along_x_px.y * rest.x);
+    precise vec2 p = m.centre_px + moved / determinant;
     return p;
 }
 

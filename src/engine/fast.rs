@@ -67,6 +67,7 @@ struct Images {
     /// Two knots each.
     paths: Vec<RasterTarget>,
     color: Image,
+    areas: Option<Image>,
 }
 
 impl Fast {
@@ -202,14 +203,18 @@ impl Images {
         let paths = (0..path_images).map(path).collect::<Result<Vec<_>>>()?;
         let texels = size.map(|s| s * kernels.color_scale);
         let color = Image::new(context, "color", ImageSpec::storage(texels, Format::Rgba32f))?;
+        let areas = (kernels.color_scale > 1)
+            .then(|| Image::new(context, "areas", ImageSpec::storage(texels, Format::Rgba32f)))
+            .transpose()?;
         let images = paths.iter().flat_map(|t| t.attachments.images());
-        prepare(&mut slots[0].gpu, picture.attachments.images().chain(images).chain([&color]))?;
+        prepare(&mut slots[0].gpu, picture.attachments.images().chain(images).chain([&color]).chain(&areas))?;
         let resolve_color = kernels.resolve_color.bind(&[
             ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
             ("color", Bound::Storage(&color)),
         ])?;
         let warp = kernels.warp.bind(&FastImages {
             color: &color,
+            areas: areas.as_ref(),
             paths: paths.iter().map(|t| &t.attachments.colors()[0]).collect(),
             inverse_depth: paths[0].attachments.depth(),
             radiance,
@@ -220,7 +225,7 @@ impl Images {
             Ok((one(&picture)?, paths.iter().map(one).collect::<Result<Vec<_>>>()?))
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color })
+        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color, areas })
     }
 
     fn area(&self) -> RenderArea {

@@ -25,7 +25,7 @@ pub enum Location {
 /// What a buffer is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Usage {
-    /// Storage buffer (and copy source or target).
+    /// Storage buffer (and copy source or target, and size of an indirect dispatch).
     Storage,
     /// Uniform buffer.
     Uniform,
@@ -65,7 +65,9 @@ impl Buffer {
         }
         let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let flags = match usage {
-            Usage::Storage => vk::BufferUsageFlags::STORAGE_BUFFER | copies,
+            Usage::Storage => {
+                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER | copies
+            }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
