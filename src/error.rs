@@ -121,6 +121,9 @@ pub enum Error {
         /// What the picture is at its place.
         reached: String,
     },
+    /// A lens that cannot be inverted inside the picture, and where.
+    #[error("{0}")]
+    LensFolds(Box<crate::camera::LensFold>),
     /// Another error, with the place in a file that caused it.
     #[error("{}: {problem}{hint}", place(path, *line))]
     At {

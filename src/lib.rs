@@ -8,6 +8,7 @@ pub mod cli;
 pub mod effects;
 pub mod engine;
 pub mod error;
+pub mod formats;
 pub mod gpu;
 pub mod kernels;
 pub mod plane;

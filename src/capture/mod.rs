@@ -17,7 +17,7 @@ use crate::camera::{Pose, ShutterTiming, Trajectory};
 use crate::effects::{MotionBlur, RollingShutter};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
-use text::read_text;
+pub(crate) use text::read_text;
 
 /// A whole capture. All times in s are on the capture's clock, whose zero is the first frame's timestamp: timestamps
 /// of 19 digits keep their nanoseconds.
@@ -43,9 +43,22 @@ impl Capture {
     /// # Errors
     /// Everything that is missing or wrong, with file and line.
     pub fn read(root: &Path, camera: Option<&Path>) -> Result<Self> {
+        Self::read_with(root, camera, |_| Ok(()))
+    }
+
+    /// Reads a capture whose camera is changed by `adjust` before anything depends on it (a preset's effects, say).
+    ///
+    /// # Errors
+    /// As [`Self::read`], and those of `adjust`.
+    pub fn read_with(
+        root: &Path,
+        camera: Option<&Path>,
+        adjust: impl FnOnce(&mut CameraFile) -> Result<()>,
+    ) -> Result<Self> {
         let camera_path = camera.map_or_else(|| root.join("camera.toml"), Path::to_owned);
         check_present(root, &camera_path)?;
-        let camera = CameraFile::read(&camera_path)?;
+        let mut camera = CameraFile::read(&camera_path)?;
+        adjust(&mut camera)?;
         let mut scene = load_obj(&root.join("scene.obj"), root)?;
         if camera.lit {
             let path = root.join("lights.toml");

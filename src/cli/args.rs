@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use crate::engine::{
     AccumulationOptions, ExactOptions, FastOptions, Method, MotionSource, PaperOptions, Shift,
 };
+use crate::formats::Format;
 
 /// What a real, cheap, moving camera does to a picture.
 #[derive(Debug, Parser)]
@@ -24,6 +25,91 @@ pub enum Command {
     Simulate(Simulate),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices,
+    /// List the presets of real cameras, or print one as camera.toml
+    Presets {
+        /// The preset to print
+        name: Option<String>,
+    },
+    /// Cameras in other tools' files
+    #[command(subcommand)]
+    Camera(Camera),
+    /// Make frames.csv, trajectory.tum and, where it can, camera.toml of a recording
+    Import(Import),
+}
+
+/// What can be done with a camera.
+#[derive(Debug, Subcommand)]
+pub enum Camera {
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml and (to) Gazebo SDF
+    Convert(Convert),
+}
+
+/// Arguments of `camera convert`.
+#[derive(Debug, clap::Args)]
+pub struct Convert {
+    /// The camera's file
+    pub input: PathBuf,
+    /// File to write (standard output if not given)
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Format of the input (else its content decides)
+    #[arg(long, value_enum)]
+    pub from: Option<FormatName>,
+    /// Format to write (else by the ending of --out: .toml or .sdf)
+    #[arg(long, value_enum)]
+    pub to: Option<FormatName>,
+    /// Frame rate, where the input states none: camera.toml needs one
+    #[arg(long, value_parser = rate_hz)]
+    pub rate_hz: Option<f64>,
+    /// Which camera of a camchain (else the first)
+    #[arg(long)]
+    pub name: Option<String>,
+}
+
+/// Arguments of `import`.
+#[derive(Debug, clap::Args)]
+pub struct Import {
+    /// A EuRoC mav0 folder (or the one above it), or a file of KITTI poses
+    pub input: PathBuf,
+    /// Folder for the files; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// EuRoC: which camera's folder
+    #[arg(long, default_value = "cam0")]
+    pub name: String,
+    /// KITTI: the poses' times (else times.txt beside them)
+    #[arg(long)]
+    pub times: Option<PathBuf>,
+    /// Replace files that are there
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// `--from`, `--to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatName {
+    /// camera.toml
+    Toml,
+    /// ROS camera_info YAML
+    Ros,
+    /// Kalibr camchain YAML
+    Kalibr,
+    /// EuRoC / ASL sensor.yaml
+    Euroc,
+    /// Gazebo SDF (to write only)
+    Sdf,
+}
+
+impl From<FormatName> for Format {
+    fn from(name: FormatName) -> Self {
+        match name {
+            FormatName::Toml => Self::Toml,
+            FormatName::Ros => Self::Ros,
+            FormatName::Kalibr => Self::Kalibr,
+            FormatName::Euroc => Self::Euroc,
+            FormatName::Sdf => Self::Sdf,
+        }
+    }
 }
 
 /// Arguments of `simulate`.
@@ -37,6 +123,9 @@ pub struct Simulate {
     /// Use this camera instead of the capture's camera.toml
     #[arg(long)]
     pub camera: Option<PathBuf>,
+    /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
+    #[arg(long)]
+    pub preset: Option<String>,
     /// How shutter and blur are made
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodName,
@@ -197,5 +286,12 @@ fn samples(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(n @ (1 | 4 | 16)) => Ok(n),
         _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
+    }
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
+        _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),
     }
 }

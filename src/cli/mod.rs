@@ -1,8 +1,11 @@
 //! The command line: parsing, progress, files. Everything it can do, the library can.
 
 mod args;
+mod camera;
 mod devices;
+mod import;
 mod interrupt;
+mod presets;
 mod simulate;
 mod timings;
 
@@ -11,7 +14,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
-use args::{Args, Command};
+use args::{Args, Camera, Command};
 
 /// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
 pub fn run() -> ExitCode {
@@ -25,6 +28,9 @@ pub fn run() -> ExitCode {
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Devices => devices::run(),
+        Command::Presets { name } => presets::run(name.as_deref()),
+        Command::Camera(Camera::Convert(convert)) => camera::run(convert),
+        Command::Import(import) => import::run(import),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
