@@ -1,6 +1,7 @@
 //! The command line: parsing, progress, files. Everything it can do, the library can.
 
 mod args;
+mod calibrate;
 mod devices;
 mod interrupt;
 mod simulate;
@@ -10,7 +11,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use args::{Args, Command};
+use args::{Args, Calibrate, Command};
 
 /// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
 pub fn run() -> ExitCode {
@@ -19,6 +20,7 @@ pub fn run() -> ExitCode {
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Devices => devices::run(),
+        Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
