@@ -8,7 +8,7 @@ mod plan;
 pub mod rng;
 
 pub use pack::{Packed, Packer, Parameters, SLOT_ROWS, slot_of};
-pub use params::{ParamKind, ParamSpec, Settings, Value};
+pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{Plan, Step, check_order};
 
 use crate::camera::{Intrinsics, ShutterTiming};

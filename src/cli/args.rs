@@ -35,6 +35,9 @@ pub enum Command {
     Camera(Camera),
     /// Make frames.csv, trajectory.tum and, where it can, camera.toml of a recording
     Import(Import),
+    /// Measure a camera from its pictures
+    #[command(subcommand)]
+    Calibrate(Calibrate),
 }
 
 /// What can be done with a camera.
@@ -110,6 +113,46 @@ impl From<FormatName> for Format {
             FormatName::Sdf => Self::Sdf,
         }
     }
+}
+
+/// What `calibrate` measures.
+#[derive(Debug, Subcommand)]
+pub enum Calibrate {
+    /// Noise, from two or more frames of one static scene
+    Noise(CalibrateNoise),
+}
+
+/// Arguments of `calibrate noise`.
+#[derive(Debug, clap::Args)]
+pub struct CalibrateNoise {
+    /// Frames of one static scene (PNG of 8 or 16 bits, JPEG)
+    #[arg(required = true)]
+    pub frames: Vec<PathBuf>,
+    /// Folder for camera.toml, camera_paper.toml, report.json, noise.png and ptc.png; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
+    #[arg(long)]
+    pub pairs: bool,
+    /// Camera to which the tables are added
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// What the values of the frames mean
+    #[arg(long, value_enum, default_value_t)]
+    pub encoding: EncodingName,
+    /// Seed of the simulated frames
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// `--encoding`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EncodingName {
+    /// Made for viewing
+    #[default]
+    Srgb,
+    /// Raw: proportional to light
+    Linear,
 }
 
 /// Arguments of `simulate`.

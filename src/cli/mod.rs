@@ -1,6 +1,7 @@
 //! The command line: parsing, progress, files. Everything it can do, the library can.
 
 mod args;
+mod calibrate;
 mod camera;
 mod devices;
 mod import;
@@ -14,7 +15,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
-use args::{Args, Camera, Command};
+use args::{Args, Calibrate, Camera, Command};
 
 /// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
 pub fn run() -> ExitCode {
@@ -31,6 +32,7 @@ pub fn run() -> ExitCode {
         Command::Presets { name } => presets::run(name.as_deref()),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),
+        Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,7 +2,7 @@
 
 use crate::camera::{Distortion, Intrinsics, Lens, Pose};
 use crate::capture::CameraFile;
-use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Value};
+use crate::chain::{Effect, ParamSpec, Settings, Value, neutral};
 use crate::effects::{self, RollingShutter};
 use crate::error::{Error, Result};
 
@@ -145,11 +145,7 @@ impl CameraModel {
 }
 
 fn is_neutral(spec: &ParamSpec, value: &Value) -> bool {
-    match spec.kind {
-        ParamKind::Number { neutral, .. } => *value == Value::Number(neutral),
-        ParamKind::Choice { neutral, .. } => *value == Value::Choice(neutral),
-        ParamKind::Vector3 { .. } => *value == Value::Vector3([0.0; 3]),
-    }
+    *value == neutral(&spec.kind)
 }
 
 fn written(value: &Value) -> String {

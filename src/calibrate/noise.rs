@@ -1,0 +1,400 @@
+//! `calibrate noise`: measure, fit, simulate, compare.
+
+use serde::Serialize;
+
+use super::cells::cells;
+use super::fit;
+use super::frames::{Encoding, Frame, check};
+use super::model::{CameraModel, IspCamera};
+use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
+use super::series::{Temporal, edge_variance, static_variance, temporal};
+use super::spatial::{Correlation, column_noise, correlations, row_noise};
+use super::statics::{AlignedPair, Registration, align, difference};
+use crate::error::Result;
+use crate::plane::Plane;
+
+/// What is not in the frames.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseOptions {
+    /// What the values mean.
+    pub encoding: Encoding,
+    /// Seed of the simulation.
+    pub seed: u64,
+}
+
+/// Statistics of the noise, of real or simulated frames.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    /// Photon transfer curves of R, G, B.
+    pub curves: [Vec<Bin>; 3],
+    /// The lines through them; `None` with too few bins.
+    pub fits: [Option<PtcFit>; 3],
+    /// Correlation with neighbours, R, G, B (encoded values).
+    pub neighbours: [Correlation; 3],
+    /// Correlation of R with G, G with B, R with B at the same pixel.
+    pub channels: [f64; 3],
+    /// Noise that rows share, R, G, B, linear, fraction of full scale.
+    pub row_sigma: [Estimate; 3],
+    /// The same of columns.
+    pub column_sigma: [Estimate; 3],
+}
+
+/// Real against simulated.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Per channel and bin: encoded mean (0 to 255), simulated over real variance, and the 95 % half width that chance
+    /// alone gives this ratio.
+    pub variance_ratio: [Vec<[f64; 3]>; 3],
+    /// Mean of `|ratio - 1|` over the pixels, per channel.
+    pub mean_deviation: [f64; 3],
+    /// Share of the pixels in bins within 10 %, per channel.
+    pub within_10_percent: [f64; 3],
+    /// Share of the pixels in bins within 10 % or within what chance gives.
+    pub within_10_percent_or_chance: [f64; 3],
+    /// Largest difference of the correlation with direct neighbours (horizontal, vertical, diagonal), per channel.
+    pub correlation_error: [f64; 3],
+}
+
+/// Pictures for the figure: encoded values in 0 to 1.
+#[derive(Clone, Debug)]
+pub struct Pictures {
+    /// First real frame.
+    pub real: Plane<f32>,
+    /// Difference of the first two real frames.
+    pub real_difference: Plane<f32>,
+    /// First simulated frame.
+    pub simulated: Plane<f32>,
+    /// Difference of two simulated frames.
+    pub simulated_difference: Plane<f32>,
+    /// Pixels that were used.
+    pub usable: Vec<bool>,
+}
+
+/// The result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Calibration {
+    /// Files or names of the frames.
+    pub frames: Vec<String>,
+    /// `srgb` or `linear`.
+    pub encoding: &'static str,
+    /// How each pair was made comparable.
+    pub registration: Vec<Registration>,
+    /// The real frames' noise.
+    pub real: Measured,
+    /// The noise of frames simulated with `camera`.
+    pub simulated: Measured,
+    /// The two side by side.
+    pub comparison: Comparison,
+    /// The fitted camera.
+    pub camera: IspCamera,
+    /// Variance (linear) of the paper's colour noise, R, G, B: mean over the usable pixels.
+    pub color_variance: [f64; 3],
+    /// The paper's static noise (an upper bound unless the scene was a flat field); needs three frames.
+    pub static_variance: Option<[f64; 3]>,
+    /// The paper's edge noise; needs frames without displacement.
+    pub edge_variance: Option<[Estimate; 3]>,
+    /// Over time; needs three frames.
+    pub temporal: Option<Temporal>,
+    /// What limits the result, in words.
+    pub notes: Vec<String>,
+    /// For the figure.
+    #[serde(skip)]
+    pub pictures: Pictures,
+}
+
+/// Measures the noise of two or more frames of one static scene and fits a camera that makes the same.
+///
+/// # Errors
+/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]), too few intensities.
+pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
+    check(frames)?;
+    let encoding = options.encoding;
+    // Every frame in one pair alone: the pairs are independent.
+    let pairs: Vec<AlignedPair> =
+        frames.chunks_exact(2).map(|p| align(&p[0], &p[1], encoding)).collect::<Result<_>>()?;
+    let step = frames[0].step;
+    let real = measure(&pairs, step, encoding);
+    if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
+        return Err(crate::Error::input(
+            &frames[0].path,
+            None,
+            "no intensity at which the noise is whole",
+            "surfaces between black and white that rest",
+        ));
+    }
+    let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
+    let (simulated, shown) = simulate(&camera, &pairs[0], step, options)?;
+    let comparison = compare(&real, &simulated);
+    let resting = pairs.iter().all(|p| !p.registration.moved);
+    let usable = &pairs[0].usable;
+    let mut calibration = Calibration {
+        frames: frames.iter().map(|f| f.path.display().to_string()).collect(),
+        encoding: encoding.name(),
+        registration: pairs.iter().map(|p| p.registration.clone()).collect(),
+        color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
+        static_variance: if resting { static_variance(frames, usable, encoding) } else { None },
+        edge_variance: edge_variance(&pairs[0], &real.fits, encoding),
+        temporal: if resting { temporal(frames, usable) } else { None },
+        real,
+        simulated,
+        comparison,
+        camera,
+        notes: Vec::new(),
+        pictures: Pictures {
+            real: pairs[0].frames[0].clone(),
+            real_difference: pairs[0].difference(|v| v),
+            simulated_difference: difference(&shown, usable, pairs[0].registration.moved, |v| v),
+            simulated: shown[0].clone(),
+            usable: usable.clone(),
+        },
+    };
+    calibration.notes = notes(&calibration, frames);
+    Ok(calibration)
+}
+
+fn mean_variance(bins: &[Bin]) -> f64 {
+    let whole = bins.iter().filter(|b| !b.cut_off);
+    let (n, sum) =
+        whole.fold((0.0, 0.0), |(n, s), b| (n + b.count, s + b.count * b.variance_linear.max(0.0)));
+    if n > 0.0 { sum / n } else { 0.0 }
+}
+
+/// All statistics of aligned pairs.
+fn measure(pairs: &[AlignedPair], step: f32, encoding: Encoding) -> Measured {
+    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
+    for pair in pairs {
+        ptc::add_pair(&mut curves, pair, encoding);
+    }
+    let curves = curves.map(|c| c.bins(step, encoding));
+    let first = &pairs[0];
+    let encoded = first.difference(|v| v);
+    let (sigma, whole) = expected_sigma(&first.mean(), &curves, &first.usable);
+    let (neighbours, channels) = correlations(&encoded, &sigma, &whole);
+    let linear = first.difference(|v| encoding.decode(v));
+    let fits = [0, 1, 2].map(|c| ptc::fit(&curves[c], neighbours[c].effective_pixels));
+    Measured {
+        fits,
+        row_sigma: row_noise(&linear, &first.usable),
+        column_sigma: column_noise(&linear, &first.usable),
+        curves,
+        neighbours,
+        channels,
+    }
+}
+
+/// Sigma of the difference at each pixel by its bin, and the pixels where no channel's noise is cut off.
+fn expected_sigma(mean: &Plane<f32>, curves: &[Vec<Bin>; 3], usable: &[bool]) -> (Plane<f32>, Vec<bool>) {
+    let tables: [Vec<Option<f32>>; 3] = curves.each_ref().map(|bins| {
+        let mut table = vec![None; ptc::BINS];
+        for b in bins.iter().filter(|b| !b.cut_off) {
+            let at = ((b.mean_dn / 255.0 * ptc::BINS as f64) as usize).min(ptc::BINS - 1);
+            table[at] = Some((2.0 * b.variance_dn2).sqrt().max(1e-3) as f32 / 255.0);
+        }
+        table
+    });
+    let mut sigma = Plane { data: vec![1.0; mean.data.len()], ..*mean };
+    let mut whole = usable.to_vec();
+    for i in (0..usable.len()).filter(|i| usable[*i]) {
+        for c in 0..3 {
+            let bin = ((mean.data[i * 3 + c] * ptc::BINS as f32) as usize).min(ptc::BINS - 1);
+            match tables[c][bin] {
+                Some(s) => sigma.data[i * 3 + c] = s,
+                None => whole[i] = false,
+            }
+        }
+    }
+    (sigma, whole)
+}
+
+/// Rounds in which the simulation corrects the closed form.
+const ROUNDS: usize = 4;
+
+fn fit_camera(
+    pair: &AlignedPair,
+    frame: &Frame,
+    real: &Measured,
+    options: NoiseOptions,
+) -> Result<IspCamera> {
+    let srgb = options.encoding == Encoding::Srgb;
+    let electrons = |f: &PtcFit| f.full_well_e.value.clamp(10.0, 1e6);
+    let line = real.fits[1].as_ref().or(real.fits[0].as_ref()).or(real.fits[2].as_ref());
+    // Without a line, shot noise that gives the variance at its intensity.
+    let total: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count * b.mean_linear).sum();
+    let count: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count).sum();
+    let plain = (total / count.max(1.0) / mean_variance(&real.curves[1]).max(1e-9)).clamp(10.0, 1e6);
+    let read = line.map_or(1e-3, |f| f.read_sigma.value);
+    let mut camera = IspCamera::sensor(line.map_or(plain, electrons), read, srgb, f64::from(frame.step));
+    let row = &real.row_sigma[1];
+    camera.row_sigma = if row.ci95[0] > 0.0 { row.value } else { 0.0 };
+    let measured = cells(&pair.mean(), &pair.difference(|v| v), &pair.usable);
+    let targets = fit::targets(&measured);
+    let white = real.neighbours.iter().all(|n| n.horizontal.abs().max(n.vertical.abs()) < 0.1);
+    if white && frame.jpeg.is_none() || targets.len() < 3 {
+        return Ok(camera);
+    }
+    camera = IspCamera {
+        bayer: true,
+        full_well_e: 2000.0,
+        read_sigma: 0.005,
+        white_balance: [1.5, 1.0, 1.5],
+        color_matrix: [[1.5, -0.25, -0.25], [-0.25, 1.5, -0.25], [-0.25, -0.25, 1.5]],
+        luma_sigma_px: 1.0,
+        chroma_sigma_px: 2.0,
+        chroma_step: frame.jpeg.map_or([1, 1], |j| j.chroma_step),
+        jpeg_quality: frame.jpeg.map(|j| j.quality),
+        ..camera
+    };
+    let mut goal = targets.clone();
+    for round in 0..ROUNDS {
+        camera = fit::fit(&camera, &goal);
+        if round + 1 < ROUNDS {
+            let frames = simulated_frames(&camera, pair, options, 0)?;
+            let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
+            goal = fit::correct(&camera, &targets, &cells(&pair.mean(), &d, &pair.usable));
+        }
+    }
+    Ok(camera)
+}
+
+/// Two frames of the pair's mean.
+fn simulated_frames(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    options: NoiseOptions,
+    first: u32,
+) -> Result<[Plane<f32>; 2]> {
+    let mut clean = pair.mean();
+    clean.data.iter_mut().for_each(|v| *v = options.encoding.decode(*v));
+    Ok([camera.frame(&clean, first, options.seed)?, camera.frame(&clean, first + 1, options.seed)?])
+}
+
+/// Pairs that are simulated for the comparison: their own chance is then small beside the real pair's.
+const SIMULATED_PAIRS: u32 = 4;
+
+/// Measures simulated pairs as the real one, at the same pixels and in the same bins.
+fn simulate(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<(Measured, [Plane<f32>; 2])> {
+    let mean = pair.mean();
+    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
+    let mut first = None;
+    let moved = pair.registration.moved;
+    for k in 0..SIMULATED_PAIRS {
+        let frames = simulated_frames(camera, pair, options, 1000 + 2 * k)?;
+        let encoded = difference(&frames, &pair.usable, moved, |v| v);
+        let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
+        for (c, curve) in curves.iter_mut().enumerate() {
+            curve.add(&mean, [&encoded, &linear], &pair.usable, c, options.encoding);
+        }
+        first = first.or(Some((frames, encoded, linear)));
+    }
+    let (frames, encoded, linear) = first.expect("at least one pair is simulated");
+    let curves = curves.map(|c| c.bins(step, options.encoding));
+    let (sigma, whole) = expected_sigma(&mean, &curves, &pair.usable);
+    let (neighbours, channels) = correlations(&encoded, &sigma, &whole);
+    let fits = [0, 1, 2].map(|c| ptc::fit(&curves[c], neighbours[c].effective_pixels));
+    let measured = Measured {
+        fits,
+        row_sigma: row_noise(&linear, &pair.usable),
+        column_sigma: column_noise(&linear, &pair.usable),
+        curves,
+        neighbours,
+        channels,
+    };
+    Ok((measured, frames))
+}
+
+fn compare(real: &Measured, simulated: &Measured) -> Comparison {
+    let mut out = Comparison {
+        variance_ratio: Default::default(),
+        mean_deviation: [0.0; 3],
+        within_10_percent: [0.0; 3],
+        within_10_percent_or_chance: [0.0; 3],
+        correlation_error: [0.0; 3],
+    };
+    for c in 0..3 {
+        let mut total = 0.0;
+        for bin in real.curves[c].iter().filter(|b| !b.cut_off && b.variance_dn2 > 0.0) {
+            let same = |b: &&Bin| (b.mean_dn - bin.mean_dn).abs() < 1e-6;
+            let Some(other) = simulated.curves[c].iter().find(same) else { continue };
+            let ratio = other.variance_dn2 / bin.variance_dn2;
+            let of = |b: &Bin, m: &Measured| 2.0 * m.neighbours[c].effective_pixels / b.count;
+            let chance = 1.96 * (of(bin, real) + of(other, simulated)).sqrt();
+            let off = (ratio - 1.0).abs();
+            total += bin.count;
+            out.mean_deviation[c] += bin.count * off;
+            out.within_10_percent[c] += if off <= 0.1 { bin.count } else { 0.0 };
+            out.within_10_percent_or_chance[c] += if off <= chance.max(0.1) { bin.count } else { 0.0 };
+            out.variance_ratio[c].push([bin.mean_dn, ratio, chance]);
+        }
+        let total = f64::max(total, 1.0);
+        out.mean_deviation[c] /= total;
+        out.within_10_percent[c] /= total;
+        out.within_10_percent_or_chance[c] /= total;
+        let (a, b) = (real.neighbours[c].at_lags(), simulated.neighbours[c].at_lags());
+        out.correlation_error[c] = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+    }
+    out
+}
+
+const NAMES: [&str; 3] = ["red", "green", "blue"];
+
+/// What limits the result.
+fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for r in &c.registration {
+        if r.moved {
+            notes.push(format!(
+                "the camera moved by ({}, {}) px and {:.2} px more in half of the textured picture: {:.0} % of it is \
+                 left out (edges and what saturates or changed); edge noise cannot be told from displacement",
+                r.shift_px[0], r.shift_px[1], r.residual_median_px, 100.0 * r.masked_fraction
+            ));
+        } else if r.masked_fraction > 0.0 {
+            notes.push(format!(
+                "{:.1} % of the picture left out: something moved there",
+                100.0 * r.masked_fraction
+            ));
+        }
+        if r.textured_blocks == 0 {
+            notes.push("no texture to tell displacement by; without texture it does no harm".to_owned());
+        }
+        if r.gain.iter().any(|g| (g - 1.0).abs() >= 1e-3) {
+            let [r, g, b] = r.gain.map(|g| 100.0 * (g - 1.0));
+            notes.push(format!(
+                "brightness changed by {r:+.2} {g:+.2} {b:+.2} % (R, G, B) and was taken back"
+            ));
+        }
+    }
+    for (name, fit) in NAMES.iter().zip(&c.real.fits) {
+        match fit {
+            None => notes.push(format!("{name}: too few intensities for a line through the photon transfer curve")),
+            Some(f) if !f.linear => notes.push(format!(
+                "{name}: the photon transfer curve is no line (chi2/dof {:.1}, bend t {:.1}): tone curve, denoising, \
+                 JPEG or colour mixing; its full well is that of the delivered picture",
+                f.chi2_per_dof, f.bend_t
+            )),
+            Some(_) => {}
+        }
+    }
+    if c.camera.bayer {
+        notes.push(
+            "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour matrix \
+             and smoothing, and stand or fall with these; the tone curve is taken to be sRGB"
+                .to_owned(),
+        );
+    }
+    if frames.len() < 3 {
+        notes.push(
+            "two frames: the fixed pattern is in both and stays unseen; no temporal spectrum".to_owned(),
+        );
+    } else {
+        notes.push(
+            "the static part holds the scene's own texture: an upper bound unless it was a flat field"
+                .to_owned(),
+        );
+    }
+    notes
+}
