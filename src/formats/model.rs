@@ -2,7 +2,7 @@
 
 use crate::camera::{Distortion, Intrinsics, Lens, Pose};
 use crate::capture::CameraFile;
-use crate::chain::{Effect, ParamSpec, Settings, Value, neutral};
+use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Value, neutral};
 use crate::effects::{self, RollingShutter};
 use crate::error::{Error, Result};
 

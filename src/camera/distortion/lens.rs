@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Distortion;
 use super::fold::invertible_radius;
 use crate::camera::Intrinsics;
-use crate::error::{Error, Result};
+use crate::error::{Error, LensFold, Result};
 
 /// Ideal radius to which a mapping is followed at least: 89.9 degrees from the axis. Rays further out never meet the
 /// plane that a pinhole draws on.
@@ -14,40 +14,6 @@ const WIDEST: f64 = 1e3;
 
 /// Border points whose fold is looked for when a lens is refused.
 const FOLD_SAMPLES: usize = 256;
-
-/// Where a lens stops being invertible inside a picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LensFold {
-    /// The pixel nearest to the principal point that no ray reaches: column, row.
-    pub pixel: [i64; 2],
-    /// Its distance from the principal point, px.
-    pub radius_px: f64,
-    /// The ideal radius at which the mapping turns back, normalised; infinite if it only tends to 90 degrees.
-    pub ideal_radius: f64,
-    /// The coefficients, by name.
-    pub coefficients: String,
-}
-
-impl std::fmt::Display for LensFold {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [x, y] = self.pixel;
-        write!(
-            f,
-            "the lens ({}) is not invertible inside the picture: no ray reaches pixel ({x}, {y}), {:.1} px from (cx, \
-             cy), ",
-            self.coefficients, self.radius_px
-        )?;
-        if self.ideal_radius.is_finite() {
-            write!(
-                f,
-                "because the mapping turns back at {:.4} focal lengths from the axis",
-                self.ideal_radius
-            )
-        } else {
-            write!(f, "because it would lie 90 degrees or more from the axis, where no flat picture is")
-        }
-    }
-}
 
 /// A camera's pinhole and distortion. Each pixel of the picture is known to have exactly one ray.
 #[derive(Clone, Debug)]

@@ -15,7 +15,7 @@ mod lens;
 #[cfg(test)]
 mod tests;
 
-pub use lens::{Lens, LensFold};
+pub use lens::Lens;
 
 use glam::{DMat2, DVec2};
 
