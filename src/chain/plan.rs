@@ -38,8 +38,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The dispatches of the effects that are not neutral.
-    pub fn new(list: &[&dyn Effect], settings: &Settings) -> Self {
+    /// The dispatches of the effects that are not neutral; with `floats` the last one writes a picture of floats too.
+    pub fn new(list: &[&dyn Effect], settings: &Settings, floats: bool) -> Self {
         let (mut steps, mut open) = (Vec::new(), vec![0; POINTWISE.len()]);
         let close = |open: &mut Vec<u32>, steps: &mut Vec<Step>| {
             if open.iter().any(|v| *v != 0) {
@@ -72,7 +72,7 @@ impl Plan {
                 Work::Elsewhere | Work::Host(_) => {}
             }
         }
-        steps.push(Step::Pointwise { variants: open, last: true });
+        steps.push(Step::Pointwise { variants: open, last: !floats });
         Self { steps }
     }
 }

@@ -48,10 +48,10 @@ pub fn run(args: &Simulate) -> Result<()> {
         planes: !args.planes.is_empty(),
         ..EngineOptions::default()
     };
-    let camera = &capture.camera.intrinsics;
+    let camera = capture.true_intrinsics();
     let size = [camera.width, camera.height];
-    let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));
-    let mut engine = Engine::new(&context, scene, path, *camera, options, &requests)?;
+    let (path, scene) = (Arc::new(capture.true_trajectory()), Arc::new(capture.scene));
+    let mut engine = Engine::new(&context, scene, path, camera, options, &requests)?;
     let mut timings = Timings::default();
     let done = render_all(args, &mut engine, &requests, &mut timings)?;
     report_validation(&context)?;
