@@ -118,3 +118,48 @@ pub fn resting() -> Arc<Trajectory> {
     let pose = Pose { rotation: DQuat::IDENTITY, translation_m: DVec3::ZERO };
     Arc::new(Trajectory::new(Path::new("resting"), vec![-10.0, 10.0], vec![pose, pose]).unwrap())
 }
+
+/// The effects before the tone curve: their chain ends in linear values, unclipped.
+pub fn linear_list() -> Vec<&'static dyn Effect> {
+    use shutterbug::chain::{Domain, Stage};
+    let encoded = |e: &&dyn Effect| matches!(e.stage(), Stage::Pixel(_, Domain::EncodedRgb));
+    shutterbug::effects::LIST.iter().copied().filter(|e| !encoded(e)).collect()
+}
+
+/// Linear values behind the sensor, of a flat picture.
+pub fn flat(of: &Settings, view: &View, level: [f32; 3]) -> Plane<f32> {
+    let size = [view.intrinsics.width as usize, view.intrinsics.height as usize];
+    let radiance = Plane::from_fn(size[0], size[1], |_, _| [level[0], level[1], level[2], 1.0]);
+    shutterbug::reference::chain::values(&linear_list(), of, view, &radiance)
+}
+
+/// One channel.
+pub fn channel(plane: &Plane<f32>, c: usize) -> Vec<f64> {
+    plane.data.chunks_exact(4).map(|p| f64::from(p[c])).collect()
+}
+
+/// Mean, variance and skewness.
+pub fn moments(values: &[f64]) -> (f64, f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let central = |k: i32| values.iter().map(|v| (v - mean).powi(k)).sum::<f64>() / n;
+    let variance = central(2);
+    (mean, variance, central(3) / variance.powf(1.5))
+}
+
+/// Correlation of two lists.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let ((ma, va, _), (mb, vb, _)) = (moments(a), moments(b));
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum();
+    sum / a.len() as f64 / (va * vb).sqrt()
+}
+
+/// Correlation of horizontal and of vertical neighbours.
+pub fn neighbour_correlation(values: &[f64], width: usize) -> (f64, f64) {
+    let (mut here, mut right) = (Vec::new(), Vec::new());
+    for row in values.chunks_exact(width) {
+        here.extend_from_slice(&row[..width - 1]);
+        right.extend_from_slice(&row[1..]);
+    }
+    (correlation(&here, &right), correlation(&values[..values.len() - width], &values[width..]))
+}
