@@ -5,7 +5,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -73,7 +72,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let pass = |mode: u32| Pass { kernel: const { kernel("defocus.comp") }, constants: [mode, 0] };
+    let pass = |mode: u32| Pass { file: "defocus.comp", constants: [mode, 0] };
     let gaussian: &[u32] = if sigma_px(settings) > 0.0 { &[0, 1] } else { &[] };
     let disc: &[u32] = if disc_radius_px(settings) > 0.0 { &[2] } else { &[] };
     gaussian.iter().chain(disc).map(|mode| pass(*mode)).collect()

@@ -3,7 +3,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -33,7 +32,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
 }
 
 fn passes(_: &Settings) -> Vec<Pass> {
-    let pass = |mode: u32| Pass { kernel: const { kernel("sharpening.comp") }, constants: [mode, 0] };
+    let pass = |mode: u32| Pass { file: "sharpening.comp", constants: [mode, 0] };
     vec![pass(0), pass(1)]
 }
 
