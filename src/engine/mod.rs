@@ -14,6 +14,7 @@ mod finish;
 mod frame;
 mod margin;
 mod paper;
+mod pixel_chain;
 mod planes;
 mod slots;
 
@@ -33,6 +34,7 @@ pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
 pub use paper::{MotionSource, PaperOptions, Shift};
+pub use pixel_chain::PixelChain;
 
 use accumulation::Accumulation;
 use exact::Exact;
@@ -143,7 +145,8 @@ impl Engine {
         };
         let count = options.frames_in_flight.clamp(1, 8) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
-        let finish = Finish::new(&stage, &mut slots)?;
+        let size = [intrinsics.width, intrinsics.height];
+        let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
         let renderer = match &options.method {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
@@ -166,6 +169,16 @@ impl Engine {
     /// The camera as it was given, without margin.
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.stage.intrinsics
+    }
+
+    /// Gives the engine another camera of the same size, or another path: what a fit of the set-up does between frames.
+    ///
+    /// # Panics
+    /// If the size differs: a bug of the caller.
+    pub fn aim(&mut self, intrinsics: Intrinsics, trajectory: Arc<Trajectory>) {
+        let size = |k: &Intrinsics| (k.width, k.height);
+        assert_eq!(size(&intrinsics), size(&self.stage.intrinsics), "an engine's pictures keep their size");
+        (self.stage.intrinsics, self.stage.trajectory) = (intrinsics, trajectory);
     }
 
     /// Pixels rendered beyond each side of the picture (columns, rows).
@@ -197,7 +210,8 @@ impl Engine {
         let path = frame::camera_path(&self.stage, request);
         self.widen(request)?;
         let slot = &mut self.slots[index];
-        self.finish.fit(&self.stage, request, slot)?;
+        let view = request.view(self.stage.intrinsics);
+        self.finish.fit((&request.settings, &view), false, (&mut slot.gpu, slot.index))?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {
