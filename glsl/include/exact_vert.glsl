@@ -51,8 +51,8 @@ layout(location = 6) flat out float out_group;
 invariant gl_Position;
 
 // Steps of the search. Each divides the error by the line's speed over the content's (10 and more), and the secant makes
-// it faster than linear: 3 leave less than a thousandth of a line at 0.3 of the readout's speed.
-const int STEPS = 3;
+// it faster than linear. Reading two matrices is what a step costs.
+layout(constant_id = 3) const int STEPS = 2;
 
 // Where the lens puts a point of the ideal picture (clip space). The ideal lens is all there is so far; distortion
 // belongs here, where it moves the vertex and with it the line whose time it is seen at.
@@ -84,8 +84,11 @@ float place_of_line(vec4 clip) {
 // The place p at which p = place_of_line(project(p)): fixed-point steps with the slope of the last two (secant). The
 // slope is held under one, so that content as fast as the readout cannot throw a vertex about.
 float own_place(uint first) {
-    float last = 0.5 * (push.place_low + push.place_high);
-    float last_line = place_of_line(project(first, last));
+    // The number of knots is odd, so the one in the middle needs no neighbour.
+    uint middle = (push.knot_count - 1u) / 2u;
+    float last = float(middle);
+    float last_line =
+        place_of_line(sensor_from_ideal(knots[first + middle].clip_from_object * vec4(position_m, 1.0)));
     float place = last_line;
     for (int i = 1; i < STEPS; ++i) {
         float line = place_of_line(project(first, place));

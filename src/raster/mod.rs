@@ -9,7 +9,7 @@ mod tessellate;
 
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
-pub use knots::{KnotRow, MotionGroups, View, relative_rows, spaced};
+pub use knots::{KnotRow, MotionGroups, RelativeRow, View, relative_rows, spaced};
 pub use scene_buffers::SceneBuffers;
 pub use target::{ExactPush, RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;

@@ -131,7 +131,8 @@ impl RasterTarget {
         let (vertex, fragment) = kind.shaders();
         let pipeline = |textured: bool| {
             let constants = if kind.has_color() {
-                vec![scene.lit.into(), textured.into(), scene.light_count]
+                let steps = std::env::var("EXACT_STEPS").map_or(2, |v| v.parse().unwrap_or(2));
+                vec![scene.lit.into(), textured.into(), scene.light_count, steps]
             } else {
                 Vec::new()
             };

@@ -26,7 +26,7 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::raster::{
     ExactPush, Geometry, KnotRow, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
-    relative_rows, spaced,
+    RelativeRow, relative_rows, spaced,
 };
 use blur::{Blur, Part, orientation};
 
@@ -116,7 +116,8 @@ impl Input {
         };
         let knots = upload("knots", groups * MAX_KNOTS * size_of::<KnotRow>())?;
         let camera = upload("exact camera", 16)?;
-        let relative = upload("relative", groups * MAX_KNOTS * 2 * size_of::<[f32; 16]>())?;
+        let lines = target.size[0].max(target.size[1]) as usize;
+        let relative = upload("relatives", groups * lines * size_of::<RelativeRow>())?;
         let raster = target.bind_knots(&stage.buffers, &knots, &camera)?;
         Ok(Self { raster, knots, camera, relative })
     }
@@ -230,7 +231,8 @@ impl Exact {
             self.frames.push((request.shutter.start_s, request.shutter.end_s()));
         }
         let readout_s = readout_s(request);
-        let limits = (self.options.chord_px, self.options.most_triangles as usize);
+        let chord = std::env::var("EXACT_CHORD").map_or(self.options.chord_px, |v| v.parse().unwrap_or(0.1));
+        let limits = (chord, self.options.most_triangles as usize);
         let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
         tracing::info!("{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most");
@@ -336,42 +338,50 @@ impl Exact {
         };
         input.knots.write(0, &rows);
         input.camera.write(0, &[eye]);
-        let mut pairs = 1;
+        let group_count = self.groups.count() as u32;
+        let mut line_count = 1;
         if blurs {
-            let times = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
-            pairs = times.len() as u32 / 2;
-            input.relative.write(0, &relative_rows(&self.groups, view, &times));
+            let exposures = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
+            line_count = if rolls { lines_of(view.camera, shutter) as usize } else { 1 };
+            let (_, reversed) = orientation(shutter.scan_order);
+            input.relative.write(0, &relative_rows(&self.groups, view, &exposures, (line_count, reversed)));
         }
-        let exposure_s = shutter.exposure_time_s;
-        let part = Part { pairs, exposure_s, reach_px: reach.reach_px, weight: 1.0, first: true };
+        let part = Part {
+            line_count: line_count as u32,
+            group_count,
+            exposure_s: shutter.exposure_time_s,
+            reach_px: reach.reach_px,
+            weight: 1.0,
+            first: true,
+        };
         (raster_push(view.camera, shutter, times.len()), part)
     }
 }
 
-/// Middle and begin, middle and end of the exposure of `count` lines, equally spaced over the attachment.
+/// Lines of the attachment, margin included.
+fn lines_of(camera: &Intrinsics, shutter: &ShutterTiming) -> u32 {
+    if shutter.scan_order.lines_are_rows() { camera.height } else { camera.width }
+}
+
+/// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first line
+/// (in scan order) to that of its last.
 fn exposures(
     view: &View<'_>,
     shutter: &ShutterTiming,
     count: usize,
     covered_s: (f64, f64),
-) -> Vec<(f64, f64)> {
-    let (rows, _) = orientation(shutter.scan_order);
-    let side = f64::from(if rows { view.camera.height } else { view.camera.width });
+) -> Vec<[f64; 3]> {
     let lines = f64::from(shutter.line_count);
-    let beyond = 0.5 * (side - lines);
+    let beyond = 0.5 * (f64::from(lines_of(view.camera, shutter)) - lines);
     let inside = |time_s: f64| time_s.clamp(covered_s.0, covered_s.1);
     let half_s = 0.5 * shutter.exposure_time_s;
-    let at = if count > 1 { spaced(-beyond, lines + beyond, count - 1) } else { vec![0.5 * lines] };
-    let pairs = at.into_iter().flat_map(|line| {
-        let middle_s = if count > 1 {
-            shutter.start_s + half_s + shutter.line_delay_s() * (line - 0.5)
-        } else {
-            shutter.middle_s()
-        };
-        let middle_s = inside(middle_s);
-        [(middle_s, inside(middle_s - half_s)), (middle_s, inside(middle_s + half_s))]
-    });
-    pairs.collect()
+    let middles = if count > 1 {
+        let at_s = |line: f64| shutter.start_s + half_s + shutter.line_delay_s() * line;
+        spaced(at_s(-beyond), at_s(lines + beyond - 1.0), count - 1)
+    } else {
+        vec![shutter.middle_s()]
+    };
+    middles.into_iter().map(|m| [inside(m - half_s), inside(m), inside(m + half_s)]).collect()
 }
 
 fn readout_s(request: &FrameRequest) -> f64 {
