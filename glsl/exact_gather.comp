@@ -6,14 +6,15 @@
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "exact_tile.glsl"
 layout(constant_id = 0) const int TAPS = 1;
+layout(constant_id = 1) const float DENSITY = 2.0;
+layout(constant_id = 2) const int LAYERS = 1;
 layout(set = 0, binding = 0) uniform sampler2D texels;
 layout(set = 0, binding = 1) uniform sampler2D paths;
-layout(set = 0, binding = 2) uniform sampler2D inverses;
-layout(set = 0, binding = 3) uniform sampler2D around_near;
-layout(set = 0, binding = 4) uniform sampler2D around_far;
-layout(set = 0, binding = 5) uniform sampler2D around_facts;
+layout(set = 0, binding = 2) uniform sampler2D around_near;
+layout(set = 0, binding = 3) uniform sampler2D around_far;
+layout(set = 0, binding = 4) uniform sampler2D around_facts;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
-layout(set = 0, binding = 6, rgba32f) uniform image2D radiance;
+layout(set = 0, binding = 5, rgba32f) uniform image2D radiance;
 layout(push_constant) uniform Push {
     uvec2 size;
     // px rendered beyond each side, and all with them.
@@ -26,6 +27,7 @@ layout(push_constant) uniform Push {
     // Weight of this picture in the sum; the first one replaces what stands there.
     float weight;
     uint first;
+    float grid;
 } push;
 
 // Paths that jump by less from one px to the next are those of one surface.
@@ -85,7 +87,7 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec2 way = abs(end - begin);
     vec2 side = 0.25 * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
     vec2 ahead = 0.25 - side;
-    int count = clamp(int(ceil(2.0 * (length(begin) + length(end)))), 1, push.most);
+    int count = clamp(int(ceil(DENSITY * (length(begin) + length(end)))), 1, push.most);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
@@ -114,7 +116,7 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             vec2 at = x - along(seeds[s], tau);
             at = x - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - x;
-            float inverse = texelFetch(inverses, inside(at), 0).r;
+            float inverse = texelFetch(texels, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;
@@ -139,7 +141,7 @@ void main() {
     vec4 seen;
     if (facts.z < SHORTEST_PX) {
         seen = vec4(box_at(pixel), 1.0);
-    } else if (facts.w < SMOOTH_PX) {
+    } else if (facts.w < SMOOTH_PX || LAYERS == 0) {
         seen = gather_smooth(pixel, line, own);
     } else {
         vec4 seeds[3] = vec4[3](own, texelFetch(around_near, tile, 0), texelFetch(around_far, tile, 0));

@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
-layout(set = 0, binding = 0) uniform sampler2D inverses;
+layout(set = 0, binding = 0) uniform sampler2D texels;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D tile_near;
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D tile_far;
@@ -14,6 +14,7 @@ layout(push_constant) uniform Push {
     uvec2 size;
     // Delivered px of the attachment.
     ivec2 picture;
+    int grid;
 } push;
 
 float larger(vec4 v) {
@@ -32,7 +33,7 @@ void main() {
         for (int x = 0; x < EXACT_TILE; ++x) {
             ivec2 at = min(ivec2(tile) * EXACT_TILE + ivec2(x, y), last);
             vec4 path = texelFetch(paths, at, 0);
-            float inverse = texelFetch(inverses, at, 0).r;
+            float inverse = texelFetch(texels, at * push.grid, 0).a;
             vec4 right = texelFetch(paths, min(at + ivec2(1, 0), last), 0);
             vec4 below = texelFetch(paths, min(at + ivec2(0, 1), last), 0);
             jump = max(jump, max(larger(right - path), larger(below - path)));

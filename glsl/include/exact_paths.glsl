@@ -7,28 +7,29 @@ layout(local_size_x = 128, local_size_y = 1) in;
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 // Near distance over distance; 0 where nothing was drawn.
 layout(set = 0, binding = 1) uniform SAMPLES_2D depth_samples;
-// Linear radiance by texel; alpha unused.
+// RGB: mean linear radiance. A: 1/m, inverse distance of the texel's nearest sample.
 layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D texels;
-// 1/m, inverse distance of the nearest sample.
-layout(set = 0, binding = 3, r32f) uniform writeonly image2D inverses;
 // px from the middle of the line's exposure to its begin (xy) and to its end (zw).
-layout(set = 0, binding = 4, rgba16f) uniform writeonly image2D paths;
+layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D paths;
 // Rows x, y and w of a matrix that takes (ndc, depth, 1) at the middle of a line's exposure to clip space.
 struct Relative {
     vec4 begin[3];
     vec4 end[3];
 };
 // Line by line, and within a line group by group.
-layout(set = 0, binding = 5, std430) readonly buffer Relatives {
+layout(set = 0, binding = 4, std430) readonly buffer Relatives {
     Relative relatives[];
 };
+// Texels of a pixel's side, samples of a texel: constants, so that loops over them unroll.
+layout(constant_id = 0) const int GRID = 2;
+layout(constant_id = 1) const int COUNT = 4;
+layout(constant_id = 2) const int DEPTHS = 2;
 layout(push_constant) uniform Push {
     // Delivered px of the attachment.
     uvec2 size;
     // Lines whose matrices there are (in the order of the picture): all, or one for all.
     uint line_count;
     uint group_count;
-    int grid;
     // Lines are columns.
     uint columns;
     float near_m;
@@ -49,24 +50,25 @@ void main() {
     if (any(greaterThanEqual(uvec2(pixel), push.size))) {
         return;
     }
-    int count = sample_count(color_samples);
     float depth = 0.0;
     float group = 0.0;
-    for (int y = 0; y < push.grid; ++y) {
-        for (int x = 0; x < push.grid; ++x) {
-            ivec2 texel = pixel * push.grid + ivec2(x, y);
+    for (int y = 0; y < GRID; ++y) {
+        for (int x = 0; x < GRID; ++x) {
+            ivec2 texel = pixel * GRID + ivec2(x, y);
             vec3 sum = vec3(0.0);
-            for (int i = 0; i < count; ++i) {
+            float nearest = 0.0;
+            for (int i = 0; i < COUNT; ++i) {
                 vec4 color = sample_at(color_samples, texel, i);
                 sum += color.rgb;
                 // Every other sample's depth is enough to find what is in front.
-                if ((i & 1) == 0) {
+                if (i % (COUNT / DEPTHS) == 0) {
                     float d = sample_at(depth_samples, texel, i).r;
                     group = d > depth ? color.a : group;
                     depth = max(depth, d);
+                    nearest = max(nearest, d);
                 }
             }
-            imageStore(texels, texel, vec4(sum / float(count), 1.0));
+            imageStore(texels, texel, vec4(sum / float(COUNT), nearest / push.near_m));
         }
     }
     vec4 point = vec4((vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0, depth, 1.0);
@@ -78,6 +80,5 @@ void main() {
         vec4 other = vec4(moved_px(relatives[first + g].begin, point), moved_px(relatives[first + g].end, point));
         path = uint(group) == g + 1u ? other : path;
     }
-    imageStore(inverses, pixel, vec4(depth / push.near_m));
     imageStore(paths, pixel, clamp(path, -4096.0, 4096.0));
 }

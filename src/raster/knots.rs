@@ -1,4 +1,4 @@
-//! What the vertex stage of `--method exact` needs: the matrices of everything that moves alike, at equally spaced times
+//! What the placing of vertices in `--method exact` needs: the matrices of everything that moves alike, at equally spaced times
 //! ("knots") between which they may be taken for linear.
 
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use glam::{DMat4, DVec2, DVec4};
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
 use crate::scene::Scene;
 
-/// `Knot` of `exact_vert.glsl`.
+/// `Knot` of `exact_place.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct KnotRow {

@@ -27,13 +27,12 @@ struct PathsPush {
     size: [u32; 2],
     line_count: u32,
     group_count: u32,
-    grid: i32,
     columns: u32,
     near_m: f32,
 }
 assert_push_layout!(
     "exact_paths_ms.comp",
-    PathsPush { size, line_count, group_count, grid, columns, near_m }
+    PathsPush { size, line_count, group_count, columns, near_m }
 );
 
 #[repr(C)]
@@ -41,8 +40,9 @@ assert_push_layout!(
 struct TilesPush {
     size: [u32; 2],
     picture: [i32; 2],
+    grid: i32,
 }
-assert_push_layout!("exact_tiles.comp", TilesPush { size, picture });
+assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -63,10 +63,11 @@ struct GatherPush {
     most: i32,
     weight: f32,
     first: u32,
+    grid: f32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, weight, first }
+    GatherPush { size, margin_px, picture_px, tau_per_px, most, weight, first, grid }
 );
 
 /// Images of one margin, and the kernels that work on them.
@@ -83,7 +84,6 @@ pub(super) struct Blur {
 
 struct Images {
     texels: Image,
-    inverses: Image,
     paths: Image,
     tiles: [Image; 3],
     around: [Image; 3],
@@ -104,7 +104,6 @@ impl Images {
         };
         Ok(Self {
             texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
-            inverses: image("inverses", picture, Format::R32f)?,
             paths: image("paths", picture, Format::Rgba16f)?,
             tiles: three(["tile_near", "tile_far", "tile_facts"])?,
             around: three(["around_near", "around_far", "around_facts"])?,
@@ -124,16 +123,16 @@ impl Blur {
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
         let images = Images::new(stage, size)?;
-        let all = target.attachments.images().chain([&images.texels, &images.inverses, &images.paths]);
+        let all = target.attachments.images().chain([&images.texels, &images.paths]);
         prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
         let kernels = [
-            ComputePipeline::new(context, paths)?,
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa, if stage.plan.msaa > 1 { env("EXACT_DEPTHS", 1.0) as u32 } else { 1 }])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
-            ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[std::env::var("EXACT_TAPS").map_or(2, |v| v.parse().unwrap_or(2))])?,
+            ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[env("EXACT_TAPS", 2.0) as u32, env("EXACT_DENSITY", 1.0).to_bits(), env("EXACT_LAYERS", 1.0) as u32])?,
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::new(context, true)?);
         let inputs =
@@ -144,7 +143,6 @@ impl Blur {
                 ("color_samples", fetched(&target.attachments.colors()[0])),
                 ("depth_samples", fetched(target.attachments.depth())),
                 ("texels", Bound::Storage(&images.texels)),
-                ("inverses", Bound::Storage(&images.inverses)),
                 ("paths", Bound::Storage(&images.paths)),
                 ("Relatives", Bound::Buffer(&input.relative)),
             ])
@@ -153,7 +151,7 @@ impl Blur {
         let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
         let groups = [
             kernels[1].bind(&[
-                ("inverses", fetched(&images.inverses)),
+                ("texels", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
                 ("tile_near", Bound::Storage(near)),
                 ("tile_far", Bound::Storage(far)),
@@ -169,7 +167,6 @@ impl Blur {
             ])?,
             kernels[3].bind(&[
                 ("texels", Bound::Sampled(&images.texels, &linear)),
-                ("inverses", fetched(&images.inverses)),
                 ("paths", fetched(&images.paths)),
                 ("around_near", fetched(around_near)),
                 ("around_far", fetched(around_far)),
@@ -205,7 +202,11 @@ impl Blur {
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
         recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push = TilesPush { size: tiles, picture: picture.map(|s| s as i32) };
+        let push = TilesPush {
+            size: tiles,
+            picture: picture.map(|s| s as i32),
+            grid: stage.plan.grid as i32,
+        };
         recorder.dispatch(&self.kernels[1], &self.groups[0], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
@@ -221,7 +222,6 @@ impl Blur {
             size: self.target.size,
             line_count: part.line_count,
             group_count: part.group_count,
-            grid: self.target.plan.grid as i32,
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
         }
@@ -238,6 +238,7 @@ impl Blur {
             most: MOST_SAMPLES,
             weight: part.weight,
             first: part.first.into(),
+            grid: self.target.plan.grid as f32,
         }
     }
 }
@@ -260,4 +261,8 @@ pub(super) struct Part {
 /// Whether lines are rows, and whether the last one is read first.
 pub(super) fn orientation(order: ScanOrder) -> (bool, bool) {
     (order.lines_are_rows(), matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft))
+}
+
+fn env(name: &str, otherwise: f32) -> f32 {
+    std::env::var(name).map_or(otherwise, |v| v.parse().unwrap_or(otherwise))
 }

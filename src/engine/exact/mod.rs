@@ -18,14 +18,14 @@ use super::margin::reach;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
-use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::camera::{Intrinsics, NEAR_M, ShutterTiming, Trajectory};
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, RenderArea, Sampler, Usage,
 };
 use crate::kernels::kernel;
 use crate::raster::{
-    ExactPush, Geometry, KnotRow, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
+    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterKind, RasterTarget, View,
     RelativeRow, relative_rows, spaced,
 };
 use blur::{Blur, Part, orientation};
@@ -70,9 +70,12 @@ assert_push_layout!("exact_still_ms.comp", StillPush { size, margin_px, grid });
 pub(super) struct Exact {
     still: Option<Still>,
     blur: Option<Blur>,
-    whole: Geometry,
+    place: Place,
+    /// The knots of each frame in flight.
+    knots: Vec<Buffer>,
+    whole: Placeable,
     /// Triangles cut for readouts up to this long, s.
-    cut: Option<(f64, Geometry)>,
+    cut: Option<(f64, Placeable)>,
     mesh: Mesh,
     groups: MotionGroups,
     frames: Vec<(f64, f64)>,
@@ -100,10 +103,23 @@ struct Still {
     _sampler: Sampler,
 }
 
-/// What a frame in flight has of its own.
+/// Triangles, bound to the knots of each frame in flight.
+struct Placeable {
+    groups: Vec<BindGroup>,
+    geometry: Geometry,
+}
+
+impl Placeable {
+    fn new(stage: &Stage, place: &Place, knots: &[Buffer], mesh: &Mesh) -> Result<Self> {
+        let geometry = Geometry::new(&stage.context, mesh)?;
+        let groups = knots.iter().map(|k| place.bind(&geometry, k)).collect::<Result<_>>()?;
+        Ok(Self { groups, geometry })
+    }
+}
+
+/// What a frame in flight has of its own in each set of images.
 struct Input {
     raster: RasterInput,
-    knots: Buffer,
     camera: Buffer,
     relative: Buffer,
 }
@@ -114,12 +130,11 @@ impl Input {
         let upload = |name: &str, bytes: usize| {
             Buffer::new(context, name, bytes as u64, Usage::Storage, Location::Upload)
         };
-        let knots = upload("knots", groups * MAX_KNOTS * size_of::<KnotRow>())?;
         let camera = upload("exact camera", 16)?;
         let lines = target.size[0].max(target.size[1]) as usize;
         let relative = upload("relatives", groups * lines * size_of::<RelativeRow>())?;
-        let raster = target.bind_knots(&stage.buffers, &knots, &camera)?;
-        Ok(Self { raster, knots, camera, relative })
+        let raster = target.bind_exact(&stage.buffers, &camera)?;
+        Ok(Self { raster, camera, relative })
     }
 }
 
@@ -164,10 +179,18 @@ impl Exact {
             crate::scene::Vertex { object: groups.of_object(vertex.object), ..vertex }
         };
         let mesh = Mesh::joined(vertex, &scene.indices, &scene.draws);
+        let place = Place::new(&stage.context, &stage.buffers)?;
+        let knots = slots.iter().map(|_| {
+            let bytes = groups.count() * MAX_KNOTS * size_of::<KnotRow>();
+            Buffer::new(&stage.context, "knots", bytes as u64, Usage::Storage, Location::Upload)
+        });
+        let knots = knots.collect::<Result<Vec<_>>>()?;
         let mut exact = Self {
             still: None,
             blur: None,
-            whole: Geometry::new(&stage.context, &mesh)?,
+            whole: Placeable::new(stage, &place, &knots, &mesh)?,
+            place,
+            knots,
             cut: None,
             mesh,
             groups,
@@ -236,7 +259,7 @@ impl Exact {
         let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
         tracing::info!("{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most");
-        self.cut = Some((readout_s, Geometry::new(&stage.context, &mesh)?));
+        self.cut = Some((readout_s, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
         Ok(())
     }
 
@@ -289,20 +312,22 @@ impl Exact {
         let plane_row =
             planes.filter(|_| request.planes).map(|p| (p, p.write_inputs(stage, slot, request, path)));
         let mut recorder = slot.gpu.begin()?;
-        recorder.mark("raster");
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
-        let geometry = match &self.cut {
+        let placeable = match &self.cut {
             Some((_, cut)) if push.knot_count > 1 => cut,
             _ => &self.whole,
         };
-        let scene = (&stage.buffers, geometry);
+        recorder.mark("exact_place");
+        self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
+        recorder.mark("raster");
+        let scene = (&stage.buffers, &placeable.geometry);
         match (&self.blur, &self.still) {
             (Some(blur), _) if blurs => {
-                blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, &push, area);
+                blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, area);
                 blur.record(stage, &mut recorder, index, &request.shutter, &part);
             }
             (_, Some(still)) => {
-                still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, &push, area);
+                still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, area);
                 still.record(stage, &mut recorder);
             }
             _ => unreachable!("`fit` made the images of this kind of frame"),
@@ -322,7 +347,7 @@ impl Exact {
         view: &View<'_>,
         shutter: &ShutterTiming,
         reach: BlurReach,
-    ) -> (ExactPush, Part) {
+    ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
         let times = if rolls {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
@@ -336,7 +361,7 @@ impl Exact {
             (_, Some(still)) => &mut still.inputs[slot],
             _ => unreachable!("`fit` made the images of this kind of frame"),
         };
-        input.knots.write(0, &rows);
+        self.knots[slot].write(0, &rows);
         input.camera.write(0, &[eye]);
         let group_count = self.groups.count() as u32;
         let mut line_count = 1;
@@ -354,7 +379,7 @@ impl Exact {
             weight: 1.0,
             first: true,
         };
-        (raster_push(view.camera, shutter, times.len()), part)
+        (place_push(view.camera, shutter, times.len()), part)
     }
 }
 
@@ -417,15 +442,17 @@ fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach {
 /// Where the vertex stage finds the time of a line: the middle of its exposure, in places among knots that are spread
 /// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
 /// time belongs to its middle.
-fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> ExactPush {
+fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> PlacePush {
     let span_s = shutter.end_s() - shutter.start_s;
     if knot_count < 2 {
-        return ExactPush {
+        return PlacePush {
+            vertex_count: 0,
             knot_count: 1,
             place_low: 0.0,
             place_high: 0.0,
-            place_offset: 0.0,
             place_from_ndc: [0.0; 2],
+            place_offset: 0.0,
+            near_m: NEAR_M as f32,
         };
     }
     let per_s = (knot_count - 1) as f64 / span_s;
@@ -436,12 +463,14 @@ fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) 
     let side = f64::from(if rows { camera.height } else { camera.width });
     let per_ndc = (per_s * delay_s * 0.5 * side * if reversed { -1.0 } else { 1.0 }) as f32;
     let beyond = 0.5 * (side - lines) + LINES_BEYOND * lines;
-    ExactPush {
+    PlacePush {
+        vertex_count: 0,
         knot_count: knot_count as u32,
         place_low: place(-beyond) as f32,
         place_high: place(lines + beyond) as f32,
+        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
         // The margin is the same on both sides, so the middle of the attachment is that of the picture.
         place_offset: place(0.5 * lines) as f32,
-        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
+        near_m: NEAR_M as f32,
     }
 }
