@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::Serialize;
+use shutterbug::gpu::PassTime;
 use shutterbug::plane::{Plane, write_png_atomic};
 
 /// One method on one scene.
@@ -53,6 +54,21 @@ pub fn cpu_ms() -> f64 {
     let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(0.0);
     10.0 * (ticks(11) + ticks(12))
+}
+
+/// Least time of every pass over frames.
+pub fn keep_least(passes: &mut Vec<PassTime>, times: &[PassTime]) {
+    for time in times {
+        match passes.iter_mut().find(|p| p.name == time.name) {
+            Some(pass) => pass.ms = pass.ms.min(time.ms),
+            None => passes.push(time.clone()),
+        }
+    }
+}
+
+/// In words.
+pub fn passes(passes: &[PassTime]) -> String {
+    passes.iter().map(|p| format!("{} {:.1}", p.name, p.ms)).collect::<Vec<_>>().join(", ")
 }
 
 /// Sorts.

@@ -53,7 +53,7 @@ pub struct ExactOptions {
 
 impl Default for ExactOptions {
     fn default() -> Self {
-        Self { chord_px: 0.1, most_triangles: 400_000 }
+        Self { chord_px: 0.05, most_triangles: 400_000 }
     }
 }
 
@@ -74,8 +74,8 @@ pub(super) struct Exact {
     /// The knots of each frame in flight.
     knots: Vec<Buffer>,
     whole: Placeable,
-    /// Triangles cut for readouts up to this long, s.
-    cut: Option<(f64, Placeable)>,
+    /// Triangles cut for readouts up to this long, s, whose lines are rows or not.
+    cut: Option<(f64, bool, Placeable)>,
     mesh: Mesh,
     groups: MotionGroups,
     frames: Vec<(f64, f64)>,
@@ -222,8 +222,9 @@ impl Exact {
     }
 
     fn needs_cut(&self, request: &FrameRequest) -> bool {
-        let readout_s = readout_s(request);
-        readout_s > 0.0 && self.cut.as_ref().is_none_or(|(cut_s, _)| readout_s > cut_s * (1.0 + 1e-9))
+        let (readout_s, rows) = (readout_s(request), request.shutter.scan_order.lines_are_rows());
+        let fits = |cut: &(f64, bool, Placeable)| readout_s <= cut.0 * (1.0 + 1e-9) && rows == cut.1;
+        readout_s > 0.0 && !self.cut.as_ref().is_some_and(fits)
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -253,13 +254,14 @@ impl Exact {
         if self.frames.is_empty() {
             self.frames.push((request.shutter.start_s, request.shutter.end_s()));
         }
-        let readout_s = readout_s(request);
+        let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
         let chord = std::env::var("EXACT_CHORD").map_or(self.options.chord_px, |v| v.parse().unwrap_or(0.1));
         let limits = (chord, self.options.most_triangles as usize);
-        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
+        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
-        tracing::info!("{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most");
-        self.cut = Some((readout_s, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
+        tracing::info!("{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most", lines.0);
+        if std::env::var_os("EXACT_LOG").is_some() { eprintln!("CUT {from} -> {to} ({} -> {} vertices), {chord_px} px", self.mesh.vertices.len(), mesh.vertices.len()); }
+        self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
         Ok(())
     }
 
@@ -314,7 +316,7 @@ impl Exact {
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let placeable = match &self.cut {
-            Some((_, cut)) if push.knot_count > 1 => cut,
+            Some((_, _, cut)) if push.knot_count > 1 => cut,
             _ => &self.whole,
         };
         recorder.mark("exact_place");
