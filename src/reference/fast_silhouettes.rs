@@ -1,11 +1,11 @@
 //! `--method fast` where several surfaces are seen during the exposure. Twin of `glsl/fast_silhouettes.comp` and
 //! `include/fast_silhouettes.glsl`.
 
-use glam::{Vec2, Vec3};
+use glam::{IVec2, Vec2, Vec3};
 
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
 use super::fast_gather::{Pixel, Task, blur_samples};
-use super::fast_push::seed_offset;
+use super::fast_push::{seed_key, seed_offset};
 use super::path::PathWeights;
 use super::sample::sample_bilinear;
 
@@ -95,12 +95,16 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     let push = task.push;
     let blur = u32::from(push.slots > 1);
     let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
-    let (begin, middle, end) = (claims(0), claims(blur), claims(2 * blur));
+    let (begin, mut middle, end) = (claims(0), claims(blur), claims(2 * blur));
     let moved = (seed_offset(begin.nearest) - seed_offset(end.nearest)).as_vec2();
     let count = match blur {
         0 => 4,
         _ => blur_samples(push, squared(moved).sqrt()).clamp(4, MAX_SILHOUETTE_SAMPLES),
     };
+    // In a gap too wide for any claim the search starts from the place itself.
+    if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
+        middle.nearest = seed_key(0.0, IVec2::ZERO);
+    }
     let scale = task.inputs.color_scale as f32;
     let (mut sum, mut clamped) = (Vec3::ZERO, false);
     for i in 0..count {
