@@ -80,6 +80,9 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     SlotClaims middle = slot_claims(BLUR, ivec2(pixel));
     SlotClaims end = slot_claims(2u * BLUR, ivec2(pixel));
     int count = silhouette_samples(begin, end);
+    // In a gap too wide for any claim the search starts from the place itself.
+    bool gap = max(middle.nearest, max(begin.nearest, end.nearest)) == 0u;
+    middle.nearest = gap ? seed_key(0.0, ivec2(0)) : middle.nearest;
     precise vec3 sum = vec3(0.0);
     bool clamped = false;
     for (int i = 0; i < count; ++i) {

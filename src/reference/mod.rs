@@ -11,11 +11,16 @@
 pub mod accumulate;
 pub mod chain;
 pub mod develop;
+pub mod fast_claims;
+pub mod fast_gather;
 pub mod fast_push;
+pub mod fast_seeds;
+pub mod fast_silhouettes;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;
 pub mod paper_gather;
+pub mod path;
 pub mod raster;
 pub mod resolve;
 pub mod rolling_shutter;
