@@ -118,8 +118,9 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
         return Err(refuse(format!("a displacement of {median:.2} px in half of the textured picture")));
     }
     let usable =
-        if moved { rest_mask(&frames, p95.max(0.1)) } else { vec![true; frames[0].width * frames[0].height] };
-    let usable = without_outliers(&frames, usable, &blocks);
+        if moved { rest_mask(&frames, &blocks, percentile(&textured, 0.75).max(0.1)) } else { vec![true; frames[0].width * frames[0].height] };
+    eprintln!("shift {shift_px:?} median {median} p75 {} textured {} rest {}", percentile(&textured, 0.75), textured.len(), usable.iter().filter(|u| **u).count());
+    let usable = without_outliers(&frames, usable, &blocks, moved);
     let count = usable.iter().filter(|u| **u).count();
     let masked_fraction = 1.0 - count as f64 / usable.len() as f64;
     let enough = count >= MIN_USABLE_PX.min(usable.len() / 2) && (moved || masked_fraction < 0.5);
@@ -244,9 +245,17 @@ impl Block {
 
 struct Blocks {
     all: Vec<Block>,
+    across: usize,
 }
 
 impl Blocks {
+    /// Displacement at a pixel, px, where its block tells one.
+    fn at(&self, x: usize, y: usize) -> Option<f64> {
+        let (bx, by) = (x / BLOCK_PX, y / BLOCK_PX);
+        let block = self.all.get(by * self.across + bx).filter(|_| bx < self.across)?;
+        block.textured.then_some(block.displacement_px)
+    }
+
     /// Displacement of each block along its dominant gradient.
     fn measure([a, b]: &[Plane<f32>; 2]) -> Self {
         let (a, b) = (gaussian(&luma(a), 1.5), gaussian(&luma(b), 1.5));
@@ -289,7 +298,7 @@ impl Blocks {
             let sigma_px = (noise * together / energy.max(1e-12)).sqrt();
             Block { displacement_px, sigma_px, textured: sigma_px < 0.05 }
         });
-        Self { all: all.collect() }
+        Self { all: all.collect(), across: a.width / BLOCK_PX }
     }
 
     /// Variance of the smoothed difference where there is the least texture.
@@ -303,8 +312,9 @@ impl Blocks {
     }
 }
 
-/// Pixels of displaced frames at which the displacement adds less than [`MAX_CONTAMINATION`] of the noise.
-fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
+/// Pixels of displaced frames at which the displacement adds less than [`MAX_CONTAMINATION`] of the noise: that of the
+/// pixel's block where its texture tells one, `typical_px` elsewhere.
+fn rest_mask(frames: &[Plane<f32>; 2], blocks: &Blocks, typical_px: f64) -> Vec<bool> {
     let [a, b] = frames;
     let (width, height) = (a.width, a.height);
     let mean = Plane { data: a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * (a + b)).collect(), ..*a };
@@ -332,6 +342,7 @@ fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
             let (x, y) = (i % width, i / width);
             let (x0, x1) = (x.saturating_sub(1), (x + 1).min(width - 1));
             let (y0, y1) = (y.saturating_sub(1), (y + 1).min(height - 1));
+            let displacement_px = blocks.at(x, y).map_or(typical_px, |v| v.abs().clamp(0.1, 3.0 * typical_px));
             (0..3).any(|c| {
                 let gradient = |p: &Plane<f32>| {
                     let at = |x: usize, y: usize| f64::from(p.data[(y * width + x) * 3 + c]);
@@ -354,13 +365,18 @@ fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
         .collect()
 }
 
-/// Takes displaced blocks out of the mask, and blocks of 16 px whose difference is far beyond that of others as bright:
+/// Takes displaced blocks out of the mask (where the camera rests; else the mask knows), and blocks of 16 px whose difference is far beyond that of others as bright:
 /// something came, went or changed its light there.
-fn without_outliers(frames: &[Plane<f32>; 2], mut usable: Vec<bool>, blocks: &Blocks) -> Vec<bool> {
+fn without_outliers(
+    frames: &[Plane<f32>; 2],
+    mut usable: Vec<bool>,
+    blocks: &Blocks,
+    moved: bool,
+) -> Vec<bool> {
     let [a, b] = frames;
     let (width, height) = (a.width, a.height);
     let across = width / BLOCK_PX;
-    for (k, _) in blocks.all.iter().enumerate().filter(|(_, b)| b.displaced()) {
+    for (k, _) in blocks.all.iter().enumerate().filter(|(_, b)| !moved && b.displaced()) {
         clear(&mut usable, width, (k % across * BLOCK_PX, k / across * BLOCK_PX), BLOCK_PX);
     }
     const SIDE: usize = 16;
