@@ -119,7 +119,6 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     }
     let usable =
         if moved { rest_mask(&frames, &blocks, percentile(&textured, 0.75).max(0.1)) } else { vec![true; frames[0].width * frames[0].height] };
-    eprintln!("shift {shift_px:?} median {median} p75 {} textured {} rest {}", percentile(&textured, 0.75), textured.len(), usable.iter().filter(|u| **u).count());
     let usable = without_outliers(&frames, usable, &blocks, moved);
     let count = usable.iter().filter(|u| **u).count();
     let masked_fraction = 1.0 - count as f64 / usable.len() as f64;
