@@ -112,13 +112,9 @@ pub struct Calibration {
 /// # Errors
 /// Frames that hold no measurement ([`check`]) or no static scene ([`align`]), too few intensities.
 pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
-    check(frames)?;
     let encoding = options.encoding;
-    // Every frame in one pair alone: the pairs are independent.
-    let pairs: Vec<AlignedPair> =
-        frames.chunks_exact(2).map(|p| align(&p[0], &p[1], encoding)).collect::<Result<_>>()?;
+    let (real, pairs) = measure_noise(frames, encoding)?;
     let step = frames[0].step;
-    let real = measure(&pairs, step, encoding);
     if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
         return Err(crate::Error::input(
             &frames[0].path,
@@ -128,7 +124,8 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
         ));
     }
     let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
-    let Levelled { camera, simulated, shown, without, held_out } = level(camera, &pairs, &real, step, options)?;
+    let Levelled { camera, simulated, shown, without, held_out } =
+        level(camera, &pairs, &real, step, options)?;
     let comparison = compare(&real, &simulated);
     let resting = pairs.iter().all(|p| !p.registration.moved);
     let usable = &pairs[0].usable;
@@ -157,6 +154,18 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     };
     calibration.notes = notes(&calibration, frames);
     Ok(calibration)
+}
+
+/// The measurement alone: the noise of the frames, and the pairs that it was taken from (first with second, third with
+/// fourth: every frame in one pair, so that the pairs are independent; an odd last frame counts over time alone).
+///
+/// # Errors
+/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]).
+pub fn measure_noise(frames: &[Frame], encoding: Encoding) -> Result<(Measured, Vec<AlignedPair>)> {
+    check(frames)?;
+    let pairs: Vec<AlignedPair> =
+        frames.chunks_exact(2).map(|p| align(&p[0], &p[1], encoding)).collect::<Result<_>>()?;
+    Ok((measure(&pairs, frames[0].step, encoding), pairs))
 }
 
 fn mean_variance(bins: &[Bin]) -> f64 {
@@ -273,7 +282,13 @@ struct Levelled {
 }
 
 /// Fits the curve of the noise reduction over intensity where the camera without it is off by more than chance.
-fn level(camera: IspCamera, pairs: &[AlignedPair], real: &Measured, step: f32, options: NoiseOptions) -> Result<Levelled> {
+fn level(
+    camera: IspCamera,
+    pairs: &[AlignedPair],
+    real: &Measured,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<Levelled> {
     let pair = &pairs[0];
     let (simulated, shown) = simulate(&camera, pair, step, options)?;
     let without = compare(real, &simulated);
@@ -289,7 +304,13 @@ fn level(camera: IspCamera, pairs: &[AlignedPair], real: &Measured, step: f32, o
         part
     };
     let (seen, unseen) = (half(0), half(1));
-    let of_seen = with_level_gain(&camera, &seen, &measure(std::slice::from_ref(&seen), step, options.encoding), step, options)?;
+    let of_seen = with_level_gain(
+        &camera,
+        &seen,
+        &measure(std::slice::from_ref(&seen), step, options.encoding),
+        step,
+        options,
+    )?;
     let (there, _) = simulate(&of_seen, &unseen, step, options)?;
     let held_out = compare(&measure(std::slice::from_ref(&unseen), step, options.encoding), &there);
     let camera = with_level_gain(&camera, pair, real, step, options)?;
