@@ -93,7 +93,7 @@ fn from_vector(start: &IspCamera, v: &[f64; FREE]) -> IspCamera {
         full_well_e: v[0].clamp(2.0, 16.0).exp(),
         read_sigma: v[1].clamp(-12.0, -1.0).exp(),
         white_balance: [r, 1.0, b],
-        luma_sigma_px: v[4].clamp(-4.0, 1.6).exp(),
+        luma_sigma_px: v[4].clamp(-4.0, 1.0).exp(),
         chroma_sigma_px: v[5].clamp(-4.0, 2.3).exp(),
         color_matrix: [
             [1.0 - v[6] - v[7], v[6], v[7]],
@@ -128,7 +128,7 @@ fn cost(camera: &IspCamera, targets: &[&Target], colors: &[[f64; 3]]) -> f64 {
         .map(|m| (m + 0.25).powi(2))
         .sum();
     let gains: f64 = [0, 2].map(|k| (camera.white_balance[k] / 1.5).ln().powi(2)).iter().sum();
-    sum / weights.max(1e-12) + 0.003 * off + 0.002 * gains
+    sum / weights.max(1e-12) + 0.01 * off + 0.01 * gains
 }
 
 /// The camera nearest to the targets, from `start`.

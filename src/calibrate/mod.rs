@@ -25,5 +25,5 @@ pub mod statics;
 mod tables;
 
 pub use frames::{Encoding, Frame};
-pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise};
+pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
 pub use tables::{Table, camera_tables, paper_tables, to_toml};

@@ -123,6 +123,11 @@ fn summary(c: &Calibration) -> String {
     );
     text += &format!("  pixels in bins within 10 %  {}\n", percent(c.comparison.within_10_percent));
     text += &format!("  or within chance  {}\n", percent(c.comparison.within_10_percent_or_chance));
+    if let Some(held_out) = &c.comparison_held_out {
+        text += &format!("  on blocks without fit: mean deviation  {}\n", percent(held_out.mean_deviation));
+        text += &format!("  on blocks without fit: within 10 %  {}\n", percent(held_out.within_10_percent));
+        text += &format!("  or within chance  {}\n", percent(held_out.within_10_percent_or_chance));
+    }
     for note in &c.notes {
         text += &format!("  note: {note}\n");
     }
