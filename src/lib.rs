@@ -2,6 +2,7 @@
 #![warn(missing_docs)]
 
 pub mod camera;
+pub mod capi;
 pub mod capture;
 pub mod chain;
 pub mod cli;

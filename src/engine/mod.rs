@@ -10,9 +10,12 @@ mod accumulation;
 mod finish;
 mod frame;
 mod margin;
+mod outside;
+mod outside_kernels;
 mod paper;
 mod planes;
 mod slots;
+mod taps;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,7 +29,11 @@ use crate::scene::Scene;
 pub use accumulation::AccumulationOptions;
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
+pub use outside::{
+    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
 pub use paper::{MotionSource, PaperOptions, Shift};
+pub use taps::GatherInputs;
 
 use accumulation::Accumulation;
 use finish::Finish;

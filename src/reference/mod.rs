@@ -20,3 +20,4 @@ pub mod rolling_shutter;
 pub mod sample;
 mod shade;
 pub mod timing;
+pub mod unpack;
