@@ -3,6 +3,7 @@
 
 pub mod calibrate;
 pub mod camera;
+pub mod capi;
 pub mod capture;
 pub mod chain;
 pub mod cli;

@@ -13,10 +13,13 @@ mod fast_pass;
 mod finish;
 mod frame;
 mod margin;
+mod outside;
+mod outside_kernels;
 mod paper;
 mod pixel_chain;
 mod planes;
 mod slots;
+mod taps;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,8 +36,12 @@ pub use fast::FastOptions;
 pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
+pub use outside::{
+    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
+pub use taps::GatherInputs;
 
 use accumulation::Accumulation;
 use exact::Exact;

@@ -42,9 +42,11 @@ pub enum Usage {
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    bytes: u64,
+    pub(super) bytes: u64,
     allocation: Option<Allocation>,
-    context: Arc<Context>,
+    /// Memory that is shared with the host (`shared.rs`) instead of the allocator's.
+    pub(super) shared: vk::DeviceMemory,
+    pub(super) context: Arc<Context>,
 }
 
 impl Buffer {
@@ -83,7 +85,7 @@ impl Buffer {
         let handle =
             unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         context.name(handle, name);
-        let mut buffer = Self { handle, bytes, allocation: None, context: context.clone() };
+        let mut buffer = Self::without_memory(context, handle, bytes);
         // SAFETY: the buffer was just made by this device.
         let requirements = unsafe { context.device.get_buffer_memory_requirements(handle) };
         let location = match location {
@@ -98,6 +100,11 @@ impl Buffer {
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
         Ok(buffer)
+    }
+
+    pub(super) fn without_memory(context: &Arc<Context>, handle: vk::Buffer, bytes: u64) -> Self {
+        let shared = vk::DeviceMemory::null();
+        Self { handle, bytes, allocation: None, shared, context: context.clone() }
     }
 
     /// Size, bytes.
@@ -133,7 +140,10 @@ impl Drop for Buffer {
             return;
         }
         // SAFETY: slots wait for their work before the resources they use are dropped.
-        unsafe { self.context.device.destroy_buffer(self.handle, None) };
+        unsafe {
+            self.context.device.destroy_buffer(self.handle, None);
+            self.context.device.free_memory(self.shared, None);
+        }
         free(&self.context, self.allocation.take());
     }
 }

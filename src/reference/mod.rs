@@ -27,3 +27,4 @@ pub mod rolling_shutter;
 pub mod sample;
 mod shade;
 pub mod timing;
+pub mod unpack;
