@@ -25,6 +25,8 @@ pub enum Command {
     Simulate(Simulate),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices,
+    /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
+    Effects,
     /// List the presets of real cameras, or print one as camera.toml
     Presets {
         /// The preset to print

@@ -4,6 +4,7 @@ mod args;
 mod calibrate;
 mod camera;
 mod devices;
+mod effects;
 mod import;
 mod interrupt;
 mod presets;
@@ -29,6 +30,10 @@ pub fn run() -> ExitCode {
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Devices => devices::run(),
+        Command::Effects => {
+            effects::run();
+            Ok(())
+        }
         Command::Presets { name } => presets::run(name.as_deref()),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),

@@ -30,10 +30,7 @@ struct PathsPush {
     columns: u32,
     near_m: f32,
 }
-assert_push_layout!(
-    "exact_paths_ms.comp",
-    PathsPush { size, line_count, group_count, columns, near_m }
-);
+assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, group_count, columns, near_m });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -129,10 +126,26 @@ impl Blur {
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
         let kernels = [
-            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa, if stage.plan.msaa > 1 { env("EXACT_DEPTHS", 1.0) as u32 } else { 1 }])?,
+            ComputePipeline::specialized(
+                context,
+                paths,
+                &[
+                    stage.plan.grid,
+                    stage.plan.msaa,
+                    if stage.plan.msaa > 1 { env("EXACT_DEPTHS", 1.0) as u32 } else { 1 },
+                ],
+            )?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
-            ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[env("EXACT_TAPS", 2.0) as u32, env("EXACT_DENSITY", 1.0).to_bits(), env("EXACT_LAYERS", 1.0) as u32])?,
+            ComputePipeline::specialized(
+                context,
+                const { kernel("exact_gather.comp") },
+                &[
+                    env("EXACT_TAPS", 2.0) as u32,
+                    env("EXACT_DENSITY", 1.0).to_bits(),
+                    env("EXACT_LAYERS", 1.0) as u32,
+                ],
+            )?,
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::new(context, true)?);
         let inputs =
@@ -202,11 +215,8 @@ impl Blur {
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
         recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push = TilesPush {
-            size: tiles,
-            picture: picture.map(|s| s as i32),
-            grid: stage.plan.grid as i32,
-        };
+        let push =
+            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
         recorder.dispatch(&self.kernels[1], &self.groups[0], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
