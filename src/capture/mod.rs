@@ -10,7 +10,7 @@ mod tum;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use frames_csv::{FrameEntry, parse_frames};
+pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use lights::parse_lights;
 
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
@@ -19,8 +19,8 @@ use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
 pub(crate) use text::read_text;
 
-/// A whole capture. All times in s are on the capture's clock, whose zero is the first frame's timestamp: timestamps
-/// of 19 digits keep their nanoseconds.
+/// A whole capture. All times in s are on the capture's clock (see [`clock_epoch_ns`]), so that timestamps of 19 digits
+/// keep their nanoseconds.
 #[derive(Clone, Debug)]
 pub struct Capture {
     /// The folder.
@@ -33,7 +33,7 @@ pub struct Capture {
     pub trajectory: Trajectory,
     /// The frames, in the order of `frames.csv`.
     pub frames: Vec<FrameEntry>,
-    /// Zero of the capture's clock: the first frame's timestamp, ns.
+    /// Zero of the capture's clock, ns: see [`clock_epoch_ns`].
     pub epoch_ns: i64,
 }
 
@@ -76,7 +76,7 @@ impl Capture {
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
-        let epoch_ns = frames[0].timestamp_ns;
+        let epoch_ns = clock_epoch_ns(frames[0].timestamp_ns);
         if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
             tracing::warn!("{}: {warning}", path.display());
             camera.warnings.push(warning);
