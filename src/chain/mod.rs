@@ -74,6 +74,8 @@ pub struct Pass {
     pub file: &'static str,
     /// Specialization constants 0, 1.
     pub constants: [u32; 2],
+    /// Columns and rows that one invocation makes.
+    pub run: [u32; 2],
 }
 
 /// How an effect computes.

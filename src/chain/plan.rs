@@ -27,6 +27,8 @@ pub enum Step {
         file: &'static str,
         /// Its specialization constants.
         constants: [u32; 2],
+        /// Columns and rows that one invocation makes.
+        run: [u32; 2],
     },
 }
 
@@ -67,6 +69,7 @@ impl Plan {
                         pass,
                         file: p.file,
                         constants: p.constants,
+                        run: p.run,
                     };
                     steps.extend(passes(settings).into_iter().enumerate().map(step));
                 }

@@ -121,7 +121,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 fn passes(settings: &Settings) -> Vec<Pass> {
     let [x, y] = red(settings).unwrap_or_default();
     let constants = [(x + 2 * y) as u32, u32::from(is_malvar(settings))];
-    vec![Pass { file: "bayer_mosaic.comp", constants }]
+    vec![Pass { file: "bayer_mosaic.comp", constants, run: [1, 1] }]
 }
 
 impl Effect for BayerMosaic {

@@ -39,7 +39,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 
 fn passes(settings: &Settings) -> Vec<Pass> {
     let constants = [block_rows(settings) as u32, 0];
-    vec![Pass { file: "chroma_subsampling.comp", constants }]
+    vec![Pass { file: "chroma_subsampling.comp", constants, run: [1, 1] }]
 }
 
 impl Effect for ChromaSubsampling {
