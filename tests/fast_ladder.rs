@@ -50,7 +50,8 @@ fn times(frame: &Frame) -> String {
 fn at_rest_the_frame_is_the_still_picture_bit_for_bit() {
     let Some(context) = device("at_rest_the_frame_is_the_still_picture_bit_for_bit") else { return };
     let row = &rows()[0];
-    let still = |method: Method| render(&context.0, row, method, &request(0.0, 0.0, ScanOrder::TopToBottom)).picture;
+    let still =
+        |method: Method| render(&context.0, row, method, &request(0.0, 0.0, ScanOrder::TopToBottom)).picture;
     let one = Method::Accumulation(AccumulationOptions { renders: Some(1), ..Default::default() });
     let truth = still(one);
     assert!(truth == still(Method::Fast(FastOptions::default())), "not the still picture");
