@@ -45,11 +45,12 @@ fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
         slope = last_px / after - bend * after;
     }
     let depth = inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
+    let mut lands_px = at_px;
     for slot in 0..push.slots {
         let begin = (push.start_s + push.slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         let lines = push.readout_time_s / push.knot_step_s;
-        let mut lands_px = at_px;
-        for _ in 0..4 {
+        // The line moves with the point; later slots start from where the one before it landed.
+        for _ in 0..if slot == 0 { 4 } else { 2 } {
             let t = begin + lines * fraction_at(push, lands_px);
             lands_px = at_px + t * (slope + t * bend);
         }

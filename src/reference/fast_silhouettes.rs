@@ -13,6 +13,11 @@ use super::sample::sample_bilinear;
 const FOLLOW_STEPS: u32 = 3;
 const LANDED_PX: f32 = 0.5;
 const BISECTIONS: u32 = 3;
+/// Ratio of depths between which a silhouette lies; how far from it texels hold both surfaces, and how far that is given
+/// way, px.
+const OTHER_DEPTH: f32 = 1.15;
+const SILHOUETTE_REACH_PX: f32 = 0.5;
+const GIVE_WAY_PX: f32 = 0.5;
 /// Most samples of a pixel.
 const MAX_SILHOUETTE_SAMPLES: u32 = 64;
 const QUARTERS: [Vec2; 4] =
@@ -70,6 +75,27 @@ fn follow(task: &Task<'_>, x_px: Vec2, key: u32, w: &PathWeights) -> Followed {
     Followed { source_px, inverse_depth: depth.min(depth_before), lands: false }
 }
 
+/// Texels at a silhouette hold both surfaces, and where the nearer one has moved off they would show a seam of it: a place
+/// so close gives way, not further than it has moved. Path images of one texel a px do not know the silhouette well enough
+/// for that.
+fn clear_of_seams(task: &Task<'_>, position_px: Vec2, w: &PathWeights) -> Vec2 {
+    let paths = &task.inputs.paths;
+    if paths.scale == 1 {
+        return position_px;
+    }
+    let own = inverse_depth_at(task, position_px);
+    let own_px = paths.nearest_displacement(position_px, w);
+    let give_way = |x: f32, y: f32| {
+        let towards = Vec2::new(x, y);
+        let beside = position_px + SILHOUETTE_REACH_PX * towards;
+        let moved = paths.nearest_displacement(beside, w) - own_px;
+        let off = moved.x * towards.x + moved.y * towards.y;
+        if inverse_depth_at(task, beside) > OTHER_DEPTH * own { off.clamp(0.0, GIVE_WAY_PX) } else { 0.0 }
+    };
+    position_px
+        + Vec2::new(give_way(-1.0, 0.0) - give_way(1.0, 0.0), give_way(0.0, -1.0) - give_way(0.0, 1.0))
+}
+
 /// The nearest claimed surface that lands on a place, else the farthest that almost does.
 fn source_of(task: &Task<'_>, at_px: Vec2, w: &PathWeights, [middle, around]: [&SlotClaims; 2]) -> Vec2 {
     let (mut nearest, mut farthest) = (-1.0, 3e38);
@@ -86,7 +112,7 @@ fn source_of(task: &Task<'_>, at_px: Vec2, w: &PathWeights, [middle, around]: [&
             (farthest, beside_px) = (f.inverse_depth, f.source_px);
         }
     }
-    if nearest >= 0.0 { source_px } else { beside_px }
+    clear_of_seams(task, if nearest >= 0.0 { source_px } else { beside_px }, w)
 }
 
 /// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
