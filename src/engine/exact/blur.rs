@@ -141,7 +141,7 @@ impl Blur {
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
             ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[env("EXACT_TAPS", 2.0) as u32, env("EXACT_DENSITY", 1.0).to_bits(), env("EXACT_LAYERS", 1.0) as u32])?,
         ];
-        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::new(context, true)?);
+        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
         let fetched = |image| Bound::Sampled(image, &sampler);
@@ -171,6 +171,7 @@ impl Blur {
             ])?,
             kernels[3].bind(&[
                 ("texels", Bound::Sampled(&images.texels, &linear)),
+                ("inverses", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
                 ("around_near", fetched(around_near)),
                 ("around_far", fetched(around_far)),
