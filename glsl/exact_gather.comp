@@ -8,7 +8,10 @@ layout(local_size_x = 16, local_size_y = 8) in;
 layout(constant_id = 0) const int TAPS = 1;
 layout(constant_id = 1) const float DENSITY = 2.0;
 layout(constant_id = 2) const int LAYERS = 1;
+// RGB: linear radiance; its sampler counts in texels.
 layout(set = 0, binding = 0) uniform sampler2D texels;
+// The same image by texel. A: 1/m, inverse distance.
+layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
@@ -56,9 +59,9 @@ vec4 path_at(vec2 at) {
     return texelFetch(paths, inside(at), 0);
 }
 
-// Bilinear between texels, held at the outermost ones (the guard of half a px is half a texel and more).
+// Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    return textureLod(texels, clamp(at, vec2(0.5), push.picture_px - 0.5) / push.picture_px, 0.0).rgb;
+    return textureLod(texels, at * push.grid, 0.0).rgb;
 }
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
@@ -116,7 +119,7 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             vec2 at = x - along(seeds[s], tau);
             at = x - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - x;
-            float inverse = texelFetch(texels, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
+            float inverse = texelFetch(inverses, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;

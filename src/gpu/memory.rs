@@ -354,7 +354,7 @@ impl Drop for Image {
     }
 }
 
-/// How textures are read: bilinear and repeating, or by texel.
+/// How images are read: bilinear and repeating, bilinear with positions in texels, or by texel.
 pub struct Sampler {
     pub(super) handle: vk::Sampler,
     context: Arc<Context>,
@@ -376,9 +376,29 @@ impl Sampler {
             .address_mode_u(mode)
             .address_mode_v(mode)
             .address_mode_w(mode);
-        // SAFETY: the device is alive.
+        Self::from_info(context, &info)
+    }
+
+    /// Bilinear between texels, with positions in texels (the first one's centre at 0.5), held at the outermost ones.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn in_texels(context: &Arc<Context>) -> Result<Self> {
+        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode)
+            .unnormalized_coordinates(true);
+        Self::from_info(context, &info)
+    }
+
+    fn from_info(context: &Arc<Context>, info: &vk::SamplerCreateInfo<'_>) -> Result<Self> {
+        // SAFETY: the device is alive and `info` is complete.
         let handle =
-            unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
+            unsafe { context.device.create_sampler(info, None) }.map_err(failed("vkCreateSampler"))?;
         Ok(Self { handle, context: context.clone() })
     }
 }
