@@ -203,7 +203,7 @@ sized! {
 ///
 /// # Safety
 /// Null, misaligned, or points to at least 4 readable bytes.
-pub unsafe fn check<T: Sized32>(pointer: *const T) -> Outcome<()> {
+pub(super) unsafe fn check<T: Sized32>(pointer: *const T) -> Outcome<()> {
     if pointer.is_null() {
         return Err(Fault::argument(format!("{} is null", T::NAME)));
     }
@@ -223,7 +223,7 @@ pub unsafe fn check<T: Sized32>(pointer: *const T) -> Outcome<()> {
 ///
 /// # Safety
 /// Null, misaligned, or points to as many readable bytes as its first field says.
-pub unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
+pub(super) unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
     // SAFETY: the caller's promise.
     unsafe { check(pointer) }?;
     // SAFETY: not null, aligned, of the right size.
@@ -234,7 +234,7 @@ pub unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
 ///
 /// # Safety
 /// Null, or NUL-terminated.
-pub unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String> {
+pub(super) unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String> {
     if pointer.is_null() {
         return Err(Fault::argument(format!("{what} is null")));
     }
@@ -244,7 +244,7 @@ pub unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String> {
 }
 
 /// Copies a text into a fixed or given field, cut where it does not fit (at a character's border), NUL-terminated.
-pub fn put_text(field: &mut [c_char], text: &str) {
+pub(super) fn put_text(field: &mut [c_char], text: &str) {
     let Some(room) = field.len().checked_sub(1) else { return };
     let end = (0..=room.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
     for (to, from) in field.iter_mut().zip(text.as_bytes()[..end].iter().chain(std::iter::once(&0))) {

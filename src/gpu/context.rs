@@ -237,6 +237,10 @@ pub(super) fn allocation_failed(error: &gpu_allocator::AllocationError) -> Error
         gpu_allocator::AllocationError::OutOfMemory => {
             Error::OutOfMemory { pool: "device", call: "vkAllocateMemory" }
         }
+        // The allocator keeps no code. Vulkan has only lack of memory and of addresses as causes.
+        gpu_allocator::AllocationError::FailedToMap(_) => {
+            Error::OutOfMemory { pool: "host", call: "vkMapMemory" }
+        }
         other => Error::Vulkan { call: "vkAllocateMemory", result: other.to_string() },
     }
 }
