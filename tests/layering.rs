@@ -34,7 +34,7 @@ const LAYERS: &[Layer] = &[
     pure("effects", &["chain", "camera", "plane", "error"]),
     pure("capture", &["scene", "camera", "chain", "effects", "plane", "error"]),
     pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
-    pure("calibrate", &["effects", "chain", "camera", "plane", "error"]),
+    pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "error"]),
     pure("kernels", &["error"]),
     Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
     pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
