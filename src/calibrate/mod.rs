@@ -26,4 +26,4 @@ mod tables;
 
 pub use frames::{Encoding, Frame};
 pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
-pub use tables::{Table, camera_tables, paper_tables, to_toml};
+pub use tables::{ChainCamera, chain_settings, paper_settings};
