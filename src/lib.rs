@@ -5,6 +5,7 @@ pub mod camera;
 pub mod capture;
 pub mod chain;
 pub mod cli;
+pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod error;
