@@ -9,7 +9,7 @@ use std::sync::Arc;
 use gpu_support::device;
 use oracle_support::{Answered, cycles};
 use shutterbug::chain::Settings;
-use shutterbug::engine::{Engine, EngineOptions, FrameRequest, Method};
+use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use shutterbug::plane::metrics::mean_absolute_difference;
 
 fn request(c: &Answered, frame: usize) -> FrameRequest {
@@ -59,4 +59,32 @@ fn d00_no_effect() {
     assert!(worst <= 0.6);
     c.intrinsics.cx += 0.5;
     assert!(report("d00", "half a pixel off", &c, &accumulation(), 9).unwrap().0 > 5.0 * mean, "control");
+}
+
+/// Bound of the issue for `exact`: 0.8 levels on captures whose effects the engine has.
+fn exact_within(name: &str, test: &str, step: usize) {
+    let Some(c) = cycles(name, test) else { return };
+    let exact = Method::Exact(ExactOptions::default());
+    let Some((mean, worst)) = report(name, "exact", &c, &exact, step) else { return };
+    assert!(mean <= 0.4 && worst <= 0.8, "{mean} {worst}");
+}
+
+#[test]
+fn d00_exact() {
+    exact_within("d00", "d00_exact", 3);
+}
+
+#[test]
+fn d01_exact() {
+    exact_within("d01", "d01_exact", 3);
+}
+
+#[test]
+fn d02_exact() {
+    exact_within("d02", "d02_exact", 3);
+}
+
+#[test]
+fn d08_exact() {
+    exact_within("d08", "d08_exact", 3);
 }

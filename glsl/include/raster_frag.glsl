@@ -1,5 +1,8 @@
 // Fragment stage of all rasterizing pipelines: linear radiance with coverage, and motion in px per frame interval.
+// EXACT: lines have times of their own, so the eye moves over the picture; alpha says what moves alike.
+#ifndef EXACT
 #include "raster_push.glsl"
+#endif
 
 #ifdef COLOR
 layout(constant_id = 0) const bool LIT = false;
@@ -28,17 +31,27 @@ layout(location = 1) in vec3 in_normal;
 layout(location = 2) in vec2 in_uv;
 layout(location = 3) flat in vec3 in_kd;
 layout(location = 4) flat in vec4 in_ks_ns;
+#ifdef EXACT
+layout(location = 5) in vec3 in_eye_m;
+// Number of the motion group, from 1.
+layout(location = 6) flat in float in_group;
+vec3 to_eye_m() { return in_eye_m - in_position_m; }
+vec3 origin_m() { return camera_m[0].xyz; }
+#else
+// Positions are relative to the camera.
+vec3 to_eye_m() { return -in_position_m; }
+vec3 origin_m() { return camera_m[push.instant].xyz; }
+#endif
 layout(location = 0) out vec4 out_color;
 
-// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract); position and camera are relative to
-// the camera, so the eye is the origin.
+// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract).
 vec3 blinn_phong(vec3 kd) {
-    vec3 to_eye = normalize(-in_position_m);
+    vec3 to_eye = normalize(to_eye_m());
     vec3 n = normalize(in_normal);
     n = dot(n, to_eye) < 0.0 ? -n : n;
     vec3 sum = vec3(0.0);
     for (uint i = 0; i < LIGHT_COUNT; ++i) {
-        vec3 offset_m = lights[i].position_m.xyz - camera_m[push.instant].xyz - in_position_m;
+        vec3 offset_m = lights[i].position_m.xyz - origin_m() - in_position_m;
         float distance_m = length(offset_m);
         vec3 to_light = offset_m / distance_m;
         vec3 halfway = normalize(to_light + to_eye);
@@ -76,7 +89,11 @@ void main() {
         // v is up, rows run down.
         kd *= texture(kd_texture, vec2(in_uv.x, 1.0 - in_uv.y)).rgb;
     }
+#ifdef EXACT
+    out_color = vec4(LIT ? blinn_phong(kd) : kd, in_group);
+#else
     out_color = vec4(LIT ? blinn_phong(kd) : kd, 1.0);
+#endif
 #endif
 #ifdef MOTION
     out_motion_px = (on_picture(in_clip_to) - on_picture(in_clip_from)) * push.motion_scale_px;

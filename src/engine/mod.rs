@@ -7,6 +7,7 @@
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
 
 mod accumulation;
+mod exact;
 mod finish;
 mod frame;
 mod margin;
@@ -24,11 +25,13 @@ use crate::raster::{SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
 pub use accumulation::AccumulationOptions;
+pub use exact::ExactOptions;
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
 pub use paper::{MotionSource, PaperOptions, Shift};
 
 use accumulation::Accumulation;
+use exact::Exact;
 use finish::Finish;
 use paper::Paper;
 use planes::PlanesPass;
@@ -39,6 +42,8 @@ use slots::FrameSlot;
 pub enum Method {
     /// The paper's: one render, up to six motion images, remap and blur as a gather.
     Paper(PaperOptions),
+    /// One render with every line at its own time, blurred along the paths of its samples.
+    Exact(ExactOptions),
     /// Many renders over the frame's interval, each weighed into the lines that see it: the reference.
     Accumulation(AccumulationOptions),
 }
@@ -93,6 +98,7 @@ pub(crate) struct Stage {
 
 enum Renderer {
     Paper(Box<Paper>),
+    Exact(Box<Exact>),
     Accumulation(Box<Accumulation>),
 }
 
@@ -134,6 +140,9 @@ impl Engine {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
             }
+            Method::Exact(exact) => {
+                Renderer::Exact(Box::new(Exact::new(&stage, exact, &mut slots, finish.radiance(), expected)?))
+            }
             Method::Accumulation(accumulation) => {
                 let pass = Accumulation::new(&stage, accumulation, &mut slots, finish.radiance())?;
                 Renderer::Accumulation(Box::new(pass))
@@ -152,6 +161,7 @@ impl Engine {
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {
             Renderer::Paper(paper) => paper.margin_px(),
+            Renderer::Exact(exact) => exact.margin_px(),
             Renderer::Accumulation(_) => [0, 0],
         }
     }
@@ -178,8 +188,9 @@ impl Engine {
         let slot = &mut self.slots[index];
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
-        let done = match &self.renderer {
+        let done = match &mut self.renderer {
             Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),
+            Renderer::Exact(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Accumulation(pass) => {
                 pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
             }
@@ -194,6 +205,15 @@ impl Engine {
 
     /// Makes the paper's images anew where a frame needs a wider margin than any before it.
     fn widen(&mut self, request: &FrameRequest) -> Result<()> {
+        if let Renderer::Exact(exact) = &mut self.renderer {
+            if exact.needs_fit(&self.stage, request) {
+                for slot in &mut self.slots {
+                    slot.gpu.wait(self.options.time_limit)?;
+                }
+                exact.fit(&self.stage, &mut self.slots, self.finish.radiance(), request)?;
+            }
+            return Ok(());
+        }
         let Renderer::Paper(paper) = &mut self.renderer else { return Ok(()) };
         let Some(margin_px) = paper.needs_wider(&self.stage, request) else { return Ok(()) };
         for slot in &mut self.slots {

@@ -1,12 +1,18 @@
 //! Scene to samples on the device: colour, motion and depth by the hardware's rasterizer.
 
+mod geometry;
 mod instants;
+mod knots;
 mod scene_buffers;
 mod target;
+mod tessellate;
 
+pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
+pub use knots::{KnotRow, MotionGroups, View, relative_rows, spaced};
 pub use scene_buffers::SceneBuffers;
-pub use target::{RasterInput, RasterKind, RasterTarget};
+pub use target::{ExactPush, RasterInput, RasterKind, RasterTarget};
+pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{SamplePlan, SceneBuffers};
+use super::{Geometry, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{
@@ -13,7 +13,7 @@ use crate::gpu::{
     GraphicsSpec, Recorder, RenderArea, VertexFormat,
 };
 use crate::kernels::{Kernel, kernel};
-use crate::scene::Vertex;
+use crate::scene::{Draw, Vertex};
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +24,8 @@ pub enum RasterKind {
     Motion,
     /// Both in one pass.
     ColorMotion,
+    /// Radiance with every vertex at its line's time, and the motion group in alpha.
+    Exact,
 }
 
 impl RasterKind {
@@ -31,6 +33,7 @@ impl RasterKind {
         match self {
             Self::Color => (const { kernel("raster_color.vert") }, const { kernel("raster_color.frag") }),
             Self::Motion => (const { kernel("raster_motion.vert") }, const { kernel("raster_motion.frag") }),
+            Self::Exact => (const { kernel("raster_exact.vert") }, const { kernel("raster_exact.frag") }),
             Self::ColorMotion => {
                 (const { kernel("raster_color_motion.vert") }, const { kernel("raster_color_motion.frag") })
             }
@@ -39,7 +42,7 @@ impl RasterKind {
 
     fn formats(self) -> &'static [Format] {
         match self {
-            Self::Color => &[Format::Rgba16f],
+            Self::Color | Self::Exact => &[Format::Rgba16f],
             Self::Motion => &[Format::Rg32f],
             Self::ColorMotion => &[Format::Rgba16f, Format::Rg32f],
         }
@@ -59,6 +62,26 @@ struct Push {
 }
 assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px });
 assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px });
+
+/// Push constants of `raster_exact.vert`, explained there.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ExactPush {
+    /// Rows a motion group.
+    pub knot_count: u32,
+    /// Earliest place among the knots.
+    pub place_low: f32,
+    /// Latest place among the knots.
+    pub place_high: f32,
+    /// Place of the line through the middle of the attachment.
+    pub place_offset: f32,
+    /// Places per unit of normalised device coordinates.
+    pub place_from_ndc: [f32; 2],
+}
+assert_push_layout!(
+    "raster_exact.vert",
+    ExactPush { knot_count, place_low, place_high, place_offset, place_from_ndc }
+);
 
 const VERTEX_FORMAT: VertexFormat = VertexFormat {
     stride: size_of::<Vertex>() as u32,
@@ -142,6 +165,46 @@ impl RasterTarget {
         Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
     }
 
+    /// Binds the rows of [`super::MotionGroups::knot_rows`] and the camera that they are centred on.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn bind_knots(&self, scene: &SceneBuffers, knots: &Buffer, cameras: &Buffer) -> Result<RasterInput> {
+        let all = [
+            ("Knots", Bound::Buffer(knots)),
+            ("Cameras", Bound::Buffer(cameras)),
+            ("Materials", Bound::Buffer(&scene.materials)),
+            ("Lights", Bound::Buffer(&scene.lights)),
+        ];
+        Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
+    }
+
+    /// Draws [`RasterKind::Exact`]. `area` is in delivered pixels.
+    pub fn draw_exact(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (scene, geometry): (&SceneBuffers, &Geometry),
+        input: &RasterInput,
+        push: &ExactPush,
+        area: RenderArea,
+    ) {
+        let draws = self.draw_calls(scene, input, &geometry.draws);
+        let batch =
+            DrawBatch { vertices: &geometry.vertices, indices: &geometry.indices, push, draws: &draws };
+        recorder.draw(&self.attachments, self.texels(area), &batch);
+    }
+
+    /// A rectangle of delivered pixels in texels of the attachments.
+    fn texels(&self, area: RenderArea) -> RenderArea {
+        let grid = self.plan.grid;
+        RenderArea {
+            x: area.x * grid,
+            y: area.y * grid,
+            width: area.width * grid,
+            height: area.height * grid,
+        }
+    }
+
     /// Draws row `instant` of the bound instants. `area` is in delivered pixels; `motion_scale` turns px over the
     /// motion's span into px per frame interval.
     pub fn draw(
@@ -155,25 +218,23 @@ impl RasterTarget {
     ) {
         let scale = |side: u32| (0.5 * f64::from(side) * motion_scale) as f32;
         let push = Push { instant, object_count, motion_scale_px: self.size.map(scale) };
-        let grid = self.plan.grid;
-        let area = RenderArea {
-            x: area.x * grid,
-            y: area.y * grid,
-            width: area.width * grid,
-            height: area.height * grid,
-        };
-        let draws = self.draw_calls(scene, input);
+        let draws = self.draw_calls(scene, input, &scene.draws);
         let batch =
             DrawBatch { vertices: &scene.vertices, indices: &scene.indices, push: &push, draws: &draws };
-        recorder.draw(&self.attachments, area, &batch);
+        recorder.draw(&self.attachments, self.texels(area), &batch);
     }
 
-    fn draw_calls<'a>(&'a self, scene: &SceneBuffers, input: &'a RasterInput) -> Vec<DrawCall<'a>> {
+    fn draw_calls<'a>(
+        &'a self,
+        scene: &SceneBuffers,
+        input: &'a RasterInput,
+        draws: &[Draw],
+    ) -> Vec<DrawCall<'a>> {
         if !self.kind.has_color() {
             let (pipeline, groups) = (&self.pipelines[0], vec![&input.0]);
             return vec![DrawCall { pipeline, groups, first_index: 0, index_count: scene.index_count }];
         }
-        let calls = scene.draws.iter().map(|draw| DrawCall {
+        let calls = draws.iter().map(|draw| DrawCall {
             pipeline: &self.pipelines[usize::from(draw.texture.is_some())],
             groups: vec![&input.0, &self.textures[scene.texture_index(draw)]],
             first_index: draw.first_index,

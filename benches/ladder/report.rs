@@ -1,0 +1,108 @@
+//! What the ladder says: numbers, a table, a picture.
+
+use std::fmt;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+use shutterbug::plane::{Plane, write_png_atomic};
+
+/// One method on one scene.
+#[derive(Serialize)]
+pub struct Row {
+    pub scene: String,
+    pub method: String,
+    /// Levels of 255.
+    pub rmse: f64,
+    pub psnr_db: f64,
+    pub worst_line_time_us: f64,
+    pub invalid_share: f64,
+    pub ms_median: f64,
+    pub plain_render_ms_median: f64,
+    #[serde(skip)]
+    pub picture: Plane<u8>,
+    #[serde(skip)]
+    pub reference: Plane<u8>,
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} |",
+            self.scene,
+            self.method,
+            self.rmse,
+            self.psnr_db,
+            self.worst_line_time_us,
+            self.invalid_share,
+            self.ms_median,
+            self.plain_render_ms_median,
+            self.ms_median / self.plain_render_ms_median
+        )
+    }
+}
+
+/// Sorts.
+pub fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// The largest error in time of any line, us: per line the shift in time that, through the reference's derivative
+/// (pictures `step_s` before and after), explains most of the difference. Lines in which too little changes say nothing.
+pub fn worst_line_time_us(
+    (got, want): (&Plane<u8>, &Plane<u8>),
+    (before, after): (&Plane<u8>, &Plane<u8>),
+    step_s: f64,
+) -> f64 {
+    let mut worst = 0.0_f64;
+    for y in 0..want.height {
+        let (mut product, mut square) = (0.0, 0.0);
+        let values = got.row(y).iter().zip(want.row(y)).zip(before.row(y).iter().zip(after.row(y)));
+        for ((&got, &want), (&before, &after)) in values {
+            let slope = (f64::from(after) - f64::from(before)) / (2.0 * step_s);
+            product += slope * (f64::from(got) - f64::from(want));
+            square += slope * slope;
+        }
+        // Two levels a millisecond, root mean square.
+        if square > (2000.0_f64).powi(2) * want.row(y).len() as f64 {
+            worst = worst.max((product / square).abs() * 1e6);
+        }
+    }
+    worst
+}
+
+/// Writes all three files.
+pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
+    std::fs::create_dir_all(folder).expect("target/bench can be made");
+    let json = serde_json::to_string_pretty(rows).expect("numbers and names");
+    std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
+    let mut table = format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
+    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio |\n";
+    table += "|---|---|---|---|---|---|---|---|---|\n";
+    for row in rows {
+        writeln!(table, "{row}").expect("strings grow");
+    }
+    std::fs::write(folder.join("ladder.md"), table).expect("target/bench is writable");
+    let shown: Vec<&Row> = rows.iter().filter(|r| r.method == "exact" || r.method == "fast").collect();
+    write_png_atomic(&folder.join("ladder.png"), &sheet(&shown)).expect("target/bench is writable");
+}
+
+/// Reference, method, difference times 8 about mid grey; one row each.
+fn sheet(rows: &[&Row]) -> Plane<u8> {
+    let Some(first) = rows.first() else { return Plane::new(1, 1, 3) };
+    let (w, h) = (first.picture.width, first.picture.height);
+    let mut sheet = Plane::new(3 * w, h * rows.len(), 3);
+    for (i, row) in rows.iter().enumerate() {
+        for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+            let (want, got) = (row.reference.pixel(x, y), row.picture.pixel(x, y));
+            let difference: [u8; 3] =
+                std::array::from_fn(|c| (128 + 8 * (i32::from(got[c]) - i32::from(want[c]))).clamp(0, 255) as u8);
+            for (column, value) in [want, got, &difference].into_iter().enumerate() {
+                sheet.pixel_mut(column * w + x, i * h + y).copy_from_slice(value);
+            }
+        }
+    }
+    sheet
+}

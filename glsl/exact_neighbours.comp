@@ -1,0 +1,54 @@
+#version 460
+// What may come into a tile during the exposure: nearest, farthest, reach and jumps over all tiles around that are
+// within reach of it.
+#extension GL_GOOGLE_include_directive : require
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "exact_tile.glsl"
+layout(set = 0, binding = 0) uniform sampler2D tile_near;
+layout(set = 0, binding = 1) uniform sampler2D tile_far;
+layout(set = 0, binding = 2) uniform sampler2D tile_facts;
+layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D around_near;
+layout(set = 0, binding = 4, rgba16f) uniform writeonly image2D around_far;
+// As tile_facts.
+layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D around_facts;
+layout(push_constant) uniform Push {
+    // Tiles.
+    uvec2 size;
+    // Tiles to look at on every side.
+    int radius;
+    // Side of a tile, px.
+    float tile_px;
+} push;
+
+void main() {
+    ivec2 tile = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(uvec2(tile), push.size))) {
+        return;
+    }
+    vec4 own = texelFetch(tile_facts, tile, 0);
+    ivec2 nearest = tile, farthest = tile;
+    vec4 facts = own;
+    ivec2 low = max(tile - push.radius, ivec2(0));
+    ivec2 high = min(tile + push.radius, ivec2(push.size) - 1);
+    for (int y = low.y; y <= high.y; ++y) {
+        for (int x = low.x; x <= high.x; ++x) {
+            vec4 other = texelFetch(tile_facts, ivec2(x, y), 0);
+            ivec2 steps = max(abs(ivec2(x, y) - tile) - 1, ivec2(0));
+            // What rests here may be read from as far as this tile's own content moves, and what moves there may come
+            // here.
+            if (float(max(steps.x, steps.y)) * push.tile_px > max(other.z, own.z)) {
+                continue;
+            }
+            if (other.x > facts.x) {
+                nearest = ivec2(x, y);
+            }
+            if (other.y < facts.y) {
+                farthest = ivec2(x, y);
+            }
+            facts = vec4(max(facts.x, other.x), min(facts.y, other.y), max(facts.zw, other.zw));
+        }
+    }
+    imageStore(around_near, tile, texelFetch(tile_near, nearest, 0));
+    imageStore(around_far, tile, texelFetch(tile_far, farthest, 0));
+    imageStore(around_facts, tile, facts);
+}

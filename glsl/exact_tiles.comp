@@ -1,0 +1,53 @@
+#version 460
+// A summary of every tile: the paths of its nearest and its farthest texel, how far paths reach, and whether they jump.
+#extension GL_GOOGLE_include_directive : require
+layout(local_size_x = 8, local_size_y = 8) in;
+#include "exact_tile.glsl"
+layout(set = 0, binding = 0) uniform sampler2D texels;
+layout(set = 0, binding = 1) uniform sampler2D paths;
+layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D tile_near;
+layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D tile_far;
+// 1/m of nearest and farthest; reach, px; largest jump of the path from one px to the next, px.
+layout(set = 0, binding = 4, rgba32f) uniform writeonly image2D tile_facts;
+layout(push_constant) uniform Push {
+    // Tiles.
+    uvec2 size;
+    // Texels.
+    ivec2 texel_size;
+} push;
+
+float larger(vec4 v) {
+    return max(max(abs(v.x), abs(v.y)), max(abs(v.z), abs(v.w)));
+}
+
+void main() {
+    uvec2 tile = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(tile, push.size))) {
+        return;
+    }
+    vec4 near = vec4(0.0), far = vec4(0.0);
+    float near_inverse = -1.0, far_inverse = 1e30, reach = 0.0, jump = 0.0;
+    ivec2 last = push.texel_size - 1;
+    for (int y = 0; y < EXACT_TILE; y += 2) {
+        for (int x = 0; x < EXACT_TILE; x += 2) {
+            ivec2 at = min(ivec2(tile) * EXACT_TILE + ivec2(x, y), last);
+            vec4 path = texelFetch(paths, at, 0);
+            float inverse = texelFetch(texels, at, 0).a;
+            vec4 right = texelFetch(paths, min(at + ivec2(2, 0), last), 0);
+            vec4 below = texelFetch(paths, min(at + ivec2(0, 2), last), 0);
+            jump = max(jump, max(larger(right - path), larger(below - path)));
+            reach = max(reach, larger(path));
+            if (inverse > near_inverse) {
+                near_inverse = inverse;
+                near = path;
+            }
+            if (inverse < far_inverse) {
+                far_inverse = inverse;
+                far = path;
+            }
+        }
+    }
+    imageStore(tile_near, ivec2(tile), near);
+    imageStore(tile_far, ivec2(tile), far);
+    imageStore(tile_facts, ivec2(tile), vec4(near_inverse, far_inverse, reach, jump));
+}

@@ -1,0 +1,267 @@
+//! The blur of `--method exact`: paths of the texels over their line's exposure, tiles that say where surfaces part, and
+//! the gather.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::super::Stage;
+use super::super::finish::prepare;
+use super::super::slots::FrameSlot;
+use super::Input;
+use crate::assert_push_layout;
+use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
+use crate::error::Result;
+use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
+use crate::kernels::kernel;
+use crate::raster::{RasterKind, RasterTarget};
+
+/// `EXACT_TILE` of `exact_tile.glsl`.
+const TILE: u32 = 16;
+/// Most samples of a pixel.
+const MOST_SAMPLES: i32 = 256;
+/// Farthest that tiles look for what may come, in tiles.
+const MOST_RADIUS: f64 = 8.0;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PathsPush {
+    size: [u32; 2],
+    half_px: [f32; 2],
+    place_from_ndc: [f32; 2],
+    place_offset: f32,
+    line_count: u32,
+    near_m: f32,
+}
+assert_push_layout!(
+    "exact_paths_ms.comp",
+    PathsPush { size, half_px, place_from_ndc, place_offset, line_count, near_m }
+);
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct TilesPush {
+    size: [u32; 2],
+    texel_size: [i32; 2],
+}
+assert_push_layout!("exact_tiles.comp", TilesPush { size, texel_size });
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct NeighboursPush {
+    size: [u32; 2],
+    radius: i32,
+    tile_px: f32,
+}
+assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, radius, tile_px });
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct GatherPush {
+    size: [u32; 2],
+    margin_px: [f32; 2],
+    grid: i32,
+    padding: f32,
+    tau_per_px: [f32; 2],
+    texel_size: [f32; 2],
+    most: i32,
+    weight: f32,
+    first: u32,
+}
+assert_push_layout!(
+    "exact_gather.comp",
+    GatherPush { size, margin_px, grid, padding, tau_per_px, texel_size, most, weight, first }
+);
+
+/// Images of one margin, and the kernels that work on them.
+pub(super) struct Blur {
+    pub(super) inputs: Vec<Input>,
+    paths_groups: Vec<BindGroup>,
+    groups: [BindGroup; 3],
+    kernels: [ComputePipeline; 4],
+    _samplers: [Sampler; 2],
+    pub(super) target: RasterTarget,
+    images: Images,
+    pub(super) margin_px: [u32; 2],
+}
+
+struct Images {
+    texels: Image,
+    paths: Image,
+    tiles: [Image; 3],
+    around: [Image; 3],
+}
+
+impl Images {
+    fn new(stage: &Stage, texels: [u32; 2]) -> Result<Self> {
+        let image = |name: &str, size: [u32; 2], format: Format| {
+            Image::new(&stage.context, name, ImageSpec::storage(size, format))
+        };
+        let tiles = texels.map(|t| t.div_ceil(TILE));
+        let three = |names: [&str; 3]| -> Result<[Image; 3]> {
+            Ok([
+                image(names[0], tiles, Format::Rgba16f)?,
+                image(names[1], tiles, Format::Rgba16f)?,
+                image(names[2], tiles, Format::Rgba32f)?,
+            ])
+        };
+        Ok(Self {
+            texels: image("texels", texels, Format::Rgba16f)?,
+            paths: image("paths", texels, Format::Rgba16f)?,
+            tiles: three(["tile_near", "tile_far", "tile_facts"])?,
+            around: three(["around_near", "around_far", "around_facts"])?,
+        })
+    }
+}
+
+impl Blur {
+    pub(super) fn new(
+        stage: &Stage,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        group_count: usize,
+        margin_px: [u32; 2],
+    ) -> Result<Self> {
+        let context = &stage.context;
+        let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
+        let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
+        let images = Images::new(stage, size.map(|s| s * stage.plan.grid))?;
+        let all = target.attachments.images().chain([&images.texels, &images.paths]);
+        prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
+        let multisampled = const { kernel("exact_paths_ms.comp") };
+        let plain = const { kernel("exact_paths.comp") };
+        let kernels = [
+            ComputePipeline::new(context, if stage.plan.msaa > 1 { multisampled } else { plain })?,
+            ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
+            ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
+            ComputePipeline::new(context, const { kernel("exact_gather.comp") })?,
+        ];
+        let samplers = [Sampler::new(context, false)?, Sampler::new(context, true)?];
+        let inputs =
+            slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
+        let fetched = |image| Bound::Sampled(image, &samplers[0]);
+        let paths_groups = inputs.iter().map(|input| {
+            kernels[0].bind(&[
+                ("color_samples", fetched(&target.attachments.colors()[0])),
+                ("depth_samples", fetched(target.attachments.depth())),
+                ("texels", Bound::Storage(&images.texels)),
+                ("paths", Bound::Storage(&images.paths)),
+                ("Relative", Bound::Buffer(&input.relative)),
+            ])
+        });
+        let paths_groups = paths_groups.collect::<Result<Vec<_>>>()?;
+        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+        let groups = [
+            kernels[1].bind(&[
+                ("texels", fetched(&images.texels)),
+                ("paths", fetched(&images.paths)),
+                ("tile_near", Bound::Storage(near)),
+                ("tile_far", Bound::Storage(far)),
+                ("tile_facts", Bound::Storage(facts)),
+            ])?,
+            kernels[2].bind(&[
+                ("tile_near", fetched(near)),
+                ("tile_far", fetched(far)),
+                ("tile_facts", fetched(facts)),
+                ("around_near", Bound::Storage(around_near)),
+                ("around_far", Bound::Storage(around_far)),
+                ("around_facts", Bound::Storage(around_facts)),
+            ])?,
+            kernels[3].bind(&[
+                ("texels", Bound::Sampled(&images.texels, &samplers[1])),
+                ("paths", fetched(&images.paths)),
+                ("around_near", fetched(around_near)),
+                ("around_far", fetched(around_far)),
+                ("around_facts", fetched(around_facts)),
+                ("radiance", Bound::Storage(radiance)),
+            ])?,
+        ];
+        Ok(Self {
+            inputs,
+            paths_groups,
+            groups,
+            kernels,
+            _samplers: samplers,
+            target,
+            images,
+            margin_px,
+        })
+    }
+
+    /// Records everything after the raster. `pairs` is the number of lines whose matrices were written, `exposure_s` the
+    /// time that paths span, `reach_px` the longest of them, `weight` what this picture counts, and whether it is the
+    /// frame's first.
+    pub(super) fn record(
+        &self,
+        stage: &Stage,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        shutter: &ShutterTiming,
+        part: &Part,
+    ) {
+        let texels = self.images.texels.spec().size;
+        let tiles = self.images.tiles[0].spec().size;
+        recorder.mark("exact_paths");
+        let push = self.paths_push(shutter, part.pairs);
+        recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, texels);
+        recorder.mark("exact_tiles");
+        let push = TilesPush { size: tiles, texel_size: texels.map(|t| t as i32) };
+        recorder.dispatch(&self.kernels[1], &self.groups[0], &push, tiles);
+        let tile_px = f64::from(TILE / stage.plan.grid);
+        let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
+        let push = NeighboursPush { size: tiles, radius, tile_px: tile_px as f32 };
+        recorder.dispatch(&self.kernels[2], &self.groups[1], &push, tiles);
+        recorder.mark("exact_gather");
+        let push = self.gather_push(&stage.intrinsics, shutter, part);
+        recorder.dispatch(&self.kernels[3], &self.groups[2], &push, push.size);
+    }
+
+    /// Pairs belong to lines that are equally spaced from the attachment's first to its last, in scan order.
+    fn paths_push(&self, shutter: &ShutterTiming, pairs: u32) -> PathsPush {
+        let last = f64::from(pairs - 1);
+        let (rows, reversed) = orientation(shutter.scan_order);
+        let per_ndc = if reversed { -0.5 * last } else { 0.5 * last } as f32;
+        let size = self.target.size.map(f64::from);
+        PathsPush {
+            size: self.images.texels.spec().size,
+            half_px: size.map(|s| (0.5 * s) as f32),
+            place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
+            place_offset: (0.5 * last) as f32,
+            line_count: pairs,
+            near_m: NEAR_M as f32,
+        }
+    }
+
+    fn gather_push(&self, camera: &Intrinsics, shutter: &ShutterTiming, part: &Part) -> GatherPush {
+        let (rows, reversed) = orientation(shutter.scan_order);
+        let per_px = shutter.line_delay_s() / part.exposure_s * if reversed { -1.0 } else { 1.0 };
+        GatherPush {
+            size: [camera.width, camera.height],
+            margin_px: self.margin_px.map(|m| m as f32),
+            grid: self.target.plan.grid as i32,
+            padding: 0.0,
+            tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
+            texel_size: self.images.texels.spec().size.map(|s| s as f32),
+            most: MOST_SAMPLES,
+            weight: part.weight,
+            first: part.first.into(),
+        }
+    }
+}
+
+/// One picture of a frame.
+pub(super) struct Part {
+    /// Number of lines whose matrices were written.
+    pub(super) pairs: u32,
+    /// Time that its paths span, s.
+    pub(super) exposure_s: f64,
+    /// Longest way from the middle of a path to an end, px.
+    pub(super) reach_px: f64,
+    /// What it counts in the mean.
+    pub(super) weight: f32,
+    /// Whether it is the first.
+    pub(super) first: bool,
+}
+
+/// Whether lines are rows, and whether the last one is read first.
+pub(super) fn orientation(order: ScanOrder) -> (bool, bool) {
+    (order.lines_are_rows(), matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft))
+}

@@ -1,0 +1,437 @@
+//! `--method exact`: the picture of a camera with a rolling shutter and an exposure from one render.
+//!
+//! The shutter is in the vertex stage (`exact_vert.glsl`): each vertex is projected at the time of the line it lands on,
+//! so one render has the right time in every line and nothing is resampled. The blur gathers, at the size at which
+//! samples were taken, along the path of each sample over its line's exposure (`exact_gather.comp`).
+
+mod blur;
+mod cut;
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Stage;
+use super::finish::{Finish, prepare};
+use super::frame::{FrameRequest, camera_path, covered_span_s};
+use super::margin::reach;
+use super::planes::PlanesPass;
+use super::slots::FrameSlot;
+use crate::assert_push_layout;
+use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::error::Result;
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, RenderArea, Sampler, Usage,
+};
+use crate::kernels::kernel;
+use crate::raster::{
+    ExactPush, Geometry, KnotRow, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
+    relative_rows, spaced,
+};
+use blur::{Blur, Part, orientation};
+
+/// Most knots of a frame.
+const MAX_KNOTS: usize = 129;
+/// Error of matrices taken for linear between knots, px.
+const KNOT_ERROR_PX: f64 = 0.01;
+/// Lines beyond the picture whose time is still extended, as a share of all: vertices there are ends of edges that
+/// cross the border, and a time that stopped at the border would bend those edges inside.
+const LINES_BEYOND: f64 = 0.25;
+/// Px beyond the reach of the blur: bilinear reading, and paths between the instants at which reach was measured.
+const MARGIN_GUARD_PX: f64 = 2.0;
+/// Where less moves than this, blur cannot be seen, px.
+const UNSEEN_PX: f64 = 1e-3;
+
+/// How the method renders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactOptions {
+    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px. Triangles are cut for it.
+    pub chord_px: f64,
+    /// Most triangles that cutting may make (the distance above is doubled until they suffice).
+    pub most_triangles: u32,
+}
+
+impl Default for ExactOptions {
+    fn default() -> Self {
+        Self { chord_px: 0.1, most_triangles: 400_000 }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct StillPush {
+    size: [u32; 2],
+    margin_px: [i32; 2],
+    grid: [i32; 2],
+}
+assert_push_layout!("exact_still_ms.comp", StillPush { size, margin_px, grid });
+
+/// The method.
+pub(super) struct Exact {
+    still: Option<Still>,
+    blur: Option<Blur>,
+    whole: Geometry,
+    /// Triangles cut for readouts up to this long, s.
+    cut: Option<(f64, Geometry)>,
+    mesh: Mesh,
+    groups: MotionGroups,
+    frames: Vec<(f64, f64)>,
+    /// By what frames were looked at already.
+    known: Vec<(Key, BlurReach)>,
+    options: ExactOptions,
+}
+
+/// Everything that the reach of a frame's blur depends on, bit by bit.
+type Key = ([u64; 3], bool);
+
+/// How far the blur of a frame reaches.
+#[derive(Clone, Copy, Debug, Default)]
+struct BlurReach {
+    margin_px: [u32; 2],
+    reach_px: f64,
+}
+
+/// Frames without exposure.
+struct Still {
+    inputs: Vec<Input>,
+    group: BindGroup,
+    kernel: ComputePipeline,
+    target: RasterTarget,
+    _sampler: Sampler,
+}
+
+/// What a frame in flight has of its own.
+struct Input {
+    raster: RasterInput,
+    knots: Buffer,
+    camera: Buffer,
+    relative: Buffer,
+}
+
+impl Input {
+    fn new(stage: &Stage, target: &RasterTarget, groups: usize) -> Result<Self> {
+        let context: &Arc<Context> = &stage.context;
+        let upload = |name: &str, bytes: usize| {
+            Buffer::new(context, name, bytes as u64, Usage::Storage, Location::Upload)
+        };
+        let knots = upload("knots", groups * MAX_KNOTS * size_of::<KnotRow>())?;
+        let camera = upload("exact camera", 16)?;
+        let relative = upload("relative", groups * MAX_KNOTS * 2 * size_of::<[f32; 16]>())?;
+        let raster = target.bind_knots(&stage.buffers, &knots, &camera)?;
+        Ok(Self { raster, knots, camera, relative })
+    }
+}
+
+impl Still {
+    fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image, group_count: usize) -> Result<Self> {
+        let context = &stage.context;
+        let size = [stage.intrinsics.width, stage.intrinsics.height];
+        let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
+        prepare(&mut slots[0].gpu, target.attachments.images())?;
+        let multisampled = const { kernel("exact_still_ms.comp") };
+        let plain = const { kernel("exact_still.comp") };
+        let kernel = ComputePipeline::new(context, if stage.plan.msaa > 1 { multisampled } else { plain })?;
+        let sampler = Sampler::new(context, false)?;
+        let group = kernel.bind(&[
+            ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &sampler)),
+            ("radiance", Bound::Storage(radiance)),
+        ])?;
+        let inputs = slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<_>>()?;
+        Ok(Self { inputs, group, kernel, target, _sampler: sampler })
+    }
+
+    fn record(&self, stage: &Stage, recorder: &mut Recorder<'_>) {
+        let size = self.target.size;
+        let push = StillPush { size, margin_px: [0; 2], grid: [stage.plan.grid as i32; 2] };
+        recorder.mark("resolve");
+        recorder.dispatch(&self.kernel, &self.group, &push, size);
+    }
+}
+
+impl Exact {
+    pub(super) fn new(
+        stage: &Stage,
+        options: &ExactOptions,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        expected: &[FrameRequest],
+    ) -> Result<Self> {
+        let groups = MotionGroups::new(&stage.scene);
+        let scene = &stage.scene;
+        let vertex = |i: u32| {
+            let vertex = scene.vertices[i as usize];
+            crate::scene::Vertex { object: groups.of_object(vertex.object), ..vertex }
+        };
+        let mesh = Mesh::joined(vertex, &scene.indices, &scene.draws);
+        let mut exact = Self {
+            still: None,
+            blur: None,
+            whole: Geometry::new(&stage.context, &mesh)?,
+            cut: None,
+            mesh,
+            groups,
+            frames: expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect(),
+            known: Vec::new(),
+            options: *options,
+        };
+        let mut margin_px = [0; 2];
+        for request in expected {
+            let reach = exact.reach(stage, request);
+            margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
+        }
+        if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
+            exact.make_images(stage, slots, radiance, first, margin_px)?;
+        }
+        if let Some(longest) = expected.iter().max_by(|a, b| readout_s(a).total_cmp(&readout_s(b))) {
+            exact.fit(stage, slots, radiance, longest)?;
+        }
+        Ok(exact)
+    }
+
+    pub(super) fn margin_px(&self) -> [u32; 2] {
+        self.blur.as_ref().map_or([0; 2], |b| b.margin_px)
+    }
+
+    /// Whether something must be made for a frame: nothing may be in flight when [`Self::fit`] does so.
+    pub(super) fn needs_fit(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
+        self.needs_cut(request) || self.needs_images(stage, request)
+    }
+
+    fn needs_cut(&self, request: &FrameRequest) -> bool {
+        let readout_s = readout_s(request);
+        readout_s > 0.0 && self.cut.as_ref().is_none_or(|(cut_s, _)| readout_s > cut_s * (1.0 + 1e-9))
+    }
+
+    fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
+        if request.shutter.exposure_time_s <= 0.0 {
+            return self.still.is_none();
+        }
+        let needed = self.reach(stage, request).margin_px;
+        self.blur.as_ref().is_none_or(|b| (0..2).any(|i| needed[i] > b.margin_px[i]))
+    }
+
+    /// See [`Self::needs_fit`].
+    pub(super) fn fit(
+        &mut self,
+        stage: &Stage,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        request: &FrameRequest,
+    ) -> Result<()> {
+        if self.needs_images(stage, request) {
+            let have = self.margin_px();
+            let needed = self.reach(stage, request).margin_px;
+            self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
+        }
+        if !self.needs_cut(request) {
+            return Ok(());
+        }
+        if self.frames.is_empty() {
+            self.frames.push((request.shutter.start_s, request.shutter.end_s()));
+        }
+        let readout_s = readout_s(request);
+        let limits = (self.options.chord_px, self.options.most_triangles as usize);
+        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
+        let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
+        tracing::info!("{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most");
+        self.cut = Some((readout_s, Geometry::new(&stage.context, &mesh)?));
+        Ok(())
+    }
+
+    fn make_images(
+        &mut self,
+        stage: &Stage,
+        slots: &mut [FrameSlot],
+        radiance: &Image,
+        request: &FrameRequest,
+        margin_px: [u32; 2],
+    ) -> Result<()> {
+        let count = self.groups.count();
+        if request.shutter.exposure_time_s > 0.0 {
+            // The old images go first: they are large.
+            self.blur = None;
+            self.blur = Some(Blur::new(stage, slots, radiance, count, margin_px)?);
+        } else {
+            self.still = Some(Still::new(stage, slots, radiance, count)?);
+        }
+        Ok(())
+    }
+
+    /// How far the blur of a frame reaches; kept, since frames are asked about more than once.
+    fn reach(&mut self, stage: &Stage, request: &FrameRequest) -> BlurReach {
+        let shutter = &request.shutter;
+        let numbers = [shutter.start_s, shutter.exposure_time_s, shutter.readout_time_s];
+        let key = (numbers.map(f64::to_bits), request.static_camera);
+        if let Some((_, reach)) = self.known.iter().find(|(k, _)| *k == key) {
+            return *reach;
+        }
+        let reach = measure_reach(stage, request);
+        self.known.push((key, reach));
+        reach
+    }
+
+    pub(super) fn submit(
+        &mut self,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        request: &FrameRequest,
+        path: &Trajectory,
+        (finish, planes): (&Finish, Option<&PlanesPass>),
+    ) -> Result<()> {
+        let index = slot.index;
+        let blurs = request.shutter.exposure_time_s > 0.0;
+        let reach = self.reach(stage, request);
+        let camera = stage.intrinsics.with_margin(if blurs { self.margin_px() } else { [0; 2] });
+        let view = View { camera: &camera, path };
+        let (push, part) = self.write_inputs(stage, index, &view, &request.shutter, reach);
+        let plane_row =
+            planes.filter(|_| request.planes).map(|p| (p, p.write_inputs(stage, slot, request, path)));
+        let mut recorder = slot.gpu.begin()?;
+        recorder.mark("raster");
+        let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
+        let geometry = match &self.cut {
+            Some((_, cut)) if push.knot_count > 1 => cut,
+            _ => &self.whole,
+        };
+        let scene = (&stage.buffers, geometry);
+        match (&self.blur, &self.still) {
+            (Some(blur), _) if blurs => {
+                blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, &push, area);
+                blur.record(stage, &mut recorder, index, &request.shutter, &part);
+            }
+            (_, Some(still)) => {
+                still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, &push, area);
+                still.record(stage, &mut recorder);
+            }
+            _ => unreachable!("`fit` made the images of this kind of frame"),
+        }
+        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
+        if let Some((planes, row)) = plane_row {
+            planes.record(stage, &mut recorder, index, row);
+        }
+        recorder.finish();
+        slot.gpu.submit()
+    }
+
+    fn write_inputs(
+        &mut self,
+        stage: &Stage,
+        slot: usize,
+        view: &View<'_>,
+        shutter: &ShutterTiming,
+        reach: BlurReach,
+    ) -> (ExactPush, Part) {
+        let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
+        let times = if rolls {
+            self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
+        } else {
+            vec![shutter.middle_s()]
+        };
+        let (rows, eye) = self.groups.knot_rows(view, &times);
+        let blurs = shutter.exposure_time_s > 0.0;
+        let input = match (&mut self.blur, &mut self.still) {
+            (Some(blur), _) if blurs => &mut blur.inputs[slot],
+            (_, Some(still)) => &mut still.inputs[slot],
+            _ => unreachable!("`fit` made the images of this kind of frame"),
+        };
+        input.knots.write(0, &rows);
+        input.camera.write(0, &[eye]);
+        let mut pairs = 1;
+        if blurs {
+            let times = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
+            pairs = times.len() as u32 / 2;
+            input.relative.write(0, &relative_rows(&self.groups, view, &times));
+        }
+        let exposure_s = shutter.exposure_time_s;
+        let part = Part { pairs, exposure_s, reach_px: reach.reach_px, weight: 1.0, first: true };
+        (raster_push(view.camera, shutter, times.len()), part)
+    }
+}
+
+/// Middle and begin, middle and end of the exposure of `count` lines, equally spaced over the attachment.
+fn exposures(
+    view: &View<'_>,
+    shutter: &ShutterTiming,
+    count: usize,
+    covered_s: (f64, f64),
+) -> Vec<(f64, f64)> {
+    let (rows, _) = orientation(shutter.scan_order);
+    let side = f64::from(if rows { view.camera.height } else { view.camera.width });
+    let lines = f64::from(shutter.line_count);
+    let beyond = 0.5 * (side - lines);
+    let inside = |time_s: f64| time_s.clamp(covered_s.0, covered_s.1);
+    let half_s = 0.5 * shutter.exposure_time_s;
+    let at = if count > 1 { spaced(-beyond, lines + beyond, count - 1) } else { vec![0.5 * lines] };
+    let pairs = at.into_iter().flat_map(|line| {
+        let middle_s = if count > 1 {
+            shutter.start_s + half_s + shutter.line_delay_s() * (line - 0.5)
+        } else {
+            shutter.middle_s()
+        };
+        let middle_s = inside(middle_s);
+        [(middle_s, inside(middle_s - half_s)), (middle_s, inside(middle_s + half_s))]
+    });
+    pairs.collect()
+}
+
+fn readout_s(request: &FrameRequest) -> f64 {
+    request.shutter.readout_time_s
+}
+
+/// From exposures at the begin, the middle and the end of the readout.
+fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach {
+    let shutter = &request.shutter;
+    if shutter.exposure_time_s <= 0.0 || super::frame::check_coverage(stage, request).is_err() {
+        return BlurReach::default();
+    }
+    let path = camera_path(stage, request);
+    let half_s = 0.5 * shutter.exposure_time_s;
+    let mut found = BlurReach::default();
+    let middles = if shutter.readout_time_s > 0.0 { vec![0.0, 0.5, 1.0] } else { vec![0.0] };
+    for at in middles {
+        let from_s = shutter.start_s + at * (shutter.end_s() - shutter.start_s - 2.0 * half_s);
+        let to_s = (from_s + 2.0 * half_s).min(shutter.end_s());
+        // Where what is in view at the middle is at the ends, and what is in view at the ends at the middle: both bound
+        // how far beyond the border the gather reads.
+        let seen = reach(&stage.scene, &path, &stage.intrinsics, from_s + half_s, &[from_s, to_s]);
+        let limit = [stage.intrinsics.width, stage.intrinsics.height];
+        for i in 0..2 {
+            let needed = if seen.largest_px < UNSEEN_PX { 0.0 } else { seen.beyond_px[i] + MARGIN_GUARD_PX };
+            found.margin_px[i] = found.margin_px[i].max((needed.ceil() as u32).min(limit[i] / 2));
+        }
+        found.reach_px = found.reach_px.max(seen.largest_px);
+    }
+    found
+}
+
+/// Where the vertex stage finds the time of a line: the middle of its exposure, in places among knots that are spread
+/// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
+/// time belongs to its middle.
+fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> ExactPush {
+    let span_s = shutter.end_s() - shutter.start_s;
+    if knot_count < 2 {
+        return ExactPush {
+            knot_count: 1,
+            place_low: 0.0,
+            place_high: 0.0,
+            place_offset: 0.0,
+            place_from_ndc: [0.0; 2],
+        };
+    }
+    let per_s = (knot_count - 1) as f64 / span_s;
+    let lines = f64::from(shutter.line_count);
+    let delay_s = shutter.line_delay_s();
+    let place = |line: f64| per_s * (0.5 * shutter.exposure_time_s + delay_s * (line - 0.5));
+    let (rows, reversed) = orientation(shutter.scan_order);
+    let side = f64::from(if rows { camera.height } else { camera.width });
+    let per_ndc = (per_s * delay_s * 0.5 * side * if reversed { -1.0 } else { 1.0 }) as f32;
+    let beyond = 0.5 * (side - lines) + LINES_BEYOND * lines;
+    ExactPush {
+        knot_count: knot_count as u32,
+        place_low: place(-beyond) as f32,
+        place_high: place(lines + beyond) as f32,
+        // The margin is the same on both sides, so the middle of the attachment is that of the picture.
+        place_offset: place(0.5 * lines) as f32,
+        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
+    }
+}

@@ -1,0 +1,55 @@
+//! Triangles in the device's memory beside those of [`super::SceneBuffers`]: the same scene cut more finely.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::tessellate::Mesh;
+use crate::error::Result;
+use crate::gpu::{Buffer, Context, Location, Slot, Usage};
+use crate::scene::Draw;
+
+/// An upload that takes longer than this is stuck.
+const UPLOAD_LIMIT: Duration = Duration::from_secs(120);
+
+/// Vertices and indices.
+pub struct Geometry {
+    pub(super) vertices: Buffer,
+    pub(super) indices: Buffer,
+    pub(super) draws: Vec<Draw>,
+}
+
+impl Geometry {
+    /// Uploads a mesh and waits for it.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn new(context: &Arc<Context>, mesh: &Mesh) -> Result<Self> {
+        let vertices: &[u8] = bytemuck::cast_slice(&mesh.vertices);
+        let indices: &[u8] = bytemuck::cast_slice(&mesh.indices);
+        let staged = |name: &str, bytes: &[u8]| {
+            let mut staging =
+                Buffer::new(context, name, bytes.len() as u64, Usage::Transfer, Location::Upload)?;
+            staging.write(0, bytes);
+            Ok(staging)
+        };
+        let from = [staged("cut vertices", vertices)?, staged("cut indices", indices)?];
+        let device = |name: &str, bytes: &[u8], usage: Usage| {
+            Buffer::new(context, name, bytes.len() as u64, usage, Location::Device)
+        };
+        let geometry = Self {
+            vertices: device("cut vertices", vertices, Usage::Vertex)?,
+            indices: device("cut indices", indices, Usage::Index)?,
+            draws: mesh.draws.clone(),
+        };
+        let mut slot = Slot::new(context, "geometry upload")?;
+        let mut recorder = slot.begin()?;
+        for (from, to) in from.iter().zip([&geometry.vertices, &geometry.indices]) {
+            recorder.copy_buffer(from, to, from.bytes());
+        }
+        recorder.barrier();
+        recorder.finish();
+        slot.submit()?;
+        slot.wait(UPLOAD_LIMIT)?;
+        Ok(geometry)
+    }
+}
