@@ -108,7 +108,14 @@ impl FrameSlot {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
         let rgb = self.picture.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let statistics = request.statistics.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
+        let radiance = request.statistics.then(|| Plane {
+            width: size[0] as usize,
+            height: size[1] as usize,
+            channels: 4,
+            data: bytemuck::cast_slice(self.radiance.mapped()).to_vec(),
+        });
         Frame {
+            radiance,
             index: request.index,
             picture: Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb },
             instants,
