@@ -69,7 +69,8 @@ impl Evidence {
             let picture = read_rgb8(&path)?;
             if (picture.width, picture.height) != (k.width as usize, k.height as usize) {
                 let found = format!("a picture of {}x{} px", picture.width, picture.height);
-                let expected = format!("{}x{} px, as {} says", k.width, k.height, capture.camera.path.display());
+                let expected =
+                    format!("{}x{} px, as {} says", k.width, k.height, capture.camera.path.display());
                 return Err(Error::input(&path, None, found, expected));
             }
             if let Some(why) = useless(&picture) {
@@ -112,11 +113,7 @@ fn useless(picture: &Plane<u8>) -> Option<&'static str> {
 
 /// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
 /// remain. Returns how far before and after their timestamps the rest has poses.
-fn keep_covered(
-    capture: &Capture,
-    frames: &mut Vec<RealFrame>,
-    left_out: &mut Vec<LeftOut>,
-) -> [f64; 2] {
+fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut Vec<LeftOut>) -> [f64; 2] {
     let paths = std::iter::once(&capture.trajectory)
         .chain(capture.scene.objects.iter().filter_map(|o| o.trajectory.as_deref()));
     let (first_s, last_s) = paths

@@ -74,8 +74,15 @@ pub(super) fn fit(
             // One threshold per level: costs must compare.
             delta = Some(delta_now);
             cost = cost_now;
-            let (step, accepted) =
-                advance(forward, target, frames, (&mut theta, &mut cost), free, (block, delta_now), (&equations, &mut damping))?;
+            let (step, accepted) = advance(
+                forward,
+                target,
+                frames,
+                (&mut theta, &mut cost),
+                free,
+                (block, delta_now),
+                (&equations, &mut damping),
+            )?;
             last = Some(equations);
             if !accepted || step < 2e-2 {
                 break;
@@ -103,10 +110,8 @@ fn advance(
             trial.set(p, theta.get(p) + s * p.spec().step);
         }
         let trial = bounded(forward, trial);
-        let moved = free
-            .iter()
-            .map(|&p| ((trial.get(p) - theta.get(p)) / p.spec().step).abs())
-            .fold(0.0, f64::max);
+        let moved =
+            free.iter().map(|&p| ((trial.get(p) - theta.get(p)) / p.spec().step).abs()).fold(0.0, f64::max);
         if moved < 1e-6 {
             return Ok((0.0, false));
         }

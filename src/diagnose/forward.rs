@@ -224,7 +224,8 @@ impl Forward {
         let shutter = &mut request.shutter;
         let inner = f64::from(shutter.scan_order.line_count(k.width, k.height));
         let margin = f64::from(self.margin_px);
-        let count = shutter.scan_order.line_count(k.width + 2 * self.margin_px, k.height + 2 * self.margin_px);
+        let count =
+            shutter.scan_order.line_count(k.width + 2 * self.margin_px, k.height + 2 * self.margin_px);
         let before_s = shutter.readout_time_s * margin / inner;
         // Half lines: the first half of a line of the sensor starts a quarter of its delay early.
         let early_s = 0.25 * shutter.readout_time_s / inner;
@@ -283,11 +284,8 @@ impl Forward {
 
     /// The map for `theta`; makes the wide engine wide enough.
     fn map_for(&mut self, theta: &Theta) -> Result<Arc<Map>> {
-        let key: Vec<u64> = super::model::ALL
-            .iter()
-            .filter(|p| p.is_remap())
-            .map(|&p| theta.get(p).to_bits())
-            .collect();
+        let key: Vec<u64> =
+            super::model::ALL.iter().filter(|p| p.is_remap()).map(|&p| theta.get(p).to_bits()).collect();
         if let Some((known, map)) = &self.map
             && *known == key
         {
@@ -305,12 +303,12 @@ impl Forward {
                 })
                 .collect()
         };
-        let channels: Vec<_> =
-            if colored { (0..3).map(of_channel).collect() } else { vec![of_channel(1)] };
+        let channels: Vec<_> = if colored { (0..3).map(of_channel).collect() } else { vec![of_channel(1)] };
         let (right, below) = (k.width as f32, k.height as f32);
-        let beyond = channels.iter().flatten().fold(0.0f32, |m, p| {
-            m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below)
-        });
+        let beyond = channels
+            .iter()
+            .flatten()
+            .fold(0.0f32, |m, p| m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below));
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
         if self.wide.is_none() || needed > self.margin_px {
@@ -450,12 +448,7 @@ fn bicubic(plane: &Plane<f32>, at: [f32; 2]) -> [f32; 3] {
 
 fn weights(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
-    [
-        -0.5 * t3 + t2 - 0.5 * t,
-        1.5 * t3 - 2.5 * t2 + 1.0,
-        -1.5 * t3 + 2.0 * t2 + 0.5 * t,
-        0.5 * t3 - 0.5 * t2,
-    ]
+    [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
 }
 
 #[cfg(test)]
@@ -465,7 +458,9 @@ mod tests {
     #[test]
     fn undistortion_inverts_the_contract_s_formula() {
         let mut theta = Theta::neutral();
-        for (k1, k2, p1, p2) in [(0.19, -0.015, 0.0, 0.0), (-0.1, -0.02, 0.003, -0.002), (-0.3, 0.1, 0.0, 0.01)] {
+        for (k1, k2, p1, p2) in
+            [(0.19, -0.015, 0.0, 0.0), (-0.1, -0.02, 0.003, -0.002), (-0.3, 0.1, 0.0, 0.01)]
+        {
             for (p, v) in [(P::K1, k1), (P::K2, k2), (P::P1, p1), (P::P2, p2)] {
                 theta.set(p, v);
             }

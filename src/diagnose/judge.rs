@@ -8,12 +8,15 @@ use super::evidence::{BLOCK, Evidence};
 use super::forward::Forward;
 use super::model::Theta;
 use super::score::{FrameScore, Scored, Spread, score_frame};
-use crate::chain::rng::{random_uniform, seed_words};
+use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
 use crate::plane::Plane;
 
 /// Resamples of the bootstrap.
 pub(super) const RESAMPLES: usize = 1000;
+
+/// Stream of the resamples ("BS").
+const STREAM_BOOTSTRAP: u32 = 0x4253;
 
 /// Scores on the held-out frames, one per frame in the order of [`Evidence::held_out`].
 #[derive(Clone, Debug, PartialEq)]
@@ -54,12 +57,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Scores of `theta` on any frames (places).
-    pub(super) fn scores_on(
-        &self,
-        forward: &mut Forward,
-        theta: &Theta,
-        frames: &[usize],
-    ) -> Result<Scores> {
+    pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
         let means = forward.simulate(frames, theta)?;
         let spread = Spread::new(theta);
         let scored: Vec<_> = frames
@@ -93,8 +91,8 @@ impl<'a> Judge<'a> {
             .map(|r| {
                 (0..blocks)
                     .flat_map(|b| {
-                        let u = random_uniform([b as u32, r as u32], 0, 77, seed)[0];
-                        let block = ((u * blocks as f32) as usize).min(blocks - 1);
+                        let bits = random_bits([b as u32, r as u32], 0, STREAM_BOOTSTRAP, seed)[0];
+                        let block = (u64::from(bits) * blocks as u64 >> 32) as usize;
                         (block * size..((block + 1) * size).min(count)).collect::<Vec<_>>()
                     })
                     .collect()

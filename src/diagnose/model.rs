@@ -240,11 +240,14 @@ impl Theta {
             "pose_offset" => {
                 let axes = [P::RotX, P::RotY, P::RotZ];
                 let ci: Option<Vec<_>> = axes.iter().map(|&p| around(p)).collect();
-                out.insert("rotvec_rad".to_owned(), Parameter {
-                    value: json!(axes.map(|p| self.get(p))),
-                    ci95: ci.map(|ci| json!(ci)),
-                    unit: "rad".to_owned(),
-                });
+                out.insert(
+                    "rotvec_rad".to_owned(),
+                    Parameter {
+                        value: json!(axes.map(|p| self.get(p))),
+                        ci95: ci.map(|ci| json!(ci)),
+                        unit: "rad".to_owned(),
+                    },
+                );
             }
             "chroma_subsampling" | "bayer_mosaic" => {
                 let p = candidate.parameters[0];

@@ -220,7 +220,8 @@ mod tests {
             (1..20).map(|i| f64::from(i) / 20.0).map(|l| [l, 3e-5 + l / 800.0, 1000.0]).collect();
         let [read2, inverse] = line(&bins, |l| [1.0, l]);
         assert!((read2 - 3e-5).abs() < 1e-8 && (inverse - 1.0 / 800.0).abs() < 1e-8, "{read2} {inverse}");
-        let falling: Vec<[f64; 3]> = (1..20).map(|i| [f64::from(i) / 20.0, 1e-3 - 4e-5 * f64::from(i), 1e3]).collect();
+        let falling: Vec<[f64; 3]> =
+            (1..20).map(|i| [f64::from(i) / 20.0, 1e-3 - 4e-5 * f64::from(i), 1e3]).collect();
         let [read2, inverse] = line(&falling, |l| [1.0, l]);
         assert!(read2 > 0.0 && inverse == 0.0);
     }

@@ -5,8 +5,8 @@
 //! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
 //! patterns and banding count, which single pixels cannot show.
 
-use super::photometric::Tone;
 use super::model::{P, Theta};
+use super::photometric::Tone;
 use crate::plane::Plane;
 
 /// Families of statistics: pixels, three bands of a pyramid, row means, column means, differences between frames.
@@ -121,7 +121,9 @@ fn density(z: f64) -> f64 {
 /// Abramowitz and Stegun 7.1.26, to 1.5e-7.
 fn erf(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
-    let poly = t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    let poly = t
+        * (0.254_829_592
+            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
     x.signum() * (1.0 - poly * (-x * x).exp())
 }
 
@@ -277,16 +279,22 @@ mod tests {
     #[test]
     fn the_score_of_a_normal_variable_is_lowest_at_its_own_spread() {
         // Mean over quantiles of the standard normal distribution scaled by 3.
-        let draws: Vec<f64> = (0..4000).map(|i| {
-            let u = (f64::from(i) + 0.5) / 4000.0;
-            // Inverse of the distribution by bisection of erf.
-            let (mut lo, mut hi) = (-6.0, 6.0);
-            for _ in 0..60 {
-                let mid = 0.5 * (lo + hi);
-                if 0.5 * (1.0 + erf(mid * std::f64::consts::FRAC_1_SQRT_2)) < u { lo = mid } else { hi = mid }
-            }
-            3.0 * lo
-        }).collect();
+        let draws: Vec<f64> = (0..4000)
+            .map(|i| {
+                let u = (f64::from(i) + 0.5) / 4000.0;
+                // Inverse of the distribution by bisection of erf.
+                let (mut lo, mut hi) = (-6.0, 6.0);
+                for _ in 0..60 {
+                    let mid = 0.5 * (lo + hi);
+                    if 0.5 * (1.0 + erf(mid * std::f64::consts::FRAC_1_SQRT_2)) < u {
+                        lo = mid
+                    } else {
+                        hi = mid
+                    }
+                }
+                3.0 * lo
+            })
+            .collect();
         let mean = |sigma: f64, shift: f64| {
             draws.iter().map(|d| crps(d + shift, sigma * sigma)).sum::<f64>() / draws.len() as f64
         };

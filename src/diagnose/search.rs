@@ -245,8 +245,12 @@ impl Search<'_> {
             let base = self.base.clone();
             let fit = self.add(candidate_of(name), &[], &base, 2)?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
-            tracing::info!("{name}: {:.3} DN in {:.1} s, {:?}", scores.mean(), clock.elapsed().as_secs_f64(),
-                fit.theta.report(candidate_of(name), &fit.half));
+            tracing::info!(
+                "{name}: {:.3} DN in {:.1} s, {:?}",
+                scores.mean(),
+                clock.elapsed().as_secs_f64(),
+                fit.theta.report(candidate_of(name), &fit.half)
+            );
             alone.push(Alone { name, fit, scores });
         }
         Ok(alone)

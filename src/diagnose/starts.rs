@@ -88,11 +88,8 @@ pub(super) fn best_starts(
     }
     // Three frames from all over the evidence suffice to tell valleys apart.
     let fit = &evidence.fit;
-    let some: Vec<usize> = if fit.len() <= 3 {
-        fit.clone()
-    } else {
-        [0, fit.len() / 2, fit.len() - 1].map(|i| fit[i]).to_vec()
-    };
+    let some: Vec<usize> =
+        if fit.len() <= 3 { fit.clone() } else { [0, fit.len() / 2, fit.len() - 1].map(|i| fit[i]).to_vec() };
     let mut costs = Vec::new();
     for (i, start) in all.iter().enumerate() {
         costs.push((cost_of(forward, target, &some, start, BLOCK, 2.0)?, i));
