@@ -27,10 +27,10 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// From far away.
-    pub(super) const FULL: Self = Self { levels: &[(8, 4), (2, 4), (1, 4)] };
     /// From far away, but not to the end.
-    pub(super) const COARSE: Self = Self { levels: &[(8, 4), (4, 2)] };
+    pub(super) const COARSE: Self = Self { levels: &[(8, 3), (4, 2)] };
+    /// To see whether anything is gained.
+    pub(super) const GLANCE: Self = Self { levels: &[(8, 2), (2, 1)] };
     /// From nearby.
     pub(super) const FINE: Self = Self { levels: &[(2, 3), (1, 4)] };
 }
@@ -256,6 +256,10 @@ fn linearise(
     for &p in free {
         let spec = p.spec();
         let mut step = spec.step * if p.is_time() || p.is_remap() { stretch } else { 1.0 };
+        if p == P::Defocus && theta.get(p) < 0.3 {
+            // A blur's slope at none is none.
+            step = 0.4;
+        }
         let changed = bounded(forward, theta.with(p, theta.get(p) + step));
         if (changed.get(p) - theta.get(p)).abs() < 0.5 * step {
             step = -step;
@@ -312,6 +316,36 @@ fn linearise(
         sum.by_frame.push(b);
     }
     Ok((sum, delta, cost / count.max(1) as f64))
+}
+
+/// How much each group of parameters would lower the cost beside `held`, by the linearised model: a ranking, not a fit.
+pub(super) fn screen(
+    forward: &mut Forward,
+    target: &Target<'_>,
+    frames: &[usize],
+    theta: &Theta,
+    held: &[P],
+    groups: &[Vec<P>],
+) -> Result<Vec<f64>> {
+    let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
+    all.sort();
+    all.dedup();
+    let (e, ..) = linearise(forward, target, frames, theta, &all, 2, None)?;
+    let gain = |members: &[P]| -> f64 {
+        let mut at: Vec<usize> = members.iter().filter_map(|p| all.iter().position(|a| a == p)).collect();
+        at.sort_unstable();
+        at.dedup();
+        at.retain(|&i| e.a[i][i] > 0.0);
+        let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| e.a[i][j]).collect()).collect();
+        let b: Vec<f64> = at.iter().map(|&i| e.b[i]).collect();
+        solve(&a, &b, 1e-6).map_or(0.0, |x| 0.5 * x.iter().zip(&b).map(|(x, b)| x * b).sum::<f64>())
+    };
+    let alone = gain(held);
+    let beside = groups.iter().map(|g| {
+        let members: Vec<P> = held.iter().chain(g).copied().collect();
+        gain(&members) - alone
+    });
+    Ok(beside.collect())
 }
 
 /// One frame's share, weighted by how Huber's cost weighs each difference.

@@ -20,6 +20,8 @@ use crate::plane::Plane;
 
 /// Rendered px a px where the picture is resampled: bicubic reading at this size blurs by less than 0.1 px.
 const SCALE: u32 = 2;
+/// Samples a pixel of the renders that fits see.
+const FIT_SAMPLES: u32 = 4;
 /// Most bytes of renders that are kept.
 const CACHE_BYTES: usize = 1 << 30;
 /// Half of the interval over which speeds are measured, s.
@@ -38,8 +40,11 @@ pub(super) struct Sharp {
 
 /// Renders the frames of a capture for any parameters.
 pub(super) struct Forward {
-    plain: Engine,
-    wide: Option<Engine>,
+    /// For fits (few samples), and for judging.
+    plain: [Engine; 2],
+    wide: [Option<Engine>; 2],
+    /// Whether frames are for judging.
+    pub(super) fine: bool,
     margin_px: u32,
     context: Arc<Context>,
     scene: Arc<crate::scene::Scene>,
@@ -54,12 +59,15 @@ pub(super) struct Forward {
     reach_s: [f64; 2],
     /// Sharp planes by place.
     pub(super) sharp: Vec<Sharp>,
-    cache: HashMap<(usize, bool, [u64; 3], ScanOrder), (u64, Arc<Plane<f32>>)>,
+    cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
     clock: u64,
     map: Option<(Vec<u64>, Arc<Map>)>,
     /// Renders made so far.
     pub(super) renders: usize,
 }
+
+/// Place, whether wide and whether fine, times, order of lines.
+type Key = (usize, [bool; 2], [u64; 3], ScanOrder);
 
 /// Where each of the 2x2 parts of each pixel reads the wide render, by channel: px of the wide render. One entry where
 /// the channels agree.
@@ -71,15 +79,19 @@ impl Forward {
     pub(super) fn new(context: &Arc<Context>, capture: &Capture, evidence: &Evidence) -> Result<Self> {
         let (scene, trajectory) = (Arc::new(capture.scene.clone()), Arc::new(capture.trajectory.clone()));
         let intrinsics = capture.camera.intrinsics;
-        let options = EngineOptions { planes: true, ..options(16) };
-        let plain = Engine::new(context, scene.clone(), trajectory.clone(), intrinsics, options, &[])?;
+        let engine = |samples: u32, planes: bool| {
+            let options = EngineOptions { planes, ..options(samples) };
+            Engine::new(context, scene.clone(), trajectory.clone(), intrinsics, options, &[])
+        };
+        let plain = [engine(FIT_SAMPLES, false)?, engine(16, true)?];
         let mut forward = Self {
             plain,
-            wide: None,
+            wide: [None, None],
+            fine: false,
             margin_px: 0,
             context: context.clone(),
-            scene,
-            trajectory,
+            scene: scene.clone(),
+            trajectory: trajectory.clone(),
             static_camera: capture.camera.static_camera,
             intrinsics,
             period_s: capture.camera.frame_period_s,
@@ -102,8 +114,8 @@ impl Forward {
         request.shutter.start_s = self.starts_s[at] + after_s;
         request.frame_interval_s = 2.0 * SPEED_STEP_S;
         request.planes = true;
-        let ticket = self.plain.submit(&request)?;
-        let planes = self.plain.collect(ticket)?.planes.expect("planes were asked for");
+        let ticket = self.plain[1].submit(&request)?;
+        let planes = self.plain[1].collect(ticket)?.planes.expect("planes were asked for");
         let rests = self.static_camera;
         let per_s = if rests { 0.0 } else { (0.5 / SPEED_STEP_S) as f32 };
         let mut velocity = planes.motion_px;
@@ -178,7 +190,7 @@ impl Forward {
             .iter()
             .map(|&at| {
                 let s = self.shutter(at, theta);
-                (at, wide, [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits), s.scan_order)
+                (at, [wide, self.fine], [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits), s.scan_order)
             })
             .collect();
         let missing: Vec<_> = (0..frames.len()).filter(|&i| !self.cache.contains_key(&keys[i])).collect();
@@ -186,7 +198,14 @@ impl Forward {
         let scale = if wide { SCALE } else { 1 };
         let requests: Vec<_> = requests.into_iter().map(|r| self.scaled(r, scale)).collect();
         self.renders += requests.len();
-        let engine = if wide { self.wide.as_mut().expect("made with the map") } else { &mut self.plain };
+        let quality = usize::from(self.fine);
+        if wide && self.wide[quality].is_none() {
+            self.wide[quality] = Some(self.wide_engine(if self.fine { 4 } else { 1 })?);
+        }
+        let engine = match &mut self.wide[quality] {
+            Some(engine) if wide => engine,
+            _ => &mut self.plain[quality],
+        };
         let mut tickets = std::collections::VecDeque::new();
         let mut done = Vec::new();
         for request in &requests {
@@ -311,20 +330,24 @@ impl Forward {
             .fold(0.0f32, |m, p| m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below));
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
-        if self.wide.is_none() || needed > self.margin_px {
-            self.widen(needed.max(24).next_multiple_of(8))?;
+        if needed > self.margin_px {
+            self.widen(needed.max(24).next_multiple_of(8));
         }
         let map = Arc::new(Map { channels });
         self.map = Some((key, map.clone()));
         Ok(map)
     }
 
-    fn widen(&mut self, margin_px: u32) -> Result<()> {
+    /// Engines with a wider margin are made when they are next needed.
+    fn widen(&mut self, margin_px: u32) {
         tracing::info!("the resampled pictures are rendered with {margin_px} px of margin");
-        self.cache.retain(|key, _| !key.1);
-        self.wide = None;
+        self.cache.retain(|key, _| !key.1[0]);
+        self.wide = [None, None];
         self.margin_px = margin_px;
-        let k = self.intrinsics.with_margin([margin_px; 2]);
+    }
+
+    fn wide_engine(&self, samples: u32) -> Result<Engine> {
+        let k = self.intrinsics.with_margin([self.margin_px; 2]);
         let s = f64::from(SCALE);
         let k = Intrinsics {
             width: k.width * SCALE,
@@ -335,8 +358,7 @@ impl Forward {
             cy: k.cy * s,
         };
         let (scene, path) = (self.scene.clone(), self.trajectory.clone());
-        self.wide = Some(Engine::new(&self.context, scene, path, k, options(4), &[])?);
-        Ok(())
+        Engine::new(&self.context, scene, path, k, options(samples), &[])
     }
 
     /// Reads the wide render at the places of the map. A line of the sensor that is not the line of the place it reads

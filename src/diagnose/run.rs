@@ -94,6 +94,7 @@ pub fn diagnose(
         base,
         renderer_difference,
         names: tried,
+        intervals: false,
     };
     let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
     let found = search.run(&mut relay)?;
