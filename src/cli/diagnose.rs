@@ -22,10 +22,8 @@ pub fn run(args: &Diagnose) -> Result<()> {
     let mut lines =
         Lines { stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL };
     let diagnosis = diagnose(&context, &capture, &options, &mut lines)?;
-    diagnosis.report.write(&args.out)?;
-    let camera = args.out.join("camera.toml");
-    crate::plane::write_atomic(&camera, diagnosis.camera.to_toml().as_bytes())?;
-    eprintln!("{}", diagnosis.report.sentence);
+    let diagnosis = diagnosis.write(&args.out, &capture)?;
+    eprintln!("{}", diagnosis.sentence);
     eprintln!("{}", args.out.join(crate::diagnose::REPORT_FILE).display());
     Ok(())
 }

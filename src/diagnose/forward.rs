@@ -17,6 +17,8 @@ use crate::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use crate::error::Result;
 use crate::gpu::Context;
 use crate::plane::Plane;
+use crate::reference::raster::{View, render};
+use crate::scene::{Material, Shading};
 
 /// Rendered px a px where the picture is resampled: bicubic reading at this size blurs by less than 0.1 px.
 const SCALE: u32 = 2;
@@ -32,8 +34,6 @@ const SPEED_STEP_S: f64 = 2e-3;
 pub(super) struct Sharp {
     /// Speed of the content, px/s, shape `[height, width, 2]`.
     pub velocity: Plane<f32>,
-    /// Distance, m.
-    pub depth: Plane<f32>,
     /// 1 where geometry covers the pixel.
     pub coverage: Plane<f32>,
 }
@@ -122,7 +122,7 @@ impl Forward {
         velocity.data.iter_mut().for_each(|v| *v = if v.is_finite() { *v * per_s } else { 0.0 });
         let (w, h) = (planes.color.width, planes.color.height);
         let coverage = Plane::from_fn(w, h, |x, y| [planes.color.pixel(x, y)[3]]);
-        Ok(Sharp { velocity, depth: planes.depth_m, coverage })
+        Ok(Sharp { velocity, coverage })
     }
 
     /// The shutter for `theta`, kept inside the time for which there are poses.
@@ -190,7 +190,12 @@ impl Forward {
             .iter()
             .map(|&at| {
                 let s = self.shutter(at, theta);
-                (at, [wide, self.fine], [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits), s.scan_order)
+                (
+                    at,
+                    [wide, self.fine],
+                    [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits),
+                    s.scan_order,
+                )
             })
             .collect();
         let missing: Vec<_> = (0..frames.len()).filter(|&i| !self.cache.contains_key(&keys[i])).collect();
@@ -269,6 +274,53 @@ impl Forward {
             self.cache.remove(&key);
             total -= size;
         }
+    }
+
+    /// What the scene's parts are called: its objects, or its materials where there is one object only.
+    pub(super) fn object_names(&self) -> Vec<String> {
+        if self.scene.objects.len() > 1 {
+            self.scene.objects.iter().map(|o| o.name.clone()).collect()
+        } else {
+            self.scene.materials.iter().map(|m| m.name.clone()).collect()
+        }
+    }
+
+    /// Row, column and part of the scene (see [`Self::object_names`]) of every `step`th pixel of a frame.
+    pub(super) fn objects(&self, at: usize, step: usize) -> Vec<(usize, usize, usize)> {
+        let mut scene = (*self.scene).clone();
+        let several = scene.objects.len() > 1;
+        let count = self.object_names().len();
+        for v in &mut scene.vertices {
+            v.material = if several { v.object } else { v.material };
+        }
+        // Unlit, so that the number of the part comes through as its radiance.
+        scene.shading = Shading::Unlit;
+        let part = |i: usize| Material { kd: [i as f32 + 1.0, 0.0, 0.0], ..Material::default() };
+        scene.materials = (0..count.max(1)).map(part).collect();
+        let k = &self.intrinsics;
+        let s = step as f64;
+        let small = Intrinsics {
+            width: (k.width as usize / step).max(1) as u32,
+            height: (k.height as usize / step).max(1) as u32,
+            fx: k.fx / s,
+            fy: k.fy / s,
+            cx: k.cx / s,
+            cy: k.cy / s,
+        };
+        let time_s = self.starts_s[at];
+        let world_from_camera = self.trajectory.pose_at(time_s);
+        let view = View { intrinsics: small, world_from_camera, time_s };
+        let seen = render(&scene, &view, &[[0.5, 0.5]], None).color;
+        let mut out = Vec::new();
+        for y in 0..seen.height {
+            for x in 0..seen.width {
+                let id = seen.pixel(x, y)[0].round() as usize;
+                if id > 0 {
+                    out.push((y * step + step / 2, x * step + step / 2, id - 1));
+                }
+            }
+        }
+        out
     }
 
     /// Values as delivered, DN, without noise; by place.

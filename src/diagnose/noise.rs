@@ -119,11 +119,8 @@ impl NoiseData {
             theta.set(P::Prnu, prnu2.sqrt());
         }
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
-        let rest: Vec<[f64; 3]> = self
-            .bins
-            .iter()
-            .map(|&[l, v, n]| [l, (v - row2 - dsnu2 - prnu2 * l * l).max(0.0), n])
-            .collect();
+        let rest: Vec<[f64; 3]> =
+            self.bins.iter().map(|&[l, v, n]| [l, (v - row2 - dsnu2 - prnu2 * l * l).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
             (true, true) => line(&rest, |l| [1.0, l]),
             (true, false) => line(&rest, |_| [1.0, 0.0]),

@@ -285,8 +285,7 @@ impl Search<'_> {
         let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
         let target = Target { evidence: self.evidence, masks: self.masks };
         let probe = probe(&current.theta);
-        let gains =
-            super::fit::screen(self.forward, &target, &self.evidence.fit, &probe, &held, &groups)?;
+        let gains = super::fit::screen(self.forward, &target, &self.evidence.fit, &probe, &held, &groups)?;
         let mut ranked: Vec<_> = smooth.into_iter().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
@@ -294,7 +293,8 @@ impl Search<'_> {
         let mut out = Vec::new();
         for (name, _) in ranked.into_iter().take(SHORTLIST) {
             watch.step(name);
-            let fit = self.add(candidate_of(name), set, &current.theta, 2, Some(now * (1.0 - 0.5 * LEAST_SHARE)))?;
+            let fit =
+                self.add(candidate_of(name), set, &current.theta, 2, Some(now * (1.0 - 0.5 * LEAST_SHARE)))?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             out.push((name, fit, scores));
         }
@@ -305,7 +305,11 @@ impl Search<'_> {
             out.push((name, fit, scores));
         }
         for (name, fit, scores) in &out {
-            tracing::info!("  {name} beside {set:?}: {:.3} DN {:?}", scores.mean(), fit.theta.report(candidate_of(name), &BTreeMap::new()));
+            tracing::info!(
+                "  {name} beside {set:?}: {:.3} DN {:?}",
+                scores.mean(),
+                fit.theta.report(candidate_of(name), &BTreeMap::new())
+            );
         }
         Ok(out)
     }
