@@ -7,6 +7,7 @@ pub mod capi;
 pub mod capture;
 pub mod chain;
 pub mod cli;
+pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod error;

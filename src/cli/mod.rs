@@ -6,6 +6,7 @@ mod camera;
 mod devices;
 mod effects;
 mod import;
+mod diagnose;
 mod interrupt;
 mod presets;
 mod simulate;
@@ -29,6 +30,7 @@ pub fn run() -> ExitCode {
     start_log();
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
+        Command::Diagnose(args) => diagnose::run(args),
         Command::Devices => devices::run(),
         Command::Effects => {
             effects::run();
