@@ -23,6 +23,28 @@ fn main() {
     }
     table += "]\n";
     fs::write(out.join("kernel_table.rs"), table).expect("OUT_DIR is writable");
+    fs::write(out.join("pointwise.rs"), format!("&{:?}", pointwise_stems())).expect("OUT_DIR is writable");
+}
+
+/// The stems in `effects/list.glsl`, in its order.
+fn pointwise_stems() -> Vec<String> {
+    let list = fs::read_to_string("glsl/include/effects/list.glsl").expect("the list of pointwise effects");
+    let stem = |line: &str| Some(line.strip_prefix("EFFECT(")?.strip_suffix(")")?.to_owned());
+    list.lines().filter_map(stem).collect()
+}
+
+/// `effects/all.glsl`: every effect of the list with its specialization constant (0 is OUTPUT's), and the function that
+/// applies those that are on, one after another.
+fn all_effects() -> String {
+    let (mut includes, mut calls) = (String::new(), String::new());
+    for (i, stem) in pointwise_stems().iter().enumerate() {
+        writeln!(includes, "layout(constant_id = {}) const uint VARIANT_{stem} = 0u;", i + 1)
+            .expect("strings grow");
+        writeln!(includes, "#include \"effects/{stem}.glsl\"").expect("strings grow");
+        writeln!(calls, "    if (VARIANT_{stem} != 0u) value = {stem}(value, pixel, {i}u);")
+            .expect("strings grow");
+    }
+    format!("{includes}\nvec3 apply_effects(vec3 value, uvec2 pixel) {{\n{calls}    return value;\n}}\n")
 }
 
 /// All stages in `dir` itself; `include/` holds text only.
@@ -64,6 +86,9 @@ fn compile(compiler: &shaderc::Compiler, path: &Path, level: shaderc::Optimizati
     options.set_optimization_level(level);
     options.set_warnings_as_errors();
     options.set_include_callback(|name, _, _, _| {
+        if name == "effects/all.glsl" {
+            return Ok(shaderc::ResolvedInclude { resolved_name: name.to_owned(), content: all_effects() });
+        }
         let path = Path::new("glsl/include").join(name);
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })

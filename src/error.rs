@@ -93,6 +93,26 @@ pub enum Error {
         /// Unit of the three.
         unit: &'static str,
     },
+    /// A parameter that counts something, with a fraction.
+    #[error("{effect}.{name} = {value} is not a whole number")]
+    NotWhole {
+        /// Stem of the effect.
+        effect: &'static str,
+        /// Name of the parameter.
+        name: &'static str,
+        /// The value given.
+        value: f64,
+    },
+    /// A list of effects in an order that light cannot take.
+    #[error("{effect} acts on {needs}, but stands where the picture is {reached} already")]
+    ChainOrder {
+        /// Stem of the effect.
+        effect: &'static str,
+        /// What it needs.
+        needs: String,
+        /// What the picture is at its place.
+        reached: String,
+    },
     /// Another error, with the place in a file that caused it.
     #[error("{}: {problem}{hint}", place(path, *line))]
     At {

@@ -58,6 +58,10 @@ pub struct Kernel {
 /// All shaders, by file name.
 pub const TABLE: &[Kernel] = include!(concat!(env!("OUT_DIR"), "/kernel_table.rs"));
 
+/// Stems of the effects that `pointwise.comp` fuses, in its order: a stem's place is its slot of parameters, and the
+/// number of its specialization constant less one.
+pub const POINTWISE: &[&str] = include!(concat!(env!("OUT_DIR"), "/pointwise.rs"));
+
 /// The shader of that file name; usable in constants, where a wrong name is a compile error.
 ///
 /// # Panics

@@ -5,10 +5,8 @@
 #ifndef RNG_GLSL
 #define RNG_GLSL
 
-// One stream a purpose. Fixed patterns belong to the sensor: they pass FIXED_FRAME instead of the frame.
-const uint STREAM_PAPER_NOISE_STATIC = 0x5354u;
-const uint STREAM_PAPER_NOISE_COLOR = 0x434fu;
-const uint STREAM_PAPER_NOISE_EDGE = 0x4544u;
+// One stream a purpose, stated by the effect that draws from it (STREAM_...). Fixed patterns belong to the sensor: they
+// pass FIXED_FRAME instead of the frame, and the sensor's seed instead of the run's.
 const uint FIXED_FRAME = 0xffffffffu;
 
 uvec4 philox4x32_10(uvec4 counter, uvec2 key) {
@@ -60,11 +58,14 @@ vec2 unit_circle(uint bits) {
 }
 
 // Four independent normal numbers (Box-Muller; up to 6.66 sigma).
-vec4 random_normal(uvec2 pixel, uint frame, uint stream, uvec2 seed) {
-    uvec4 bits = random_bits(pixel, frame, stream, seed);
+vec4 normal_of_bits(uvec4 bits) {
     precise vec2 first = sqrt(minus_two_log(bits.x)) * unit_circle(bits.y);
     precise vec2 second = sqrt(minus_two_log(bits.z)) * unit_circle(bits.w);
     return vec4(first, second);
+}
+
+vec4 random_normal(uvec2 pixel, uint frame, uint stream, uvec2 seed) {
+    return normal_of_bits(random_bits(pixel, frame, stream, seed));
 }
 
 #endif

@@ -9,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 use super::effect_tables::{choose, read_effects};
 use super::text::{Entry, TomlText, read_text};
 use crate::camera::Intrinsics;
-use crate::chain::{Settings, Value};
+use crate::chain::{ParamKind, Settings, Value};
 use crate::effects;
 use crate::error::{Error, Result};
 use crate::plane::MAX_SIDE_PX;
@@ -110,8 +110,12 @@ impl CameraFile {
         for effect in effects::LIST.iter().filter(|e| self.settings.has(e.id())) {
             text += &format!("\n[{}]\n", effect.id());
             for spec in effect.specs() {
-                if let Some(value) = self.settings.get(effect.id(), spec.name) {
-                    line(&mut text, spec.name, &value);
+                match (spec.kind, self.settings.get(effect.id(), spec.name)) {
+                    (ParamKind::Integer { .. }, Some(Value::Number(n))) => {
+                        writeln!(text, "{} = {n:.0}", spec.name).expect("writing to a String cannot fail");
+                    }
+                    (_, Some(value)) => line(&mut text, spec.name, &value),
+                    (_, None) => {}
                 }
             }
         }
@@ -225,7 +229,6 @@ impl<'a> Keys<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chain::ParamKind;
 
     const PLAIN: &str =
         "width = 320\nheight = 240\nfx = 280.82\nfy = 280\ncx = 158.77\ncy = 120.83\nframe_period_s = 0.04\n";
@@ -273,6 +276,7 @@ mod tests {
                     ParamKind::Number { min, max, .. } => {
                         Value::Number(min + (max - min) * (i as f64 + 1.0) / 30.0)
                     }
+                    ParamKind::Integer { min, max, .. } => Value::Number((0.3 * (max - min) + min).round()),
                     ParamKind::Choice { options, .. } => Value::Choice(options[options.len() - 1]),
                     ParamKind::Vector3 { max } => Value::Vector3([max / 3.0, -max / 7.0, 0.0]),
                 };
@@ -294,7 +298,8 @@ mod tests {
 
     #[test]
     fn effects_are_written_in_light_path_order() {
-        let text = parse(&format!("{PLAIN}[paper_noise]\n[motion_blur]\n[rolling_shutter]\n")).to_toml();
+        let tables: String = effects::LIST.iter().rev().map(|e| format!("[{}]\n", e.id())).collect();
+        let text = parse(&format!("{PLAIN}{tables}")).to_toml();
         let at: Vec<_> =
             effects::LIST.iter().map(|e| text.find(&format!("[{}]", e.id())).expect("written")).collect();
         assert!(at.is_sorted(), "{text}");

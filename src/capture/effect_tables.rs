@@ -87,6 +87,9 @@ fn parameter_value(toml: &TomlText, effect: &str, spec: &ParamSpec, value: &Entr
         ParamKind::Number { min, max, .. } => {
             Value::Number(toml.number(&name, value, &format!("a finite number{unit}, {min} to {max}"))?)
         }
+        ParamKind::Integer { min, max, .. } => {
+            Value::Number(toml.number(&name, value, &format!("a whole number{unit}, {min} to {max}"))?)
+        }
         ParamKind::Choice { options, .. } => Value::Choice(choose(toml, &name, value, options)?),
         ParamKind::Vector3 { max } => Value::Vector3(toml.vector3(
             &name,

@@ -13,8 +13,8 @@ pub use camera_toml::CameraFile;
 pub use frames_csv::{FrameEntry, parse_frames};
 pub use lights::parse_lights;
 
-use crate::camera::{Pose, ShutterTiming, Trajectory};
-use crate::effects::{MotionBlur, RollingShutter};
+use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
+use crate::effects::{FocalLengthError, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
 use text::read_text;
@@ -75,7 +75,22 @@ impl Capture {
         Ok(capture)
     }
 
-    /// When each line of a frame is exposed: the frame's timestamp, and the camera's shutter.
+    /// The camera that took the frames: `camera.toml`'s, with its `focal_length_error`.
+    pub fn true_intrinsics(&self) -> Intrinsics {
+        FocalLengthError::apply(&self.camera.settings, &self.camera.intrinsics)
+    }
+
+    /// The path of the camera that took the frames: `trajectory.tum`, with the camera's `pose_offset`.
+    pub fn true_trajectory(&self) -> Trajectory {
+        PoseOffset::apply(&self.camera.settings, &self.trajectory)
+    }
+
+    /// When a frame truly starts, s: its timestamp with the camera's `time_offset`.
+    fn start_s(&self, frame: usize) -> f64 {
+        self.frames[frame].start_s + TimeOffset::offset_s(&self.camera.settings)
+    }
+
+    /// When each line of a frame is exposed: the frame's true start, and the camera's shutter.
     ///
     /// # Panics
     /// If there is no such frame.
@@ -83,7 +98,7 @@ impl Capture {
         let settings = &self.camera.settings;
         let scan_order = RollingShutter::scan_order(settings);
         ShutterTiming {
-            start_s: self.frames[frame].start_s,
+            start_s: self.start_s(frame),
             exposure_time_s: MotionBlur::exposure_time_s(settings),
             readout_time_s: RollingShutter::readout_time_s(settings),
             scan_order,
@@ -91,14 +106,15 @@ impl Capture {
         }
     }
 
-    /// The camera's pose at an instant of a frame's exposure. A camera that rests during each frame
+    /// The true camera's pose at an instant of a frame's exposure. A camera that rests during each frame
     /// ([`CameraFile::static_camera`]) has the pose of the frame's timestamp all the while.
     ///
     /// # Panics
     /// If there is no such frame, or the time lies outside the trajectory (see [`Self::check_coverage`]).
     pub fn world_from_camera(&self, frame: usize, time_s: f64) -> Pose {
-        let at_s = if self.camera.static_camera { self.frames[frame].start_s } else { time_s };
-        self.trajectory.pose_at(at_s)
+        let at_s = if self.camera.static_camera { self.start_s(frame) } else { time_s };
+        let pose = self.trajectory.pose_at(at_s);
+        Pose { rotation: pose.rotation * PoseOffset::rotation(&self.camera.settings), ..pose }
     }
 
     /// Checks that poses exist from the start of every frame's first line to the end of its last line's exposure: the

@@ -1,20 +1,30 @@
-//! What an effect is: its name, its parameters with units and ranges, its place in the light path.
+//! What an effect is: its name, its parameters with units and ranges, its place in the light path, and how it computes.
+//!
+//! `docs/add-an-effect.md` walks through a real one.
 
+mod pack;
 mod params;
+mod plan;
 pub mod rng;
 
+pub use pack::{Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value};
+pub use plan::{Plan, Step, check_order};
 
+use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;
+use crate::kernels::Kernel;
+use crate::plane::Plane;
 
-/// What the numbers of a picture mean at a place of the chain.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the numbers of a picture mean at a place of the chain, in the order in which light becomes a file. Values are
+/// fractions of full scale throughout, so the way from one to a later one changes no bit; there is no way back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Domain {
     /// Linear radiance, 1 = white.
     LinearRgb,
-    /// Electrons in the pixel's well.
+    /// Electrons in the pixel's well, in units of those at white.
     Electrons,
-    /// Digital numbers before the ISP.
+    /// Digital numbers before the ISP, in units of the largest; linear in the electrons.
     RawDn,
     /// Values after the tone curve, 0 to 1.
     EncodedRgb,
@@ -23,10 +33,66 @@ pub enum Domain {
 /// Where in the chain an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
+    /// Another camera, pose or time than the files say: acts where a frame is requested.
+    SetUp,
     /// Decides which instants a line sees; acts while the frame is rendered.
     Time,
     /// Changes pixel values, from the first domain to the second.
     Pixel(Domain, Domain),
+}
+
+/// What a frame has besides its pixels, for effects that depend on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Size and pinhole.
+    pub intrinsics: Intrinsics,
+    /// When its lines are exposed.
+    pub shutter: ShutterTiming,
+    /// Number of the frame.
+    pub frame: u32,
+    /// Seed of the noise that changes from frame to frame.
+    pub seed: u64,
+}
+
+/// A pixel, for the references of effects.
+#[derive(Clone, Copy, Debug)]
+pub struct At<'a> {
+    /// Column and row.
+    pub pixel: [u32; 2],
+    /// The frame.
+    pub view: &'a View,
+    /// The picture before the kernel that holds the effect, shape `[height, width, 4]`.
+    pub source: &'a Plane<f32>,
+    /// [`Effect::variant`] of the effect.
+    pub variant: u32,
+}
+
+/// One dispatch of an effect that reads its neighbours. `source` is what the pass before it made, `original` the picture
+/// before the effect, `target` a third one (`glsl/include/chain.glsl`).
+#[derive(Clone, Copy, Debug)]
+pub struct Pass {
+    /// Its kernel.
+    pub kernel: &'static Kernel,
+    /// Specialization constants 0, 1.
+    pub constants: [u32; 2],
+}
+
+/// How an effect computes.
+#[derive(Clone, Copy)]
+pub enum Work {
+    /// Not on pixels: it acts where frames are requested or rendered.
+    Elsewhere,
+    /// One pixel alone: the function of its name in `glsl/include/effects/<stem>.glsl`, fused with others, and its twin.
+    Pointwise(fn([f32; 3], &At<'_>, &Parameters<'_>) -> [f32; 3]),
+    /// Kernels of its own, and the twin of all of them: both pictures have the shape `[height, width, 4]`.
+    Neighbourhood {
+        /// The dispatches.
+        passes: fn(&Settings) -> Vec<Pass>,
+        /// The same on the CPU.
+        reference: fn(&Plane<f32>, &Settings, &Parameters<'_>) -> Plane<f32>,
+    },
+    /// On the delivered picture, shape `[height, width, 3]`, on the CPU.
+    Host(fn(&mut Plane<u8>, &Settings)),
 }
 
 /// One physical cause. Its id is the stem of its files, the table in `camera.toml` and the name in reports.
@@ -44,4 +110,20 @@ pub trait Effect: Sync {
     fn check(&self, _settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
         Ok(Vec::new())
     }
+    /// Which of its parts change anything with these settings, one bit a part: kernels are made without the others. 0:
+    /// none, the effect is left out, so that neutral parameters return the input bit for bit.
+    fn variant(&self, settings: &Settings) -> u32 {
+        u32::from(!settings.is_neutral(self.id(), self.specs()))
+    }
+    /// How it computes.
+    fn work(&self) -> Work {
+        Work::Elsewhere
+    }
+    /// Whether it reads neighbours of the picture before it, though it changes one pixel at a time: it is then the first
+    /// of its kernel.
+    fn reads_neighbours(&self, _settings: &Settings) -> bool {
+        false
+    }
+    /// Writes what its kernels need for a frame, in the order in which they read it.
+    fn pack(&self, _settings: &Settings, _view: &View, _packer: &mut Packer<'_>) {}
 }

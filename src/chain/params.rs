@@ -17,6 +17,15 @@ pub enum ParamKind {
         /// The value that changes nothing.
         neutral: f64,
     },
+    /// A whole number (in [`Settings`] a [`Value::Number`] without a fraction).
+    Integer {
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+        /// The value that changes nothing.
+        neutral: f64,
+    },
     /// One of a list of names.
     Choice {
         /// The names.
@@ -42,6 +51,34 @@ pub struct ParamSpec {
     pub kind: ParamKind,
     /// What it is and where its definition comes from.
     pub about: &'static str,
+}
+
+impl ParamSpec {
+    /// A real number from `range.0` to `range.1`.
+    pub const fn number(
+        name: &'static str,
+        unit: &'static str,
+        range: (f64, f64),
+        neutral: f64,
+        about: &'static str,
+    ) -> Self {
+        Self { name, unit, kind: ParamKind::Number { min: range.0, max: range.1, neutral }, about }
+    }
+
+    /// A whole number from `range.0` to `range.1`; neutral is `range.0`.
+    pub const fn integer(
+        name: &'static str,
+        unit: &'static str,
+        range: (f64, f64),
+        about: &'static str,
+    ) -> Self {
+        Self { name, unit, kind: ParamKind::Integer { min: range.0, max: range.1, neutral: range.0 }, about }
+    }
+
+    /// One of `options`; the first is neutral.
+    pub const fn choice(name: &'static str, options: &'static [&'static str], about: &'static str) -> Self {
+        Self { name, unit: "", kind: ParamKind::Choice { options, neutral: options[0] }, about }
+    }
 }
 
 /// The value of a parameter.
@@ -121,6 +158,11 @@ impl Settings {
         }
     }
 
+    /// Whether an effect is off or all its parameters are neutral.
+    pub fn is_neutral(&self, effect: &str, specs: &[ParamSpec]) -> bool {
+        specs.iter().all(|s| self.get(effect, s.name).is_none_or(|v| v == neutral(&s.kind)))
+    }
+
     /// Effects that are on, with their parameters.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &BTreeMap<&'static str, Value>)> {
         self.tables.iter().map(|(k, v)| (*k, v))
@@ -130,7 +172,7 @@ impl Settings {
 /// The value that changes nothing.
 pub fn neutral(kind: &ParamKind) -> Value {
     match *kind {
-        ParamKind::Number { neutral, .. } => Value::Number(neutral),
+        ParamKind::Number { neutral, .. } | ParamKind::Integer { neutral, .. } => Value::Number(neutral),
         ParamKind::Choice { neutral, .. } => Value::Choice(neutral),
         ParamKind::Vector3 { .. } => Value::Vector3([0.0; 3]),
     }
@@ -142,14 +184,19 @@ fn check_range(effect: &'static str, spec: &ParamSpec, value: Value) -> Result<(
     };
     match (spec.kind, value) {
         // Written so that NaN, which is in no range, is refused.
-        (ParamKind::Number { min, max, .. }, Value::Number(v)) if !(min <= v && v <= max) => {
+        (ParamKind::Number { min, max, .. } | ParamKind::Integer { min, max, .. }, Value::Number(v))
+            if !(min <= v && v <= max) =>
+        {
             outside(v, min, max)
+        }
+        (ParamKind::Integer { .. }, Value::Number(v)) if v.fract() != 0.0 => {
+            Err(Error::NotWhole { effect, name: spec.name, value: v })
         }
         (ParamKind::Vector3 { max }, Value::Vector3(v)) => match v.into_iter().find(|c| !(c.abs() <= max)) {
             Some(component) => outside(component, -max, max),
             None => Ok(()),
         },
-        (ParamKind::Number { .. }, Value::Number(_)) => Ok(()),
+        (ParamKind::Number { .. } | ParamKind::Integer { .. }, Value::Number(_)) => Ok(()),
         (ParamKind::Choice { options, .. }, Value::Choice(c)) if options.contains(&c) => Ok(()),
         (kind, value) => panic!("{effect}.{} takes {kind:?}, not {value:?}", spec.name),
     }

@@ -7,18 +7,16 @@
 //! pcg4d (Jarzynski, Olano: "Hash functions for GPU rendering", JCGT 2020) was measured beside it and not taken: see
 //! `tests/noise_statistics.rs`.
 //!
+//! Each purpose has a stream of its own, a constant STREAM_... of the effect that draws from it, in its kernel and its
+//! Rust file (`tests/effects_registry.rs` checks that they agree and that no two are equal). Fixed patterns pass
+//! [`FIXED_FRAME`] in place of the frame and the sensor's seed in place of the run's.
+//!
 //! Normal numbers need a logarithm and a circle. Both are polynomials made of sums and products only, which IEEE 754
 //! and Vulkan round alike; `ln`, `sin` and `cos` need not agree between two devices. What is left to the device is one
 //! square root.
 
 use std::f32::consts::{FRAC_PI_2, LN_2};
 
-/// The pattern of the sensor in `paper_noise`.
-pub const STREAM_PAPER_NOISE_STATIC: u32 = 0x5354;
-/// The white part of `paper_noise`.
-pub const STREAM_PAPER_NOISE_COLOR: u32 = 0x434f;
-/// The part of `paper_noise` that grows with the gradient.
-pub const STREAM_PAPER_NOISE_EDGE: u32 = 0x4544;
 /// Stands in for the frame in patterns that belong to the sensor and must not flicker.
 pub const FIXED_FRAME: u32 = 0xffff_ffff;
 
@@ -89,7 +87,11 @@ fn unit_circle(bits: u32) -> [f32; 2] {
 
 /// Four independent normal numbers (Box-Muller; up to 6.66 sigma) of a pixel, frame and stream.
 pub fn random_normal(pixel: [u32; 2], frame: u32, stream: u32, seed: [u32; 2]) -> [f32; 4] {
-    let bits = random_bits(pixel, frame, stream, seed);
+    normal_of_bits(random_bits(pixel, frame, stream, seed))
+}
+
+/// The same from bits that were drawn already.
+pub fn normal_of_bits(bits: [u32; 4]) -> [f32; 4] {
     let pair = |radius: u32, angle: u32| {
         let (radius, point) = (minus_two_log(radius).sqrt(), unit_circle(angle));
         [radius * point[0], radius * point[1]]
@@ -112,27 +114,6 @@ mod tests {
         let pi =
             philox4x32_10([0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344], [0xa409_3822, 0x299f_31d0]);
         assert_eq!(pi, [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1]);
-    }
-
-    #[test]
-    fn kernels_use_the_same_streams() {
-        let glsl = include_str!("../../glsl/include/rng.glsl");
-        for (name, value) in [
-            ("STREAM_PAPER_NOISE_STATIC", STREAM_PAPER_NOISE_STATIC),
-            ("STREAM_PAPER_NOISE_COLOR", STREAM_PAPER_NOISE_COLOR),
-            ("STREAM_PAPER_NOISE_EDGE", STREAM_PAPER_NOISE_EDGE),
-            ("FIXED_FRAME", FIXED_FRAME),
-        ] {
-            assert!(
-                glsl.contains(&format!("const uint {name} = {value:#x}u;")),
-                "{name} differs in rng.glsl"
-            );
-        }
-        let streams = [STREAM_PAPER_NOISE_STATIC, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE];
-        assert!(
-            streams.iter().enumerate().all(|(i, s)| !streams[..i].contains(s)),
-            "two purposes share a stream"
-        );
     }
 
     #[test]

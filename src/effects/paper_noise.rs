@@ -2,7 +2,10 @@
 //! what the paper lacks: the static part stays with the sensor, the others are new in every frame.
 
 use crate::chain::rng::{self, FIXED_FRAME, random_normal};
-use crate::chain::{Domain, Effect, ParamKind, ParamSpec, Settings, Stage};
+use crate::chain::{
+    At, Domain, Effect, Packer, ParamKind, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
+use crate::plane::Plane;
 
 /// The effect; its values live in [`crate::chain::Settings`].
 pub struct PaperNoise;
@@ -33,6 +36,16 @@ const SPECS: &[ParamSpec] = &[
     variance("edge_variance_b", EDGE),
 ];
 
+/// Bit of the variant that reads neighbours.
+const EDGE_PART: u32 = 4;
+
+/// Stream of the sensor's pattern.
+pub const STREAM_PAPER_NOISE_STATIC: u32 = 0x5354;
+/// Stream of the white part.
+pub const STREAM_PAPER_NOISE_COLOR: u32 = 0x434f;
+/// Stream of the part that grows with the gradient.
+pub const STREAM_PAPER_NOISE_EDGE: u32 = 0x4544;
+
 /// Standard deviations of the three parts, in fractions of full scale: red, green, blue and an unused zero (kernels take
 /// them as `vec4`).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -46,9 +59,8 @@ pub struct PaperNoiseSigma {
 }
 
 impl PaperNoiseSigma {
-    /// Parts that are not neutral: 1 static, 2 colour, 4 edge. The value of the kernel's specialization constant 0
-    /// (`PAPER_NOISE_PARTS`; all parts unless set): a software device runs both sides of a branch, so it saves time only
-    /// on what the pipeline leaves out.
+    /// Parts that are not neutral: 1 static, 2 colour, 4 edge: the effect's variant. A software device runs both sides of
+    /// a branch, so it saves time only on what the pipeline leaves out.
     pub fn parts(&self) -> u32 {
         let parts = [self.static_sigma, self.color_sigma, self.edge_sigma];
         (0..3).filter(|&k| parts[k][..3] != [0.0; 3]).map(|k| 1 << k).sum()
@@ -70,7 +82,7 @@ impl PaperNoise {
     }
 }
 
-/// Noise on one pixel's linear radiance (the function of the same name in `glsl/include/paper_noise.glsl`).
+/// Noise on one pixel's linear radiance (the function of the same name in `glsl/include/effects/paper_noise.glsl`).
 ///
 /// `gradient` is the magnitude of the noise-free picture's gradient, per channel and px. The static part depends on
 /// pixel and seed only, the others on the frame too. A part without sigma changes no bit.
@@ -92,15 +104,38 @@ pub fn paper_noise(
     let [fixed, color, edge] =
         [sigma.static_sigma, sigma.color_sigma, sigma.edge_sigma].map(|s| [s[0], s[1], s[2]]);
     if fixed != [0.0; 3] {
-        add(fixed, FIXED_FRAME, rng::STREAM_PAPER_NOISE_STATIC);
+        add(fixed, FIXED_FRAME, STREAM_PAPER_NOISE_STATIC);
     }
     if color != [0.0; 3] {
-        add(color, frame, rng::STREAM_PAPER_NOISE_COLOR);
+        add(color, frame, STREAM_PAPER_NOISE_COLOR);
     }
     if edge != [0.0; 3] {
-        add([0, 1, 2].map(|c| edge[c] * gradient[c]), frame, rng::STREAM_PAPER_NOISE_EDGE);
+        add([0, 1, 2].map(|c| edge[c] * gradient[c]), frame, STREAM_PAPER_NOISE_EDGE);
     }
     noisy
+}
+
+/// Magnitude of the central-difference gradient, per channel and px; the border repeats outwards.
+pub fn gradient_magnitude(radiance: &Plane<f32>, x: usize, y: usize) -> [f32; 3] {
+    let left = radiance.pixel(x.saturating_sub(1), y);
+    let right = radiance.pixel((x + 1).min(radiance.width - 1), y);
+    let above = radiance.pixel(x, y.saturating_sub(1));
+    let below = radiance.pixel(x, (y + 1).min(radiance.height - 1));
+    [0, 1, 2].map(|c| {
+        let (dx, dy) = (0.5 * (right[c] - left[c]), 0.5 * (below[c] - above[c]));
+        (dx * dx + dy * dy).sqrt()
+    })
+}
+
+/// The same with what the chain gives.
+fn at_pixel(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let part = |first: usize| [p.number(first), p.number(first + 1), p.number(first + 2), 0.0];
+    let sigma = PaperNoiseSigma { static_sigma: part(0), color_sigma: part(3), edge_sigma: part(6) };
+    let gradient = match at.variant & EDGE_PART {
+        0 => [0.0; 3],
+        _ => gradient_magnitude(at.source, at.pixel[0] as usize, at.pixel[1] as usize),
+    };
+    paper_noise(value, gradient, at.pixel, at.view.frame, rng::seed_words(at.view.seed), &sigma)
 }
 
 impl Effect for PaperNoise {
@@ -114,6 +149,25 @@ impl Effect for PaperNoise {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        Self::sigma(settings).parts()
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(at_pixel)
+    }
+
+    fn reads_neighbours(&self, settings: &Settings) -> bool {
+        self.variant(settings) & EDGE_PART != 0
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        let sigma = Self::sigma(settings);
+        for part in [sigma.static_sigma, sigma.color_sigma, sigma.edge_sigma] {
+            part[..3].iter().for_each(|s| packer.number(f64::from(*s)));
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! A capture's frames on the device: owns the resources, records one submission a frame, reads the picture back.
 //!
 //! ```text
-//! FrameRequest ─ method (raster, gather | accumulate) ─ radiance ─ develop (noise, sRGB, 8 bit) ─ readback ─ Frame
+//! FrameRequest ─ method (raster, gather | accumulate) ─ radiance ─ chain of pixel effects ─ readback ─ Frame
 //! ```
 //!
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
@@ -12,6 +12,7 @@ mod finish;
 mod frame;
 mod margin;
 mod paper;
+mod pixel_chain;
 mod planes;
 mod slots;
 
@@ -29,6 +30,7 @@ pub use exact::ExactOptions;
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
 pub use paper::{MotionSource, PaperOptions, Shift};
+pub use pixel_chain::PixelChain;
 
 use accumulation::Accumulation;
 use exact::Exact;
@@ -135,7 +137,8 @@ impl Engine {
         };
         let count = options.frames_in_flight.clamp(1, 8) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
-        let finish = Finish::new(&stage, &mut slots)?;
+        let size = [intrinsics.width, intrinsics.height];
+        let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
         let renderer = match &options.method {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
@@ -155,6 +158,16 @@ impl Engine {
     /// The camera as it was given, without margin.
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.stage.intrinsics
+    }
+
+    /// Gives the engine another camera of the same size, or another path: what a fit of the set-up does between frames.
+    ///
+    /// # Panics
+    /// If the size differs: a bug of the caller.
+    pub fn aim(&mut self, intrinsics: Intrinsics, trajectory: Arc<Trajectory>) {
+        let size = |k: &Intrinsics| (k.width, k.height);
+        assert_eq!(size(&intrinsics), size(&self.stage.intrinsics), "an engine's pictures keep their size");
+        (self.stage.intrinsics, self.stage.trajectory) = (intrinsics, trajectory);
     }
 
     /// Pixels rendered beyond each side of the picture (columns, rows).
@@ -184,8 +197,9 @@ impl Engine {
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
         self.widen(request)?;
-        self.finish.fit(&self.stage, request)?;
         let slot = &mut self.slots[index];
+        let view = request.view(self.stage.intrinsics);
+        self.finish.fit((&request.settings, &view), false, (&mut slot.gpu, slot.index))?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {

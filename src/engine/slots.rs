@@ -5,10 +5,12 @@ use std::time::Instant as Clock;
 use super::Stage;
 use super::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::camera::{Intrinsics, Trajectory};
+use crate::effects;
 use crate::error::Result;
 use crate::gpu::{Buffer, Location, PassTime, Slot, Usage};
 use crate::plane::Plane;
 use crate::raster::{CameraRow, Instant, ObjectRow, instant_rows};
+use crate::reference::chain::develop_on_host;
 
 /// Instants that one submission can hold: a chunk of the accumulation, or the paper's pictures and the sharp planes.
 pub(super) const MAX_INSTANTS: u32 = 40;
@@ -107,10 +109,12 @@ impl FrameSlot {
     ) -> Frame {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
         let rgb = self.picture.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let mut picture = Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb };
+        develop_on_host(effects::LIST, &request.settings, &mut picture);
         let statistics = request.statistics.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
         Frame {
             index: request.index,
-            picture: Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb },
+            picture,
             instants,
             times,
             host_ms: clock.elapsed().as_secs_f64() * 1e3,

@@ -1,7 +1,9 @@
-//! Radiance to the delivered picture: `paper_noise` on linear values, sRGB, 8 bits. Twin of `glsl/develop.comp`.
+//! Radiance to the delivered picture where `paper_noise` is the only effect on pixels: linear noise, sRGB, 8 bits, written
+//! on its own. A chain without further effects must give the same bits.
 
 use bytemuck::{Pod, Zeroable};
 
+pub use crate::effects::gradient_magnitude;
 use crate::effects::{PaperNoiseSigma, paper_noise};
 use crate::plane::{Plane, srgb8};
 
@@ -52,18 +54,6 @@ pub fn develop(push: &Push, radiance: &Plane<f32>) -> Plane<u8> {
         let marked = push.flags & FLAG_MARK_CLAMPED != 0 && seen[3] < 0.0;
         let [r, g, b] = noisy.map(srgb8);
         [r, g, b, if marked { 0 } else { 255 }]
-    })
-}
-
-/// Magnitude of the central-difference gradient, per channel and px; the border repeats outwards.
-pub fn gradient_magnitude(radiance: &Plane<f32>, x: usize, y: usize) -> [f32; 3] {
-    let left = radiance.pixel(x.saturating_sub(1), y);
-    let right = radiance.pixel((x + 1).min(radiance.width - 1), y);
-    let above = radiance.pixel(x, y.saturating_sub(1));
-    let below = radiance.pixel(x, (y + 1).min(radiance.height - 1));
-    [0, 1, 2].map(|c| {
-        let (dx, dy) = (0.5 * (right[c] - left[c]), 0.5 * (below[c] - above[c]));
-        (dx * dx + dy * dy).sqrt()
     })
 }
 

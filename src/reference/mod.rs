@@ -9,6 +9,7 @@
 //! averaged.
 
 pub mod accumulate;
+pub mod chain;
 pub mod develop;
 pub mod motion;
 pub mod motion_blur;

@@ -1,0 +1,40 @@
+#version 460
+// defocus: a Gaussian along the rows, then along the columns, or a disc. Twin: src/effects/defocus.rs.
+#extension GL_GOOGLE_include_directive : require
+
+layout(local_size_x = 16, local_size_y = 8) in;
+
+// 0: Gaussian along a row, 1: along a column, 2: disc.
+layout(constant_id = 0) const uint MODE = 0u;
+
+#include "chain.glsl"
+#include "gaussian.glsl"
+
+vec3 disc(ivec2 pixel, int radius, uint weights) {
+    precise vec3 sum = vec3(0.0);
+    for (int y = -radius; y <= radius; ++y) {
+        for (int x = -radius; x <= radius; ++x) {
+            sum = sum + table(weights) * source_at(pixel + ivec2(x, y)).rgb;
+            ++weights;
+        }
+    }
+    return sum;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(uvec2(pixel), push.size))) {
+        return;
+    }
+    vec3 value;
+    if (MODE == 2u) {
+        value = disc(pixel, int(parameter_bits(push.slot, 2u)), parameter_bits(push.slot, 3u));
+    } else {
+        ivec2 axis = ivec2(1, 0);
+        if (MODE == 1u) {
+            axis = axis.yx;
+        }
+        value = gaussian(pixel, axis, parameter_bits(push.slot, 0u), parameter_bits(push.slot, 1u));
+    }
+    imageStore(target, pixel, vec4(value, source_at(pixel).a));
+}

@@ -1,0 +1,46 @@
+// What every kernel of the pixel chain sees. Twins: src/chain/pack.rs (parameters), src/engine/finish.rs (bindings).
+#ifndef CHAIN_GLSL
+#define CHAIN_GLSL
+
+// The picture so far; alpha as the method wrote it.
+layout(set = 0, binding = 0, rgba32f) uniform readonly image2D source;
+// The picture before this effect's first pass.
+layout(set = 0, binding = 1, rgba32f) uniform readonly image2D original;
+layout(set = 0, binding = 2, rgba32f) uniform writeonly image2D target;
+// Four rows an effect, from the row of its slot on.
+layout(set = 0, binding = 3, std140) uniform Parameters {
+    uvec4 parameter_rows[256];
+};
+// What does not fit: lines, weights, bit masks. Parameters hold the place of the first word.
+layout(set = 0, binding = 4, std430) readonly buffer Tables {
+    uint table_words[];
+};
+
+layout(push_constant) uniform Push {
+    uvec2 size;
+    uvec2 seed;
+    uint frame;
+    uint flags;
+    uint slot;
+} push;
+
+const uint SLOT_ROWS = 4u;
+
+// Parameter `index` (0 to 15) of a slot, as bits and as a number.
+uint parameter_bits(uint slot, uint index) {
+    return parameter_rows[SLOT_ROWS * slot + (index >> 2u)][index & 3u];
+}
+float parameter(uint slot, uint index) {
+    return uintBitsToFloat(parameter_bits(slot, index));
+}
+
+float table(uint place) {
+    return uintBitsToFloat(table_words[place]);
+}
+
+// The picture's border repeats outwards.
+vec4 source_at(ivec2 pixel) {
+    return imageLoad(source, clamp(pixel, ivec2(0), ivec2(push.size) - 1));
+}
+
+#endif

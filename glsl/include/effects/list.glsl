@@ -1,0 +1,20 @@
+// Effects that act on one pixel at a time, in light-path order: one line each, the stem. build.rs turns this list into
+// effects/all.glsl: the specialization constant VARIANT_<stem> (0: compiled out), the include, and the call in
+// apply_effects. The order must be that of effects::LIST (tests/effects_registry.rs).
+EFFECT(vignetting)
+EFFECT(glare)
+EFFECT(exposure_gain)
+EFFECT(flicker)
+EFFECT(dark_current)
+EFFECT(paper_noise)
+EFFECT(shot_noise)
+EFFECT(fixed_pattern_noise)
+EFFECT(row_noise)
+EFFECT(read_noise)
+EFFECT(hot_pixels)
+EFFECT(black_level)
+EFFECT(quantization)
+EFFECT(white_balance)
+EFFECT(color_matrix)
+EFFECT(gamma)
+EFFECT(tone_curve)

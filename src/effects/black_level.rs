@@ -1,0 +1,39 @@
+//! What the sensor delivers without light: offset + (1 - offset) L (CAPTURE contract), so that white stays white. From
+//! electrons to digital numbers.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct BlackLevel;
+
+const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("offset", "fraction of full scale", (-0.5, 0.9), 0.0, "value of no light")];
+
+/// The function of the same name in `glsl/include/effects/black_level.glsl`.
+fn black_level(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    value.map(|v| p.number(0) + p.number(1) * v)
+}
+
+impl Effect for BlackLevel {
+    fn id(&self) -> &'static str {
+        "black_level"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::Electrons, Domain::RawDn)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(black_level)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        let offset = settings.number("black_level", "offset", 0.0);
+        packer.number(offset);
+        packer.number(1.0 - offset);
+    }
+}

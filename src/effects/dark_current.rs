@@ -1,0 +1,52 @@
+//! Charge that collects in a pixel without light: L + rate exposure (EMVA 1288, 3.1: mu_d = mu_d0 + mu_I t). It stands
+//! before [`super::ShotNoise`], which thus makes its noise too. Linear radiance, 1 = full well.
+
+use super::MotionBlur;
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::error::Result;
+
+/// The effect; its values live in [`Settings`].
+pub struct DarkCurrent;
+
+const SPECS: &[ParamSpec] = &[ParamSpec::number(
+    "rate_per_s",
+    "fraction of full scale per s",
+    (0.0, 1000.0),
+    0.0,
+    "electrons per second over full well, times the exposure of the frame",
+)];
+
+/// The function of the same name in `glsl/include/effects/dark_current.glsl`.
+fn dark_current(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    value.map(|v| v + p.number(0))
+}
+
+impl Effect for DarkCurrent {
+    fn id(&self) -> &'static str {
+        "dark_current"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn check(&self, settings: &Settings, _: f64) -> Result<Vec<String>> {
+        let exposed = MotionBlur::exposure_time_s(settings) > 0.0;
+        if exposed || self.variant(settings) == 0 {
+            return Ok(Vec::new());
+        }
+        Ok(vec!["dark_current needs time: without motion_blur.exposure_time_s it changes nothing".to_owned()])
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(dark_current)
+    }
+
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
+        packer.number(settings.number("dark_current", "rate_per_s", 0.0) * view.shutter.exposure_time_s);
+    }
+}

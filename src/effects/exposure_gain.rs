@@ -1,0 +1,36 @@
+//! Brightness of the whole picture: gain L (CAPTURE contract). Exposure set otherwise than assumed, or an amplifier's
+//! gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct ExposureGain;
+
+const SPECS: &[ParamSpec] = &[ParamSpec::number("gain", "", (0.0, 100.0), 1.0, "factor on the radiance")];
+
+/// The function of the same name in `glsl/include/effects/exposure_gain.glsl`.
+fn exposure_gain(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    value.map(|v| p.number(0) * v)
+}
+
+impl Effect for ExposureGain {
+    fn id(&self) -> &'static str {
+        "exposure_gain"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(exposure_gain)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        packer.number(settings.number("exposure_gain", "gain", 1.0));
+    }
+}

@@ -1,0 +1,69 @@
+//! No two pixels are alike: L (1 + prnu n1) + dsnu n2, n1 and n2 normal (CAPTURE contract; DSNU and PRNU as the spatial
+//! standard deviations of EMVA 1288, 4). The pattern belongs to the sensor: it depends on `sensor_seed` only, not on the
+//! frame or the run. Electrons.
+
+use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct FixedPatternNoise;
+
+/// Stream of the offsets.
+pub const STREAM_FIXED_PATTERN_DSNU: u32 = 0x4453;
+/// Stream of the gains.
+pub const STREAM_FIXED_PATTERN_PRNU: u32 = 0x5052;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("dsnu", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the offsets"),
+    ParamSpec::number("prnu", "", (0.0, 1.0), 0.0, "standard deviation of the gains"),
+    ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
+];
+
+const DSNU: u32 = 1;
+const PRNU: u32 = 2;
+
+/// The function of the same name in `glsl/include/effects/fixed_pattern_noise.glsl`.
+fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let sensor = [p.bits(2), p.bits(3)];
+    let normal = |stream| random_normal(at.pixel, FIXED_FRAME, stream, sensor);
+    let mut seen = value;
+    if at.variant & PRNU != 0 {
+        let n = normal(STREAM_FIXED_PATTERN_PRNU);
+        seen = [0, 1, 2].map(|c| seen[c] + seen[c] * (p.number(1) * n[c]));
+    }
+    if at.variant & DSNU != 0 {
+        let n = normal(STREAM_FIXED_PATTERN_DSNU);
+        seen = [0, 1, 2].map(|c| seen[c] + p.number(0) * n[c]);
+    }
+    seen
+}
+
+impl Effect for FixedPatternNoise {
+    fn id(&self) -> &'static str {
+        "fixed_pattern_noise"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::Electrons, Domain::Electrons)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
+        has("dsnu", DSNU) | has("prnu", PRNU)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(fixed_pattern_noise)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        packer.number(settings.number(self.id(), "dsnu", 0.0));
+        packer.number(settings.number(self.id(), "prnu", 0.0));
+        let seed = settings.number(self.id(), "sensor_seed", 0.0) as u64;
+        seed_words(seed).into_iter().for_each(|word| packer.bits(word));
+    }
+}

@@ -1,0 +1,79 @@
+//! Lamps on alternating current: L (1 + depth sin(2 pi f t + phase)), t = time of the line (CAPTURE contract), so that a
+//! rolling shutter sees bands, one every 1/f of readout. Linear radiance.
+//!
+//! The time of a line is the start of its exposure; with `average = "exposure"` the light is averaged over the exposure
+//! instead, as a sensor does: the sine of its middle times sin(x)/x, x = pi f exposure, which is nothing where the
+//! exposure is a whole number of periods. A lamp on 50 Hz flickers at 100 Hz.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct Flicker;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number(
+        "frequency_hz",
+        "Hz",
+        (0.0, 10_000.0),
+        0.0,
+        "of the brightness: twice that of the current",
+    ),
+    ParamSpec::number("depth", "", (0.0, 1.0), 0.0, "amplitude over mean brightness"),
+    ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the first frame's timestamp"),
+    ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means"),
+];
+
+impl Flicker {
+    /// Brightness of the light that a line sees, relative to its mean; `line` is the line's place in scan order.
+    pub fn factor(settings: &Settings, view: &View, line: u32) -> f64 {
+        let get = |name| settings.number("flicker", name, 0.0);
+        let (frequency_hz, depth) = (get("frequency_hz"), get("depth"));
+        let shutter = &view.shutter;
+        let (time_s, weight) = match settings.choice("flicker", "average") {
+            Some("exposure") if shutter.exposure_time_s > 0.0 => {
+                let x = PI * frequency_hz * shutter.exposure_time_s;
+                (shutter.line_middle_s(line), if x == 0.0 { 1.0 } else { x.sin() / x })
+            }
+            _ => (shutter.line_start_s(line), 1.0),
+        };
+        1.0 + depth * weight * (TAU * frequency_hz * time_s + get("phase_rad")).sin()
+    }
+}
+
+/// The function of the same name in `glsl/include/effects/flicker.glsl`.
+fn flicker(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let (k, [x, y]) = (&at.view.intrinsics, at.pixel);
+    let line = at.view.shutter.scan_order.line_of(x, y, k.width, k.height);
+    let factor = p.table(0, line as usize);
+    value.map(|v| factor * v)
+}
+
+impl Effect for Flicker {
+    fn id(&self) -> &'static str {
+        "flicker"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        u32::from(settings.number("flicker", "depth", 0.0) != 0.0)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(flicker)
+    }
+
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
+        let lines = view.shutter.scan_order.line_count(view.intrinsics.width, view.intrinsics.height);
+        packer.table((0..lines).map(|line| Self::factor(settings, view, line) as f32));
+        packer.bits(view.shutter.scan_order as u32);
+    }
+}

@@ -1,0 +1,46 @@
+//! Veiling glare: (1 - veil) L + veil level (CAPTURE contract). Light scattered in the lens lifts all of the picture
+//! alike, so contrast is lost most in the shadows. Linear radiance.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct Glare;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("veil", "", (0.0, 1.0), 0.0, "share of the light that is scattered"),
+    ParamSpec::number("level", "fraction of full scale", (0.0, 10.0), 0.0, "radiance of the scattered light"),
+];
+
+/// The function of the same name in `glsl/include/effects/glare.glsl`.
+fn glare(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    value.map(|v| p.number(0) * v + p.number(1))
+}
+
+impl Effect for Glare {
+    fn id(&self) -> &'static str {
+        "glare"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        // A level without a veil changes nothing.
+        u32::from(settings.number("glare", "veil", 0.0) != 0.0)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(glare)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        let veil = settings.number("glare", "veil", 0.0);
+        packer.number(1.0 - veil);
+        packer.number(veil * settings.number("glare", "level", 0.0));
+    }
+}

@@ -1,0 +1,74 @@
+//! Noise of the amplifiers that a row or a column shares: one normal value a row and frame (CAPTURE contract), and one a
+//! column and frame with `column_sigma`; the same in all channels. Electrons.
+
+use crate::chain::rng::{random_normal, seed_words};
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct RowNoise;
+
+/// Stream of the rows' values.
+pub const STREAM_ROW_NOISE: u32 = 0x524f;
+/// Stream of the columns' values.
+pub const STREAM_COLUMN_NOISE: u32 = 0x434c;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the rows"),
+    ParamSpec::number(
+        "column_sigma",
+        "fraction of full scale",
+        (0.0, 1.0),
+        0.0,
+        "standard deviation of the columns, new in every frame",
+    ),
+];
+
+const ROWS: u32 = 1;
+const COLUMNS: u32 = 2;
+
+/// The function of the same name in `glsl/include/effects/row_noise.glsl`.
+fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let mut seen = value;
+    if at.variant & ROWS != 0 {
+        seen = seen.map(|v| v + p.table(0, at.pixel[1] as usize));
+    }
+    if at.variant & COLUMNS != 0 {
+        seen = seen.map(|v| v + p.table(1, at.pixel[0] as usize));
+    }
+    seen
+}
+
+impl Effect for RowNoise {
+    fn id(&self) -> &'static str {
+        "row_noise"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::Electrons, Domain::Electrons)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
+        has("sigma", ROWS) | has("column_sigma", COLUMNS)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(row_noise)
+    }
+
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
+        let k = &view.intrinsics;
+        for (name, lines, stream) in
+            [("sigma", k.height, STREAM_ROW_NOISE), ("column_sigma", k.width, STREAM_COLUMN_NOISE)]
+        {
+            let sigma = settings.number(self.id(), name, 0.0) as f32;
+            let lines = if sigma == 0.0 { 0 } else { lines };
+            let normal = |line| random_normal([line, 0], view.frame, stream, seed_words(view.seed))[0];
+            packer.table((0..lines).map(|line| sigma * normal(line)));
+        }
+    }
+}

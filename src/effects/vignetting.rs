@@ -1,0 +1,49 @@
+//! Light falls off towards the corners: L (1 + a1 q + a2 q^2), q = squared distance from (cx, cy) over the squared half
+//! diagonal of the picture (CAPTURE contract). Linear radiance. Where the polynomial is negative no light arrives.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct Vignetting;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("a1", "", (-2.0, 2.0), 0.0, "change of brightness per q"),
+    ParamSpec::number("a2", "", (-2.0, 2.0), 0.0, "change of brightness per squared q"),
+];
+
+/// The function of the same name in `glsl/include/effects/vignetting.glsl`.
+fn vignetting(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let [x, y] = [0, 1].map(|i| at.pixel[i] as f32 + 0.5 - p.number(i));
+    let q = (x * x + y * y) * p.number(2);
+    let fall_off = (1.0 + q * (p.number(3) + q * p.number(4))).max(0.0);
+    value.map(|v| v * fall_off)
+}
+
+impl Effect for Vignetting {
+    fn id(&self) -> &'static str {
+        "vignetting"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(vignetting)
+    }
+
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
+        let k = &view.intrinsics;
+        let (w, h) = (f64::from(k.width), f64::from(k.height));
+        for number in [k.cx, k.cy, 4.0 / (w * w + h * h)] {
+            packer.number(number);
+        }
+        for name in ["a1", "a2"] {
+            packer.number(settings.number("vignetting", name, 0.0));
+        }
+    }
+}

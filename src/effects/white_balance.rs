@@ -1,0 +1,40 @@
+//! Gains of red and blue on linear values, green = 1 (CAPTURE contract). Digital numbers before the tone curve, behind
+//! the noise, which it scales too.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct WhiteBalance;
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("r", "", (0.0, 16.0), 1.0, "gain of red"),
+    ParamSpec::number("b", "", (0.0, 16.0), 1.0, "gain of blue"),
+];
+
+/// The function of the same name in `glsl/include/effects/white_balance.glsl`.
+fn white_balance([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    [r * p.number(0), g, b * p.number(1)]
+}
+
+impl Effect for WhiteBalance {
+    fn id(&self) -> &'static str {
+        "white_balance"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(white_balance)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        packer.number(settings.number("white_balance", "r", 1.0));
+        packer.number(settings.number("white_balance", "b", 1.0));
+    }
+}
