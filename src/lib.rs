@@ -14,6 +14,7 @@ pub mod kernels;
 pub mod plane;
 pub mod raster;
 pub mod reference;
+pub mod report;
 pub mod scene;
 
 pub use error::{Error, Result};

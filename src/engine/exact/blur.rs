@@ -174,16 +174,7 @@ impl Blur {
                 ("radiance", Bound::Storage(radiance)),
             ])?,
         ];
-        Ok(Self {
-            inputs,
-            paths_groups,
-            groups,
-            kernels,
-            _samplers: samplers,
-            target,
-            images,
-            margin_px,
-        })
+        Ok(Self { inputs, paths_groups, groups, kernels, _samplers: samplers, target, images, margin_px })
     }
 
     /// Records everything after the raster. `pairs` is the number of lines whose matrices were written, `exposure_s` the

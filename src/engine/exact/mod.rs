@@ -233,7 +233,9 @@ impl Exact {
         let limits = (self.options.chord_px, self.options.most_triangles as usize);
         let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
-        tracing::info!("{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most");
+        tracing::info!(
+            "{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most"
+        );
         self.cut = Some((readout_s, Geometry::new(&stage.context, &mesh)?));
         Ok(())
     }
