@@ -20,6 +20,8 @@ pub struct Args {
 pub enum Command {
     /// Render every frame of a capture as its camera would have delivered it
     Simulate(Simulate),
+    /// Compare a capture's real frames with simulated ones: where they differ, which effect is missing, its parameters
+    Diagnose(Diagnose),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices,
 }
@@ -77,6 +79,28 @@ pub struct Simulate {
     /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
     #[arg(long)]
     pub pixel_time: bool,
+}
+
+/// Arguments of `diagnose`.
+#[derive(Debug, clap::Args)]
+pub struct Diagnose {
+    /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
+    pub capture: PathBuf,
+    /// Folder for report.json, camera.toml and pictures; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Use this camera instead of the capture's camera.toml
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Leave these candidates out
+    #[arg(long, value_delimiter = ',')]
+    pub without: Vec<String>,
+    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
+    #[arg(long)]
+    pub device: Option<String>,
 }
 
 /// `--method`.

@@ -2,6 +2,7 @@
 
 mod args;
 mod devices;
+mod diagnose;
 mod interrupt;
 mod simulate;
 mod timings;
@@ -18,6 +19,7 @@ pub fn run() -> ExitCode {
     start_log();
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
+        Command::Diagnose(args) => diagnose::run(args),
         Command::Devices => devices::run(),
     };
     match done {

@@ -85,6 +85,9 @@ pub struct Frame {
     pub statistics: Option<FrameStatistics>,
     /// If they were asked for.
     pub planes: Option<Planes>,
+    /// Linear radiance before noise and encoding, shape `[height, width, 4]` (alpha is the method's own), if statistics
+    /// were asked for.
+    pub radiance: Option<Plane<f32>>,
 }
 
 /// The camera's path as the frame sees it.
