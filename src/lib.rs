@@ -17,6 +17,7 @@ pub mod kernels;
 pub mod plane;
 pub mod raster;
 pub mod reference;
+pub mod report;
 pub mod scene;
 
 pub use error::{Error, Result};

@@ -40,6 +40,7 @@ const LAYERS: &[Layer] = &[
     Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
     pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
     Layer { module: "engine", uses: Uses::All, ash: false, unsafe_code: false },
+    pure("report", &["diagnose", "plane", "error"]),
     Layer { module: "capi", uses: Uses::All, ash: false, unsafe_code: true },
     Layer { module: "cli", uses: Uses::All, ash: false, unsafe_code: false },
     Layer { module: "main", uses: Uses::All, ash: false, unsafe_code: false },

@@ -292,6 +292,7 @@ impl Simulate {
                 Method::Fast(FastOptions {
                     motion_images: self.motion_images.unwrap_or(usual.motion_images),
                     max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+                    ..usual
                 })
             }
             MethodName::Accumulation => {
