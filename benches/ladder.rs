@@ -88,7 +88,8 @@ impl Bench {
     fn engine(&self, take: &Take, method: &Method, request: &FrameRequest) -> Engine {
         let options = EngineOptions { method: method.clone(), ..EngineOptions::default() };
         let (scene, path) = (take.scene.clone(), take.path.clone());
-        Engine::new(&self.context, scene, path, self.intrinsics, options, std::slice::from_ref(request)).unwrap()
+        Engine::new(&self.context, scene, path, self.intrinsics, options, std::slice::from_ref(request))
+            .unwrap()
     }
 
     /// The reference, from the kept ones if wanted.
@@ -101,8 +102,7 @@ impl Bench {
         if let Some(data) = keep.then(|| std::fs::read(&path).ok()).flatten() {
             return Plane { width: w as usize, height: h as usize, channels: 3, data };
         }
-        let picture =
-            self.engine(take, &accumulation(renders), request).render(request).unwrap().picture;
+        let picture = self.engine(take, &accumulation(renders), request).render(request).unwrap().picture;
         if keep {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(&path, &picture.data).unwrap();
@@ -114,8 +114,8 @@ impl Bench {
         let at = |shift_s: f64| self.request(take.start_s + shift_s, effect.1, effect.2);
         let request = at(0.0);
         let reference = self.reference(take, effect.0, &request, self.renders);
-        let [before, after] =
-            [-DERIVATIVE_STEP_S, DERIVATIVE_STEP_S].map(|s| self.reference(take, effect.0, &at(s), DERIVATIVE_RENDERS));
+        let [before, after] = [-DERIVATIVE_STEP_S, DERIVATIVE_STEP_S]
+            .map(|s| self.reference(take, effect.0, &at(s), DERIVATIVE_RENDERS));
         let mut rows = Vec::new();
         for (name, method) in methods {
             let mut engine = self.engine(take, method, &request);
@@ -123,15 +123,19 @@ impl Bench {
             let (mut ms, mut plain_ms) = (Vec::new(), Vec::new());
             let (mut cpu_ms, mut plain_cpu_ms, mut passes) = (0.0, 0.0, Vec::new());
             for i in 0..REPEATS {
-                let times = [report::cpu_ms(), {
-                    let frame = engine.render(&request).unwrap();
-                    ms.push(frame.host_ms);
-                    report::keep_least(&mut passes, &frame.times);
-                    report::cpu_ms()
-                }, {
-                    plain_ms.push(plain.render(&request).unwrap().host_ms);
-                    report::cpu_ms()
-                }];
+                let times = [
+                    report::cpu_ms(),
+                    {
+                        let frame = engine.render(&request).unwrap();
+                        ms.push(frame.host_ms);
+                        report::keep_least(&mut passes, &frame.times);
+                        report::cpu_ms()
+                    },
+                    {
+                        plain_ms.push(plain.render(&request).unwrap().host_ms);
+                        report::cpu_ms()
+                    },
+                ];
                 if i > 0 {
                     cpu_ms += (times[1] - times[0]) / (REPEATS - 1) as f64;
                     plain_cpu_ms += (times[2] - times[1]) / (REPEATS - 1) as f64;

@@ -106,7 +106,8 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::create_dir_all(folder).expect("target/bench can be made");
     let json = serde_json::to_string_pretty(rows).expect("numbers and names");
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
-    let mut table = format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
+    let mut table =
+        format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
     table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio |\n";
     table += "|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {
@@ -125,8 +126,9 @@ fn sheet(rows: &[&Row]) -> Plane<u8> {
     for (i, row) in rows.iter().enumerate() {
         for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
             let (want, got) = (row.reference.pixel(x, y), row.picture.pixel(x, y));
-            let difference: [u8; 3] =
-                std::array::from_fn(|c| (128 + 8 * (i32::from(got[c]) - i32::from(want[c]))).clamp(0, 255) as u8);
+            let difference: [u8; 3] = std::array::from_fn(|c| {
+                (128 + 8 * (i32::from(got[c]) - i32::from(want[c]))).clamp(0, 255) as u8
+            });
             for (column, value) in [want, got, &difference].into_iter().enumerate() {
                 sheet.pixel_mut(column * w + x, i * h + y).copy_from_slice(value);
             }

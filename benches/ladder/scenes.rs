@@ -106,7 +106,9 @@ fn walking() -> Option<Trajectory> {
         let p = [0, 1, 2, 3].map(|i| at(i, column));
         let (m1, m2) = (0.5 * (p[2] - p[0]), 0.5 * (p[3] - p[1]));
         let (u2, u3) = (u * u, u * u * u);
-        (2.0 * u3 - 3.0 * u2 + 1.0) * p[1] + (u3 - 2.0 * u2 + u) * m1 + (3.0 * u2 - 2.0 * u3) * p[2]
+        (2.0 * u3 - 3.0 * u2 + 1.0) * p[1]
+            + (u3 - 2.0 * u2 + u) * m1
+            + (3.0 * u2 - 2.0 * u3) * p[2]
             + (u3 - u2) * m2
     };
     let span_s = at(2, 1) - at(1, 1);
@@ -118,7 +120,8 @@ fn walking() -> Option<Trajectory> {
         let turned = askew(cubic(7, u) - cubic(7, 0.5))
             * DQuat::from_rotation_z(0.052 * (phase + 0.4).sin())
             * DQuat::from_rotation_x(0.035 * (2.0 * phase).sin() + knock);
-        let walked = DVec3::new(cubic(2, u) - cubic(2, 0.5), cubic(3, u) - cubic(3, 0.5), cubic(4, u) - cubic(4, 0.5));
+        let walked =
+            DVec3::new(cubic(2, u) - cubic(2, 0.5), cubic(3, u) - cubic(3, 0.5), cubic(4, u) - cubic(4, 0.5));
         Pose { rotation: turned, translation_m: eye().translation_m + walked + sway }
     }))
 }

@@ -125,8 +125,7 @@ impl RasterTarget {
             } else {
                 Vec::new()
             };
-            let spec =
-                GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
+            let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
         let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
