@@ -133,26 +133,10 @@ impl Blur {
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
         let kernels = [
-            ComputePipeline::specialized(
-                context,
-                paths,
-                &[
-                    stage.plan.grid,
-                    stage.plan.msaa,
-                    if stage.plan.msaa > 1 { env("EXACT_DEPTHS", 1.0) as u32 } else { 1 },
-                ],
-            )?,
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
-            ComputePipeline::specialized(
-                context,
-                const { kernel("exact_gather.comp") },
-                &[
-                    env("EXACT_TAPS", 2.0) as u32,
-                    env("EXACT_DENSITY", 1.0).to_bits(),
-                    env("EXACT_LAYERS", 1.0) as u32,
-                ],
-            )?,
+            ComputePipeline::new(context, const { kernel("exact_gather.comp") })?,
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
@@ -192,15 +176,7 @@ impl Blur {
                 ("radiance", Bound::Storage(radiance)),
             ])?,
         ];
-        Ok(Self {
-            inputs,
-            groups,
-            kernels,
-            _samplers: [sampler, linear],
-            target,
-            images,
-            margin_px,
-        })
+        Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
     }
 
     /// Records everything after the raster.
@@ -220,11 +196,8 @@ impl Blur {
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
         recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push = TilesPush {
-            size: tiles,
-            picture: picture.map(|s| s as i32),
-            grid: stage.plan.grid as i32,
-        };
+        let push =
+            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
         recorder.dispatch(&self.kernels[1], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
@@ -279,8 +252,4 @@ pub(super) struct Part {
 /// Whether lines are rows, and whether the last one is read first.
 pub(super) fn orientation(order: ScanOrder) -> (bool, bool) {
     (order.lines_are_rows(), matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft))
-}
-
-fn env(name: &str, otherwise: f32) -> f32 {
-    std::env::var(name).map_or(otherwise, |v| v.parse().unwrap_or(otherwise))
 }

@@ -255,21 +255,13 @@ impl Exact {
             self.frames.push((request.shutter.start_s, request.shutter.end_s()));
         }
         let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let chord = std::env::var("EXACT_CHORD").map_or(self.options.chord_px, |v| v.parse().unwrap_or(0.1));
-        let limits = (chord, self.options.most_triangles as usize);
+        let limits = (self.options.chord_px, self.options.most_triangles as usize);
         let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
         tracing::info!(
             "{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most",
             lines.0
         );
-        if std::env::var_os("EXACT_LOG").is_some() {
-            eprintln!(
-                "CUT {from} -> {to} ({} -> {} vertices), {chord_px} px",
-                self.mesh.vertices.len(),
-                mesh.vertices.len()
-            );
-        }
         self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
         Ok(())
     }
