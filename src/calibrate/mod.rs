@@ -9,7 +9,11 @@
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.
 
+// A channel indexes several arrays at once here; an iterator over one of them hides that.
+#![allow(clippy::needless_range_loop)]
+
 pub mod analytic;
+mod blocks;
 pub mod cells;
 pub mod chart;
 pub mod figure;
@@ -19,6 +23,7 @@ pub mod frames;
 pub mod model;
 mod noise;
 pub mod ptc;
+mod search;
 pub mod series;
 pub mod spatial;
 pub mod statics;

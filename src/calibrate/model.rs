@@ -282,8 +282,9 @@ fn subsample(chroma: &Plane<f32>) -> Plane<f32> {
         [0, 1, 2].map(|c| four.iter().map(|p| 0.25 * p[c]).sum::<f32>())
     });
     // The nearer small sample weighs 3/4, the one on the pixel's other side 1/4.
-    let other =
-        |v: usize, n: usize| if v % 2 == 0 { (v / 2).saturating_sub(1) } else { (v / 2 + 1).min(n - 1) };
+    let other = |v: usize, n: usize| {
+        if v.is_multiple_of(2) { (v / 2).saturating_sub(1) } else { (v / 2 + 1).min(n - 1) }
+    };
     Plane::from_fn(chroma.width, chroma.height, |x, y| {
         let (x0, y0, x1, y1) = (x / 2, y / 2, other(x, w), other(y, h));
         let (a, b, c, d) =

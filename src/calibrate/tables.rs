@@ -115,11 +115,11 @@ mod tests {
 
     #[test]
     fn the_chain_makes_the_noise_of_the_model_that_it_is_to_hold() {
+        // Without subsampled chroma: the model interpolates it as decoders do, the chain repeats it.
         let camera = IspCamera {
             bayer: true,
             luma_sigma_px: 0.8,
             chroma_sigma_px: 0.8,
-            chroma_step: [2, 2],
             extra_variance: [1e-4, 0.0, 2e-4],
             ..IspCamera::sensor(900.0, 0.004, true, 1.0 / 255.0)
         };

@@ -90,8 +90,7 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
 }
 
 fn placeholder(path: &Path, done: &Calibration) -> CameraFile {
-    let real = &done.pictures.real;
-    let (width, height) = (real.width as u32, real.height as u32);
+    let [width, height] = done.size_px.map(|side| side as u32);
     let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
     CameraFile {
         path: path.to_owned(),
