@@ -25,8 +25,9 @@ pub fn run(args: &Diagnose) -> Result<()> {
     diagnosis.report.write(&args.out)?;
     let camera = args.out.join("camera.toml");
     crate::plane::write_atomic(&camera, diagnosis.camera.to_toml().as_bytes())?;
+    crate::report::write_html(&diagnosis.report, &args.out)?;
     eprintln!("{}", diagnosis.report.sentence);
-    eprintln!("{}", args.out.join(crate::diagnose::REPORT_FILE).display());
+    eprintln!("{}", args.out.join(crate::report::PAGE_FILE).display());
     Ok(())
 }
 

@@ -6,6 +6,7 @@ mod diagnose;
 mod interrupt;
 mod simulate;
 mod timings;
+mod withhold;
 
 use std::process::ExitCode;
 
@@ -20,6 +21,7 @@ pub fn run() -> ExitCode {
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Diagnose(args) => diagnose::run(args),
+        Command::Withhold(args) => withhold::run(args),
         Command::Devices => devices::run(),
     };
     match done {
