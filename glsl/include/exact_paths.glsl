@@ -1,67 +1,84 @@
-// Samples to texels of the supersampled picture: mean radiance, and for the nearest sample its distance and the path
-// that it takes over its line's exposure. Paths come from depth and matrices: no attachment is spent on them, and they
-// are exact for whatever moves as a rigid body.
-layout(local_size_x = 16, local_size_y = 8) in;
+// Samples to what the gather reads: mean radiance of every texel of the supersampled picture, and, pixel by pixel, the
+// distance of the nearest sample and the path that it takes over its line's exposure. Paths come from depth and
+// matrices: no attachment is spent on them, and they are exact for whatever moves as a rigid body.
+layout(local_size_x = 128, local_size_y = 1) in;
 #include "resolve.glsl"
 // Alpha: number of the motion group, 0 where nothing is.
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 // Near distance over distance; 0 where nothing was drawn.
 layout(set = 0, binding = 1) uniform SAMPLES_2D depth_samples;
-// RGB: mean linear radiance. A: 1/m, inverse distance of the nearest sample.
+// RGB: mean linear radiance. A: 1/m, inverse distance of the texel's nearest sample.
 layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D texels;
 // px from the middle of the line's exposure to its begin (xy) and to its end (zw).
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D paths;
-// Begin and end of a line's exposure from its middle, in turn; `line_count` pairs a group, equally spaced lines.
-layout(set = 0, binding = 4, std430) readonly buffer Relative {
-    mat4 relative[];
+// Rows x, y and w of a matrix that takes (ndc, depth, 1) at the middle of a line's exposure to clip space.
+struct Relative {
+    vec4 begin[3];
+    vec4 end[3];
 };
+// Line by line, and within a line group by group.
+layout(set = 0, binding = 4, std430) readonly buffer Relatives {
+    Relative relatives[];
+};
+// Texels of a pixel's side, samples of a texel: constants, so that loops over them unroll.
+layout(constant_id = 0) const int GRID = 2;
+layout(constant_id = 1) const int COUNT = 4;
+layout(constant_id = 2) const int DEPTHS = 2;
 layout(push_constant) uniform Push {
-    // Texels of the attachment.
+    // Delivered px of the attachment.
     uvec2 size;
-    // Half of the attachment in delivered px.
-    vec2 half_px;
-    // Place among the pairs: dot(place_from_ndc, ndc) + place_offset.
-    vec2 place_from_ndc;
-    float place_offset;
+    // Lines whose matrices there are (in the order of the picture): all, or one for all.
     uint line_count;
+    uint group_count;
+    // Lines are columns.
+    uint columns;
     float near_m;
 } push;
 
 // Where the matrix puts a point, from where it is.
-vec2 moved_px(mat4 matrix, vec2 ndc, float depth) {
-    vec4 clip = matrix * vec4(ndc, depth, 1.0);
+vec2 moved_px(vec4 rows[3], vec4 point) {
     // Behind the camera at that time: the path is long, not reversed.
-    return (clip.xy / max(clip.w, 0.02) - ndc) * push.half_px;
-}
-
-mat4 between(uint pair, uint which, float weight) {
-    mat4 before = relative[2 * pair + which];
-    return push.line_count > 1 ? before + weight * (relative[2 * pair + 2 + which] - before) : before;
+    float w = max(dot(rows[2], point), 0.02);
+    return (vec2(dot(rows[0], point), dot(rows[1], point)) / w - point.xy) * 0.5 * vec2(push.size);
 }
 
 void main() {
-    uvec2 texel = gl_GlobalInvocationID.xy;
-    if (any(greaterThanEqual(texel, push.size))) {
+    // A workgroup stays in one line: what it reads of the matrices is the same for all of it.
+    uint across = gl_WorkGroupID.y;
+    uint place = gl_GlobalInvocationID.x;
+    ivec2 pixel = push.columns != 0u ? ivec2(across, place) : ivec2(place, across);
+    if (any(greaterThanEqual(uvec2(pixel), push.size))) {
         return;
     }
-    int count = sample_count(color_samples);
-    vec3 sum = vec3(0.0);
     float depth = 0.0;
     float group = 0.0;
-    for (int i = 0; i < count; ++i) {
-        vec4 color = sample_at(color_samples, ivec2(texel), i);
-        float d = sample_at(depth_samples, ivec2(texel), i).r;
-        sum += color.rgb;
-        group = d > depth ? color.a : group;
-        depth = max(depth, d);
+    for (int y = 0; y < GRID; ++y) {
+        for (int x = 0; x < GRID; ++x) {
+            ivec2 texel = pixel * GRID + ivec2(x, y);
+            vec3 sum = vec3(0.0);
+            float nearest = 0.0;
+            for (int i = 0; i < COUNT; ++i) {
+                vec4 color = sample_at(color_samples, texel, i);
+                sum += color.rgb;
+                // Every other sample's depth is enough to find what is in front.
+                if (i % (COUNT / DEPTHS) == 0) {
+                    float d = sample_at(depth_samples, texel, i).r;
+                    group = d > depth ? color.a : group;
+                    depth = max(depth, d);
+                    nearest = max(nearest, d);
+                }
+            }
+            imageStore(texels, texel, vec4(sum / float(COUNT), nearest / push.near_m));
+        }
     }
-    imageStore(texels, ivec2(texel), vec4(sum / float(count), depth / push.near_m));
-    vec2 ndc = (vec2(texel) + 0.5) / vec2(push.size) * 2.0 - 1.0;
-    float place = clamp(dot(push.place_from_ndc, ndc) + push.place_offset, 0.0, float(push.line_count - 1));
-    uint pair = min(uint(place), max(push.line_count, 2u) - 2u);
-    float weight = place - float(pair);
-    // Where nothing is, the world rests infinitely far away.
-    pair += push.line_count * uint(max(group - 1.0, 0.0));
-    vec4 path = vec4(moved_px(between(pair, 0, weight), ndc, depth), moved_px(between(pair, 1, weight), ndc, depth));
-    imageStore(paths, ivec2(texel), clamp(path, -4096.0, 4096.0));
+    vec4 point = vec4((vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0, depth, 1.0);
+    uint first = min(across, push.line_count - 1u) * push.group_count;
+    vec4 path = vec4(moved_px(relatives[first].begin, point), moved_px(relatives[first].end, point));
+    // What moves by itself. One group after the other: reading matrices by a number that differs from pixel to pixel
+    // costs lavapipe twenty times as much.
+    for (uint g = 1u; g < push.group_count; ++g) {
+        vec4 other = vec4(moved_px(relatives[first + g].begin, point), moved_px(relatives[first + g].end, point));
+        path = uint(group) == g + 1u ? other : path;
+    }
+    imageStore(paths, pixel, clamp(path, -4096.0, 4096.0));
 }

@@ -22,11 +22,9 @@ pub fn run(args: &Diagnose) -> Result<()> {
     let mut lines =
         Lines { stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL };
     let diagnosis = diagnose(&context, &capture, &options, &mut lines)?;
-    diagnosis.report.write(&args.out)?;
-    let camera = args.out.join("camera.toml");
-    crate::plane::write_atomic(&camera, diagnosis.camera.to_toml().as_bytes())?;
-    crate::report::write_html(&diagnosis.report, &args.out)?;
-    eprintln!("{}", diagnosis.report.sentence);
+    let report = diagnosis.write(&args.out, &capture)?;
+    crate::report::write_html(&report, &args.out)?;
+    eprintln!("{}", report.sentence);
     eprintln!("{}", args.out.join(crate::report::PAGE_FILE).display());
     Ok(())
 }

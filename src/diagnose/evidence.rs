@@ -10,9 +10,9 @@ use super::report::LeftOut;
 /// Fewest frames that can be split into frames to fit and frames to judge.
 const FEWEST_FRAMES: usize = 4;
 /// Most frames that fits look at, and most that are held out: more add time and hardly any certainty.
-const MOST_FIT: usize = 8;
+const MOST_FIT: usize = 6;
 /// See [`MOST_FIT`].
-const MOST_HELD_OUT: usize = 10;
+const MOST_HELD_OUT: usize = 8;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(super) const BLOCK: usize = 2;
 

@@ -17,9 +17,13 @@ use crate::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use crate::error::Result;
 use crate::gpu::Context;
 use crate::plane::Plane;
+use crate::reference::raster::{View, render};
+use crate::scene::{Material, Shading};
 
 /// Rendered px a px where the picture is resampled: bicubic reading at this size blurs by less than 0.1 px.
 const SCALE: u32 = 2;
+/// Samples a pixel of the renders that fits see.
+const FIT_SAMPLES: u32 = 4;
 /// Most bytes of renders that are kept.
 const CACHE_BYTES: usize = 1 << 30;
 /// Half of the interval over which speeds are measured, s.
@@ -30,16 +34,17 @@ const SPEED_STEP_S: f64 = 2e-3;
 pub(super) struct Sharp {
     /// Speed of the content, px/s, shape `[height, width, 2]`.
     pub velocity: Plane<f32>,
-    /// Distance, m.
-    pub depth: Plane<f32>,
     /// 1 where geometry covers the pixel.
     pub coverage: Plane<f32>,
 }
 
 /// Renders the frames of a capture for any parameters.
 pub(super) struct Forward {
-    plain: Engine,
-    wide: Option<Engine>,
+    /// For fits (few samples), and for judging.
+    plain: [Engine; 2],
+    wide: [Option<Engine>; 2],
+    /// Whether frames are for judging.
+    pub(super) fine: bool,
     margin_px: u32,
     context: Arc<Context>,
     scene: Arc<crate::scene::Scene>,
@@ -54,12 +59,15 @@ pub(super) struct Forward {
     reach_s: [f64; 2],
     /// Sharp planes by place.
     pub(super) sharp: Vec<Sharp>,
-    cache: HashMap<(usize, bool, [u64; 3], ScanOrder), (u64, Arc<Plane<f32>>)>,
+    cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
     clock: u64,
     map: Option<(Vec<u64>, Arc<Map>)>,
     /// Renders made so far.
     pub(super) renders: usize,
 }
+
+/// Place, whether wide and whether fine, times, order of lines.
+type Key = (usize, [bool; 2], [u64; 3], ScanOrder);
 
 /// Where each of the 2x2 parts of each pixel reads the wide render, by channel: px of the wide render. One entry where
 /// the channels agree.
@@ -71,15 +79,19 @@ impl Forward {
     pub(super) fn new(context: &Arc<Context>, capture: &Capture, evidence: &Evidence) -> Result<Self> {
         let (scene, trajectory) = (Arc::new(capture.scene.clone()), Arc::new(capture.trajectory.clone()));
         let intrinsics = capture.camera.intrinsics;
-        let options = EngineOptions { planes: true, ..options(16) };
-        let plain = Engine::new(context, scene.clone(), trajectory.clone(), intrinsics, options, &[])?;
+        let engine = |samples: u32, planes: bool| {
+            let options = EngineOptions { planes, ..options(samples) };
+            Engine::new(context, scene.clone(), trajectory.clone(), intrinsics, options, &[])
+        };
+        let plain = [engine(FIT_SAMPLES, false)?, engine(16, true)?];
         let mut forward = Self {
             plain,
-            wide: None,
+            wide: [None, None],
+            fine: false,
             margin_px: 0,
             context: context.clone(),
-            scene,
-            trajectory,
+            scene: scene.clone(),
+            trajectory: trajectory.clone(),
             static_camera: capture.camera.static_camera,
             intrinsics,
             period_s: capture.camera.frame_period_s,
@@ -102,15 +114,15 @@ impl Forward {
         request.shutter.start_s = self.starts_s[at] + after_s;
         request.frame_interval_s = 2.0 * SPEED_STEP_S;
         request.planes = true;
-        let ticket = self.plain.submit(&request)?;
-        let planes = self.plain.collect(ticket)?.planes.expect("planes were asked for");
+        let ticket = self.plain[1].submit(&request)?;
+        let planes = self.plain[1].collect(ticket)?.planes.expect("planes were asked for");
         let rests = self.static_camera;
         let per_s = if rests { 0.0 } else { (0.5 / SPEED_STEP_S) as f32 };
         let mut velocity = planes.motion_px;
         velocity.data.iter_mut().for_each(|v| *v = if v.is_finite() { *v * per_s } else { 0.0 });
         let (w, h) = (planes.color.width, planes.color.height);
         let coverage = Plane::from_fn(w, h, |x, y| [planes.color.pixel(x, y)[3]]);
-        Ok(Sharp { velocity, depth: planes.depth_m, coverage })
+        Ok(Sharp { velocity, coverage })
     }
 
     /// The shutter for `theta`, kept inside the time for which there are poses.
@@ -178,7 +190,12 @@ impl Forward {
             .iter()
             .map(|&at| {
                 let s = self.shutter(at, theta);
-                (at, wide, [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits), s.scan_order)
+                (
+                    at,
+                    [wide, self.fine],
+                    [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits),
+                    s.scan_order,
+                )
             })
             .collect();
         let missing: Vec<_> = (0..frames.len()).filter(|&i| !self.cache.contains_key(&keys[i])).collect();
@@ -186,7 +203,14 @@ impl Forward {
         let scale = if wide { SCALE } else { 1 };
         let requests: Vec<_> = requests.into_iter().map(|r| self.scaled(r, scale)).collect();
         self.renders += requests.len();
-        let engine = if wide { self.wide.as_mut().expect("made with the map") } else { &mut self.plain };
+        let quality = usize::from(self.fine);
+        if wide && self.wide[quality].is_none() {
+            self.wide[quality] = Some(self.wide_engine(if self.fine { 4 } else { 1 })?);
+        }
+        let engine = match &mut self.wide[quality] {
+            Some(engine) if wide => engine,
+            _ => &mut self.plain[quality],
+        };
         let mut tickets = std::collections::VecDeque::new();
         let mut done = Vec::new();
         for request in &requests {
@@ -252,6 +276,53 @@ impl Forward {
         }
     }
 
+    /// What the scene's parts are called: its objects, or its materials where there is one object only.
+    pub(super) fn object_names(&self) -> Vec<String> {
+        if self.scene.objects.len() > 1 {
+            self.scene.objects.iter().map(|o| o.name.clone()).collect()
+        } else {
+            self.scene.materials.iter().map(|m| m.name.clone()).collect()
+        }
+    }
+
+    /// Row, column and part of the scene (see [`Self::object_names`]) of every `step`th pixel of a frame.
+    pub(super) fn objects(&self, at: usize, step: usize) -> Vec<(usize, usize, usize)> {
+        let mut scene = (*self.scene).clone();
+        let several = scene.objects.len() > 1;
+        let count = self.object_names().len();
+        for v in &mut scene.vertices {
+            v.material = if several { v.object } else { v.material };
+        }
+        // Unlit, so that the number of the part comes through as its radiance.
+        scene.shading = Shading::Unlit;
+        let part = |i: usize| Material { kd: [i as f32 + 1.0, 0.0, 0.0], ..Material::default() };
+        scene.materials = (0..count.max(1)).map(part).collect();
+        let k = &self.intrinsics;
+        let s = step as f64;
+        let small = Intrinsics {
+            width: (k.width as usize / step).max(1) as u32,
+            height: (k.height as usize / step).max(1) as u32,
+            fx: k.fx / s,
+            fy: k.fy / s,
+            cx: k.cx / s,
+            cy: k.cy / s,
+        };
+        let time_s = self.starts_s[at];
+        let world_from_camera = self.trajectory.pose_at(time_s);
+        let view = View { intrinsics: small, world_from_camera, time_s };
+        let seen = render(&scene, &view, &[[0.5, 0.5]], None).color;
+        let mut out = Vec::new();
+        for y in 0..seen.height {
+            for x in 0..seen.width {
+                let id = seen.pixel(x, y)[0].round() as usize;
+                if id > 0 {
+                    out.push((y * step + step / 2, x * step + step / 2, id - 1));
+                }
+            }
+        }
+        out
+    }
+
     /// Values as delivered, DN, without noise; by place.
     pub(super) fn simulate(&mut self, frames: &[usize], theta: &Theta) -> Result<Vec<Plane<f32>>> {
         let radiance = self.radiance(frames, theta)?;
@@ -311,20 +382,24 @@ impl Forward {
             .fold(0.0f32, |m, p| m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below));
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
-        if self.wide.is_none() || needed > self.margin_px {
-            self.widen(needed.max(24).next_multiple_of(8))?;
+        if needed > self.margin_px {
+            self.widen(needed.max(24).next_multiple_of(8));
         }
         let map = Arc::new(Map { channels });
         self.map = Some((key, map.clone()));
         Ok(map)
     }
 
-    fn widen(&mut self, margin_px: u32) -> Result<()> {
+    /// Engines with a wider margin are made when they are next needed.
+    fn widen(&mut self, margin_px: u32) {
         tracing::info!("the resampled pictures are rendered with {margin_px} px of margin");
-        self.cache.retain(|key, _| !key.1);
-        self.wide = None;
+        self.cache.retain(|key, _| !key.1[0]);
+        self.wide = [None, None];
         self.margin_px = margin_px;
-        let k = self.intrinsics.with_margin([margin_px; 2]);
+    }
+
+    fn wide_engine(&self, samples: u32) -> Result<Engine> {
+        let k = self.intrinsics.with_margin([self.margin_px; 2]);
         let s = f64::from(SCALE);
         let k = Intrinsics {
             width: k.width * SCALE,
@@ -335,8 +410,7 @@ impl Forward {
             cy: k.cy * s,
         };
         let (scene, path) = (self.scene.clone(), self.trajectory.clone());
-        self.wide = Some(Engine::new(&self.context, scene, path, k, options(4), &[])?);
-        Ok(())
+        Engine::new(&self.context, scene, path, k, options(samples), &[])
     }
 
     /// Reads the wide render at the places of the map. A line of the sensor that is not the line of the place it reads

@@ -58,7 +58,10 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
-        let means = forward.simulate(frames, theta)?;
+        forward.fine = true;
+        let means = forward.simulate(frames, theta);
+        forward.fine = false;
+        let means = means?;
         let spread = Spread::new(theta);
         let scored: Vec<_> = frames
             .iter()

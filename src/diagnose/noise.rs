@@ -113,18 +113,14 @@ impl NoiseData {
         }
         let row2 = if on("row_noise") { self.row2 } else { 0.0 };
         theta.set(P::Row, row2.sqrt());
-        let mut taken = |_: f64| row2;
         if on("fixed_pattern_noise") {
             let [dsnu2, prnu2] = line(&self.fixed, |l| [1.0, l * l]);
             theta.set(P::Dsnu, dsnu2.sqrt());
             theta.set(P::Prnu, prnu2.sqrt());
         }
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
-        let rest: Vec<[f64; 3]> = self
-            .bins
-            .iter()
-            .map(|&[l, v, n]| [l, (v - taken(l) - dsnu2 - prnu2 * l * l).max(0.0), n])
-            .collect();
+        let rest: Vec<[f64; 3]> =
+            self.bins.iter().map(|&[l, v, n]| [l, (v - row2 - dsnu2 - prnu2 * l * l).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
             (true, true) => line(&rest, |l| [1.0, l]),
             (true, false) => line(&rest, |_| [1.0, 0.0]),

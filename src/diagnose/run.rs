@@ -8,6 +8,8 @@ use super::evidence::Evidence;
 use super::forward::Forward;
 use super::judge::{Judge, Scores, closed_fraction};
 use super::model::{CandidateSpec, Theta, candidate_of};
+use super::output::Shown;
+use super::places::{Compared, measures, places};
 use super::report::*;
 use super::search::{Found, Search, Watch, all_names};
 use super::settings::{apply, theta_of};
@@ -36,10 +38,12 @@ pub trait Progress {
 
 /// A finished diagnosis.
 pub struct Diagnosis {
-    /// What was found. Paths of pictures are filled in by [`Diagnosis::write`].
+    /// What was found.
     pub report: Report,
     /// The given camera with the effects found.
     pub camera: CameraFile,
+    /// What [`Diagnosis::write`] makes pictures of.
+    pub(super) frames: Vec<Shown>,
 }
 
 /// Names of all candidates, in light-path order.
@@ -94,6 +98,7 @@ pub fn diagnose(
         base,
         renderer_difference,
         names: tried,
+        intervals: false,
     };
     let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
     let found = search.run(&mut relay)?;
@@ -101,16 +106,85 @@ pub fn diagnose(
     for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
         report.candidates.push(without_motion(name, motion_px));
     }
-    report.input.seconds = clock.elapsed().as_secs_f64();
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
+    let frames = show(&mut search, &found, &evidence, &mut report)?;
     let mut camera = capture.camera.clone();
     for name in apply(&mut camera.settings, &found.fit.theta, &found.set)? {
         report
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
-    Ok(Diagnosis { report, camera })
+    report.next = next(&report, capture);
+    report.input.seconds = clock.elapsed().as_secs_f64();
+    Ok(Diagnosis { report, camera, frames })
+}
+
+/// Simulates all frames of the evidence before and after, and says where they differ.
+fn show(
+    search: &mut Search<'_>,
+    found: &Found,
+    evidence: &Evidence,
+    report: &mut Report,
+) -> Result<Vec<Shown>> {
+    let all: Vec<usize> = (0..evidence.frames.len()).collect();
+    let base = search.base.clone();
+    let scores = [
+        search.judge.scores_on(search.forward, &base, &all)?,
+        search.judge.scores_on(search.forward, &found.fit.theta, &all)?,
+    ];
+    search.forward.fine = true;
+    let simulated = search
+        .forward
+        .simulate(&all, &base)
+        .and_then(|before| Ok((before, search.forward.simulate(&all, &found.fit.theta)?)));
+    search.forward.fine = false;
+    let (before, after) = simulated?;
+    let held: Vec<Compared<'_>> = evidence
+        .held_out
+        .iter()
+        .map(|&at| Compared {
+            index: evidence.frames[at].index,
+            real: &evidence.frames[at].dn,
+            before: &before[at],
+            after: &after[at],
+            mask: search.masks.map(|m| &m[at]),
+            sharp: &search.forward.sharp[at],
+        })
+        .collect();
+    report.places = places(&held, search.forward, evidence, report.verdict == Verdict::NoGap);
+    report.measures = measures(&held);
+    let shown = all.iter().zip(before.into_iter().zip(after)).map(|(&at, (before, after))| Shown {
+        index: evidence.frames[at].index,
+        start_s: evidence.frames[at].start_s,
+        held_out: evidence.held_out.contains(&at),
+        scores: [scores[0].0[at].score, scores[1].0[at].score],
+        real: evidence.frames[at].dn.clone(),
+        before,
+        after,
+    });
+    Ok(shown.collect())
+}
+
+fn next(report: &Report, capture: &Capture) -> Vec<NextStep> {
+    let root = capture.root.display();
+    let mut steps = Vec::new();
+    if !report.effects.is_empty() {
+        steps.push(NextStep {
+            purpose: "simulate with the effects found (DIR is this report's folder)".to_owned(),
+            command: format!(
+                "shutterbug simulate {root} --camera DIR/camera.toml --method exact --out FRAMES"
+            ),
+        });
+    }
+    if report.candidates.iter().any(|c| c.state == CandidateState::Undetermined) {
+        steps.push(NextStep {
+            purpose: "decide what is undetermined: record the footage that it names, and diagnose that"
+                .to_owned(),
+            command: "shutterbug diagnose NEW_CAPTURE --out DIR".to_owned(),
+        });
+    }
+    steps
 }
 
 fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {

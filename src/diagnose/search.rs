@@ -61,6 +61,8 @@ pub(super) struct Search<'a> {
     pub renderer_difference: f64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
+    /// Whether intervals of noise parameters are wanted: they cost time.
+    pub intervals: bool,
 }
 
 impl Search<'_> {
@@ -101,7 +103,7 @@ impl Search<'_> {
             noise.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
         let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
         // Leaving out one frame at a time (jackknife).
-        for i in 0..frames.len() {
+        for i in 0..if self.intervals { frames.len() } else { 0 } {
             let rest: Vec<usize> = frames.iter().copied().filter(|f| *f != frames[i]).collect();
             let rest_means: Vec<_> =
                 means.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, m)| m.clone()).collect();
@@ -121,26 +123,33 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Fits a candidate beside a set; `schedule` is for the joint fit.
+    /// Fits a candidate beside a set. What stays above `worth_dn` after a first look is not looked at further.
     fn add(
         &mut self,
         candidate: &'static CandidateSpec,
         set: &[&'static str],
         theta: &Theta,
         starts: usize,
+        worth_dn: Option<f64>,
     ) -> Result<Fit> {
         let mut joint = set.to_vec();
         joint.push(candidate.name);
         if candidate.noise {
             return self.refit(&joint, theta, Schedule::FINE);
         }
-        if matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic]) {
+        if is_discrete(candidate) {
             return self.add_discrete(candidate, theta);
         }
         let begin = {
             let target = Target { evidence: self.evidence, masks: self.masks };
             best_starts(self.forward, &target, self.evidence, theta, candidate, starts)?
         };
+        if let Some(worth) = worth_dn {
+            let glance = self.refit(&joint, &begin[0], Schedule::GLANCE)?;
+            if self.judge.scores(self.forward, &glance.theta)?.mean() > worth {
+                return Ok(glance);
+            }
+        }
         let mut best: Option<Fit> = None;
         for start in &begin {
             let coarse = self.refit_mean(&joint, start, Schedule::COARSE)?;
@@ -227,7 +236,9 @@ impl Search<'_> {
             self.prune(&before, &mut set, &mut current, &mut scores)?;
         }
         if !set.is_empty() {
+            self.intervals = true;
             let last = self.refit(&set, &current.theta.clone(), Schedule::FINE)?;
+            self.intervals = false;
             let last_scores = self.judge.scores(self.forward, &last.theta)?;
             if last_scores.mean() <= scores.mean() * 1.001 {
                 (current, scores) = (last, last_scores);
@@ -238,12 +249,13 @@ impl Search<'_> {
 
     fn each_alone(&mut self, watch: &mut dyn Watch) -> Result<Vec<Alone>> {
         watch.stage("each candidate alone", self.names.len());
+        let worth_dn = self.judge.scores(self.forward, &self.base.clone())?.mean() * (1.0 - LEAST_SHARE);
         let mut alone = Vec::new();
         for name in self.names.clone() {
             watch.step(name);
             let clock = std::time::Instant::now();
             let base = self.base.clone();
-            let fit = self.add(candidate_of(name), &[], &base, 2)?;
+            let fit = self.add(candidate_of(name), &[], &base, 2, Some(worth_dn))?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             tracing::info!(
                 "{name}: {:.3} DN in {:.1} s, {:?}",
@@ -265,54 +277,39 @@ impl Search<'_> {
         alone: &[Alone],
     ) -> Result<Vec<(&'static str, Fit, Scores)>> {
         let left: Vec<_> = alone.iter().map(|a| a.name).filter(|n| !set.contains(n)).collect();
-        watch.stage(&format!("candidates beside {}", set.join(" + ")), left.len() + SHORTLIST);
-        let mut quick = Vec::new();
-        for name in left {
-            watch.step(name);
-            let candidate = candidate_of(name);
-            let fit = if candidate.noise {
-                self.add(candidate, set, &current.theta, 1)?
-            } else if matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic]) {
-                self.add_discrete(candidate, &current.theta)?
-            } else {
-                let begin = {
-                    let target = Target { evidence: self.evidence, masks: self.masks };
-                    best_starts(self.forward, &target, self.evidence, &current.theta, candidate, 1)?
-                };
-                // Beside the set, in one joint step at each of two sizes: what the set took for another may move.
-                let mut joint = set.to_vec();
-                joint.push(name);
-                let schedule = Schedule { levels: &[(4, 2), (1, 1)] };
-                self.refit(&joint, &begin[0], schedule)?
-            };
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            quick.push((name, fit, scores));
-        }
-        quick.sort_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
+        let (smooth, rest): (Vec<_>, Vec<_>) =
+            left.into_iter().partition(|n| !candidate_of(n).noise && !is_discrete(candidate_of(n)));
+        watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
+        watch.step("ranking");
+        let held = Self::free(set);
+        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
+        let target = Target { evidence: self.evidence, masks: self.masks };
+        let probe = probe(&current.theta);
+        let gains = super::fit::screen(self.forward, &target, &self.evidence.fit, &probe, &held, &groups)?;
+        let mut ranked: Vec<_> = smooth.into_iter().zip(gains).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
+        let now = self.judge.scores(self.forward, &current.theta)?.mean();
         let mut out = Vec::new();
-        for (name, fit, scores) in quick {
-            let candidate = candidate_of(name);
-            let discrete = matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic]);
-            if out.len() < SHORTLIST && !candidate.noise && !discrete {
-                watch.step(name);
-                let mut joint = set.to_vec();
-                joint.push(name);
-                let mut better = self.refit(&joint, &fit.theta, Schedule::FINE)?;
-                if candidate.needs_motion {
-                    let wide = self.add(candidate, set, &current.theta, 3)?;
-                    if wide.cost < better.cost {
-                        better = wide;
-                    }
-                }
-                let better_scores = self.judge.scores(self.forward, &better.theta)?;
-                out.push(if better_scores.mean() < scores.mean() {
-                    (name, better, better_scores)
-                } else {
-                    (name, fit, scores)
-                });
-            } else {
-                out.push((name, fit, scores));
-            }
+        for (name, _) in ranked.into_iter().take(SHORTLIST) {
+            watch.step(name);
+            let fit =
+                self.add(candidate_of(name), set, &current.theta, 2, Some(now * (1.0 - 0.5 * LEAST_SHARE)))?;
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            out.push((name, fit, scores));
+        }
+        for name in rest {
+            watch.step(name);
+            let fit = self.add(candidate_of(name), set, &current.theta, 1, None)?;
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            out.push((name, fit, scores));
+        }
+        for (name, fit, scores) in &out {
+            tracing::info!(
+                "  {name} beside {set:?}: {:.3} DN {:?}",
+                scores.mean(),
+                fit.theta.report(candidate_of(name), &BTreeMap::new())
+            );
         }
         Ok(out)
     }
@@ -386,6 +383,19 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
         out.scan_order = base.scan_order;
     }
     out
+}
+
+fn is_discrete(candidate: &CandidateSpec) -> bool {
+    matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic])
+}
+
+/// `theta` moved off the places where a parameter has no slope because its partner is neutral.
+fn probe(theta: &Theta) -> Theta {
+    let mut probe = theta.clone();
+    if !theta.is_on(P::Sharpen) {
+        probe.set(P::Radius, 1.0);
+    }
+    probe
 }
 
 /// Names of all candidates.

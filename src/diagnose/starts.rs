@@ -34,7 +34,7 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
         }
         "motion_blur" => {
             let mut all = Vec::new();
-            for share in [0.1, 0.3, 0.6, 0.9] {
+            for share in [0.1, 0.25, 0.5, 0.85] {
                 let exposure_s = (share * period_s).min(longest_s);
                 let at = theta.with(P::Exposure, exposure_s);
                 // The exposure delays the middle of every line by half of it: what another effect about time has

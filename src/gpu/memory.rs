@@ -31,6 +31,8 @@ pub enum Usage {
     Uniform,
     /// Vertex buffer.
     Vertex,
+    /// Vertex buffer that kernels read or write.
+    StorageVertex,
     /// Index buffer.
     Index,
     /// Copy source or target only.
@@ -59,7 +61,7 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        if usage == Usage::Storage && bytes > limit {
+        if matches!(usage, Usage::Storage | Usage::StorageVertex) && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
@@ -68,6 +70,9 @@ impl Buffer {
             Usage::Storage => vk::BufferUsageFlags::STORAGE_BUFFER | copies,
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Usage::StorageVertex => {
+                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
+            }
             Usage::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
             Usage::Transfer => copies,
         };

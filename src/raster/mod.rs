@@ -3,15 +3,17 @@
 mod geometry;
 mod instants;
 mod knots;
+mod place;
 mod scene_buffers;
 mod target;
 mod tessellate;
 
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
-pub use knots::{KnotRow, MotionGroups, View, relative_rows, spaced};
+pub use knots::{KnotRow, MotionGroups, RelativeRow, View, relative_rows, spaced};
+pub use place::{Place, PlacePush};
 pub use scene_buffers::SceneBuffers;
-pub use target::{ExactPush, RasterInput, RasterKind, RasterTarget};
+pub use target::{RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};
