@@ -19,5 +19,6 @@ pub mod raster;
 pub mod reference;
 pub mod report;
 pub mod scene;
+pub mod withhold;
 
 pub use error::{Error, Result};

@@ -11,6 +11,7 @@ mod interrupt;
 mod presets;
 mod simulate;
 mod timings;
+mod withhold;
 
 use std::process::ExitCode;
 
@@ -31,6 +32,7 @@ pub fn run() -> ExitCode {
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Diagnose(args) => diagnose::run(args),
+        Command::Withhold(args) => withhold::run(args),
         Command::Devices => devices::run(),
         Command::Effects => {
             effects::run();
