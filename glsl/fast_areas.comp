@@ -1,6 +1,6 @@
 #version 460
 // `--method fast`: the mean of the picture over one px at every half px, so that blur reads a pixel's area by four texels
-// instead of nine. Twin: src/reference/fast_areas.rs.
+// instead of nine. Twin: in src/reference/fast_gather.rs.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;

@@ -120,6 +120,7 @@ fn ladder() {
             let mut cost = String::new();
             for (name, method) in [
                 ("paper", Method::Paper(PaperOptions::default())),
+                ("coarse", Method::Fast(FastOptions { path_scale: 1, ..FastOptions::default() })),
                 ("fast", Method::Fast(FastOptions::default())),
             ] {
                 let frame = render(&context.0, row, method, &request);

@@ -1,4 +1,4 @@
-// Mean of the reference picture over one px. Twin: src/reference/pixel_area.rs. The kernel declares `color`. Needs fast_blur.
+// Mean of the reference picture over one px. Twin: in src/reference/fast_gather.rs. The kernel declares `color`. Needs fast_blur.
 #ifndef PIXEL_AREA_GLSL
 #define PIXEL_AREA_GLSL
 

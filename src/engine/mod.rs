@@ -33,7 +33,7 @@ use crate::scene::Scene;
 pub use accumulation::AccumulationOptions;
 pub use exact::ExactOptions;
 pub use fast::FastOptions;
-pub use fast_pass::{FastGather, FastImages, FastTiming};
+pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
 pub use outside::{
