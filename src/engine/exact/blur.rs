@@ -141,41 +141,7 @@ impl Blur {
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let fetched = |image| Bound::Sampled(image, &sampler);
-        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
-        let groups = [
-            kernels[0].bind(&[
-                ("color_samples", fetched(&target.attachments.colors()[0])),
-                ("depth_samples", fetched(target.attachments.depth())),
-                ("texels", Bound::Storage(&images.texels)),
-                ("paths", Bound::Storage(&images.paths)),
-                ("relatives", fetched(&images.relatives)),
-            ])?,
-            kernels[1].bind(&[
-                ("texels", fetched(&images.texels)),
-                ("paths", fetched(&images.paths)),
-                ("tile_near", Bound::Storage(near)),
-                ("tile_far", Bound::Storage(far)),
-                ("tile_facts", Bound::Storage(facts)),
-            ])?,
-            kernels[2].bind(&[
-                ("tile_near", fetched(near)),
-                ("tile_far", fetched(far)),
-                ("tile_facts", fetched(facts)),
-                ("around_near", Bound::Storage(around_near)),
-                ("around_far", Bound::Storage(around_far)),
-                ("around_facts", Bound::Storage(around_facts)),
-            ])?,
-            kernels[3].bind(&[
-                ("texels", Bound::Sampled(&images.texels, &linear)),
-                ("inverses", fetched(&images.texels)),
-                ("paths", fetched(&images.paths)),
-                ("around_near", fetched(around_near)),
-                ("around_far", fetched(around_far)),
-                ("around_facts", fetched(around_facts)),
-                ("radiance", Bound::Storage(radiance)),
-            ])?,
-        ];
+        let groups = bind(&kernels, &target, &images, radiance, (&sampler, &linear))?;
         Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
     }
 
@@ -232,6 +198,51 @@ impl Blur {
             grid: self.target.plan.grid as f32,
         }
     }
+}
+
+/// The resources of the four kernels.
+fn bind(
+    kernels: &[ComputePipeline; 4],
+    target: &RasterTarget,
+    images: &Images,
+    radiance: &Image,
+    (sampler, linear): (&Sampler, &Sampler),
+) -> Result<[BindGroup; 4]> {
+    let fetched = |image| Bound::Sampled(image, sampler);
+    let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+    Ok([
+        kernels[0].bind(&[
+            ("color_samples", fetched(&target.attachments.colors()[0])),
+            ("depth_samples", fetched(target.attachments.depth())),
+            ("texels", Bound::Storage(&images.texels)),
+            ("paths", Bound::Storage(&images.paths)),
+            ("relatives", fetched(&images.relatives)),
+        ])?,
+        kernels[1].bind(&[
+            ("texels", fetched(&images.texels)),
+            ("paths", fetched(&images.paths)),
+            ("tile_near", Bound::Storage(near)),
+            ("tile_far", Bound::Storage(far)),
+            ("tile_facts", Bound::Storage(facts)),
+        ])?,
+        kernels[2].bind(&[
+            ("tile_near", fetched(near)),
+            ("tile_far", fetched(far)),
+            ("tile_facts", fetched(facts)),
+            ("around_near", Bound::Storage(around_near)),
+            ("around_far", Bound::Storage(around_far)),
+            ("around_facts", Bound::Storage(around_facts)),
+        ])?,
+        kernels[3].bind(&[
+            ("texels", Bound::Sampled(&images.texels, linear)),
+            ("inverses", fetched(&images.texels)),
+            ("paths", fetched(&images.paths)),
+            ("around_near", fetched(around_near)),
+            ("around_far", fetched(around_far)),
+            ("around_facts", fetched(around_facts)),
+            ("radiance", Bound::Storage(radiance)),
+        ])?,
+    ])
 }
 
 /// One picture of a frame.
