@@ -60,14 +60,9 @@ struct GatherPush {
     picture_px: [f32; 2],
     tau_per_px: [f32; 2],
     most: i32,
-    weight: f32,
-    first: u32,
     grid: f32,
 }
-assert_push_layout!(
-    "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, weight, first, grid }
-);
+assert_push_layout!("exact_gather.comp", GatherPush { size, margin_px, picture_px, tau_per_px, most, grid });
 
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
@@ -193,8 +188,6 @@ impl Blur {
             picture_px: self.target.size.map(|s| s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
             most: MOST_SAMPLES,
-            weight: part.weight,
-            first: part.first.into(),
             grid: self.target.plan.grid as f32,
         }
     }
@@ -245,7 +238,7 @@ fn bind(
     ])
 }
 
-/// One picture of a frame.
+/// What a frame tells the kernels.
 pub(super) struct Part {
     /// Number of lines whose matrices were written, and of motion groups.
     pub(super) line_count: u32,
@@ -254,10 +247,6 @@ pub(super) struct Part {
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
-    /// What it counts in the mean.
-    pub(super) weight: f32,
-    /// Whether it is the first.
-    pub(super) first: bool,
 }
 
 /// Whether lines are rows, and whether the last one is read first.

@@ -333,8 +333,6 @@ impl Exact {
             group_count,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
-            weight: 1.0,
-            first: true,
         };
         (place_push(view.camera, shutter, times.len()), part)
     }
