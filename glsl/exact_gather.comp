@@ -14,7 +14,7 @@ layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
 layout(set = 0, binding = 4) uniform sampler2D around_facts;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
-layout(set = 0, binding = 5, rgba32f) uniform image2D radiance;
+layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
 layout(push_constant) uniform Push {
     uvec2 size;
     // px rendered beyond each side, and all with them.
@@ -24,9 +24,6 @@ layout(push_constant) uniform Push {
     vec2 tau_per_px;
     // Most samples.
     int most;
-    // Weight of this picture in the sum; the first one replaces what stands there.
-    float weight;
-    uint first;
     float grid;
 } push;
 
@@ -155,9 +152,5 @@ void main() {
         }
         seen = gather_layers(pixel, line, seeds, longest);
     }
-    vec3 sum = push.weight * seen.rgb;
-    if (push.first == 0u) {
-        sum += imageLoad(radiance, ivec2(place)).rgb;
-    }
-    imageStore(radiance, ivec2(place), vec4(sum, beyond ? -seen.a : seen.a));
+    imageStore(radiance, ivec2(place), vec4(seen.rgb, beyond ? -seen.a : seen.a));
 }

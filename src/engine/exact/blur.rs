@@ -60,14 +60,9 @@ struct GatherPush {
     picture_px: [f32; 2],
     tau_per_px: [f32; 2],
     most: i32,
-    weight: f32,
-    first: u32,
     grid: f32,
 }
-assert_push_layout!(
-    "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, weight, first, grid }
-);
+assert_push_layout!("exact_gather.comp", GatherPush { size, margin_px, picture_px, tau_per_px, most, grid });
 
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
@@ -141,41 +136,7 @@ impl Blur {
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let fetched = |image| Bound::Sampled(image, &sampler);
-        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
-        let groups = [
-            kernels[0].bind(&[
-                ("color_samples", fetched(&target.attachments.colors()[0])),
-                ("depth_samples", fetched(target.attachments.depth())),
-                ("texels", Bound::Storage(&images.texels)),
-                ("paths", Bound::Storage(&images.paths)),
-                ("relatives", fetched(&images.relatives)),
-            ])?,
-            kernels[1].bind(&[
-                ("texels", fetched(&images.texels)),
-                ("paths", fetched(&images.paths)),
-                ("tile_near", Bound::Storage(near)),
-                ("tile_far", Bound::Storage(far)),
-                ("tile_facts", Bound::Storage(facts)),
-            ])?,
-            kernels[2].bind(&[
-                ("tile_near", fetched(near)),
-                ("tile_far", fetched(far)),
-                ("tile_facts", fetched(facts)),
-                ("around_near", Bound::Storage(around_near)),
-                ("around_far", Bound::Storage(around_far)),
-                ("around_facts", Bound::Storage(around_facts)),
-            ])?,
-            kernels[3].bind(&[
-                ("texels", Bound::Sampled(&images.texels, &linear)),
-                ("inverses", fetched(&images.texels)),
-                ("paths", fetched(&images.paths)),
-                ("around_near", fetched(around_near)),
-                ("around_far", fetched(around_far)),
-                ("around_facts", fetched(around_facts)),
-                ("radiance", Bound::Storage(radiance)),
-            ])?,
-        ];
+        let groups = bind(&kernels, &target, &images, radiance, (&sampler, &linear))?;
         Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
     }
 
@@ -227,14 +188,57 @@ impl Blur {
             picture_px: self.target.size.map(|s| s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
             most: MOST_SAMPLES,
-            weight: part.weight,
-            first: part.first.into(),
             grid: self.target.plan.grid as f32,
         }
     }
 }
 
-/// One picture of a frame.
+/// The resources of the four kernels.
+fn bind(
+    kernels: &[ComputePipeline; 4],
+    target: &RasterTarget,
+    images: &Images,
+    radiance: &Image,
+    (sampler, linear): (&Sampler, &Sampler),
+) -> Result<[BindGroup; 4]> {
+    let fetched = |image| Bound::Sampled(image, sampler);
+    let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+    Ok([
+        kernels[0].bind(&[
+            ("color_samples", fetched(&target.attachments.colors()[0])),
+            ("depth_samples", fetched(target.attachments.depth())),
+            ("texels", Bound::Storage(&images.texels)),
+            ("paths", Bound::Storage(&images.paths)),
+            ("relatives", fetched(&images.relatives)),
+        ])?,
+        kernels[1].bind(&[
+            ("texels", fetched(&images.texels)),
+            ("paths", fetched(&images.paths)),
+            ("tile_near", Bound::Storage(near)),
+            ("tile_far", Bound::Storage(far)),
+            ("tile_facts", Bound::Storage(facts)),
+        ])?,
+        kernels[2].bind(&[
+            ("tile_near", fetched(near)),
+            ("tile_far", fetched(far)),
+            ("tile_facts", fetched(facts)),
+            ("around_near", Bound::Storage(around_near)),
+            ("around_far", Bound::Storage(around_far)),
+            ("around_facts", Bound::Storage(around_facts)),
+        ])?,
+        kernels[3].bind(&[
+            ("texels", Bound::Sampled(&images.texels, linear)),
+            ("inverses", fetched(&images.texels)),
+            ("paths", fetched(&images.paths)),
+            ("around_near", fetched(around_near)),
+            ("around_far", fetched(around_far)),
+            ("around_facts", fetched(around_facts)),
+            ("radiance", Bound::Storage(radiance)),
+        ])?,
+    ])
+}
+
+/// What a frame tells the kernels.
 pub(super) struct Part {
     /// Number of lines whose matrices were written, and of motion groups.
     pub(super) line_count: u32,
@@ -243,10 +247,6 @@ pub(super) struct Part {
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
-    /// What it counts in the mean.
-    pub(super) weight: f32,
-    /// Whether it is the first.
-    pub(super) first: bool,
 }
 
 /// Whether lines are rows, and whether the last one is read first.

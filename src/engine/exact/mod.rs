@@ -1,46 +1,42 @@
 //! `--method exact`: the picture of a camera with a rolling shutter and an exposure from one render.
 //!
-//! The shutter is in the vertex stage (`exact_vert.glsl`): each vertex is projected at the time of the line it lands on,
-//! so one render has the right time in every line and nothing is resampled. The blur gathers, at the size at which
-//! samples were taken, along the path of each sample over its line's exposure (`exact_gather.comp`).
+//! The shutter is in the projection (`exact_place.comp`): each vertex is projected at the time of the line it lands on,
+//! so one render has the right time in every line and nothing is resampled. The blur gathers from the supersampled
+//! picture along the path of what is there over its line's exposure (`exact_gather.comp`).
 
 mod blur;
 mod cut;
+mod still;
+mod times;
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable};
-
 use super::Stage;
-use super::finish::{Finish, prepare};
-use super::frame::{FrameRequest, camera_path, covered_span_s};
-use super::margin::reach;
+use super::finish::Finish;
+use super::frame::{FrameRequest, covered_span_s};
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
-use crate::assert_push_layout;
-use crate::camera::{Intrinsics, NEAR_M, ShutterTiming, Trajectory};
-use crate::error::Result;
-use crate::gpu::{
-    BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, RenderArea, Sampler, Usage,
-};
-use crate::kernels::kernel;
+use crate::camera::{ShutterTiming, Trajectory};
+use crate::error::{Error, Result};
+use crate::gpu::{BindGroup, Buffer, Context, Image, Location, RenderArea, Usage};
 use crate::raster::{
-    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterKind, RasterTarget,
-    RelativeRow, View, relative_rows, spaced,
+    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow, View,
+    relative_rows,
 };
 use blur::{Blur, Part, orientation};
+use still::Still;
+use times::{BlurReach, exposures, lines_of, measure_reach, place_push};
 
 /// Most knots of a frame.
 const MAX_KNOTS: usize = 129;
 /// Error of matrices taken for linear between knots, px.
 const KNOT_ERROR_PX: f64 = 0.01;
-/// Lines beyond the picture whose time is still extended, as a share of all: vertices there are ends of edges that
-/// cross the border, and a time that stopped at the border would bend those edges inside.
-const LINES_BEYOND: f64 = 0.25;
-/// Px beyond the reach of the blur: bilinear reading, and paths between the instants at which reach was measured.
-const MARGIN_GUARD_PX: f64 = 2.0;
-/// Where less moves than this, blur cannot be seen, px.
-const UNSEEN_PX: f64 = 1e-3;
+
+/// Motion groups whose numbers, plus one, are exact in the half floats of the colour's alpha.
+const MOST_GROUPS: usize = 2047;
+/// Frames whose reach is kept.
+const MOST_KNOWN: usize = 4096;
 
 /// How the method renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,15 +53,6 @@ impl Default for ExactOptions {
     }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct StillPush {
-    size: [u32; 2],
-    margin_px: [i32; 2],
-    grid: [i32; 2],
-}
-assert_push_layout!("exact_still_ms.comp", StillPush { size, margin_px, grid });
-
 /// The method.
 pub(super) struct Exact {
     still: Option<Still>,
@@ -80,28 +67,12 @@ pub(super) struct Exact {
     groups: MotionGroups,
     frames: Vec<(f64, f64)>,
     /// By what frames were looked at already.
-    known: Vec<(Key, BlurReach)>,
+    known: HashMap<Key, BlurReach>,
     options: ExactOptions,
 }
 
 /// Everything that the reach of a frame's blur depends on, bit by bit.
 type Key = ([u64; 3], bool);
-
-/// How far the blur of a frame reaches.
-#[derive(Clone, Copy, Debug, Default)]
-struct BlurReach {
-    margin_px: [u32; 2],
-    reach_px: f64,
-}
-
-/// Frames without exposure.
-struct Still {
-    inputs: Vec<Input>,
-    group: BindGroup,
-    kernel: ComputePipeline,
-    target: RasterTarget,
-    _sampler: Sampler,
-}
 
 /// Triangles, bound to the knots of each frame in flight.
 struct Placeable {
@@ -138,32 +109,6 @@ impl Input {
     }
 }
 
-impl Still {
-    fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image, group_count: usize) -> Result<Self> {
-        let context = &stage.context;
-        let size = [stage.intrinsics.width, stage.intrinsics.height];
-        let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
-        prepare(&mut slots[0].gpu, target.attachments.images())?;
-        let multisampled = const { kernel("exact_still_ms.comp") };
-        let plain = const { kernel("exact_still.comp") };
-        let kernel = ComputePipeline::new(context, if stage.plan.msaa > 1 { multisampled } else { plain })?;
-        let sampler = Sampler::new(context, false)?;
-        let group = kernel.bind(&[
-            ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &sampler)),
-            ("radiance", Bound::Storage(radiance)),
-        ])?;
-        let inputs = slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<_>>()?;
-        Ok(Self { inputs, group, kernel, target, _sampler: sampler })
-    }
-
-    fn record(&self, stage: &Stage, recorder: &mut Recorder<'_>) {
-        let size = self.target.size;
-        let push = StillPush { size, margin_px: [0; 2], grid: [stage.plan.grid as i32; 2] };
-        recorder.mark("resolve");
-        recorder.dispatch(&self.kernel, &self.group, &push, size);
-    }
-}
-
 impl Exact {
     pub(super) fn new(
         stage: &Stage,
@@ -173,6 +118,11 @@ impl Exact {
         expected: &[FrameRequest],
     ) -> Result<Self> {
         let groups = MotionGroups::new(&stage.scene);
+        if groups.count() > MOST_GROUPS {
+            let why = "method exact keeps their numbers in half floats".to_owned();
+            let (value, limit) = (groups.count() as u64, MOST_GROUPS as u64);
+            return Err(Error::Limit { what: "number of objects that move", value, limit, why });
+        }
         let scene = &stage.scene;
         let vertex = |i: u32| {
             let vertex = scene.vertices[i as usize];
@@ -195,7 +145,7 @@ impl Exact {
             mesh,
             groups,
             frames: expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect(),
-            known: Vec::new(),
+            known: HashMap::new(),
             options: *options,
         };
         let mut margin_px = [0; 2];
@@ -290,11 +240,15 @@ impl Exact {
         let shutter = &request.shutter;
         let numbers = [shutter.start_s, shutter.exposure_time_s, shutter.readout_time_s];
         let key = (numbers.map(f64::to_bits), request.static_camera);
-        if let Some((_, reach)) = self.known.iter().find(|(k, _)| *k == key) {
+        if let Some(reach) = self.known.get(&key) {
             return *reach;
         }
+        // A stream without end must not fill the memory.
+        if self.known.len() >= MOST_KNOWN {
+            self.known.clear();
+        }
         let reach = measure_reach(stage, request);
-        self.known.push((key, reach));
+        self.known.insert(key, reach);
         reach
     }
 
@@ -379,96 +333,11 @@ impl Exact {
             group_count,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
-            weight: 1.0,
-            first: true,
         };
         (place_push(view.camera, shutter, times.len()), part)
     }
 }
 
-/// Lines of the attachment, margin included.
-fn lines_of(camera: &Intrinsics, shutter: &ShutterTiming) -> u32 {
-    if shutter.scan_order.lines_are_rows() { camera.height } else { camera.width }
-}
-
-/// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first line
-/// (in scan order) to that of its last.
-fn exposures(view: &View<'_>, shutter: &ShutterTiming, count: usize, covered_s: (f64, f64)) -> Vec<[f64; 3]> {
-    let lines = f64::from(shutter.line_count);
-    let beyond = 0.5 * (f64::from(lines_of(view.camera, shutter)) - lines);
-    let inside = |time_s: f64| time_s.clamp(covered_s.0, covered_s.1);
-    let half_s = 0.5 * shutter.exposure_time_s;
-    let middles = if count > 1 {
-        let at_s = |line: f64| shutter.start_s + half_s + shutter.line_delay_s() * line;
-        spaced(at_s(-beyond), at_s(lines + beyond - 1.0), count - 1)
-    } else {
-        vec![shutter.middle_s()]
-    };
-    middles.into_iter().map(|m| [inside(m - half_s), inside(m), inside(m + half_s)]).collect()
-}
-
 fn readout_s(request: &FrameRequest) -> f64 {
     request.shutter.readout_time_s
-}
-
-/// From exposures at the begin, the middle and the end of the readout.
-fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach {
-    let shutter = &request.shutter;
-    if shutter.exposure_time_s <= 0.0 || super::frame::check_coverage(stage, request).is_err() {
-        return BlurReach::default();
-    }
-    let path = camera_path(stage, request);
-    let half_s = 0.5 * shutter.exposure_time_s;
-    let mut found = BlurReach::default();
-    let middles = if shutter.readout_time_s > 0.0 { vec![0.0, 0.5, 1.0] } else { vec![0.0] };
-    for at in middles {
-        let from_s = shutter.start_s + at * (shutter.end_s() - shutter.start_s - 2.0 * half_s);
-        let to_s = (from_s + 2.0 * half_s).min(shutter.end_s());
-        // Where what is in view at the middle is at the ends, and what is in view at the ends at the middle: both bound
-        // how far beyond the border the gather reads.
-        let seen = reach(&stage.scene, &path, &stage.intrinsics, from_s + half_s, &[from_s, to_s]);
-        let limit = [stage.intrinsics.width, stage.intrinsics.height];
-        for i in 0..2 {
-            let needed = if seen.largest_px < UNSEEN_PX { 0.0 } else { seen.beyond_px[i] + MARGIN_GUARD_PX };
-            found.margin_px[i] = found.margin_px[i].max((needed.ceil() as u32).min(limit[i] / 2));
-        }
-        found.reach_px = found.reach_px.max(seen.largest_px);
-    }
-    found
-}
-
-/// Where the vertex stage finds the time of a line: the middle of its exposure, in places among knots that are spread
-/// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
-/// time belongs to its middle.
-fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> PlacePush {
-    let span_s = shutter.end_s() - shutter.start_s;
-    if knot_count < 2 {
-        return PlacePush {
-            vertex_count: 0,
-            knot_count: 1,
-            place_low: 0.0,
-            place_high: 0.0,
-            place_from_ndc: [0.0; 2],
-            place_offset: 0.0,
-            near_m: NEAR_M as f32,
-        };
-    }
-    let per_s = (knot_count - 1) as f64 / span_s;
-    let lines = f64::from(shutter.line_count);
-    let delay_s = shutter.line_delay_s();
-    let place = |line: f64| per_s * (0.5 * shutter.exposure_time_s + delay_s * (line - 0.5));
-    let (rows, reversed) = orientation(shutter.scan_order);
-    let side = f64::from(if rows { camera.height } else { camera.width });
-    let per_ndc = (per_s * delay_s * 0.5 * side * if reversed { -1.0 } else { 1.0 }) as f32;
-    let beyond = 0.5 * (side - lines) + LINES_BEYOND * lines;
-    PlacePush {
-        vertex_count: 0,
-        knot_count: knot_count as u32,
-        place_low: place(-beyond) as f32,
-        place_high: place(lines + beyond) as f32,
-        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
-        // The margin is the same on both sides, so the middle of the attachment is that of the picture.
-        place_offset: place(0.5 * lines) as f32,
-        near_m: NEAR_M as f32,
-    }
 }
