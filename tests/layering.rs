@@ -35,6 +35,7 @@ const LAYERS: &[Layer] = &[
     pure("capture", &["scene", "camera", "chain", "effects", "plane", "error"]),
     pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
     pure("kernels", &["error"]),
+    Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },
     Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
     pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
     Layer { module: "engine", uses: Uses::All, ash: false, unsafe_code: false },
