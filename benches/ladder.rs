@@ -123,15 +123,19 @@ impl Bench {
             let (mut ms, mut plain_ms) = (Vec::new(), Vec::new());
             let (mut cpu_ms, mut plain_cpu_ms, mut passes) = (0.0, 0.0, Vec::new());
             for i in 0..REPEATS {
-                let times = [report::cpu_ms(), {
-                    let frame = engine.render(&request).unwrap();
-                    ms.push(frame.host_ms);
-                    report::keep_least(&mut passes, &frame.times);
-                    report::cpu_ms()
-                }, {
-                    plain_ms.push(plain.render(&request).unwrap().host_ms);
-                    report::cpu_ms()
-                }];
+                let times = [
+                    report::cpu_ms(),
+                    {
+                        let frame = engine.render(&request).unwrap();
+                        ms.push(frame.host_ms);
+                        report::keep_least(&mut passes, &frame.times);
+                        report::cpu_ms()
+                    },
+                    {
+                        plain_ms.push(plain.render(&request).unwrap().host_ms);
+                        report::cpu_ms()
+                    },
+                ];
                 if i > 0 {
                     cpu_ms += (times[1] - times[0]) / (REPEATS - 1) as f64;
                     plain_cpu_ms += (times[2] - times[1]) / (REPEATS - 1) as f64;

@@ -22,19 +22,28 @@ vec3 disc(ivec2 pixel, int radius, uint weights) {
 }
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(uvec2(pixel), push.size))) {
+    if (MODE == 2u) {
+        ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+        if (all(lessThan(pixel, ivec2(push.size)))) {
+            vec3 value = disc(pixel, int(parameter_bits(push.slot, 0u)), parameter_bits(push.slot, 1u));
+            imageStore(target, pixel, vec4(value, source_at(pixel).a));
+        }
         return;
     }
-    vec3 value;
-    if (MODE == 2u) {
-        value = disc(pixel, int(parameter_bits(push.slot, 2u)), parameter_bits(push.slot, 3u));
-    } else {
-        ivec2 axis = ivec2(1, 0);
-        if (MODE == 1u) {
-            axis = axis.yx;
-        }
-        value = gaussian(pixel, axis, parameter_bits(push.slot, 0u), parameter_bits(push.slot, 1u));
+    ivec2 axis = ivec2(1, 0);
+    if (MODE == 1u) {
+        axis = axis.yx;
     }
-    imageStore(target, pixel, vec4(value, source_at(pixel).a));
+    ivec2 first = gaussian_first(gl_GlobalInvocationID.xy, axis);
+    if (any(greaterThanEqual(first, ivec2(push.size)))) {
+        return;
+    }
+    vec3 sums[GAUSSIAN_RUN];
+    gaussian(first, axis, 2u, sums);
+    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+        ivec2 pixel = first + j * axis;
+        if (all(lessThan(pixel, ivec2(push.size)))) {
+            imageStore(target, pixel, vec4(sums[j], source_at(pixel).a));
+        }
+    }
 }

@@ -5,10 +5,10 @@
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "exact_tile.glsl"
-layout(constant_id = 0) const int TAPS = 1;
-layout(constant_id = 1) const float DENSITY = 2.0;
-layout(constant_id = 2) const int LAYERS = 1;
+// RGB: linear radiance; its sampler counts in texels.
 layout(set = 0, binding = 0) uniform sampler2D texels;
+// The same image by texel. A: 1/m, inverse distance.
+layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
@@ -37,6 +37,11 @@ const float HIT_PX = 0.75;
 // Shorter paths are not seen.
 const float SHORTEST_PX = 0.02;
 
+// Centres of the pixel's quarters, from its middle; a pixel that is one texel has no quarters.
+float quarter_px() {
+    return push.grid > 1.5 ? 0.25 : 0.0;
+}
+
 // Displacement at tau: the parabola through the three known points.
 vec2 along(vec4 path, float tau) {
     return tau * (path.zw - path.xy) + 2.0 * tau * tau * (path.zw + path.xy);
@@ -56,9 +61,9 @@ vec4 path_at(vec2 at) {
     return texelFetch(paths, inside(at), 0);
 }
 
-// Bilinear between texels, held at the outermost ones (the guard of half a px is half a texel and more).
+// Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    return textureLod(texels, clamp(at, vec2(0.5), push.picture_px - 0.5) / push.picture_px, 0.0).rgb;
+    return textureLod(texels, at * push.grid, 0.0).rgb;
 }
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
@@ -72,8 +77,9 @@ vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
 
 // Mean of the pixel's box around a place: bilinear samples at the centres of its quarters.
 vec3 box_at(vec2 at) {
-    return 0.25 * (radiance_at(at + vec2(-0.25, -0.25)) + radiance_at(at + vec2(0.25, -0.25)) +
-                   radiance_at(at + vec2(-0.25, 0.25)) + radiance_at(at + vec2(0.25, 0.25)));
+    float q = quarter_px();
+    return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
+                   radiance_at(at + vec2(q, q)));
 }
 
 // One surface all around: the path backwards is smooth, so three of its points give the rest.
@@ -83,21 +89,18 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec4 back = vec4(begin, end);
     note_beyond(pixel + begin);
     note_beyond(pixel + end);
-    // Across the path the box is that of the pixel; along it, the path itself is the wider filter.
+    // Two samples a step of a px. Across the path they make up the pixel's box; along it they take turns, so that steps
+    // are half as long, and the path itself is the wider filter.
     vec2 way = abs(end - begin);
-    vec2 side = 0.25 * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
-    vec2 ahead = 0.25 - side;
-    int count = clamp(int(ceil(DENSITY * (length(begin) + length(end)))), 1, push.most);
+    vec2 side = quarter_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
+    vec2 ahead = quarter_px() - side;
+    int count = clamp(int(ceil(length(begin) + length(end))), 2, push.most);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
         vec2 at = pixel + along(back, tau);
-        if (TAPS == 4) {
-            sum += box_at(at);
-        } else {
-            vec2 shift = (i & 1) == 0 ? ahead : -ahead;
-            sum += 0.5 * (radiance_at(at + side + shift) + radiance_at(at - side - shift));
-        }
+        vec2 shift = (i & 1) == 0 ? ahead : -ahead;
+        sum += 0.5 * (radiance_at(at + side + shift) + radiance_at(at - side - shift));
     }
     return vec4(sum / float(count), float(count));
 }
@@ -109,14 +112,15 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
         // The quarters of the pixel take turns.
-        vec2 x = pixel + vec2((i & 1) == 0 ? -0.25 : 0.25, ((i ^ (i >> 1)) & 1) == 0 ? -0.25 : 0.25);
+        vec2 turn = vec2((i & 1) == 0 ? -1.0 : 1.0, ((i ^ (i >> 1)) & 1) == 0 ? -1.0 : 1.0);
+        vec2 x = pixel + quarter_px() * turn;
         float nearest = -1.0;
         vec2 found = x - along(seeds[1], tau);
         for (int s = 0; s < 3; ++s) {
             vec2 at = x - along(seeds[s], tau);
             at = x - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - x;
-            float inverse = texelFetch(texels, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
+            float inverse = texelFetch(inverses, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;
@@ -141,7 +145,7 @@ void main() {
     vec4 seen;
     if (facts.z < SHORTEST_PX) {
         seen = vec4(box_at(pixel), 1.0);
-    } else if (facts.w < SMOOTH_PX || LAYERS == 0) {
+    } else if (facts.w < SMOOTH_PX) {
         seen = gather_smooth(pixel, line, own);
     } else {
         vec4 seeds[3] = vec4[3](own, texelFetch(around_near, tile, 0), texelFetch(around_far, tile, 0));

@@ -11,19 +11,25 @@ layout(constant_id = 0) const uint MODE = 0u;
 #include "gaussian.glsl"
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(uvec2(pixel), push.size))) {
-        return;
-    }
     ivec2 axis = ivec2(1, 0);
     if (MODE == 1u) {
         axis = axis.yx;
     }
-    vec3 blurred = gaussian(pixel, axis, parameter_bits(push.slot, 1u), parameter_bits(push.slot, 2u));
-    vec4 seen = imageLoad(original, pixel);
-    precise vec3 value = blurred;
-    if (MODE == 1u) {
-        value = seen.rgb + parameter(push.slot, 0u) * (seen.rgb - blurred);
+    ivec2 first = gaussian_first(gl_GlobalInvocationID.xy, axis);
+    if (any(greaterThanEqual(first, ivec2(push.size)))) {
+        return;
     }
-    imageStore(target, pixel, vec4(value, seen.a));
+    vec3 sums[GAUSSIAN_RUN];
+    gaussian(first, axis, 1u, sums);
+    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+        ivec2 pixel = first + j * axis;
+        if (all(lessThan(pixel, ivec2(push.size)))) {
+            vec4 seen = imageLoad(original, pixel);
+            precise vec3 value = sums[j];
+            if (MODE == 1u) {
+                value = seen.rgb + parameter(push.slot, 0u) * (seen.rgb - sums[j]);
+            }
+            imageStore(target, pixel, vec4(value, seen.a));
+        }
+    }
 }

@@ -113,6 +113,9 @@ pub enum Error {
         /// What the picture is at its place.
         reached: String,
     },
+    /// A lens that cannot be inverted inside the picture, and where.
+    #[error("{0}")]
+    LensFolds(Box<LensFold>),
     /// Another error, with the place in a file that caused it.
     #[error("{}: {problem}{hint}", place(path, *line))]
     At {
@@ -290,5 +293,39 @@ mod tests {
         );
         assert_eq!(missing_span([3.0, 4.0], [0.5, 1.0]), "missing 3.000000000 s to 4.000000000 s");
         assert_eq!(missing_span([0.6, 1.1], [0.5, 1.0]), "missing 1.000000000 s to 1.100000000 s");
+    }
+}
+
+/// Where a lens stops being invertible inside a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LensFold {
+    /// The pixel nearest to the principal point that no ray reaches: column, row.
+    pub pixel: [i64; 2],
+    /// Its distance from the principal point, px.
+    pub radius_px: f64,
+    /// The ideal radius at which the mapping turns back, normalised; infinite if it only tends to 90 degrees.
+    pub ideal_radius: f64,
+    /// The coefficients, by name.
+    pub coefficients: String,
+}
+
+impl std::fmt::Display for LensFold {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [x, y] = self.pixel;
+        write!(
+            f,
+            "the lens ({}) is not invertible inside the picture: no ray reaches pixel ({x}, {y}), {:.1} px from (cx, \
+             cy), ",
+            self.coefficients, self.radius_px
+        )?;
+        if self.ideal_radius.is_finite() {
+            write!(
+                f,
+                "because the mapping turns back at {:.4} focal lengths from the axis",
+                self.ideal_radius
+            )
+        } else {
+            write!(f, "because it would lie 90 degrees or more from the axis, where no flat picture is")
+        }
     }
 }

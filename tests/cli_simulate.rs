@@ -73,15 +73,7 @@ fn writes_every_frame_its_instants_times_and_planes() {
     let camera = both_camera();
     let output = simulate(
         dir.path(),
-        &[
-            "--camera",
-            camera.to_str().unwrap(),
-            "--timings",
-            "--planes",
-            "color,motion,depth",
-            "--renders",
-            "5",
-        ],
+        &["--camera", camera.to_str().unwrap(), "--timings", "--planes", "color,motion,depth"],
     );
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert_eq!(frames(dir.path()).len(), 6);
@@ -99,7 +91,7 @@ fn writes_every_frame_its_instants_times_and_planes() {
         serde_json::from_str(&fs::read_to_string(dir.path().join("timings.json")).unwrap()).unwrap();
     let passes: Vec<_> =
         timings["passes"].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap()).collect();
-    assert!(passes.contains(&"raster") && passes.contains(&"accumulate"), "{passes:?}");
+    assert!(passes.contains(&"raster") && passes.contains(&"readback"), "{passes:?}");
     assert_eq!(timings["frames"], 6);
 
     let depth = read_exr_plane(&dir.path().join("depth/000003.exr"), &["Z"]).unwrap();
@@ -118,7 +110,7 @@ fn same_seed_same_bits_other_seed_other_noise() {
     let dirs = [(); 3].map(|()| tempfile::tempdir().unwrap());
     let camera = both_camera();
     for (dir, seed) in dirs.iter().zip(["7", "7", "8"]) {
-        let more = ["--camera", camera.to_str().unwrap(), "--renders", "3", "--seed", seed];
+        let more = ["--camera", camera.to_str().unwrap(), "--seed", seed];
         assert!(simulate(dir.path(), &more).status.success());
     }
     let [a, b, c] = dirs.each_ref().map(|d| bytes_of_all(d.path()));
@@ -158,7 +150,16 @@ fn an_interrupted_run_keeps_its_frames_and_goes_on() {
     let dir = tempfile::tempdir().unwrap();
     let camera = both_camera();
     // Slow enough to be caught in the middle, also on a fast machine.
-    let more = ["--camera", camera.to_str().unwrap(), "--renders", "600", "--frames-in-flight", "1"];
+    let more = [
+        "--camera",
+        camera.to_str().unwrap(),
+        "--method",
+        "accumulation",
+        "--renders",
+        "600",
+        "--frames-in-flight",
+        "1",
+    ];
     let mut command = shutterbug();
     command.args(["simulate", DEMO, "--samples", "1", "--out"]).arg(dir.path()).args(more);
     let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
@@ -201,6 +202,9 @@ fn refuses_what_it_cannot_do_with_the_contracts_exit_codes() {
     let dir = tempfile::tempdir().unwrap();
     assert_refused(&simulate(dir.path(), &["--samples", "3"]), 2, &["1, 4 or 16"]);
     assert_refused(&simulate(dir.path(), &["--method", "magic"]), 2, &["magic", "accumulation"]);
+    assert_refused(&simulate(dir.path(), &["--renders", "9"]), 2, &["--renders", "--method exact"]);
+    let odd = simulate(dir.path(), &["--method", "fast", "--motion-images", "3"]);
+    assert_refused(&odd, 2, &["2, 4 or 6"]);
     let absent = shutterbug().args(["simulate", "/nonexistent", "--out"]).arg(dir.path()).output().unwrap();
     assert_refused(&absent, 1, &["/nonexistent"]);
     let no_driver = shutterbug()

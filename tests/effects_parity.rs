@@ -82,6 +82,10 @@ fn every_kernel_is_its_reference() {
                 compare(&mut chain, &name, &alone, &view, &radiance);
             }
         }
+        // Wider than what is unrolled.
+        let wide =
+            [("defocus", "sigma_px", 4.0), ("sharpening", "amount", 1.0), ("sharpening", "radius_px", 5.0)];
+        compare(&mut chain, "wide", &effects_support::settings(&wide), &view, &radiance);
         compare(&mut chain, "all", &everything(), &view, &radiance);
     }
 }

@@ -53,8 +53,8 @@ fn one_effect_one_stem() {
             }
             Work::Neighbourhood { passes, .. } => {
                 for pass in passes(&visible(*effect)) {
-                    assert_eq!(pass.kernel.file, format!("{stem}.comp"));
-                    assert!(TABLE.iter().any(|k| k.file == pass.kernel.file));
+                    assert_eq!(pass.file, format!("{stem}.comp"));
+                    assert!(TABLE.iter().any(|k| k.file == pass.file));
                 }
             }
             Work::Host(_) | Work::Elsewhere => {}

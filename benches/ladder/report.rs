@@ -106,7 +106,8 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::create_dir_all(folder).expect("target/bench can be made");
     let json = serde_json::to_string_pretty(rows).expect("numbers and names");
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
-    let mut table = format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
+    let mut table =
+        format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
     table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio |\n";
     table += "|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {

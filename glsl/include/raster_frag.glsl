@@ -70,7 +70,11 @@ vec3 blinn_phong(vec3 kd) {
 #ifdef MOTION
 layout(location = 5) in vec3 in_clip_from;
 layout(location = 6) in vec3 in_clip_to;
-#ifdef COLOR
+#ifdef PATH
+layout(location = 7) in vec3 in_clip_now;
+// From the picture's instant to the begin of the span, and to its end.
+layout(location = 0) out vec4 out_path_px;
+#elif defined(COLOR)
 layout(location = 1) out vec2 out_motion_px;
 #else
 layout(location = 0) out vec2 out_motion_px;
@@ -95,7 +99,12 @@ void main() {
     out_color = vec4(LIT ? blinn_phong(kd) : kd, 1.0);
 #endif
 #endif
-#ifdef MOTION
+#ifdef PATH
+    vec2 now = on_picture(in_clip_now);
+    vec2 from_px = (on_picture(in_clip_from) - now) * push.motion_scale_px;
+    vec2 to_px = (on_picture(in_clip_to) - now) * push.motion_scale_px;
+    out_path_px = vec4(from_px, to_px);
+#elif defined(MOTION)
     out_motion_px = (on_picture(in_clip_to) - on_picture(in_clip_from)) * push.motion_scale_px;
 #endif
 }

@@ -1,4 +1,5 @@
-// Vertex stage of all rasterizing pipelines. COLOR: radiance is wanted; MOTION: motion vectors are.
+// Vertex stage of all rasterizing pipelines. COLOR: radiance is wanted; MOTION: motion vectors are; PATH: displacements
+// from the instant of the picture to both ends of the span.
 layout(location = 0) in vec3 position_m;
 layout(location = 1) in uint object;
 layout(location = 2) in vec3 normal;
@@ -40,6 +41,9 @@ layout(location = 4) flat out vec4 out_ks_ns;
 layout(location = 5) out vec3 out_clip_from;
 layout(location = 6) out vec3 out_clip_to;
 #endif
+#ifdef PATH
+layout(location = 7) out vec3 out_clip_now;
+#endif
 
 // Two pipelines draw the same triangles into one depth order.
 invariant gl_Position;
@@ -58,5 +62,8 @@ void main() {
 #ifdef MOTION
     out_clip_from = (at.clip_from_object_at_from * position).xyw;
     out_clip_to = (at.clip_from_object_at_to * position).xyw;
+#endif
+#ifdef PATH
+    out_clip_now = gl_Position.xyw;
 #endif
 }

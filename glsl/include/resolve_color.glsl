@@ -1,8 +1,9 @@
-// Samples to pixels: linear radiance and coverage.
+// Samples to pixels: linear radiance and coverage, kept as floats, so that a mean of texels rounds no differently from a
+// mean of samples.
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "resolve.glsl"
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
-layout(set = 0, binding = 1, rgba16f) uniform writeonly image2D color;
+layout(set = 0, binding = 1, rgba32f) uniform writeonly image2D color;
 layout(push_constant) uniform Push {
     uvec2 size;
     ivec2 grid;

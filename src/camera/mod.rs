@@ -1,6 +1,7 @@
 //! Pure mathematics of a camera: pose, intrinsics, trajectory, shutter timing. Knows no scene and no Vulkan.
 
 pub mod accumulation;
+mod distortion;
 mod intrinsics;
 mod pose;
 pub mod samples;
@@ -8,6 +9,7 @@ mod stamp;
 mod timing;
 mod trajectory;
 
+pub use distortion::{Distortion, Lens};
 pub use intrinsics::{Intrinsics, NEAR_M};
 pub use pose::Pose;
 pub use stamp::{Stamp, StampFault};

@@ -10,17 +10,17 @@ mod tum;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use frames_csv::{FrameEntry, parse_frames};
+pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use lights::parse_lights;
 
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::{FocalLengthError, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
-use text::read_text;
+pub(crate) use text::read_text;
 
-/// A whole capture. All times in s are on the capture's clock, whose zero is the first frame's timestamp: timestamps
-/// of 19 digits keep their nanoseconds.
+/// A whole capture. All times in s are on the capture's clock (see [`clock_epoch_ns`]), so that timestamps of 19 digits
+/// keep their nanoseconds.
 #[derive(Clone, Debug)]
 pub struct Capture {
     /// The folder.
@@ -33,7 +33,7 @@ pub struct Capture {
     pub trajectory: Trajectory,
     /// The frames, in the order of `frames.csv`.
     pub frames: Vec<FrameEntry>,
-    /// Zero of the capture's clock: the first frame's timestamp, ns.
+    /// Zero of the capture's clock, ns: see [`clock_epoch_ns`].
     pub epoch_ns: i64,
 }
 
@@ -43,9 +43,22 @@ impl Capture {
     /// # Errors
     /// Everything that is missing or wrong, with file and line.
     pub fn read(root: &Path, camera: Option<&Path>) -> Result<Self> {
+        Self::read_with(root, camera, |_| Ok(()))
+    }
+
+    /// Reads a capture whose camera is changed by `adjust` before anything depends on it (a preset's effects, say).
+    ///
+    /// # Errors
+    /// As [`Self::read`], and those of `adjust`.
+    pub fn read_with(
+        root: &Path,
+        camera: Option<&Path>,
+        adjust: impl FnOnce(&mut CameraFile) -> Result<()>,
+    ) -> Result<Self> {
         let camera_path = camera.map_or_else(|| root.join("camera.toml"), Path::to_owned);
         check_present(root, &camera_path)?;
-        let camera = CameraFile::read(&camera_path)?;
+        let mut camera = CameraFile::read(&camera_path)?;
+        adjust(&mut camera)?;
         let mut scene = load_obj(&root.join("scene.obj"), root)?;
         if camera.lit {
             let path = root.join("lights.toml");
@@ -63,7 +76,7 @@ impl Capture {
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
-        let epoch_ns = frames[0].timestamp_ns;
+        let epoch_ns = clock_epoch_ns(frames[0].timestamp_ns);
         if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
             tracing::warn!("{}: {warning}", path.display());
             camera.warnings.push(warning);

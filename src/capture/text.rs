@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 ///
 /// # Errors
 /// A missing or unreadable file, bytes that are not UTF-8 (with their line).
-pub(super) fn read_text(path: &Path, purpose: &str) -> Result<String> {
+pub(crate) fn read_text(path: &Path, purpose: &str) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| match e.kind() {
         ErrorKind::NotFound => Error::input(path, None, "no such file", purpose),
         _ => Error::io(path, "read", e),

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
-use crate::engine::{AccumulationOptions, Method, MotionSource, PaperOptions, Shift};
+use crate::engine::{
+    AccumulationOptions, ExactOptions, FastOptions, Method, MotionSource, PaperOptions, Shift,
+};
+use crate::formats::Format;
 
 /// What a real, cheap, moving camera does to a picture.
 #[derive(Debug, Parser)]
@@ -22,8 +25,140 @@ pub enum Command {
     Simulate(Simulate),
     /// Compare a capture's real frames with simulated ones: where they differ, which effect is missing, its parameters
     Diagnose(Diagnose),
+    /// Check diagnose: make captures whose effects are hidden, diagnose them blind, open the answers, score
+    Withhold(Withhold),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices,
+    /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
+    Effects,
+    /// List the presets of real cameras, or print one as camera.toml
+    Presets {
+        /// The preset to print
+        name: Option<String>,
+    },
+    /// Cameras in other tools' files
+    #[command(subcommand)]
+    Camera(Camera),
+    /// Make frames.csv, trajectory.tum and, where it can, camera.toml of a recording
+    Import(Import),
+    /// Measure a camera from its pictures
+    #[command(subcommand)]
+    Calibrate(Calibrate),
+}
+
+/// What can be done with a camera.
+#[derive(Debug, Subcommand)]
+pub enum Camera {
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml and (to) Gazebo SDF
+    Convert(Convert),
+}
+
+/// Arguments of `camera convert`.
+#[derive(Debug, clap::Args)]
+pub struct Convert {
+    /// The camera's file
+    pub input: PathBuf,
+    /// File to write (standard output if not given)
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Format of the input (else its content decides)
+    #[arg(long, value_enum)]
+    pub from: Option<FormatName>,
+    /// Format to write (else by the ending of --out: .toml or .sdf)
+    #[arg(long, value_enum)]
+    pub to: Option<FormatName>,
+    /// Frame rate, where the input states none: camera.toml needs one
+    #[arg(long, value_parser = rate_hz)]
+    pub rate_hz: Option<f64>,
+    /// Which camera of a camchain (else the first)
+    #[arg(long)]
+    pub name: Option<String>,
+}
+
+/// Arguments of `import`.
+#[derive(Debug, clap::Args)]
+pub struct Import {
+    /// A EuRoC mav0 folder (or the one above it), or a file of KITTI poses
+    pub input: PathBuf,
+    /// Folder for the files; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// EuRoC: which camera's folder
+    #[arg(long, default_value = "cam0")]
+    pub name: String,
+    /// KITTI: the poses' times (else times.txt beside them)
+    #[arg(long)]
+    pub times: Option<PathBuf>,
+    /// Replace files that are there
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// `--from`, `--to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatName {
+    /// camera.toml
+    Toml,
+    /// ROS camera_info YAML
+    Ros,
+    /// Kalibr camchain YAML
+    Kalibr,
+    /// EuRoC / ASL sensor.yaml
+    Euroc,
+    /// Gazebo SDF (to write only)
+    Sdf,
+}
+
+impl From<FormatName> for Format {
+    fn from(name: FormatName) -> Self {
+        match name {
+            FormatName::Toml => Self::Toml,
+            FormatName::Ros => Self::Ros,
+            FormatName::Kalibr => Self::Kalibr,
+            FormatName::Euroc => Self::Euroc,
+            FormatName::Sdf => Self::Sdf,
+        }
+    }
+}
+
+/// What `calibrate` measures.
+#[derive(Debug, Subcommand)]
+pub enum Calibrate {
+    /// Noise, from two or more frames of one static scene
+    Noise(CalibrateNoise),
+}
+
+/// Arguments of `calibrate noise`.
+#[derive(Debug, clap::Args)]
+pub struct CalibrateNoise {
+    /// Frames of one static scene (PNG of 8 or 16 bits, JPEG)
+    #[arg(required = true)]
+    pub frames: Vec<PathBuf>,
+    /// Folder for camera.toml, camera_paper.toml, report.json, noise.png and ptc.png; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
+    #[arg(long)]
+    pub pairs: bool,
+    /// Camera to which the tables are added
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// What the values of the frames mean
+    #[arg(long, value_enum, default_value_t)]
+    pub encoding: EncodingName,
+    /// Seed of the simulated frames
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// `--encoding`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EncodingName {
+    /// Made for viewing
+    #[default]
+    Srgb,
+    /// Raw: proportional to light
+    Linear,
 }
 
 /// Arguments of `simulate`.
@@ -37,6 +172,9 @@ pub struct Simulate {
     /// Use this camera instead of the capture's camera.toml
     #[arg(long)]
     pub camera: Option<PathBuf>,
+    /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
+    #[arg(long)]
+    pub preset: Option<String>,
     /// How shutter and blur are made
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodName,
@@ -64,18 +202,18 @@ pub struct Simulate {
     /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub renders: Option<u32>,
-    /// paper: motion images a frame, 1 (constant velocity) to 6
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=6))]
-    pub motion_images: u32,
-    /// paper: render the picture at the frame's start (f) or middle (f - 0.5)
-    #[arg(long, value_enum, default_value_t)]
-    pub shift: ShiftName,
-    /// paper: most samples of the blur; the count follows the length of the path
-    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub max_blur_samples: u32,
-    /// paper: motion rasterized, or reconstructed from depth (knows no moving objects)
-    #[arg(long, value_enum, default_value_t)]
-    pub motion_source: MotionSourceName,
+    /// paper: motion images a frame, 1 (constant velocity) to 6 [default: 2]; fast: 2, 4 or 6 [default: 4]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=6))]
+    pub motion_images: Option<u32>,
+    /// paper: render the picture at the frame's start (f) or middle (f - 0.5) [default: middle]
+    #[arg(long, value_enum)]
+    pub shift: Option<ShiftName>,
+    /// paper, fast: most samples of the blur; the count follows the length of the path [default: 240]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub max_blur_samples: Option<u32>,
+    /// paper: motion rasterized, or reconstructed from depth (knows no moving objects) [default: rasterized]
+    #[arg(long, value_enum)]
+    pub motion_source: Option<MotionSourceName>,
     /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
     #[arg(long)]
     pub pixel_time: bool,
@@ -103,11 +241,47 @@ pub struct Diagnose {
     pub device: Option<String>,
 }
 
+/// Arguments of `withhold`.
+#[derive(Debug, clap::Args)]
+pub struct Withhold {
+    /// Folder for captures, answers, scores, withhold.json and withhold.html; a run that stopped goes on
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Number of captures
+    #[arg(long, default_value_t = 20)]
+    pub count: usize,
+    /// Seed of everything
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Columns of the frames, px
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    pub width: u32,
+    /// Rows of the frames, px
+    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(48..=4096))]
+    pub height: u32,
+    /// Frames a capture (else 10 to 16)
+    #[arg(long)]
+    pub frames: Option<usize>,
+    /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
+    #[arg(long)]
+    pub trajectories: Option<PathBuf>,
+    /// Keep the real frames of cases that are done
+    #[arg(long)]
+    pub keep_frames: bool,
+    /// Device of the diagnosis, by index, UUID or (part of its) name
+    #[arg(long)]
+    pub device: Option<String>,
+}
+
 /// `--method`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
-    /// Many renders over the frame, each weighed into the lines that see it: the reference
+    /// One render with every line at its own time, blurred along the paths of its samples
     #[default]
+    Exact,
+    /// One render and a warp along the paths of what it shows
+    Fast,
+    /// Many renders over the frame, each weighed into the lines that see it: the reference
     Accumulation,
     /// One render, motion images, remap and blur as published in 2008
     Paper,
@@ -125,20 +299,18 @@ pub enum PlaneName {
 }
 
 /// `--shift`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ShiftName {
     /// The frame's start
     Start,
     /// The frame's middle
-    #[default]
     Middle,
 }
 
 /// `--motion-source`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum MotionSourceName {
     /// From the projections of every surface point
-    #[default]
     Rasterized,
     /// From depth and two camera matrices
     Depth,
@@ -148,23 +320,64 @@ impl Simulate {
     /// The engine's method.
     pub fn engine_method(&self) -> Method {
         match self.method {
+            MethodName::Exact => Method::Exact(ExactOptions::default()),
+            MethodName::Fast => {
+                let usual = FastOptions::default();
+                Method::Fast(FastOptions {
+                    motion_images: self.motion_images.unwrap_or(usual.motion_images),
+                    max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+                    ..usual
+                })
+            }
             MethodName::Accumulation => {
                 Method::Accumulation(AccumulationOptions { renders: self.renders, ..Default::default() })
             }
-            MethodName::Paper => Method::Paper(PaperOptions {
-                motion_images: self.motion_images,
-                shift: match self.shift {
-                    ShiftName::Start => Shift::Start,
-                    ShiftName::Middle => Shift::Middle,
-                },
-                max_samples: self.max_blur_samples,
-                pixel_time: self.pixel_time,
-                motion_source: match self.motion_source {
-                    MotionSourceName::Rasterized => MotionSource::Rasterized,
-                    MotionSourceName::Depth => MotionSource::Depth,
-                },
-            }),
+            MethodName::Paper => Method::Paper(self.paper_options()),
         }
+    }
+
+    fn paper_options(&self) -> PaperOptions {
+        let usual = PaperOptions::default();
+        PaperOptions {
+            motion_images: self.motion_images.unwrap_or(usual.motion_images),
+            shift: match self.shift {
+                Some(ShiftName::Start) => Shift::Start,
+                Some(ShiftName::Middle) => Shift::Middle,
+                None => usual.shift,
+            },
+            max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+            pixel_time: self.pixel_time,
+            motion_source: match self.motion_source {
+                Some(MotionSourceName::Rasterized) => MotionSource::Rasterized,
+                Some(MotionSourceName::Depth) => MotionSource::Depth,
+                None => usual.motion_source,
+            },
+        }
+    }
+
+    /// No option is accepted and ignored: those of another method are refused.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
+        use MethodName::{Accumulation, Fast, Paper};
+        let given: [(&str, bool, &[MethodName]); 6] = [
+            ("--renders", self.renders.is_some(), &[Accumulation]),
+            ("--motion-images", self.motion_images.is_some(), &[Paper, Fast]),
+            ("--shift", self.shift.is_some(), &[Paper]),
+            ("--max-blur-samples", self.max_blur_samples.is_some(), &[Paper, Fast]),
+            ("--motion-source", self.motion_source.is_some(), &[Paper]),
+            ("--pixel-time", self.pixel_time, &[Paper]),
+        ];
+        for (option, is_given, methods) in given {
+            if is_given && !methods.contains(&self.method) {
+                return Err(format!("{option} has no meaning with --method {}", self.method_name()));
+            }
+        }
+        if self.method == Fast && !matches!(self.motion_images, None | Some(2 | 4 | 6)) {
+            return Err("--motion-images is 2, 4 or 6 with --method fast".to_owned());
+        }
+        Ok(())
     }
 
     /// The method's name on the command line.
@@ -177,5 +390,12 @@ fn samples(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(n @ (1 | 4 | 16)) => Ok(n),
         _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
+    }
+}
+
+fn rate_hz(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
+        _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),
     }
 }

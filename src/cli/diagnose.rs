@@ -22,9 +22,10 @@ pub fn run(args: &Diagnose) -> Result<()> {
     let mut lines =
         Lines { stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL };
     let diagnosis = diagnose(&context, &capture, &options, &mut lines)?;
-    let diagnosis = diagnosis.write(&args.out, &capture)?;
-    eprintln!("{}", diagnosis.sentence);
-    eprintln!("{}", args.out.join(crate::diagnose::REPORT_FILE).display());
+    let report = diagnosis.write(&args.out, &capture)?;
+    crate::report::write_html(&report, &args.out)?;
+    eprintln!("{}", report.sentence);
+    eprintln!("{}", args.out.join(crate::report::PAGE_FILE).display());
     Ok(())
 }
 

@@ -15,6 +15,7 @@ use super::timings::Timings;
 use crate::capture::Capture;
 use crate::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use crate::error::{Error, Result};
+use crate::formats::{apply_preset, preset};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use crate::plane::{write_atomic, write_exr_plane, write_png_atomic};
 
@@ -25,7 +26,12 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Runs the command.
 pub fn run(args: &Simulate) -> Result<()> {
-    let capture = Capture::read(&args.capture, args.camera.as_deref())?;
+    let preset = args.preset.as_deref().map(preset).transpose()?;
+    let capture = Capture::read_with(&args.capture, args.camera.as_deref(), |camera| {
+        let notes = preset.map(|preset| apply_preset(preset, camera)).transpose()?.unwrap_or_default();
+        notes.iter().for_each(|note| tracing::warn!("--preset: {note}"));
+        Ok(())
+    })?;
     fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
     let todo = start_run(args, &capture)?;
     write_atomic(&args.out.join("instants.csv"), instants_csv(&capture).as_bytes())?;
@@ -236,6 +242,7 @@ fn manifest(args: &Simulate, capture: &Capture) -> Result<String> {
         "shutterbug": env!("CARGO_PKG_VERSION"),
         "method": format!("{:?}", args.engine_method()),
         "samples": args.samples,
+        "preset": args.preset,
         "seed": args.seed,
         "planes": planes,
         "files_fnv1a": hashes,

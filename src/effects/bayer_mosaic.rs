@@ -9,7 +9,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -122,7 +121,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 fn passes(settings: &Settings) -> Vec<Pass> {
     let [x, y] = red(settings).unwrap_or_default();
     let constants = [(x + 2 * y) as u32, u32::from(is_malvar(settings))];
-    vec![Pass { kernel: const { kernel("bayer_mosaic.comp") }, constants }]
+    vec![Pass { file: "bayer_mosaic.comp", constants, run: [1, 1] }]
 }
 
 impl Effect for BayerMosaic {

@@ -4,7 +4,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -40,7 +39,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 
 fn passes(settings: &Settings) -> Vec<Pass> {
     let constants = [block_rows(settings) as u32, 0];
-    vec![Pass { kernel: const { kernel("chroma_subsampling.comp") }, constants }]
+    vec![Pass { file: "chroma_subsampling.comp", constants, run: [1, 1] }]
 }
 
 impl Effect for ChromaSubsampling {

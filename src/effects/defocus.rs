@@ -5,7 +5,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -73,10 +72,14 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let pass = |mode: u32| Pass { kernel: const { kernel("defocus.comp") }, constants: [mode, 0] };
-    let gaussian: &[u32] = if sigma_px(settings) > 0.0 { &[0, 1] } else { &[] };
-    let disc: &[u32] = if disc_radius_px(settings) > 0.0 { &[2] } else { &[] };
-    gaussian.iter().chain(disc).map(|mode| pass(*mode)).collect()
+    let mut passes = Vec::new();
+    if sigma_px(settings) > 0.0 {
+        passes.extend(gaussian::passes("defocus.comp", sigma_px(settings)));
+    }
+    if disc_radius_px(settings) > 0.0 {
+        passes.push(Pass { file: "defocus.comp", constants: [2, 0], run: [1, 1] });
+    }
+    passes
 }
 
 impl Effect for Defocus {
@@ -97,18 +100,15 @@ impl Effect for Defocus {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let weights = match sigma_px(settings) {
-            0.0 => vec![1.0],
-            sigma_px => gaussian::weights(sigma_px),
-        };
-        packer.bits(weights.len() as u32 - 1);
-        packer.table(weights);
         let (radius, weights) = match disc_radius_px(settings) {
-            0.0 => (0, vec![1.0]),
+            0.0 => (0, Vec::new()),
             radius_px => disc(radius_px),
         };
         packer.bits(radius as u32);
         packer.table(weights);
+        if sigma_px(settings) > 0.0 {
+            gaussian::pack(sigma_px(settings), packer);
+        }
     }
 }
 

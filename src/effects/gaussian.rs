@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::chain::{Packer, Pass};
 use crate::plane::Plane;
 
 /// Weights of distance 0 to the radius, which is four sigma (as in scipy.ndimage); both sides add up to 1.
@@ -12,6 +13,31 @@ pub(super) fn weights(sigma_px: f64) -> Vec<f32> {
     (0..=radius).map(|k| (bell(k) / sum) as f32).collect()
 }
 
+/// Largest radius whose weights have room in an effect's slot behind the others.
+const MAX_UNROLLED: usize = 9;
+/// Pixels that one invocation makes (`GAUSSIAN_RUN`).
+const RUN: u32 = 4;
+
+/// The two passes, along rows and along columns, of a kernel whose constant 0 is the axis.
+pub(super) fn passes(file: &'static str, sigma_px: f64) -> [Pass; 2] {
+    let radius = weights(sigma_px).len() - 1;
+    let unrolled = if radius <= MAX_UNROLLED { radius as u32 } else { 0 };
+    [
+        Pass { file, constants: [0, unrolled], run: [RUN, 1] },
+        Pass { file, constants: [1, unrolled], run: [1, RUN] },
+    ]
+}
+
+/// Radius, table of the weights, and the weights themselves where they fit.
+pub(super) fn pack(sigma_px: f64, packer: &mut Packer<'_>) {
+    let weights = weights(sigma_px);
+    packer.bits(weights.len() as u32 - 1);
+    packer.table(weights.iter().copied());
+    if weights.len() - 1 <= MAX_UNROLLED {
+        weights.iter().for_each(|w| packer.number(f64::from(*w)));
+    }
+}
+
 /// The Gaussian along rows (`axis` 0) or columns (1); the fourth channel is passed through.
 pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<f32> {
     filter(source, |x, y| {
@@ -19,10 +45,11 @@ pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<
             let place = [x as i64 + if axis == 0 { k } else { 0 }, y as i64 + if axis == 1 { k } else { 0 }];
             clamped(source, place)
         };
-        let mut sum = at(0).map(|v| weights[0] * v);
-        for (k, weight) in weights.iter().enumerate().skip(1) {
-            let (before, after) = (at(-(k as i64)), at(k as i64));
-            sum = [0, 1, 2].map(|c| sum[c] + weight * (before[c] + after[c]));
+        let radius = weights.len() as i64 - 1;
+        let mut sum = [0.0; 3];
+        for k in -radius..=radius {
+            let (weight, value) = (weights[k.unsigned_abs() as usize], at(k));
+            sum = [0, 1, 2].map(|c| sum[c] + weight * value[c]);
         }
         sum
     })

@@ -3,7 +3,6 @@
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
-use crate::kernels::kernel;
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -32,9 +31,8 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
     })
 }
 
-fn passes(_: &Settings) -> Vec<Pass> {
-    let pass = |mode: u32| Pass { kernel: const { kernel("sharpening.comp") }, constants: [mode, 0] };
-    vec![pass(0), pass(1)]
+fn passes(settings: &Settings) -> Vec<Pass> {
+    gaussian::passes("sharpening.comp", radius_px(settings)).to_vec()
 }
 
 impl Effect for Sharpening {
@@ -60,9 +58,7 @@ impl Effect for Sharpening {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let weights = gaussian::weights(radius_px(settings));
         packer.number(amount(settings));
-        packer.bits(weights.len() as u32 - 1);
-        packer.table(weights);
+        gaussian::pack(radius_px(settings), packer);
     }
 }

@@ -55,6 +55,8 @@ struct Dispatch {
     /// Name of the pass in timings.
     name: &'static str,
     slot: u32,
+    /// Columns and rows that one invocation makes.
+    run: [u32; 2],
     groups: Vec<BindGroup>,
     pipeline: ComputePipeline,
 }
@@ -143,20 +145,20 @@ impl Finish {
         let steps = plan.steps.iter().zip(pictures);
         steps
             .map(|(step, pictures)| {
-                let (name, slot, file, constants) = match step {
+                let (name, slot, file, constants, run) = match step {
                     Step::Pointwise { variants, last } => {
                         let constants = std::iter::once(u32::from(*last)).chain(variants.iter().copied());
-                        ("pointwise", 0, "pointwise.comp", constants.collect::<Vec<_>>())
+                        ("pointwise", 0, "pointwise.comp", constants.collect::<Vec<_>>(), [1, 1])
                     }
-                    Step::Neighbourhood { id, slot, file, constants, .. } => {
-                        (*id, *slot, *file, constants.to_vec())
+                    Step::Neighbourhood { id, slot, file, constants, run, .. } => {
+                        (*id, *slot, *file, constants.to_vec(), *run)
                     }
                 };
                 let found = TABLE.iter().find(|k| k.file == file).expect("a kernel of the table");
                 let pipeline = ComputePipeline::specialized(&self.context, found, &constants)?;
                 let groups = self.inputs.iter().map(|inputs| self.bind(&pipeline, *pictures, inputs));
                 let groups = groups.collect::<Result<Vec<_>>>()?;
-                Ok(Dispatch { name, slot, groups, pipeline })
+                Ok(Dispatch { name, slot, run, groups, pipeline })
             })
             .collect()
     }
@@ -202,7 +204,8 @@ impl Finish {
         for dispatch in &self.chains[plan] {
             let push = ChainPush { size, seed: seed_words(seed), frame, flags: 0, slot: dispatch.slot };
             recorder.mark(dispatch.name);
-            recorder.dispatch(&dispatch.pipeline, &dispatch.groups[*index], &push, size);
+            let invocations = [0, 1].map(|i| size[i].div_ceil(dispatch.run[i]));
+            recorder.dispatch(&dispatch.pipeline, &dispatch.groups[*index], &push, invocations);
         }
     }
 

@@ -8,13 +8,18 @@
 
 mod accumulation;
 mod exact;
+mod fast;
+mod fast_pass;
 mod finish;
 mod frame;
 mod margin;
+mod outside;
+mod outside_kernels;
 mod paper;
 mod pixel_chain;
 mod planes;
 mod slots;
+mod taps;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,13 +32,20 @@ use crate::scene::Scene;
 
 pub use accumulation::AccumulationOptions;
 pub use exact::ExactOptions;
+pub use fast::FastOptions;
+pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
+pub use outside::{
+    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
+pub use taps::GatherInputs;
 
 use accumulation::Accumulation;
 use exact::Exact;
+use fast::Fast;
 use finish::Finish;
 use paper::Paper;
 use planes::PlanesPass;
@@ -44,6 +56,8 @@ use slots::FrameSlot;
 pub enum Method {
     /// The paper's: one render, up to six motion images, remap and blur as a gather.
     Paper(PaperOptions),
+    /// One render and a warp along true paths, silhouettes kept apart by depth.
+    Fast(FastOptions),
     /// One render with every line at its own time, blurred along the paths of its samples.
     Exact(ExactOptions),
     /// Many renders over the frame's interval, each weighed into the lines that see it: the reference.
@@ -100,6 +114,7 @@ pub(crate) struct Stage {
 
 enum Renderer {
     Paper(Box<Paper>),
+    Fast(Box<Fast>),
     Exact(Box<Exact>),
     Accumulation(Box<Accumulation>),
 }
@@ -143,6 +158,9 @@ impl Engine {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
             }
+            Method::Fast(fast) => {
+                Renderer::Fast(Box::new(Fast::new(&stage, fast, &mut slots, finish.radiance(), expected)?))
+            }
             Method::Exact(exact) => {
                 Renderer::Exact(Box::new(Exact::new(&stage, exact, &mut slots, finish.radiance(), expected)?))
             }
@@ -174,6 +192,7 @@ impl Engine {
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {
             Renderer::Paper(paper) => paper.margin_px(),
+            Renderer::Fast(fast) => fast.margin_px(),
             Renderer::Exact(exact) => exact.margin_px(),
             Renderer::Accumulation(_) => [0, 0],
         }
@@ -204,6 +223,7 @@ impl Engine {
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {
             Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),
+            Renderer::Fast(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Exact(pass) => pass.submit(&self.stage, slot, request, &path, last),
             Renderer::Accumulation(pass) => {
                 pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
@@ -217,7 +237,7 @@ impl Engine {
         Ok(Ticket { slot: index })
     }
 
-    /// Makes the paper's images anew where a frame needs a wider margin than any before it.
+    /// Makes the images anew where a frame needs a wider margin than any before it.
     fn widen(&mut self, request: &FrameRequest) -> Result<()> {
         if let Renderer::Exact(exact) = &mut self.renderer {
             if exact.needs_fit(&self.stage, request) {
@@ -228,13 +248,22 @@ impl Engine {
             }
             return Ok(());
         }
-        let Renderer::Paper(paper) = &mut self.renderer else { return Ok(()) };
-        let Some(margin_px) = paper.needs_wider(&self.stage, request) else { return Ok(()) };
+        let needed = match &self.renderer {
+            Renderer::Paper(paper) => paper.needs_wider(&self.stage, request),
+            Renderer::Fast(fast) => fast.needs_wider(&self.stage, request),
+            Renderer::Exact(_) | Renderer::Accumulation(_) => None,
+        };
+        let Some(margin_px) = needed else { return Ok(()) };
         for slot in &mut self.slots {
             slot.gpu.wait(self.options.time_limit)?;
         }
         tracing::info!("the margin grows to {margin_px:?} px for frame {}", request.index);
-        paper.widen(&self.stage, &mut self.slots, self.finish.radiance(), margin_px)
+        let (stage, slots, radiance) = (&self.stage, &mut self.slots[..], self.finish.radiance());
+        match &mut self.renderer {
+            Renderer::Paper(paper) => paper.widen(stage, slots, radiance, margin_px),
+            Renderer::Fast(fast) => fast.widen(stage, slots, radiance, margin_px),
+            Renderer::Exact(_) | Renderer::Accumulation(_) => Ok(()),
+        }
     }
 
     /// Waits for a frame and reads it back.

@@ -11,6 +11,7 @@ use super::frame::{FrameRequest, covered_span_s};
 use super::margin::reach;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
+use super::taps::GatherTimes;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, Trajectory};
 use crate::error::Result;
@@ -26,9 +27,9 @@ use bytemuck::{Pod, Zeroable};
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
 /// Px beyond the computed margin: bilinear reading and the chord's deviation from the path.
-const MARGIN_GUARD_PX: f64 = 4.0;
+pub(super) const MARGIN_GUARD_PX: f64 = 4.0;
 /// Motion differences deviate from the true path under acceleration: so much more is rendered.
-const MARGIN_FACTOR: f64 = 1.15;
+pub(super) const MARGIN_FACTOR: f64 = 1.15;
 
 /// Which instant of the frame the picture is rendered at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -79,9 +80,9 @@ impl Default for PaperOptions {
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct ResolveColorPush {
-    size: [u32; 2],
-    grid: [i32; 2],
+pub(super) struct ResolveColorPush {
+    pub(super) size: [u32; 2],
+    pub(super) grid: [i32; 2],
 }
 assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
 
@@ -199,7 +200,7 @@ struct Images {
     motion_only: RasterTarget,
     color: Image,
     /// Motion and depth: bound by the groups, kept alive here.
-    _bound: [Image; 2],
+    bound: [Image; 2],
 }
 
 struct Groups {
@@ -249,6 +250,23 @@ impl Paper {
 
     pub(super) fn margin_px(&self) -> [u32; 2] {
         self.images.margin_px
+    }
+
+    /// What the gather reads: colour, motion, and the depth of the motion image drawn last.
+    pub(super) fn gather_images(&self) -> [&Image; 3] {
+        let [motion, depth] = &self.images.bound;
+        [&self.images.color, motion, depth]
+    }
+
+    /// The instants of what the gather reads for a frame.
+    pub(super) fn gather_times(
+        &self,
+        stage: &Stage,
+        request: &FrameRequest,
+        path: &Trajectory,
+    ) -> GatherTimes {
+        let Plan { reference_s, first_motion_s, step_s, motions } = plan(stage, &self.options, request, path);
+        GatherTimes { reference_s, first_motion_s, step_s, count: motions.len() }
     }
 
     /// Makes the images anew where the frame needs a wider margin; nothing must be in flight then, which the caller
@@ -406,7 +424,7 @@ fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameReques
     [needed[0].min(size[0]), needed[1].min(size[1])]
 }
 
-fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
+pub(super) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
 
@@ -437,7 +455,8 @@ impl Images {
         let picture = RasterTarget::new(context, scene, RasterKind::ColorMotion, size, stage.plan)?;
         let plain = SamplePlan { grid: 1, msaa: 1 };
         let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
-        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba16f))?;
+        // Floats: a frame without motion is the still picture bit for bit, which half floats would round once more.
+        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba32f))?;
         let layers = ImageSpec { layers: MAX_MOTION_IMAGES, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "motion", layers)?;
         let depth = Image::new(context, "depth", ImageSpec::storage(size, Format::R32f))?;
@@ -464,7 +483,7 @@ impl Images {
             Ok([picture.bind(scene, instants, cameras)?, motion_only.bind(scene, instants, cameras)?])
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, _bound: [motion, depth] })
+        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, bound: [motion, depth] })
     }
 
     fn area(&self) -> RenderArea {

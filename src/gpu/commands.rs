@@ -127,9 +127,35 @@ impl<'a> Recorder<'a> {
         push: &P,
         size: [u32; 2],
     ) {
+        self.bind_compute(kernel, group, push);
+        let [x, y, _] = kernel.kernel.local_size;
+        // SAFETY: recording; pipeline, set and push constants were just bound.
+        unsafe {
+            let groups = [size[0].div_ceil(x), size[1].div_ceil(y)];
+            self.context.device.cmd_dispatch(self.slot.commands, groups[0], groups[1], 1);
+        }
+    }
+
+    /// Runs a kernel over as many workgroups as the first three words of a buffer say, after a barrier.
+    ///
+    /// # Panics
+    /// If the push constants have another size than the shader's block.
+    pub fn dispatch_indirect<P: NoUninit>(
+        &mut self,
+        kernel: &ComputePipeline,
+        group: &BindGroup,
+        push: &P,
+        groups: &Buffer,
+    ) {
+        self.bind_compute(kernel, group, push);
+        // SAFETY: recording; pipeline, set and push constants were just bound; storage buffers are made to be read here
+        // and hold at least 16 bytes.
+        unsafe { self.context.device.cmd_dispatch_indirect(self.slot.commands, groups.handle, 0) };
+    }
+
+    fn bind_compute<P: NoUninit>(&mut self, kernel: &ComputePipeline, group: &BindGroup, push: &P) {
         self.barrier();
         let bytes = &bytes_of(push)[..kernel.kernel.push_bytes()];
-        let [x, y, _] = kernel.kernel.local_size;
         let (device, commands) = (&self.context.device, self.slot.commands);
         // SAFETY: recording; pipeline, layout and set are alive and were made from the same reflected table.
         unsafe {
@@ -146,7 +172,6 @@ impl<'a> Recorder<'a> {
                 let stages = vk::ShaderStageFlags::COMPUTE;
                 device.cmd_push_constants(commands, kernel.interface.layout, stages, 0, bytes);
             }
-            device.cmd_dispatch(commands, size[0].div_ceil(x), size[1].div_ceil(y), 1);
         }
     }
 
@@ -250,6 +275,15 @@ impl<'a> Recorder<'a> {
                 layout,
                 &region,
             );
+        }
+    }
+
+    /// Fills a buffer with zeros, after a barrier.
+    pub fn clear_buffer(&mut self, buffer: &Buffer) {
+        self.barrier();
+        // SAFETY: recording; the buffer is alive and allows copies; the whole size needs no alignment.
+        unsafe {
+            self.context.device.cmd_fill_buffer(self.slot.commands, buffer.handle, 0, vk::WHOLE_SIZE, 0);
         }
     }
 

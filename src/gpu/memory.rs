@@ -25,7 +25,7 @@ pub enum Location {
 /// What a buffer is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Usage {
-    /// Storage buffer (and copy source or target).
+    /// Storage buffer (and copy source or target, and size of an indirect dispatch).
     Storage,
     /// Uniform buffer.
     Uniform,
@@ -42,9 +42,11 @@ pub enum Usage {
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    bytes: u64,
+    pub(super) bytes: u64,
     allocation: Option<Allocation>,
-    context: Arc<Context>,
+    /// Memory that is shared with the host (`shared.rs`) instead of the allocator's.
+    pub(super) shared: vk::DeviceMemory,
+    pub(super) context: Arc<Context>,
 }
 
 impl Buffer {
@@ -67,7 +69,9 @@ impl Buffer {
         }
         let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let flags = match usage {
-            Usage::Storage => vk::BufferUsageFlags::STORAGE_BUFFER | copies,
+            Usage::Storage => {
+                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER | copies
+            }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::StorageVertex => {
@@ -81,7 +85,7 @@ impl Buffer {
         let handle =
             unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         context.name(handle, name);
-        let mut buffer = Self { handle, bytes, allocation: None, context: context.clone() };
+        let mut buffer = Self::without_memory(context, handle, bytes);
         // SAFETY: the buffer was just made by this device.
         let requirements = unsafe { context.device.get_buffer_memory_requirements(handle) };
         let location = match location {
@@ -96,6 +100,11 @@ impl Buffer {
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
         Ok(buffer)
+    }
+
+    pub(super) fn without_memory(context: &Arc<Context>, handle: vk::Buffer, bytes: u64) -> Self {
+        let shared = vk::DeviceMemory::null();
+        Self { handle, bytes, allocation: None, shared, context: context.clone() }
     }
 
     /// Size, bytes.
@@ -131,7 +140,10 @@ impl Drop for Buffer {
             return;
         }
         // SAFETY: slots wait for their work before the resources they use are dropped.
-        unsafe { self.context.device.destroy_buffer(self.handle, None) };
+        unsafe {
+            self.context.device.destroy_buffer(self.handle, None);
+            self.context.device.free_memory(self.shared, None);
+        }
         free(&self.context, self.allocation.take());
     }
 }
@@ -246,10 +258,13 @@ impl Image {
     /// # Errors
     /// Out of memory; larger than the device allows.
     pub fn new(context: &Arc<Context>, name: &str, spec: ImageSpec) -> Result<Self> {
-        let limit = context.info().max_image_side_px;
+        let info = context.info();
+        let (limit, limit_name) = match spec.attachment {
+            true => (info.max_attachment_side_px, "maxFramebufferWidth, maxFramebufferHeight"),
+            false => (info.max_image_side_px, "maxImageDimension2D"),
+        };
         if let Some(&side) = spec.size.iter().find(|&&s| s > limit || s == 0) {
-            let why =
-                format!("maxImageDimension2D of {}; margin and supersampling included", context.info().name);
+            let why = format!("{limit_name} of {}; margin and supersampling included", info.name);
             return Err(Error::Limit {
                 what: "side of an image, px",
                 value: side.into(),
@@ -339,7 +354,7 @@ impl Drop for Image {
     }
 }
 
-/// How textures are read: bilinear and repeating, or by texel.
+/// How images are read: bilinear and repeating, bilinear with positions in texels, or by texel.
 pub struct Sampler {
     pub(super) handle: vk::Sampler,
     context: Arc<Context>,
@@ -361,9 +376,29 @@ impl Sampler {
             .address_mode_u(mode)
             .address_mode_v(mode)
             .address_mode_w(mode);
-        // SAFETY: the device is alive.
+        Self::from_info(context, &info)
+    }
+
+    /// Bilinear between texels, with positions in texels (the first one's centre at 0.5), held at the outermost ones.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn in_texels(context: &Arc<Context>) -> Result<Self> {
+        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode)
+            .unnormalized_coordinates(true);
+        Self::from_info(context, &info)
+    }
+
+    fn from_info(context: &Arc<Context>, info: &vk::SamplerCreateInfo<'_>) -> Result<Self> {
+        // SAFETY: the device is alive and `info` is complete.
         let handle =
-            unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
+            unsafe { context.device.create_sampler(info, None) }.map_err(failed("vkCreateSampler"))?;
         Ok(Self { handle, context: context.clone() })
     }
 }

@@ -11,7 +11,9 @@ mod context;
 mod graphics;
 mod kernel;
 mod memory;
+mod open;
 mod select;
+mod shared;
 mod slot;
 mod validation;
 
@@ -21,7 +23,9 @@ pub use context::{Context, ContextOptions};
 pub use graphics::{Attachments, GraphicsPipeline, GraphicsSpec, VertexFormat};
 pub use kernel::ComputePipeline;
 pub use memory::{Buffer, Format, Image, ImageSpec, Location, Sampler, Usage};
+pub use open::{HostDevice, HostHandles, Loader};
 pub use select::{DeviceChoice, DeviceInfo, DeviceKind, devices};
+pub use shared::{Semaphore, Sharing};
 pub use slot::{PassTime, Slot};
 pub use validation::Validation;
 
@@ -36,5 +40,29 @@ pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => Error::OutOfMemory { pool: "device", call },
         vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::OutOfMemory { pool: "host", call },
         other => Error::Vulkan { call, result: format!("{other:?}") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_become_errors_that_say_what_to_do() {
+        let text = |result| failed("vkQueueSubmit")(result).to_string();
+        assert!(matches!(
+            failed("vkQueueSubmit")(vk::Result::ERROR_DEVICE_LOST),
+            Error::DeviceLost { call: "vkQueueSubmit" }
+        ));
+        assert!(text(vk::Result::ERROR_DEVICE_LOST).contains("frames already written are complete"));
+        for (result, pool) in [
+            (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "device"),
+            (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "host"),
+        ] {
+            let text = text(result);
+            assert!(text.starts_with(&format!("out of {pool} memory in vkQueueSubmit: reduce")), "{text}");
+        }
+        let other = text(vk::Result::ERROR_FORMAT_NOT_SUPPORTED);
+        assert_eq!(other, "vkQueueSubmit failed: ERROR_FORMAT_NOT_SUPPORTED");
     }
 }

@@ -48,6 +48,10 @@ pub struct DeviceInfo {
     pub sample_counts: Vec<u32>,
     /// Largest side of an image, px.
     pub max_image_side_px: u32,
+    /// Largest side of an image that is drawn into, px.
+    pub max_attachment_side_px: u32,
+    /// Bits of a px to which the rasterizer rounds vertex positions; Vulkan promises 4.
+    pub sub_pixel_bits: u32,
     /// Largest storage buffer range, bytes.
     pub max_storage_buffer_bytes: u64,
     /// What is needed and missing; empty = usable.
@@ -100,11 +104,17 @@ impl DeviceChoice {
     }
 }
 
+/// A UUID is 32 hexadecimal digits, an index a shorter number (also where a device's name holds that number, as in "256
+/// bits"); all else is a part of a name.
 fn matches(device: &DeviceInfo, wanted: &str) -> bool {
     let plain_uuid = wanted.replace('-', "").to_lowercase();
-    wanted.parse() == Ok(device.index)
-        || plain_uuid == device.uuid
-        || device.name.to_lowercase().contains(&wanted.to_lowercase())
+    if plain_uuid.len() == 32 && plain_uuid.chars().all(|c| c.is_ascii_hexdigit()) {
+        return plain_uuid == device.uuid;
+    }
+    match wanted.parse::<usize>() {
+        Ok(index) => index == device.index,
+        Err(_) => device.name.to_lowercase().contains(&wanted.to_lowercase()),
+    }
 }
 
 fn describe(d: &DeviceInfo) -> String {
@@ -187,6 +197,12 @@ fn inspect(instance: &Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
         timestamp_valid_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         sample_counts: Vec::new(),
         max_image_side_px: core.limits.max_image_dimension2_d,
+        max_attachment_side_px: core
+            .limits
+            .max_image_dimension2_d
+            .min(core.limits.max_framebuffer_width)
+            .min(core.limits.max_framebuffer_height),
+        sub_pixel_bits: core.limits.sub_pixel_precision_bits,
         max_storage_buffer_bytes: u64::from(core.limits.max_storage_buffer_range),
         missing: Vec::new(),
         physical,

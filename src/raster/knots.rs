@@ -142,7 +142,7 @@ pub struct View<'a> {
     pub path: &'a Trajectory,
 }
 
-/// `Relative` of `exact_paths.glsl`.
+/// Six texels of `relatives` in `exact_paths.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct RelativeRow {

@@ -33,15 +33,7 @@ pub struct PlacePush {
 }
 assert_push_layout!(
     "exact_place.comp",
-    PlacePush {
-        vertex_count,
-        knot_count,
-        place_low,
-        place_high,
-        place_from_ndc,
-        place_offset,
-        near_m
-    }
+    PlacePush { vertex_count, knot_count, place_low, place_high, place_from_ndc, place_offset, near_m }
 );
 
 /// `Placed` of `exact_place.comp`.
@@ -100,7 +92,13 @@ impl Place {
     }
 
     /// Places all vertices of the geometry that the group binds.
-    pub fn record(&self, recorder: &mut Recorder<'_>, geometry: &Geometry, group: &BindGroup, push: &PlacePush) {
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        geometry: &Geometry,
+        group: &BindGroup,
+        push: &PlacePush,
+    ) {
         let push = PlacePush { vertex_count: geometry.vertex_count, ..*push };
         recorder.dispatch(&self.kernel, group, &push, [geometry.vertex_count, 1]);
     }

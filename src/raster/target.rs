@@ -26,6 +26,9 @@ pub enum RasterKind {
     Motion,
     /// Both in one pass.
     ColorMotion,
+    /// Displacement from the instant of the picture to the begin (first two channels) and to the end (last two) of the
+    /// span; no lights, no textures.
+    Path,
     /// Radiance of placed vertices, and the motion group in alpha.
     Exact,
 }
@@ -39,6 +42,7 @@ impl RasterKind {
             Self::ColorMotion => {
                 (const { kernel("raster_color_motion.vert") }, const { kernel("raster_color_motion.frag") })
             }
+            Self::Path => (const { kernel("raster_path.vert") }, const { kernel("raster_path.frag") }),
         }
     }
 
@@ -47,11 +51,12 @@ impl RasterKind {
             Self::Color | Self::Exact => &[Format::Rgba16f],
             Self::Motion => &[Format::Rg32f],
             Self::ColorMotion => &[Format::Rgba16f, Format::Rg32f],
+            Self::Path => &[Format::Rgba32f],
         }
     }
 
     fn has_color(self) -> bool {
-        self != Self::Motion
+        !matches!(self, Self::Motion | Self::Path)
     }
 }
 
@@ -64,6 +69,7 @@ struct Push {
 }
 assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px });
 assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px });
+assert_push_layout!("raster_path.frag", Push { instant, object_count, motion_scale_px });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -125,8 +131,7 @@ impl RasterTarget {
             } else {
                 Vec::new()
             };
-            let spec =
-                GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
+            let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
         let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };

@@ -110,6 +110,19 @@ pub fn rich(lights: usize) -> Scene {
     drawable(b.0)
 }
 
+/// The scene in a room of 60 m, so that every pixel shows some surface.
+pub fn closed(scene: Scene) -> Scene {
+    let mut b = Builder(scene);
+    let side =
+        |f: &dyn Fn(f64, f64) -> [f64; 3]| [f(-30.0, -30.0), f(30.0, -30.0), f(30.0, 30.0), f(-30.0, 30.0)];
+    for at in [-30.0, 30.0] {
+        b.quad(side(&|a, b| [at, a, b]), 0, 2);
+        b.quad(side(&|a, b| [a, at, b]), 0, 3);
+        b.quad(side(&|a, b| [a, b, at]), 0, 2);
+    }
+    drawable(b.0)
+}
+
 /// The same geometry with a flat colour of its own for every quad.
 pub fn flat_ids(scene: &Scene) -> Scene {
     let mut ids = Scene { textures: Vec::new(), shading: Shading::Unlit, ..scene.clone() };

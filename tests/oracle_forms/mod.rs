@@ -1,5 +1,5 @@
 //! Scenes and camera paths whose pictures can be computed on paper.
-#![allow(clippy::unwrap_used)]
+#![allow(dead_code, clippy::unwrap_used)]
 
 use std::path::Path;
 

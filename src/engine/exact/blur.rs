@@ -18,6 +18,8 @@ use crate::raster::{RasterKind, RasterTarget};
 const TILE: u32 = 8;
 /// Most samples of a pixel.
 const MOST_SAMPLES: i32 = 256;
+/// Two matrices of three rows.
+const TEXELS_A_GROUP: u32 = 6;
 /// Farthest that tiles look for what may come, in tiles.
 const MOST_RADIUS: f64 = 8.0;
 
@@ -30,10 +32,7 @@ struct PathsPush {
     columns: u32,
     near_m: f32,
 }
-assert_push_layout!(
-    "exact_paths_ms.comp",
-    PathsPush { size, line_count, group_count, columns, near_m }
-);
+assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, group_count, columns, near_m });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -73,8 +72,7 @@ assert_push_layout!(
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
     pub(super) inputs: Vec<Input>,
-    paths_groups: Vec<BindGroup>,
-    groups: [BindGroup; 3],
+    groups: [BindGroup; 4],
     kernels: [ComputePipeline; 4],
     _samplers: [Sampler; 2],
     pub(super) target: RasterTarget,
@@ -84,13 +82,14 @@ pub(super) struct Blur {
 
 struct Images {
     texels: Image,
+    relatives: Image,
     paths: Image,
     tiles: [Image; 3],
     around: [Image; 3],
 }
 
 impl Images {
-    fn new(stage: &Stage, picture: [u32; 2]) -> Result<Self> {
+    fn new(stage: &Stage, picture: [u32; 2], group_count: usize) -> Result<Self> {
         let image = |name: &str, size: [u32; 2], format: Format| {
             Image::new(&stage.context, name, ImageSpec::storage(size, format))
         };
@@ -104,6 +103,11 @@ impl Images {
         };
         Ok(Self {
             texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
+            relatives: image(
+                "relatives",
+                [TEXELS_A_GROUP * group_count as u32, picture[0].max(picture[1])],
+                Format::Rgba32f,
+            )?,
             paths: image("paths", picture, Format::Rgba16f)?,
             tiles: three(["tile_near", "tile_far", "tile_facts"])?,
             around: three(["around_near", "around_far", "around_facts"])?,
@@ -122,34 +126,31 @@ impl Blur {
         let context = &stage.context;
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
-        let images = Images::new(stage, size)?;
-        let all = target.attachments.images().chain([&images.texels, &images.paths]);
+        let images = Images::new(stage, size, group_count)?;
+        let all = target.attachments.images().chain([&images.texels, &images.relatives, &images.paths]);
         prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
         let kernels = [
-            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa, if stage.plan.msaa > 1 { env("EXACT_DEPTHS", 1.0) as u32 } else { 1 }])?,
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
-            ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[env("EXACT_TAPS", 2.0) as u32, env("EXACT_DENSITY", 1.0).to_bits(), env("EXACT_LAYERS", 1.0) as u32])?,
+            ComputePipeline::new(context, const { kernel("exact_gather.comp") })?,
         ];
-        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::new(context, true)?);
+        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
         let fetched = |image| Bound::Sampled(image, &sampler);
-        let paths_groups = inputs.iter().map(|input| {
+        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+        let groups = [
             kernels[0].bind(&[
                 ("color_samples", fetched(&target.attachments.colors()[0])),
                 ("depth_samples", fetched(target.attachments.depth())),
                 ("texels", Bound::Storage(&images.texels)),
                 ("paths", Bound::Storage(&images.paths)),
-                ("Relatives", Bound::Buffer(&input.relative)),
-            ])
-        });
-        let paths_groups = paths_groups.collect::<Result<Vec<_>>>()?;
-        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
-        let groups = [
+                ("relatives", fetched(&images.relatives)),
+            ])?,
             kernels[1].bind(&[
                 ("texels", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
@@ -167,6 +168,7 @@ impl Blur {
             ])?,
             kernels[3].bind(&[
                 ("texels", Bound::Sampled(&images.texels, &linear)),
+                ("inverses", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
                 ("around_near", fetched(around_near)),
                 ("around_far", fetched(around_far)),
@@ -174,16 +176,7 @@ impl Blur {
                 ("radiance", Bound::Storage(radiance)),
             ])?,
         ];
-        Ok(Self {
-            inputs,
-            paths_groups,
-            groups,
-            kernels,
-            _samplers: [sampler, linear],
-            target,
-            images,
-            margin_px,
-        })
+        Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
     }
 
     /// Records everything after the raster.
@@ -200,21 +193,19 @@ impl Blur {
         recorder.mark("exact_paths");
         let push = self.paths_push(shutter, part);
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
-        recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, along_and_across);
+        recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
+        recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push = TilesPush {
-            size: tiles,
-            picture: picture.map(|s| s as i32),
-            grid: stage.plan.grid as i32,
-        };
-        recorder.dispatch(&self.kernels[1], &self.groups[0], &push, tiles);
+        let push =
+            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
+        recorder.dispatch(&self.kernels[1], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
         let push = NeighboursPush { size: tiles, radius, tile_px: tile_px as f32 };
-        recorder.dispatch(&self.kernels[2], &self.groups[1], &push, tiles);
+        recorder.dispatch(&self.kernels[2], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        recorder.dispatch(&self.kernels[3], &self.groups[2], &push, push.size);
+        recorder.dispatch(&self.kernels[3], &self.groups[3], &push, push.size);
     }
 
     fn paths_push(&self, shutter: &ShutterTiming, part: &Part) -> PathsPush {
@@ -261,8 +252,4 @@ pub(super) struct Part {
 /// Whether lines are rows, and whether the last one is read first.
 pub(super) fn orientation(order: ScanOrder) -> (bool, bool) {
     (order.lines_are_rows(), matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft))
-}
-
-fn env(name: &str, otherwise: f32) -> f32 {
-    std::env::var(name).map_or(otherwise, |v| v.parse().unwrap_or(otherwise))
 }

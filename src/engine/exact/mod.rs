@@ -25,8 +25,8 @@ use crate::gpu::{
 };
 use crate::kernels::kernel;
 use crate::raster::{
-    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterKind, RasterTarget, View,
-    RelativeRow, relative_rows, spaced,
+    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterKind, RasterTarget,
+    RelativeRow, View, relative_rows, spaced,
 };
 use blur::{Blur, Part, orientation};
 
@@ -255,12 +255,13 @@ impl Exact {
             self.frames.push((request.shutter.start_s, request.shutter.end_s()));
         }
         let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let chord = std::env::var("EXACT_CHORD").map_or(self.options.chord_px, |v| v.parse().unwrap_or(0.1));
-        let limits = (chord, self.options.most_triangles as usize);
+        let limits = (self.options.chord_px, self.options.most_triangles as usize);
         let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
-        tracing::info!("{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most", lines.0);
-        if std::env::var_os("EXACT_LOG").is_some() { eprintln!("CUT {from} -> {to} ({} -> {} vertices), {chord_px} px", self.mesh.vertices.len(), mesh.vertices.len()); }
+        tracing::info!(
+            "{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most",
+            lines.0
+        );
         self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
         Ok(())
     }
@@ -392,12 +393,7 @@ fn lines_of(camera: &Intrinsics, shutter: &ShutterTiming) -> u32 {
 
 /// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first line
 /// (in scan order) to that of its last.
-fn exposures(
-    view: &View<'_>,
-    shutter: &ShutterTiming,
-    count: usize,
-    covered_s: (f64, f64),
-) -> Vec<[f64; 3]> {
+fn exposures(view: &View<'_>, shutter: &ShutterTiming, count: usize, covered_s: (f64, f64)) -> Vec<[f64; 3]> {
     let lines = f64::from(shutter.line_count);
     let beyond = 0.5 * (f64::from(lines_of(view.camera, shutter)) - lines);
     let inside = |time_s: f64| time_s.clamp(covered_s.0, covered_s.1);

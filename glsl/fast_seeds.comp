@@ -1,0 +1,85 @@
+#version 460
+// `--method fast`, first half: every texel of the reference picture finds the line that sees it, and lays claim to the
+// pixel it lands on. What is nearest keeps it. Twin: src/reference/fast_seeds.rs.
+//
+// Claims only start the search in fast_gather, so the curve is taken as a parabola here.
+#extension GL_GOOGLE_include_directive : require
+
+layout(local_size_x = 16, local_size_y = 8) in;
+
+#define SEEDS_ACCESS
+#include "fast_push.glsl"
+// Displacements (px) from the reference instant to knots, two an image.
+layout(set = 0, binding = 1) uniform sampler2D path_0;
+layout(set = 0, binding = 2) uniform sampler2D path_1;
+layout(set = 0, binding = 3) uniform sampler2D path_2;
+// Grows towards the camera; 0: infinitely far.
+layout(set = 0, binding = 4) uniform sampler2D inverse_depth;
+// Cleared; fast_gather fills it.
+layout(set = 0, binding = 5, std430) buffer Listed {
+    uvec3 groups;
+    uint count;
+    uint pixels[];
+} listed;
+
+#include "timing.glsl"
+#include "path.glsl"
+
+vec2 layer_at(ivec2 texel, int layer) {
+    vec4 pair = layer < 2 ? texelFetch(path_0, texel, 0)
+                          : (layer < 4 ? texelFetch(path_1, texel, 0) : texelFetch(path_2, texel, 0));
+    return (layer & 1) == 0 ? pair.xy : pair.zw;
+}
+
+// Fraction of the readout at which the line through a position is read, continuous and limited to the picture.
+float fraction_at(vec2 position_px) {
+    bool lines_are_rows = push.scan_order <= BOTTOM_TO_TOP;
+    bool backwards = push.scan_order == BOTTOM_TO_TOP || push.scan_order == RIGHT_TO_LEFT;
+    float place = lines_are_rows ? position_px.y : position_px.x;
+    float count = float(lines_are_rows ? push.size.y : push.size.x);
+    precise float line = (backwards ? count - place : place) - 0.5;
+    precise float fraction = clamp(line, 0.0, count - 1.0) / count;
+    return fraction;
+}
+
+void main() {
+    ivec2 full = ivec2(push.size) + 2 * push.margin_px;
+    ivec2 source = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(source, full))) {
+        return;
+    }
+    ivec2 texel = source * PATH_SCALE;
+    if (all(equal(source, ivec2(0)))) {
+        listed.groups.yz = uvec2(1u);
+    }
+    precise vec2 at_px = (vec2(texel) + 0.5) / float(PATH_SCALE) - vec2(push.margin_px);
+    float reference = float(push.reference_knot);
+    float after = float(push.last_knot) - reference;
+    vec2 first_px = reference > 0.0 ? layer_at(texel, 0) : vec2(0.0);
+    vec2 last_px = after > 0.0 ? layer_at(texel, int(push.last_knot) - 1) : vec2(0.0);
+    // The parabola through begin, reference and end: bend t^2 + slope t, t in knots from the reference.
+    precise vec2 bend = vec2(0.0);
+    precise vec2 slope = after > 0.0 ? last_px / after : -first_px / max(reference, 1.0);
+    if (reference > 0.0 && after > 0.0) {
+        bend = (last_px / after + first_px / reference) / (after + reference);
+        slope = last_px / after - bend * after;
+    }
+    float depth = texelFetch(inverse_depth, texel, 0).r;
+    precise vec2 lands_px = at_px;
+    for (uint slot = 0u; slot < push.slots; ++slot) {
+        precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
+        precise float lines = push.readout_time_s / push.knot_step_s;
+        // The line moves with the point; later slots start from where the one before it landed.
+        int steps = slot == 0u ? 4 : 2;
+        for (int i = 0; i < steps; ++i) {
+            precise float t = begin + lines * fraction_at(lands_px);
+            lands_px = at_px + t * (slope + t * bend);
+        }
+        ivec2 pixel = ivec2(floor(lands_px));
+        ivec2 offset = source - push.margin_px - pixel;
+        bool inside = all(greaterThanEqual(lands_px, vec2(0.0))) && all(lessThan(lands_px, vec2(push.size)));
+        if (inside && all(lessThanEqual(abs(offset), ivec2(SEED_REACH_PX)))) {
+            atomicMax(seeds[seed_index(slot, pixel)], seed_key(depth, offset));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+// Reading the claims that fast_seeds made, and the list of pixels that see several surfaces. Twin:
+// src/reference/fast_claims.rs. Needs fast_push.
+#ifndef FAST_CLAIMS_GLSL
+#define FAST_CLAIMS_GLSL
+
+// Claims of one slot at a pixel and its four diagonal neighbours.
+struct SlotClaims {
+    uint nearest;
+    uint farthest;
+    // Whether all of them can be of one surface.
+    bool agree;
+};
+
+// Neighbours of more different depth, and different motion, are two surfaces: a quarter of an octave.
+const uint ONE_SURFACE_KEYS = 32u;
+const uint NO_CLAIM = 0xffffffffu;
+const ivec2 NEIGHBOURS[5] = ivec2[5](ivec2(0), ivec2(-1), ivec2(1, -1), ivec2(-1, 1), ivec2(1));
+
+SlotClaims slot_claims(uint slot, ivec2 pixel) {
+    SlotClaims c = SlotClaims(0u, NO_CLAIM, false);
+    ivec2 low = ivec2(1 << 20);
+    ivec2 high = -low;
+    int count = 0;
+    for (int i = 0; i < 5; ++i) {
+        ivec2 at = clamp(pixel + NEIGHBOURS[i], ivec2(0), ivec2(push.size) - 1);
+        uint key = seeds[seed_index(slot, at)];
+        // A gap is no objection: where the picture stretches, some pixels are nobody's.
+        if (key != 0u) {
+            c.nearest = max(c.nearest, key);
+            c.farthest = min(c.farthest, key);
+            low = min(low, seed_offset(key));
+            high = max(high, seed_offset(key));
+            ++count;
+        }
+    }
+    // Neighbours on one surface differ by rounding, or because it slants or turns; a step in depth with it is an edge.
+    ivec2 spread = high - low;
+    bool one_depth = (c.nearest >> 20u) - (c.farthest >> 20u) <= ONE_SURFACE_KEYS;
+    c.agree = count >= 3 && all(lessThanEqual(spread, ivec2(1))) && (one_depth || all(equal(spread, ivec2(0))));
+    return c;
+}
+
+#endif

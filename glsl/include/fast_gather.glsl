@@ -1,0 +1,68 @@
+// Where one surface is seen all the exposure long. Twin: src/reference/fast_gather.rs. Needs fast_push, fast_claims, path,
+// pixel_area.
+#ifndef FAST_GATHER_GLSL
+#define FAST_GATHER_GLSL
+
+// Pixels of a workgroup of fast_silhouettes.
+const uint SILHOUETTE_GROUP = 64u;
+
+// Where the reference picture shows what a pixel sees at begin, middle and end of its exposure, px.
+struct Sources {
+    vec2 begin_px;
+    vec2 middle_px;
+    vec2 end_px;
+};
+
+// Whether a claim's whole px, and the px by which its parabola may be off, explain the distance.
+bool is_claimed(uint key, vec2 x_px, vec2 source_px) {
+    vec2 off = abs(x_px + vec2(seed_offset(key)) - source_px);
+    return max(off.x, off.y) < 2.5;
+}
+
+// Sources on one surface; false where several surfaces come by. One block of displacements serves the whole exposure:
+// that of the middle's claim.
+bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
+    int reference = int(push.reference_knot);
+    int last = int(push.last_knot);
+    precise float half_span = 0.5 * push.exposure_time_s / push.knot_step_s;
+    SlotClaims middle = slot_claims(BLUR, pixel);
+    ivec2 block = path_block(x_px + vec2(seed_offset(middle.nearest)));
+    precise float at = from + half_span;
+    PathBlock model = block_displacement(block, path_weights(at, reference, last));
+    s.middle_px = block_source(model, x_px);
+    s.begin_px = s.middle_px;
+    s.end_px = s.middle_px;
+    bool one_surface = middle.agree && model.one_surface;
+    if (!blurs()) {
+        return one_surface;
+    }
+    SlotClaims begin = slot_claims(0u, pixel);
+    SlotClaims end = slot_claims(2u, pixel);
+    at = from + 2.0 * half_span;
+    s.begin_px = block_source(block_displacement(block, path_weights(from, reference, last)), x_px);
+    s.end_px = block_source(block_displacement(block, path_weights(at, reference, last)), x_px);
+    return one_surface && begin.agree && end.agree && is_claimed(begin.nearest, x_px, s.begin_px) &&
+           is_claimed(end.nearest, x_px, s.end_px);
+}
+
+// Mean over the exposure along the parabola through three sources: no motion is read for it.
+vec4 blur_one_surface(Sources s) {
+    precise vec2 chord = s.end_px - s.begin_px;
+    precise vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
+    float path_px = sqrt(squared(s.middle_px - s.begin_px)) + sqrt(squared(s.end_px - s.middle_px));
+    int count = blur_samples(path_px);
+    bool clamped = false;
+    if (!blurs()) {
+        return vec4(read_pixel_area(s.middle_px, clamped), clamped ? -1.0 : 1.0);
+    }
+    precise vec3 sum = vec3(0.0);
+    for (int i = 0; i < count; ++i) {
+        precise float t = (float(i) + 0.5) / float(count) - 0.5;
+        precise vec2 area = s.middle_px + t * (chord + t * bend) - 0.5;
+        sum = sum + sample_bilinear(color, area * float(COLOR_SCALE) + 0.5, clamped).rgb;
+    }
+    precise vec3 mean = sum / float(count);
+    return vec4(mean, clamped ? -float(count) : float(count));
+}
+
+#endif

@@ -1,0 +1,44 @@
+// Parameters of fast_seeds and fast_gather. Times are relative to the reference instant, at which the picture was
+// rendered.
+layout(push_constant) uniform Push {
+    uvec2 size;
+    ivec2 margin_px;
+    float start_s;
+    float readout_time_s;
+    float exposure_time_s;
+    float knot_step_s;
+    uint reference_knot;
+    uint last_knot;
+    uint scan_order;
+    uint max_samples;
+    uint slots;
+} push;
+
+// One claim a destination pixel and slot (a moment of the exposure: its middle; or begin, middle and end): the nearest
+// surface that lands there. 0: none does.
+layout(set = 0, binding = 0, std430) SEEDS_ACCESS buffer Seeds {
+    uint seeds[];
+};
+
+const int SEED_REACH_PX = 511;
+
+// Nearer surfaces have greater keys; beside depth the key holds where the source lies. Depth is the float's own
+// logarithm: 128 steps an octave from 2^-24 on.
+uint seed_key(float inverse_depth, ivec2 source_minus_destination) {
+    int depth = clamp((floatBitsToInt(inverse_depth) - 0x33800000) >> 16, 0, 4095);
+    uvec2 offset = uvec2(source_minus_destination + 512);
+    return (uint(depth) << 20u) | (offset.x << 10u) | offset.y;
+}
+
+ivec2 seed_offset(uint key) {
+    return ivec2((key >> 10u) & 1023u, key & 1023u) - 512;
+}
+
+uint seed_index(uint slot, ivec2 pixel) {
+    return (slot * push.size.y + uint(pixel.y)) * push.size.x + uint(pixel.x);
+}
+
+// Place in the exposure, 0..1.
+float slot_fraction(uint slot) {
+    return push.slots == 1u ? 0.5 : 0.5 * float(slot);
+}

@@ -1,0 +1,150 @@
+// Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin:
+// src/reference/path.rs. The kernel declares samplers `path_0`, `path_1`, `path_2`, each with the displacements (px, from
+// the reference instant) to two knots, in order of time and without the reference instant's own, which is zero.
+#ifndef PATH_GLSL
+#define PATH_GLSL
+
+// Images that hold knots; texels of the path images a px.
+layout(constant_id = 0) const int PATH_IMAGES = 3;
+layout(constant_id = 1) const int PATH_SCALE = 1;
+
+// Behind a function, because the build's reflection does not evaluate comparisons of constants.
+int path_images() { return PATH_IMAGES; }
+int path_scale() { return PATH_SCALE; }
+
+// Shares of the knots in the displacement at one instant: one vec2 a path image.
+struct PathWeights {
+    vec2 image_0;
+    vec2 image_1;
+    vec2 image_2;
+};
+
+// Weight of the point `offset` knots away (-1, 0, 1) in the parabola through three, at `at` knots from its middle.
+float parabola_weight(float at, float offset) {
+    precise float side = 0.5 * at * (at + offset);
+    precise float middle = 1.0 - at * at;
+    return offset == 0.0 ? middle : (abs(offset) == 1.0 ? side : 0.0);
+}
+
+// Weight of `knot` at place `at` of the time axis with knots 0..last: between two knots the parabolas through either and
+// its neighbours are blended (a cubic with continuous slope, Catmull-Rom); constant acceleration is met exactly. At a
+// knot: 1 for itself, 0 for all others, to the bit.
+float knot_weight(float at, float knot, float last) {
+    if (last < 2.0) {
+        precise float linear = 1.0 - abs(at - knot);
+        return linear;
+    }
+    float before = clamp(floor(at), 0.0, last - 1.0);
+    precise float f = at - before;
+    float left = clamp(before, 1.0, last - 1.0);
+    float right = clamp(before + 1.0, 1.0, last - 1.0);
+    precise float weight =
+        (1.0 - f) * parabola_weight(at - left, knot - left) + f * parabola_weight(at - right, knot - right);
+    return weight;
+}
+
+// Weight of place `layer` in the path images.
+float layer_weight(float at, int layer, int reference_knot, int last_knot) {
+    int knot = layer < reference_knot ? layer : layer + 1;
+    return knot <= last_knot ? knot_weight(at, float(knot), float(last_knot)) : 0.0;
+}
+
+PathWeights path_weights(float at, int reference_knot, int last_knot) {
+    PathWeights w = PathWeights(vec2(0.0), vec2(0.0), vec2(0.0));
+    w.image_0 = vec2(layer_weight(at, 0, reference_knot, last_knot), layer_weight(at, 1, reference_knot, last_knot));
+    if (path_images() > 1) {
+        w.image_1 =
+            vec2(layer_weight(at, 2, reference_knot, last_knot), layer_weight(at, 3, reference_knot, last_knot));
+    }
+    if (path_images() > 2) {
+        w.image_2 =
+            vec2(layer_weight(at, 4, reference_knot, last_knot), layer_weight(at, 5, reference_knot, last_knot));
+    }
+    return w;
+}
+
+// Displacement of what one texel of the path images shows, px.
+vec2 texel_displacement(ivec2 texel, PathWeights w) {
+    vec4 knots = texelFetch(path_0, texel, 0);
+    precise vec2 sum = w.image_0.x * knots.xy + w.image_0.y * knots.zw;
+    if (path_images() > 1) {
+        knots = texelFetch(path_1, texel, 0);
+        sum = sum + (w.image_1.x * knots.xy + w.image_1.y * knots.zw);
+    }
+    if (path_images() > 2) {
+        knots = texelFetch(path_2, texel, 0);
+        sum = sum + (w.image_2.x * knots.xy + w.image_2.y * knots.zw);
+    }
+    return sum;
+}
+
+// The texel of the path images that holds a position, px.
+ivec2 path_texel(vec2 position_px) {
+    ivec2 last = textureSize(path_0, 0) - 1;
+    vec2 inside = clamp(floor(position_px * float(PATH_SCALE)), vec2(0.0), vec2(last));
+    return clamp(ivec2(inside), ivec2(0), last);
+}
+
+vec2 nearest_displacement(vec2 position_px, PathWeights w) {
+    return texel_displacement(path_texel(position_px), w);
+}
+
+float squared(vec2 v) {
+    precise float square = v.x * v.x + v.y * v.y;
+    return square;
+}
+
+// Displacements of neighbouring texels further apart than this, px, belong to different surfaces.
+const float ONE_SURFACE_PX = 0.4;
+
+// Displacements of a block of 2x2 texels: where the block's first texel has its centre, px, the displacement there, and
+// its change from texel to texel along x and y. Both differences are means of the block's two.
+struct PathBlock {
+    vec2 centre_px;
+    vec2 at_centre_px;
+    vec2 along_x_px;
+    vec2 along_y_px;
+    bool one_surface;
+};
+
+// The block around a position, read once for any number of instants.
+ivec2 path_block(vec2 position_px) {
+    ivec2 last = max(textureSize(path_0, 0) - 2, ivec2(0));
+    precise vec2 wanted = position_px * float(PATH_SCALE) - 0.5;
+    return clamp(ivec2(floor(clamp(wanted, vec2(0.0), vec2(last)))), ivec2(0), last);
+}
+
+PathBlock block_displacement(ivec2 block, PathWeights w) {
+    ivec2 far = min(block + 1, textureSize(path_0, 0) - 1);
+    precise vec2 a = texel_displacement(block, w);
+    precise vec2 b = texel_displacement(ivec2(far.x, block.y), w);
+    precise vec2 c = texel_displacement(ivec2(block.x, far.y), w);
+    precise vec2 d = texel_displacement(far, w);
+    vec2 spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d));
+    PathBlock m;
+    precise vec2 centre = (vec2(block) + 1.0) / float(PATH_SCALE);
+    precise vec2 mean = 0.25 * (a + b + (c + d));
+    precise vec2 along_x = 0.5 * float(PATH_SCALE) * (b - a + (d - c));
+    precise vec2 along_y = 0.5 * float(PATH_SCALE) * (c - a + (d - b));
+    m.centre_px = centre;
+    m.at_centre_px = mean;
+    m.along_x_px = along_x;
+    m.along_y_px = along_y;
+    m.one_surface = max(spread.x, spread.y) <= ONE_SURFACE_PX;
+    return m;
+}
+
+// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a displacement that
+// is linear around the block (a Newton step). The error is the displacement's curvature over half the squared distance
+// from the block.
+vec2 block_source(PathBlock m, vec2 x_px) {
+    precise vec2 rest = x_px - m.centre_px - m.at_centre_px;
+    precise float xx = 1.0 + m.along_x_px.x;
+    precise float yy = 1.0 + m.along_y_px.y;
+    precise float determinant = xx * yy - m.along_y_px.x * m.along_x_px.y;
+    precise vec2 moved = vec2(yy * rest.x - m.along_y_px.x * rest.y, xx * rest.y - m.along_x_px.y * rest.x);
+    precise vec2 p = m.centre_px + moved / determinant;
+    return p;
+}
+
+#endif

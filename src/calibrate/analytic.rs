@@ -1,0 +1,149 @@
+//! The covariance that [`IspCamera`] gives to small noise, in closed form: every stage behind the sensor is linear for
+//! small noise, so its effect on the power spectrum is a product. Averaged over the phases of mosaic and subsampling.
+
+use std::f64::consts::PI;
+
+use super::cells::PAIRS;
+use super::frames::Encoding;
+use super::model::{IspCamera, LUMA};
+use super::spatial::LAGS;
+
+/// Frequencies a side of the quarter plane.
+const GRID: usize = 24;
+
+/// Autocovariance of unit noise of one sensor channel behind mosaic and smoothing, at lag 0 and [`LAGS`].
+type Kernel = [f64; 7];
+
+/// What of each sensor channel arrives: through luma twice, through luma and chroma, through chroma twice.
+struct Arriving {
+    luma: [Kernel; 3],
+    mixed: [Kernel; 3],
+    chroma: [Kernel; 3],
+}
+
+fn arriving(camera: &IspCamera) -> Arriving {
+    let omega: [f64; GRID] = std::array::from_fn(|i| PI * (i as f64 + 0.5) / GRID as f64);
+    let gaussian = |sigma: f64| omega.map(|w| (-0.5 * (sigma * w).powi(2)).exp());
+    let (luma, smooth) = (gaussian(camera.luma_sigma_px), gaussian(camera.chroma_sigma_px));
+    // Mean of 2, then linear interpolation back: (1/2 1/2) * (1/4 3/4 3/4 1/4) / 2 has this response.
+    let halved = |w: f64| (0.5 * w).cos() * (0.75 * (0.5 * w).cos() + 0.25 * (1.5 * w).cos());
+    let chroma: [[f64; GRID]; 2] = [0, 1].map(|axis| {
+        let on = camera.chroma_step[axis] == 2;
+        std::array::from_fn(|i| smooth[i] * if on { halved(omega[i]) } else { 1.0 })
+    });
+    let mut out = Arriving { luma: [[0.0; 7]; 3], mixed: [[0.0; 7]; 3], chroma: [[0.0; 7]; 3] };
+    for (j, wy) in omega.iter().enumerate() {
+        for (i, wx) in omega.iter().enumerate() {
+            // Bilinear demosaic: a tent around every fourth pixel for red and blue, a cross around every second for green.
+            let (tent, cross) = ((1.0 + wx.cos()) * (1.0 + wy.cos()), 1.0 + 0.5 * (wx.cos() + wy.cos()));
+            let source = if camera.bayer {
+                [tent * tent / 4.0, cross * cross / 2.0, tent * tent / 4.0]
+            } else {
+                [1.0; 3]
+            };
+            let (y, c) = (luma[i] * luma[j], chroma[0][i] * chroma[1][j]);
+            let lag = |k: usize| {
+                if k == 0 {
+                    1.0
+                } else {
+                    (LAGS[k - 1].0 as f64 * wx).cos() * (LAGS[k - 1].1 as f64 * wy).cos()
+                }
+            };
+            for k in 0..7 {
+                let wave = lag(k) / (GRID * GRID) as f64;
+                for (channel, power) in source.iter().enumerate() {
+                    out.luma[channel][k] += wave * power * y * y;
+                    out.mixed[channel][k] += wave * power * y * c;
+                    out.chroma[channel][k] += wave * power * c * c;
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Covariances of one colour as in [`super::cells::Cell`].
+pub struct Predicted {
+    /// Variances and covariances at lag 0.
+    pub covariance: [f64; 6],
+    /// Autocovariances of R, G, B at [`LAGS`].
+    pub lagged: [[f64; 6]; 3],
+}
+
+/// Noise of the camera at each of the (encoded) `colors`. `None` if the colour matrix cannot be inverted.
+pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>> {
+    let inverse = camera.inverse_matrix()?;
+    let kernels = arriving(camera);
+    let encoding = if camera.srgb { Encoding::Srgb } else { Encoding::Linear };
+    let rounding = camera.step.powi(2) / 12.0;
+    let one = |encoded: &[f64; 3]| {
+        let color: [f64; 3] = encoded.map(|v| f64::from(encoding.decode(v as f32)));
+        let slope = color.map(|v| encoding.slope(v));
+        let seen = camera.sensor_color(&inverse, color);
+        let variance: [f64; 3] = std::array::from_fn(|k| {
+            seen[k] / camera.full_well_e + camera.read_sigma.powi(2) + camera.extra_variance[k]
+        });
+        // How sensor channel k reaches luma, and what of it picture channel i has beyond that.
+        let gain = |i: usize, k: usize| slope[i] * camera.color_matrix[i][k] * camera.white_balance[k];
+        let to_luma: [f64; 3] = std::array::from_fn(|k| (0..3).map(|j| LUMA[j] * gain(j, k)).sum());
+        let covariance = |a: usize, b: usize, lag: usize| -> f64 {
+            (0..3)
+                .map(|k| {
+                    let (y, ca, cb) = (to_luma[k], gain(a, k) - to_luma[k], gain(b, k) - to_luma[k]);
+                    variance[k]
+                        * (y * y * kernels.luma[k][lag]
+                            + y * (ca + cb) * kernels.mixed[k][lag]
+                            + ca * cb * kernels.chroma[k][lag])
+                })
+                .sum()
+        };
+        let at_once = PAIRS.map(|(a, b)| covariance(a, b, 0) + if a == b { rounding } else { 0.0 });
+        let lagged = std::array::from_fn(|c| std::array::from_fn(|k| covariance(c, c, k + 1)));
+        Predicted { covariance: at_once, lagged }
+    };
+    Some(colors.iter().map(one).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::cells::cells;
+    use crate::calibrate::model::CameraModel;
+    use crate::plane::{Plane, srgb_decode};
+
+    #[test]
+    fn the_closed_form_agrees_with_the_simulation() {
+        let camera = IspCamera {
+            bayer: true,
+            white_balance: [1.6, 1.0, 1.9],
+            color_matrix: [[1.5, -0.35, -0.15], [-0.2, 1.4, -0.2], [-0.05, -0.45, 1.5]],
+            luma_sigma_px: 0.8,
+            chroma_sigma_px: 1.7,
+            chroma_step: [2, 2],
+            row_sigma: 0.0,
+            ..IspCamera::sensor(4000.0, 0.004, true, 0.0)
+        };
+        let encoded = [0.55, 0.5, 0.42];
+        let clean = Plane::from_fn(400, 400, |_, _| encoded.map(srgb_decode));
+        let frames = [0, 1].map(|f| camera.frame(&clean, f, 3).expect("a frame"));
+        let flat = Plane::from_fn(400, 400, |_, _| encoded);
+        let d =
+            Plane { data: frames[0].data.iter().zip(&frames[1].data).map(|(a, b)| b - a).collect(), ..flat };
+        let found = cells(&flat, &d, &vec![true; 160_000]);
+        let cell = found.values().next().expect("one cell");
+        let want = &predict(&camera, &[encoded.map(f64::from)]).expect("invertible")[0];
+        for k in 0..3 {
+            let ratio = cell.covariance[k] / want.covariance[k];
+            assert!((ratio - 1.0).abs() < 0.05, "channel {k}: {ratio}");
+            for lag in 0..6 {
+                let (got, want) =
+                    (cell.lagged[k][lag] / cell.covariance[k], want.lagged[k][lag] / want.covariance[k]);
+                assert!((got - want).abs() < 0.03, "channel {k}, lag {lag}: {got} for {want}");
+            }
+        }
+        // Control: without the matrix it does not.
+        let plain = IspCamera { color_matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], ..camera };
+        let other = &predict(&plain, &[encoded.map(f64::from)]).expect("invertible")[0];
+        assert!((cell.covariance[0] / other.covariance[0] - 1.0).abs() > 0.3);
+    }
+}

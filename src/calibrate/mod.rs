@@ -1,0 +1,34 @@
+//! Calibration from pictures: the noise of a camera from two or more frames of one static scene (section 3.4 and Fig. 5
+//! of the paper; photon transfer as in EMVA 1288, release 4.0).
+//!
+//! The difference of two frames is noise alone where the scene rests. Its variance over intensity gives full well and
+//! read noise of the delivered picture ([`ptc`]), means of rows and columns give row noise, neighbours their
+//! correlation ([`spatial`]). An ISP mixes colours and smooths, so those are not yet the sensor's: [`fit`] finds sensor,
+//! colour matrix and smoothing ([`model`]) whose simulated frames measure the same.
+//!
+//! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
+//! noise from frames that are displaced.
+
+// A channel indexes several arrays at once here; an iterator over one of them hides that.
+#![allow(clippy::needless_range_loop)]
+
+pub mod analytic;
+mod blocks;
+pub mod cells;
+pub mod chart;
+pub mod figure;
+pub mod filter;
+pub mod fit;
+pub mod frames;
+pub mod model;
+mod noise;
+pub mod ptc;
+mod search;
+pub mod series;
+pub mod spatial;
+pub mod statics;
+mod tables;
+
+pub use frames::{Encoding, Frame};
+pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
+pub use tables::{ChainCamera, chain_settings, paper_settings};

@@ -1,0 +1,249 @@
+//! The warp of `--method fast` on its own: it takes a picture, the paths of what it shows and their depth, wherever these
+//! come from (a renderer's, or frames from outside), and writes radiance. Twins: `reference/fast_seeds.rs`,
+//! `reference/fast_gather.rs`.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::assert_push_layout;
+use crate::camera::ShutterTiming;
+use crate::error::Result;
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, Sampler, Usage,
+};
+use crate::kernels::kernel;
+use crate::reference::fast_push::Push;
+
+assert_push_layout!(
+    "fast_seeds.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+assert_push_layout!(
+    "fast_gather.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+
+assert_push_layout!(
+    "fast_silhouettes.comp",
+    Push {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        knot_step_s,
+        reference_knot,
+        last_knot,
+        scan_order,
+        max_samples,
+        slots
+    }
+);
+
+/// Parameters of `fast_areas`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct AreasPush {
+    size: [u32; 2],
+}
+assert_push_layout!("fast_areas.comp", AreasPush { size });
+
+/// Most path images: two knots each.
+pub const MAX_PATH_IMAGES: usize = 3;
+
+/// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
+pub struct FastImages<'a> {
+    /// Linear radiance at the reference instant; `color_scale` texels a px.
+    pub color: &'a Image,
+    /// Scratch of the size and kind of `color`, four floats: means over a px. Only where there are two texels a px.
+    pub areas: Option<&'a Image>,
+    /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
+    /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
+    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place.
+    pub paths: Vec<&'a Image>,
+    /// One float, size of the path images: grows towards the camera (near distance over distance), 0 infinitely far.
+    pub inverse_depth: &'a Image,
+    /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
+    pub radiance: &'a Image,
+}
+
+/// When lines are exposed and where the knots lie, all relative to the reference instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FastTiming {
+    /// The shutter; `start_s` on any clock.
+    pub shutter: ShutterTiming,
+    /// The reference instant on the same clock, s.
+    pub reference_s: f64,
+    /// Time from one knot to the next, s.
+    pub knot_step_s: f64,
+    /// Which knot is the reference instant.
+    pub reference_knot: u32,
+    /// Number of knots less one.
+    pub last_knot: u32,
+}
+
+/// Kernels and claims of the warp.
+pub struct FastGather {
+    seeds: ComputePipeline,
+    areas: ComputePipeline,
+    /// Without and with blur.
+    gather: [ComputePipeline; 2],
+    silhouettes: [ComputePipeline; 2],
+    claims: Buffer,
+    /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
+    listed: Buffer,
+    sampler: Sampler,
+    size: [u32; 2],
+}
+
+/// The images of a warp, bound.
+pub struct FastBinding {
+    seeds: BindGroup,
+    areas: Option<(BindGroup, [u32; 2])>,
+    gather: [BindGroup; 2],
+    silhouettes: [BindGroup; 2],
+}
+
+impl FastGather {
+    /// A warp that delivers `size` px from pictures of `color_scale` (1 or 2) and path images of `path_scale` texels a px.
+    ///
+    /// # Errors
+    /// Out of memory.
+    ///
+    /// # Panics
+    /// If there are no path images, or more than three; another colour scale than 1 or 2.
+    pub fn new(
+        context: &Arc<Context>,
+        size: [u32; 2],
+        (path_images, path_scale): (usize, u32),
+        color_scale: u32,
+    ) -> Result<Self> {
+        assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
+        assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
+        let constants = [path_images as u32, path_scale, color_scale];
+        let pipeline = |kernel, constants: &[u32]| ComputePipeline::specialized(context, kernel, constants);
+        let [images, path_scale, color_scale] = constants;
+        let blurring = |kernel, blur| pipeline(kernel, &[images, path_scale, color_scale, blur]);
+        let both = |kernel| -> Result<_> { Ok([blurring(kernel, 0)?, blurring(kernel, 1)?]) };
+        // One claim a pixel at each of up to three moments of the exposure.
+        let words = u64::from(size[0]) * u64::from(size[1]);
+        let buffer =
+            |name: &str, words: u64| Buffer::new(context, name, 4 * words, Usage::Storage, Location::Device);
+        Ok(Self {
+            seeds: pipeline(const { kernel("fast_seeds.comp") }, &constants[..2])?,
+            areas: pipeline(const { kernel("fast_areas.comp") }, &[])?,
+            gather: both(const { kernel("fast_gather.comp") })?,
+            silhouettes: both(const { kernel("fast_silhouettes.comp") })?,
+            claims: buffer("fast claims", 3 * words)?,
+            listed: buffer("fast silhouettes", 4 + words)?,
+            sampler: Sampler::new(context, false)?,
+            size,
+        })
+    }
+
+    /// Binds the images of a warp.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn bind(&self, images: &FastImages<'_>) -> Result<FastBinding> {
+        let sampled = |image| Bound::Sampled(image, &self.sampler);
+        // Images that do not exist are never read; the set still wants something there.
+        let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(images.paths[0]));
+        let bind = |pipeline: &ComputePipeline, color: &Image| {
+            pipeline.bind(&[
+                ("Seeds", Bound::Buffer(&self.claims)),
+                ("listed", Bound::Buffer(&self.listed)),
+                ("path_0", path(0)),
+                ("path_1", path(1)),
+                ("path_2", path(2)),
+                ("inverse_depth", sampled(images.inverse_depth)),
+                ("color", Bound::Sampled(color, &self.sampler)),
+                ("radiance", Bound::Storage(images.radiance)),
+            ])
+        };
+        let areas = |to: &Image| {
+            let group =
+                self.areas.bind(&[("color", sampled(images.color)), ("areas", Bound::Storage(to))])?;
+            Ok((group, to.spec().size))
+        };
+        let blurring = |[sharp, blur]: &[ComputePipeline; 2]| -> Result<_> {
+            Ok([bind(sharp, images.color)?, bind(blur, images.areas.unwrap_or(images.color))?])
+        };
+        Ok(FastBinding {
+            seeds: bind(&self.seeds, images.color)?,
+            areas: images.areas.map(areas).transpose()?,
+            gather: blurring(&self.gather)?,
+            silhouettes: blurring(&self.silhouettes)?,
+        })
+    }
+
+    /// Records the warp: claims, the gather, and the pixels at silhouettes.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        binding: &FastBinding,
+        margin_px: [u32; 2],
+        timing: &FastTiming,
+        max_samples: u32,
+    ) {
+        let push = timing.push(self.size, margin_px, max_samples);
+        recorder.mark("fast_seeds");
+        recorder.clear_buffer(&self.claims);
+        recorder.clear_buffer(&self.listed);
+        let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
+        recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
+        let blur = usize::from(push.exposure_time_s > 0.0);
+        if let Some((group, size)) = binding.areas.as_ref().filter(|_| blur == 1) {
+            recorder.mark("fast_areas");
+            recorder.dispatch(&self.areas, group, &AreasPush { size: *size }, *size);
+        }
+        recorder.mark("fast_gather");
+        recorder.dispatch(&self.gather[blur], &binding.gather[blur], &push, self.size);
+        recorder.mark("fast_silhouettes");
+        recorder.dispatch_indirect(&self.silhouettes[blur], &binding.silhouettes[blur], &push, &self.listed);
+    }
+}
+
+impl FastTiming {
+    /// The kernels' parameters.
+    pub fn push(&self, size: [u32; 2], margin_px: [u32; 2], max_samples: u32) -> Push {
+        Push {
+            size,
+            margin_px: margin_px.map(|m| m as i32),
+            start_s: (self.shutter.start_s - self.reference_s) as f32,
+            readout_time_s: self.shutter.readout_time_s as f32,
+            exposure_time_s: self.shutter.exposure_time_s as f32,
+            knot_step_s: self.knot_step_s as f32,
+            reference_knot: self.reference_knot,
+            last_knot: self.last_knot,
+            scan_order: self.shutter.scan_order as u32,
+            max_samples: max_samples.max(1),
+            slots: if self.shutter.exposure_time_s > 0.0 { 3 } else { 1 },
+        }
+    }
+}

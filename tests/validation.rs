@@ -1,0 +1,75 @@
+//! The validation layer watches: planted faults are reported. Without this, its silence in the other tests would mean
+//! nothing.
+#![allow(clippy::unwrap_used)]
+
+mod gpu_support;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use gpu_support::device;
+use shutterbug::gpu::{
+    Bound, Buffer, ComputePipeline, Context, ContextOptions, DeviceChoice, Format, Image, ImageSpec,
+    Location, Slot, Usage, Validation,
+};
+use shutterbug::kernels::kernel;
+
+/// A device whose messages do not fail the test.
+fn unwatched(test: &str) -> Option<Arc<Context>> {
+    device(test)?;
+    let device = DeviceChoice::from_option_or_environment(None);
+    Some(Context::new(&ContextOptions { device, validation: Validation::Required }).unwrap())
+}
+
+fn storage(context: &Arc<Context>, format: Format) -> Image {
+    Image::new(context, "image", ImageSpec::storage([8, 8], format)).unwrap()
+}
+
+#[test]
+fn a_wrong_usage_is_reported() {
+    let Some(context) = unwatched("a_wrong_usage_is_reported") else { return };
+    let develop = ComputePipeline::new(&context, const { kernel("develop.comp") }).unwrap();
+    let pixels = Buffer::new(&context, "pixels", 256, Usage::Storage, Location::Device).unwrap();
+    let bind = |image: &Image| {
+        drop(
+            develop.bind(&[("radiance", Bound::Storage(image)), ("Pixels", Bound::Buffer(&pixels))]).unwrap(),
+        );
+    };
+    bind(&storage(&context, Format::Rgba32f));
+    assert!(context.validation_messages().is_empty(), "control: {:?}", context.validation_messages());
+    let spec = ImageSpec { storage: false, ..ImageSpec::storage([8, 8], Format::Rgba32f) };
+    bind(&Image::new(&context, "planted", spec).unwrap());
+    let messages = context.validation_messages();
+    assert!(messages.iter().any(|m| m.contains("VUID-VkWriteDescriptorSet")), "{messages:?}");
+}
+
+#[test]
+fn a_missing_barrier_is_reported() {
+    let Some(context) = unwatched("a_missing_barrier_is_reported") else { return };
+    let image = storage(&context, Format::R32f);
+    let staging = Buffer::new(&context, "staging", 256, Usage::Transfer, Location::Upload).unwrap();
+    let mut slot = Slot::new(&context, "planted").unwrap();
+    let mut record = |at_once: bool| {
+        let mut recorder = slot.begin().unwrap();
+        recorder.prepare([&image]);
+        recorder.copy_buffer_to_image(&staging, &image);
+        if !at_once {
+            recorder.finish();
+            slot.submit().unwrap();
+            slot.wait(Duration::from_secs(60)).unwrap();
+            recorder = slot.begin().unwrap();
+        }
+        // `prepare` waits for no earlier write: it is for images that nothing has used.
+        recorder.prepare([&image]);
+        recorder.finish();
+        slot.submit().unwrap();
+        slot.wait(Duration::from_secs(60)).unwrap();
+    };
+    record(false);
+    assert!(context.validation_messages().is_empty(), "control: {:?}", context.validation_messages());
+    record(true);
+    let messages = context.validation_messages();
+    // The debug name says which image.
+    let named = |m: &String| m.contains("SYNC-HAZARD-WRITE") && m.contains("name = image");
+    assert!(messages.iter().any(named), "{messages:?}");
+}
