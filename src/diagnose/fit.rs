@@ -36,7 +36,7 @@ impl Schedule {
     /// To see whether anything is gained.
     pub(super) const GLANCE: Self = Self { levels: &[(8, 2), (2, 1)] };
     /// From nearby.
-    pub(super) const FINE: Self = Self { levels: &[(2, 3), (1, 4)] };
+    pub(super) const FINE: Self = Self { levels: &[(2, 2), (1, 2)] };
 }
 
 /// A finished fit.

@@ -123,14 +123,14 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Fits a candidate beside a set. What stays above `worth_dn` after a first look is not looked at further.
+    /// Fits a candidate beside a set. What gains less than a share `worth` of the cost at a first look is not looked at further.
     fn add(
         &mut self,
         candidate: &'static CandidateSpec,
         set: &[&'static str],
         theta: &Theta,
         starts: usize,
-        worth_dn: Option<f64>,
+        worth: Option<f64>,
     ) -> Result<Fit> {
         let mut joint = set.to_vec();
         joint.push(candidate.name);
@@ -144,9 +144,10 @@ impl Search<'_> {
             let target = Target { evidence: self.evidence, masks: self.masks };
             best_starts(self.forward, &target, self.evidence, theta, candidate, starts)?
         };
-        if let Some(worth) = worth_dn {
+        if let Some(share) = worth {
             let glance = self.refit(&joint, &begin[0], Schedule::GLANCE)?;
-            if self.judge.scores(self.forward, &glance.theta)?.mean() > worth {
+            let [was, is] = [theta, &glance.theta].map(|t| self.cost(t));
+            if is? > (1.0 - share) * was? {
                 return Ok(glance);
             }
         }
@@ -165,6 +166,12 @@ impl Search<'_> {
         let free = Self::free(set);
         let target = Target { evidence: self.evidence, masks: self.masks };
         fit(self.forward, &target, &self.evidence.fit, start, &free, schedule)
+    }
+
+    /// Robust cost on the frames that fits see.
+    fn cost(&mut self, theta: &Theta) -> Result<f64> {
+        let target = Target { evidence: self.evidence, masks: self.masks };
+        super::fit::cost_of(self.forward, &target, &self.evidence.fit, theta, 2, 1.5)
     }
 
     /// Tries the values of a choice, or qualities from coarse to fine.
@@ -233,11 +240,11 @@ impl Search<'_> {
             tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
             set.push(name);
             (current, scores) = (fit, better);
-            self.prune(&before, &mut set, &mut current, &mut scores)?;
+            self.prune((&before, &alone), &mut set, &mut current, &mut scores)?;
         }
         if !set.is_empty() {
             self.intervals = true;
-            let last = self.refit(&set, &current.theta.clone(), Schedule::FINE)?;
+            let last = self.refit(&set, &current.theta.clone(), Schedule { levels: &[(1, 5)] })?;
             self.intervals = false;
             let last_scores = self.judge.scores(self.forward, &last.theta)?;
             if last_scores.mean() <= scores.mean() * 1.001 {
@@ -249,13 +256,12 @@ impl Search<'_> {
 
     fn each_alone(&mut self, watch: &mut dyn Watch) -> Result<Vec<Alone>> {
         watch.stage("each candidate alone", self.names.len());
-        let worth_dn = self.judge.scores(self.forward, &self.base.clone())?.mean() * (1.0 - LEAST_SHARE);
         let mut alone = Vec::new();
         for name in self.names.clone() {
             watch.step(name);
             let clock = std::time::Instant::now();
             let base = self.base.clone();
-            let fit = self.add(candidate_of(name), &[], &base, 2, Some(worth_dn))?;
+            let fit = self.add(candidate_of(name), &[], &base, 2, Some(LEAST_SHARE))?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             tracing::info!(
                 "{name}: {:.3} DN in {:.1} s, {:?}",
@@ -289,12 +295,10 @@ impl Search<'_> {
         let mut ranked: Vec<_> = smooth.into_iter().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        let now = self.judge.scores(self.forward, &current.theta)?.mean();
         let mut out = Vec::new();
         for (name, _) in ranked.into_iter().take(SHORTLIST) {
             watch.step(name);
-            let fit =
-                self.add(candidate_of(name), set, &current.theta, 2, Some(now * (1.0 - 0.5 * LEAST_SHARE)))?;
+            let fit = self.add(candidate_of(name), set, &current.theta, 2, Some(0.5 * LEAST_SHARE))?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             out.push((name, fit, scores));
         }
@@ -335,7 +339,7 @@ impl Search<'_> {
     /// Takes out what the others make superfluous.
     fn prune(
         &mut self,
-        before: &Scores,
+        (before, alone): (&Scores, &[Alone]),
         set: &mut Vec<&'static str>,
         current: &mut Fit,
         scores: &mut Scores,
@@ -343,7 +347,17 @@ impl Search<'_> {
         while set.len() > 1 {
             let mut weakest: Option<(usize, Fit, Scores)> = None;
             for i in 0..set.len() - 1 {
-                let (fit, rest_scores) = self.leave_out(set, i, current)?;
+                let (fit, rest_scores) = match &set[..] {
+                    // Without one of two the other is alone, and that has been fitted.
+                    [a, b] => {
+                        let name = if i == 0 { b } else { a };
+                        match alone.iter().find(|x| x.name == *name) {
+                            Some(x) => (x.fit.clone(), x.scores.clone()),
+                            None => self.leave_out(set, i, current)?,
+                        }
+                    }
+                    _ => self.leave_out(set, i, current)?,
+                };
                 if !self.supports(before.mean(), &rest_scores, scores)
                     && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean())
                 {
@@ -367,7 +381,7 @@ impl Search<'_> {
     ) -> Result<(Fit, Scores)> {
         let rest: Vec<_> = set.iter().copied().filter(|n| *n != set[i]).collect();
         let start = restored(&current.theta, &self.base, candidate_of(set[i]));
-        let fit = self.refit(&rest, &start, Schedule { levels: &[(4, 2), (2, 2), (1, 2)] })?;
+        let fit = self.refit(&rest, &start, Schedule { levels: &[(4, 2), (2, 2)] })?;
         let scores = self.judge.scores(self.forward, &fit.theta)?;
         Ok((fit, scores))
     }
