@@ -157,8 +157,8 @@ fn a_steady_stream_allocates_nothing() {
 fn times_of_the_passes_are_told() {
     let Some(watched) = device("times_of_the_passes_are_told") else { return };
     let passes: [&[&str]; 2] = [
-        &["clear", "raster", "accumulate", "develop", "readback", "planes"],
-        &["raster", "resolve", "motion", "paper_gather", "develop", "readback", "planes"],
+        &["clear", "raster", "accumulate", "pointwise", "readback", "planes"],
+        &["raster", "resolve", "motion", "paper_gather", "pointwise", "readback", "planes"],
     ];
     for ((name, method), wanted) in methods().into_iter().zip(passes) {
         let mut engine = stream_engine(&watched, method, 1);

@@ -11,7 +11,6 @@ use shutterbug::camera::{Intrinsics, Pose, ScanOrder};
 use shutterbug::gpu::{Bound, Format, Sampler};
 use shutterbug::kernels::kernel;
 use shutterbug::plane::Plane;
-use shutterbug::reference::develop::{self, develop};
 use shutterbug::reference::motion_from_depth::{self, motion_from_depth};
 use shutterbug::reference::paper_gather::{self, paper_gather};
 
@@ -201,60 +200,4 @@ fn motion_from_depth_is_its_twin() {
         let (_, outliers) = differing(&layers[layer], &motion_from_depth(&wrong, &depth), TOLERANCE);
         assert!(2 * outliers > w * h, "control: a scale off by a thousandth is seen in {outliers} px");
     }
-}
-
-/// Bytes that differ, and the largest difference, levels.
-fn byte_differences(got: &[u8], want: &Plane<u8>) -> (usize, u8) {
-    assert_eq!(got.len(), want.data.len());
-    let differences = got.iter().zip(&want.data).map(|(a, b)| a.abs_diff(*b)).filter(|&d| d > 0);
-    differences.fold((0, 0), |(n, worst), d| (n + 1, worst.max(d)))
-}
-
-#[test]
-fn develop_is_its_twin() {
-    let Some(mut bench) = Bench::new("develop_is_its_twin") else { return };
-    let mut scatter = Scatter(10);
-    let (mut bytes, mut wrong_bytes, mut worst, mut control) = (0, 0, 0, 0);
-    for [w, h] in [[1usize, 1usize], [37, 23], [129, 71], [641, 113]] {
-        let edges = [0.0, -0.0, -1.0, 0.0031308, 0.00313, 0.0032, 1.0, 1.001, 7.0, 1e30, 1e-6];
-        let radiance = Plane::from_fn(w, h, |x, y| match (x + 5 * y) % 13 {
-            0 => [edges[(x * y) % 11], edges[y % 11], edges[x % 11], -3.0],
-            _ => [scatter.between(-0.2, 1.2), scatter.number(), scatter.number().powi(6), 1.0],
-        });
-        let image = bench.upload(std::slice::from_ref(&radiance), Format::Rgba32f, false);
-        for parts in 0..8u32 {
-            let sigma =
-                |part: u32, s: f32| if parts & part != 0 { [s, 0.5 * s, 2.0 * s, 0.0] } else { [0.0; 4] };
-            let push = develop::Push {
-                size: [w as u32, h as u32],
-                seed: [3 + parts, 4],
-                frame: 1_000_001 + parts,
-                flags: parts % 2,
-                padding: [0; 2],
-                static_sigma: sigma(1, 0.03),
-                color_sigma: sigma(2, 0.02),
-                edge_sigma: sigma(4, 0.05),
-            };
-            let output = bench.buffer(w * h * 4);
-            let resources = [("radiance", Bound::Storage(&image)), ("Pixels", Bound::Buffer(&output))];
-            bench.run(const { kernel("develop.comp") }, &[parts], &resources, &push, push.size);
-            let got = bench.read_buffer(&output, w * h * 4);
-            let (n, d) = byte_differences(&got, &develop(&push, &radiance));
-            (bytes, wrong_bytes, worst) = (bytes + got.len(), wrong_bytes + n, worst.max(d));
-            // The pipeline with all parts gives the same bytes: leaving out is not changing.
-            bench.run(const { kernel("develop.comp") }, &[7], &resources, &push, push.size);
-            assert_eq!(bench.read_buffer(&output, got.len()), got, "{w}x{h}, parts {parts}");
-            let seed = [push.seed[0] + 1, push.seed[1]];
-            let other = byte_differences(&got, &develop(&develop::Push { seed, ..push }, &radiance)).0;
-            let brighter =
-                Plane { data: radiance.data.iter().map(|v| 1.01 * v).collect(), ..radiance.clone() };
-            control += usize::from(parts == 0 || 4 * other > got.len() || w * h < 4);
-            let bright = byte_differences(&got, &develop(&push, &brighter)).0;
-            assert!(10 * bright > got.len() || w * h < 4, "control: 1 % brighter is seen in {bright} bytes");
-        }
-    }
-    eprintln!("develop: {wrong_bytes} of {bytes} bytes differ, by at most {worst} level");
-    // pow() may be rounded in the device's own way, and the two meet a rounding boundary now and then.
-    assert!(worst <= 1 && 20_000 * wrong_bytes <= bytes, "{wrong_bytes} of {bytes} bytes, worst {worst}");
-    assert_eq!(control, 4 * 8, "control: another seed gives other noise");
 }

@@ -28,16 +28,15 @@ fn storage(context: &Arc<Context>, format: Format) -> Image {
 #[test]
 fn a_wrong_usage_is_reported() {
     let Some(context) = unwatched("a_wrong_usage_is_reported") else { return };
-    let develop = ComputePipeline::new(&context, const { kernel("develop.comp") }).unwrap();
-    let pixels = Buffer::new(&context, "pixels", 256, Usage::Storage, Location::Device).unwrap();
+    let kernel = ComputePipeline::new(&context, const { kernel("motion_from_depth.comp") }).unwrap();
+    let array = ImageSpec { array: true, ..ImageSpec::storage([8, 8], Format::Rg32f) };
+    let motion = Image::new(&context, "motion", array).unwrap();
     let bind = |image: &Image| {
-        drop(
-            develop.bind(&[("radiance", Bound::Storage(image)), ("Pixels", Bound::Buffer(&pixels))]).unwrap(),
-        );
+        drop(kernel.bind(&[("depth", Bound::Storage(image)), ("motion", Bound::Storage(&motion))]).unwrap());
     };
-    bind(&storage(&context, Format::Rgba32f));
+    bind(&storage(&context, Format::R32f));
     assert!(context.validation_messages().is_empty(), "control: {:?}", context.validation_messages());
-    let spec = ImageSpec { storage: false, ..ImageSpec::storage([8, 8], Format::Rgba32f) };
+    let spec = ImageSpec { storage: false, ..ImageSpec::storage([8, 8], Format::R32f) };
     bind(&Image::new(&context, "planted", spec).unwrap());
     let messages = context.validation_messages();
     assert!(messages.iter().any(|m| m.contains("VUID-VkWriteDescriptorSet")), "{messages:?}");
