@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use capi_support::{camera, create, image, must, options, outside, sized};
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::capi::*;
-use shutterbug::engine::{FrameRequest, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+use shutterbug::engine::{
+    FrameRequest, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice};
 use shutterbug::plane::PixelFormat;
 
@@ -50,7 +52,14 @@ impl Own {
         let device = DeviceChoice::from_option_or_environment(None);
         let context = Context::new(&ContextOptions { device, ..Default::default() }).unwrap();
         let half = W as f64 / 2.0;
-        let k = Intrinsics { width: W as u32, height: H as u32, fx: half, fy: half, cx: half, cy: H as f64 / 2.0 };
+        let k = Intrinsics {
+            width: W as u32,
+            height: H as u32,
+            fx: half,
+            fy: half,
+            cx: half,
+            cy: H as f64 / 2.0,
+        };
         Self(OutsideEngine::new(&context, k, 3, Duration::from_secs(60)).unwrap())
     }
 

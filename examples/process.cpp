@@ -35,8 +35,11 @@ int main(int argc, char **argv) try {
     auto info = sized<shutterbug_engine_info>();
     must(shutterbug_engine_get_info(made, &info), made);
 
+    std::vector<double> times_s(info.capture_frames);
+    must(shutterbug_engine_get_frame_times(made, times_s.data(), times_s.size()), made);
     std::deque<std::unique_ptr<shutterbug_frame, Destroy>> in_flight;
     auto request = sized<shutterbug_request>();
+    request.time_s = times_s.at(0);
     for (; request.frame_index < 5; ++request.frame_index, request.time_s += 1.0 / 30) {
         if (in_flight.size() == options.frames_in_flight) in_flight.pop_front(); // waits for the oldest
         shutterbug_frame *frame = nullptr;

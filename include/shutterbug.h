@@ -168,8 +168,9 @@ shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const 
 /* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). */
 shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
 
-/* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Its clock starts
- * at the first frame's timestamp (epoch_ns of shutterbug_engine_info). No frame may be in flight (STATE). */
+/* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are
+ * on the files' own clock (its zero: epoch_ns of shutterbug_engine_info); shutterbug_engine_get_frame_times tells those of
+ * the frames. No frame may be in flight (STATE). */
 shutterbug_status shutterbug_engine_load_capture(shutterbug_engine *engine, const char *folder);
 /* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Needs camera and trajectory. */
 shutterbug_status shutterbug_engine_load_scene(shutterbug_engine *engine, const char *obj_file);

@@ -39,7 +39,7 @@ pub enum Error {
     /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
     #[error(
         "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
-         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (0 s is the first frame's timestamp; poses are never \
+         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
          extrapolated)", path.display(), missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
     )]
     TrajectoryTooShort {

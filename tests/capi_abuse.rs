@@ -246,7 +246,7 @@ fn calls_in_the_wrong_order() {
     refused(engine, submit(&request, &mut frame), "STATE", "SHUTTERBUG_ENGINE_PLANES");
     (request.flags, request.time_s) = (0, 1e6);
     refused(engine, submit(&request, &mut frame), "TIME", "trajectory");
-    request.time_s = 0.05;
+    request.time_s = 10.05;
     must(submit(&request, &mut frame), engine);
     let mut info: shutterbug_frame_info = sized();
     assert_eq!(unsafe { shutterbug_frame_get_info(frame, &mut info) }, status("NOT_READY"));
