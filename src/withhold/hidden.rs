@@ -137,7 +137,8 @@ fn strength(name: &str, draw: &mut Draw) -> Option<Strength> {
         }
         "exposure_gain" => vec![("gain", Number((draw.sign() * draw.log_between(0.05, 0.5)).exp()))],
         "flicker" => vec![
-            ("frequency_hz", Number(if draw.chance(0.5) { 100.0 } else { 120.0 } + draw.between(-0.3, 0.3))),
+            // Not near a multiple of 30 Hz: seen by a global shutter, that is a gain and no flicker.
+            ("frequency_hz", Number(draw.between(96.0, 114.0))),
             ("depth", Number(draw.log_between(0.05, 0.3))),
             ("phase_rad", Number(draw.between(-3.0, 3.0))),
         ],

@@ -32,6 +32,9 @@ use crate::error::{Error, Result};
 use crate::plane::write_atomic;
 use make::Case;
 
+/// Goes up with every change of what a seed makes, so that no run goes on with cases of another generator.
+const GENERATOR: u32 = 2;
+
 /// What to make and check.
 #[derive(Clone, Debug)]
 pub struct WithholdOptions {
@@ -200,7 +203,7 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
         .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
         .collect();
     let manifest = serde_json::json!({
-        "shutterbug": env!("CARGO_PKG_VERSION"), "seed": options.seed, "size_px": options.size_px,
+        "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed, "size_px": options.size_px,
         "frames": options.frames, "recordings": recordings,
     });
     let path = options.out.join("options.json");

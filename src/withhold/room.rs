@@ -53,10 +53,11 @@ pub(super) fn write(folder: &Path, draw: &mut Draw) -> Result<Room> {
     files.obj += "o room\n";
     let (half, low) = ([x / 2.0, y / 2.0], 0.0);
     for face in 0..6 {
-        files.material(draw, textures, 0.75);
+        // A blank wall that fills the picture shows nothing of anything.
+        files.material(draw, textures, 0.9);
         files.face([-half[0], -half[1], low], [half[0], half[1], z], face);
     }
-    for i in 0..4 + draw.index(7) {
+    for i in 0..8 + draw.index(9) {
         let size = [(); 3].map(|()| draw.between(0.15, 0.9));
         let at = ring_place(draw, size[2]);
         writeln!(files.obj, "o thing{i}").expect("a String");
@@ -158,7 +159,8 @@ impl Files {
 
 /// A texture that repeats, smooth at one texel: noise of several sizes, stripes, checks or spots.
 fn texture(draw: &mut Draw) -> Plane<u8> {
-    let colors = [[(); 3].map(|()| draw.between(0.08, 1.0)), [(); 3].map(|()| draw.between(0.08, 1.0))];
+    // One dark, one light: two colours that are alike would be no texture.
+    let colors = [[(); 3].map(|()| draw.between(0.03, 0.45)), [(); 3].map(|()| draw.between(0.4, 1.0))];
     let kind = draw.index(4);
     let cell = [8, 16, 32, 64][draw.index(4)];
     let lattice: Vec<f64> = (0..TEXELS * TEXELS).map(|_| draw.unit()).collect();

@@ -29,7 +29,7 @@ pub struct CaseScore {
     pub first_right: bool,
     /// Whether the names are those that were hidden, no more and no less (left out: as `first_right`).
     pub exact: bool,
-    /// Gap before, after and floor, DN.
+    /// Gap before, after and floor, DN; zeros where the diagnosis failed.
     pub gap: [f64; 3],
     /// Part of the gap that the diagnosis closed.
     pub closed: f64,
@@ -73,8 +73,8 @@ impl CaseScore {
             sentence: String::new(),
             first_right: false,
             exact: false,
-            gap: [f64::NAN; 3],
-            closed: f64::NAN,
+            gap: [0.0; 3],
+            closed: 0.0,
             closed_by_truth: None,
             parameters: Vec::new(),
             seconds: 0.0,
