@@ -66,7 +66,9 @@ fn answers_are_sealed_before_and_on_disk_only_after_the_diagnosis() {
     }
     // Each case's first call is the blind one.
     let calls: Vec<&str> = log.split("CALL ").skip(1).collect();
-    let blind = |c: &&&str| c.lines().next().is_some_and(|l| l.ends_with("diagnosis") || l.contains("diagnosis --without"));
+    let blind = |c: &&&str| {
+        c.lines().next().is_some_and(|l| l.ends_with("diagnosis") || l.contains("diagnosis --without"))
+    };
     let blind: Vec<_> = calls.iter().filter(blind).collect();
     assert_eq!(blind.len(), CASES);
     for (call, score) in blind.iter().zip(&result.cases) {
@@ -94,7 +96,8 @@ fn a_run_goes_on_where_it_stopped_and_scores_by_the_answers() {
     };
     let error = withhold(&options, &mut |_| (), &stop).expect_err("stopped").to_string();
     assert!(error.contains("interrupted"), "{error}");
-    let done = |out: &Path| (0..CASES).filter(|c| out.join(format!("case-{c:03}/score.json")).exists()).count();
+    let done =
+        |out: &Path| (0..CASES).filter(|c| out.join(format!("case-{c:03}/score.json")).exists()).count();
     let before = done(&options.out);
     assert!((1..CASES).contains(&before), "{before} cases before the stop");
     let result = withhold(&options, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
