@@ -77,10 +77,11 @@ unsafe fn report(options: &shutterbug_engine_options, log: &Option<Dispatch>, fa
 unsafe fn create(o: &shutterbug_engine_options) -> Outcome<Session> {
     let settings = settings(o)?;
     let validation = if o.flags & ENGINE_VALIDATION != 0 { Validation::Required } else { Validation::Off };
-    // SAFETY: the caller's promise.
-    let device = match o.device.is_null() {
-        true => DeviceChoice::First,
-        false => DeviceChoice::Named(unsafe { text(o.device, "device") }?),
+    let device = if o.device.is_null() {
+        DeviceChoice::First
+    } else {
+        // SAFETY: the caller's promise.
+        DeviceChoice::Named(unsafe { text(o.device, "device") }?)
     };
     let options = ContextOptions { device, validation };
     let context = if !o.host.is_null() {

@@ -50,7 +50,7 @@ impl View {
         let memory = image.memory as usize;
         if memory == 0 {
             Self::check_host(image, what, bytes, format)?;
-        } else if image.memory_offset % 4 != 0 || image.stride_bytes % 4 != 0 {
+        } else if !image.memory_offset.is_multiple_of(4) || !image.stride_bytes.is_multiple_of(4) {
             let text = format!("{what}: in shared memory, offset and stride are multiples of 4");
             return Err(Fault::argument(text));
         }

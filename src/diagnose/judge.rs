@@ -95,7 +95,7 @@ impl<'a> Judge<'a> {
                 (0..blocks)
                     .flat_map(|b| {
                         let bits = random_bits([b as u32, r as u32], 0, STREAM_BOOTSTRAP, seed)[0];
-                        let block = (u64::from(bits) * blocks as u64 >> 32) as usize;
+                        let block = ((u64::from(bits) * blocks as u64) >> 32) as usize;
                         (block * size..((block + 1) * size).min(count)).collect::<Vec<_>>()
                     })
                     .collect()

@@ -172,7 +172,7 @@ fn mean(trajectory: &Trajectory, time_s: f64) -> Pose {
         let pose = trajectory.pose_at(time_s + 0.01 * f64::from(k));
         let sign = if pose.rotation.dot(centre.rotation) < 0.0 { -1.0 } else { 1.0 };
         place += weight * pose.translation_m;
-        turn = turn + pose.rotation * (sign * weight);
+        turn += pose.rotation * (sign * weight);
         total += weight;
     }
     Pose { rotation: turn.normalize(), translation_m: place / total }

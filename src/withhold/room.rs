@@ -141,7 +141,7 @@ impl Files {
 
     /// Face 0..6 of an axis-aligned box, with texture coordinates in texels of their true size.
     fn face(&mut self, low: [f64; 3], high: [f64; 3], face: usize) {
-        let (axis, level) = (face / 2, if face % 2 == 0 { low } else { high });
+        let (axis, level) = (face / 2, if face.is_multiple_of(2) { low } else { high });
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         for (a, b) in [(low, low), (high, low), (high, high), (low, high)] {
             let mut p = level;
@@ -172,8 +172,8 @@ fn texture(draw: &mut Draw) -> Plane<u8> {
                 .zip([0.5, 0.25, 0.15, 0.1])
                 .map(|(c, w)| w * smooth(&at, x, y, *c))
                 .sum(),
-            1 => f64::from(u8::from((x / cell) % 2 == 0)),
-            2 => f64::from(u8::from((x / cell + y / cell) % 2 == 0)),
+            1 => f64::from(u8::from((x / cell).is_multiple_of(2))),
+            2 => f64::from(u8::from((x / cell + y / cell).is_multiple_of(2))),
             _ => f64::from(u8::from(smooth(&at, x, y, cell) > 0.55)),
         }
     };
