@@ -3,6 +3,7 @@
 // are exact for whatever moves as a rigid body.
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "resolve.glsl"
+#include "lens.glsl"
 // Alpha: number of the motion group, 0 where nothing is.
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 // Near distance over distance; 0 where nothing was drawn.
@@ -25,11 +26,13 @@ layout(push_constant) uniform Push {
     float place_offset;
     uint line_count;
     float near_m;
+    float padding;
+    Lens lens;
 } push;
 
-// Where the matrix puts a point, from where it is.
-vec2 moved_px(mat4 matrix, vec2 ndc, float depth) {
-    vec4 clip = matrix * vec4(ndc, depth, 1.0);
+// Where the matrix and the lens put a point, from where it is: the ideal point of `ndc`.
+vec2 moved_px(mat4 matrix, vec2 ideal, vec2 ndc, float depth) {
+    vec4 clip = lens_sensor(push.lens, matrix * vec4(ideal, depth, 1.0));
     // Behind the camera at that time: the path is long, not reversed.
     return (clip.xy / max(clip.w, 0.02) - ndc) * push.half_px;
 }
@@ -62,6 +65,8 @@ void main() {
     float weight = place - float(pair);
     // Where nothing is, the world rests infinitely far away.
     pair += push.line_count * uint(max(group - 1.0, 0.0));
-    vec4 path = vec4(moved_px(between(pair, 0, weight), ndc, depth), moved_px(between(pair, 1, weight), ndc, depth));
+    vec2 ideal = lens_ideal(push.lens, ndc);
+    vec4 path = vec4(moved_px(between(pair, 0, weight), ideal, ndc, depth),
+                     moved_px(between(pair, 1, weight), ideal, ndc, depth));
     imageStore(paths, ivec2(texel), clamp(path, -4096.0, 4096.0));
 }

@@ -29,6 +29,7 @@ layout(set = 0, binding = 1, std430) readonly buffer Materials {
     Material materials[];
 };
 
+#include "lens.glsl"
 layout(push_constant) uniform Push {
     // Rows a group; 1: an instant, nothing is searched for.
     uint knot_count;
@@ -38,6 +39,7 @@ layout(push_constant) uniform Push {
     // Place of the line through a point of the picture: dot(place_from_ndc, ndc) + place_offset.
     float place_offset;
     vec2 place_from_ndc;
+    Lens lens;
 } push;
 
 layout(location = 0) out vec3 out_position_m;
@@ -54,10 +56,10 @@ invariant gl_Position;
 // it faster than linear: 3 leave less than a thousandth of a line at 0.3 of the readout's speed.
 const int STEPS = 3;
 
-// Where the lens puts a point of the ideal picture (clip space). The ideal lens is all there is so far; distortion
-// belongs here, where it moves the vertex and with it the line whose time it is seen at.
+// Where the lens puts a point of the ideal picture (clip space). It moves the vertex and with it the line whose time it
+// is seen at.
 vec4 sensor_from_ideal(vec4 ideal) {
-    return ideal;
+    return lens_sensor(push.lens, ideal);
 }
 
 uint knot_before(float place) {

@@ -1,6 +1,7 @@
 //! One physical effect a file, listed in light-path order.
 
 mod black_level;
+mod chromatic_aberration;
 mod color_matrix;
 mod dark_current;
 mod exposure_gain;
@@ -9,6 +10,7 @@ mod flicker;
 mod gamma;
 mod glare;
 mod hot_pixels;
+mod lens_distortion;
 mod motion_blur;
 mod paper_noise;
 mod quantization;
@@ -21,6 +23,7 @@ mod vignetting;
 mod white_balance;
 
 pub use black_level::BlackLevel;
+pub use chromatic_aberration::ChromaticAberration;
 pub use color_matrix::ColorMatrix;
 pub use dark_current::DarkCurrent;
 pub use exposure_gain::ExposureGain;
@@ -29,6 +32,7 @@ pub use flicker::Flicker;
 pub use gamma::Gamma;
 pub use glare::Glare;
 pub use hot_pixels::{HotPixels, STREAM_HOT_PIXELS};
+pub use lens_distortion::LensDistortion;
 pub use motion_blur::MotionBlur;
 pub use paper_noise::{
     PaperNoise, PaperNoiseSigma, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE,
@@ -47,6 +51,8 @@ use crate::chain::Effect;
 
 /// All effects in the order in which light meets them. The only place that states the order.
 pub const LIST: &[&dyn Effect] = &[
+    &LensDistortion,
+    &ChromaticAberration,
     &RollingShutter,
     &MotionBlur,
     &Vignetting,

@@ -3,6 +3,7 @@
 mod geometry;
 mod instants;
 mod knots;
+mod lens;
 mod scene_buffers;
 mod target;
 mod tessellate;
@@ -10,8 +11,9 @@ mod tessellate;
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
 pub use knots::{KnotRow, MotionGroups, View, relative_rows, spaced};
+pub use lens::LensPush;
 pub use scene_buffers::SceneBuffers;
-pub use target::{ExactPush, RasterInput, RasterKind, RasterTarget};
+pub use target::{Drawn, ExactPush, RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::super::Stage;
 use super::super::finish::prepare;
+use super::super::lens::Channel;
 use super::super::slots::FrameSlot;
 use super::Input;
 use crate::assert_push_layout;
@@ -12,7 +13,7 @@ use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
-use crate::raster::{RasterKind, RasterTarget};
+use crate::raster::{LensPush, RasterKind, RasterTarget};
 
 /// `EXACT_TILE` of `exact_tile.glsl`.
 const TILE: u32 = 16;
@@ -30,10 +31,12 @@ struct PathsPush {
     place_offset: f32,
     line_count: u32,
     near_m: f32,
+    padding: f32,
+    lens: LensPush,
 }
 assert_push_layout!(
     "exact_paths_ms.comp",
-    PathsPush { size, half_px, place_from_ndc, place_offset, line_count, near_m }
+    PathsPush { size, half_px, place_from_ndc, place_offset, line_count, near_m, padding, lens }
 );
 
 #[repr(C)]
@@ -191,7 +194,8 @@ impl Blur {
         let texels = self.images.texels.spec().size;
         let tiles = self.images.tiles[0].spec().size;
         recorder.mark("exact_paths");
-        let push = self.paths_push(shutter, part.pairs);
+        let lens = stage.lens_push(part.channel, self.target.size);
+        let push = PathsPush { lens, ..self.paths_push(shutter, part.pairs) };
         recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, texels);
         recorder.mark("exact_tiles");
         let push = TilesPush { size: tiles, texel_size: texels.map(|t| t as i32) };
@@ -218,6 +222,8 @@ impl Blur {
             place_offset: (0.5 * last) as f32,
             line_count: pairs,
             near_m: NEAR_M as f32,
+            padding: 0.0,
+            lens: LensPush::NONE,
         }
     }
 
@@ -250,6 +256,8 @@ pub(super) struct Part {
     pub(super) weight: f32,
     /// Whether it is the first.
     pub(super) first: bool,
+    /// The colour that is drawn.
+    pub(super) channel: Channel,
 }
 
 /// Whether lines are rows, and whether the last one is read first.

@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::super::Stage;
-use crate::camera::{Intrinsics, Trajectory};
+use crate::camera::{ExtendedLens, Intrinsics, Trajectory};
 use crate::raster::{Mesh, MotionGroups};
 use crate::scene::Vertex;
 
@@ -47,10 +47,14 @@ pub(super) fn cut(
     let seen: Vec<Vec<Seen>> = (0..groups.count())
         .map(|g| times.iter().filter_map(|&t| see(&stage.trajectory, groups, g, t, readout_time_s)).collect())
         .collect();
-    let bound = Bound::new(&stage.intrinsics, readout_time_s);
+    let bound = Bound::new(&stage.intrinsics, stage.lens.as_ref().map(|l| &l.extended), readout_time_s);
     let mut allowed_px = chord_px;
     loop {
-        let long = |a: &Vertex, b: &Vertex| bound.is_long(&seen[a.object as usize], a, b, allowed_px);
+        let long = |a: &Vertex, b: &Vertex| {
+            let group = a.object as usize;
+            bound.is_long(&seen[group], a, b, allowed_px)
+                || stage.lens.as_ref().is_some_and(|l| l.chords.is_long(group, a, b, 0.5 * allowed_px))
+        };
         match mesh.split(long, most) {
             Some(cut) => return (cut, allowed_px),
             None => allowed_px *= 2.0,
@@ -105,18 +109,22 @@ struct Bound {
 }
 
 impl Bound {
-    fn new(k: &Intrinsics, readout_time_s: f64) -> Self {
+    fn new(k: &Intrinsics, lens: Option<&ExtendedLens>, readout_time_s: f64) -> Self {
         let (w, h) = (f64::from(k.width), f64::from(k.height));
         let corner = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(|(x, y)| {
             let ray = k.ray(glam::DVec2::new(x, y));
             ray.angle_between(DVec3::Z)
         });
+        let stretch = lens.map_or(1.0, ExtendedLens::stretch);
         Self {
-            focal_px: k.fx.max(k.fy),
+            focal_px: stretch * k.fx.max(k.fy),
             // The shorter side: a readout along it has the greater delay a line.
             line_delay_s: readout_time_s / w.min(h),
             readout_time_s,
-            cone: corner.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+            cone: match lens {
+                Some(lens) => lens.radius().atan(),
+                None => corner.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+            },
         }
     }
 

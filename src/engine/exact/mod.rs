@@ -14,7 +14,8 @@ use bytemuck::{Pod, Zeroable};
 use super::Stage;
 use super::finish::{Finish, prepare};
 use super::frame::{FrameRequest, camera_path, covered_span_s};
-use super::margin::reach;
+use super::lens::Channel;
+use super::margin::reach_of;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
@@ -25,7 +26,7 @@ use crate::gpu::{
 };
 use crate::kernels::kernel;
 use crate::raster::{
-    ExactPush, Geometry, KnotRow, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
+    ExactPush, Geometry, KnotRow, LensPush, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
     relative_rows, spaced,
 };
 use blur::{Blur, Part, orientation};
@@ -194,12 +195,19 @@ impl Exact {
 
     /// Whether something must be made for a frame: nothing may be in flight when [`Self::fit`] does so.
     pub(super) fn needs_fit(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
-        self.needs_cut(request) || self.needs_images(stage, request)
+        self.needs_cut(stage, request) || self.needs_images(stage, request)
     }
 
-    fn needs_cut(&self, request: &FrameRequest) -> bool {
+    /// What depends on the lens must be made anew.
+    pub(super) fn forget_lens(&mut self) {
+        self.cut = None;
+        self.known.clear();
+    }
+
+    fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
         let readout_s = readout_s(request);
-        readout_s > 0.0 && self.cut.as_ref().is_none_or(|(cut_s, _)| readout_s > cut_s * (1.0 + 1e-9))
+        (readout_s > 0.0 || stage.lens.is_some())
+            && self.cut.as_ref().is_none_or(|(cut_s, _)| readout_s > cut_s * (1.0 + 1e-9))
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -223,7 +231,7 @@ impl Exact {
             let needed = self.reach(stage, request).margin_px;
             self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
         }
-        if !self.needs_cut(request) {
+        if !self.needs_cut(stage, request) {
             return Ok(());
         }
         if self.frames.is_empty() {
@@ -292,20 +300,25 @@ impl Exact {
         recorder.mark("raster");
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let geometry = match &self.cut {
-            Some((_, cut)) if push.knot_count > 1 => cut,
+            Some((_, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
             _ => &self.whole,
         };
         let scene = (&stage.buffers, geometry);
-        match (&self.blur, &self.still) {
-            (Some(blur), _) if blurs => {
-                blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, &push, area);
-                blur.record(stage, &mut recorder, index, &request.shutter, &part);
+        for channel in stage.channels() {
+            let push = ExactPush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            match (&self.blur, &self.still) {
+                (Some(blur), _) if blurs => {
+                    blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, &push, area);
+                    let part = Part { channel, ..part };
+                    blur.record(stage, &mut recorder, index, &request.shutter, &part);
+                }
+                (_, Some(still)) => {
+                    still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, &push, area);
+                    still.record(stage, &mut recorder);
+                }
+                _ => unreachable!("`fit` made the images of this kind of frame"),
             }
-            (_, Some(still)) => {
-                still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, &push, area);
-                still.record(stage, &mut recorder);
-            }
-            _ => unreachable!("`fit` made the images of this kind of frame"),
+            stage.merge(&mut recorder, channel);
         }
         finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
         if let Some((planes, row)) = plane_row {
@@ -345,7 +358,8 @@ impl Exact {
             input.relative.write(0, &relative_rows(&self.groups, view, &times));
         }
         let exposure_s = shutter.exposure_time_s;
-        let part = Part { pairs, exposure_s, reach_px: reach.reach_px, weight: 1.0, first: true };
+        let reach_px = reach.reach_px;
+        let part = Part { pairs, exposure_s, reach_px, weight: 1.0, first: true, channel: Channel::GREEN };
         (raster_push(view.camera, shutter, times.len()), part)
     }
 }
@@ -395,7 +409,7 @@ fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach {
         let to_s = (from_s + 2.0 * half_s).min(shutter.end_s());
         // Where what is in view at the middle is at the ends, and what is in view at the ends at the middle: both bound
         // how far beyond the border the gather reads.
-        let seen = reach(&stage.scene, &path, &stage.intrinsics, from_s + half_s, &[from_s, to_s]);
+        let seen = reach_of(stage, &path, from_s + half_s, &[from_s, to_s]);
         let limit = [stage.intrinsics.width, stage.intrinsics.height];
         for i in 0..2 {
             let needed = if seen.largest_px < UNSEEN_PX { 0.0 } else { seen.beyond_px[i] + MARGIN_GUARD_PX };
@@ -418,6 +432,7 @@ fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) 
             place_high: 0.0,
             place_offset: 0.0,
             place_from_ndc: [0.0; 2],
+            lens: LensPush::NONE,
         };
     }
     let per_s = (knot_count - 1) as f64 / span_s;
@@ -435,5 +450,6 @@ fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) 
         // The margin is the same on both sides, so the middle of the attachment is that of the picture.
         place_offset: place(0.5 * lines) as f32,
         place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
+        lens: LensPush::NONE,
     }
 }
