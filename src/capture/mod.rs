@@ -13,8 +13,8 @@ pub use camera_toml::CameraFile;
 pub use frames_csv::{FrameEntry, parse_frames};
 pub use lights::parse_lights;
 
-use crate::camera::{Pose, ShutterTiming, Trajectory};
-use crate::effects::{MotionBlur, RollingShutter};
+use crate::camera::{Lens, Pose, ShutterTiming, Trajectory};
+use crate::effects::{LensDistortion, MotionBlur, RollingShutter};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
 pub(crate) use text::read_text;
@@ -73,6 +73,7 @@ impl Capture {
     /// # Errors
     /// As [`Self::read`], for `frames.csv`, `trajectory.tum` and `objects/`.
     pub fn with_scene(root: &Path, mut camera: CameraFile, mut scene: Scene) -> Result<Self> {
+        check_lens(&camera)?;
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
@@ -134,6 +135,17 @@ impl Capture {
         }
         Ok(())
     }
+}
+
+/// Refuses a lens that folds inside the picture: which pixel has no ray depends on the picture as well as on the lens.
+fn check_lens(camera: &CameraFile) -> Result<()> {
+    let lens = Lens::new(camera.intrinsics, LensDistortion::distortion(&camera.settings));
+    lens.map(|_| ()).map_err(|problem| Error::At {
+        path: camera.path.clone(),
+        line: None,
+        problem: Box::new(problem),
+        hint: String::new(),
+    })
 }
 
 fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Result<()> {

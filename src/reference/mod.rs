@@ -12,6 +12,7 @@ pub mod accumulate;
 pub mod chain;
 pub mod develop;
 pub mod fast_push;
+pub mod lens;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;
