@@ -569,3 +569,15 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_lens_that_folds_inside_the_picture_is_refused_with_the_pixel() {
+    let fixture = Fixture::new();
+    fixture.write("camera.toml", format!("{CAMERA}\n[lens_distortion]\nk1 = -0.1\n"));
+    fixture.read().expect("a lens that can be inverted");
+    fixture.write("camera.toml", format!("{CAMERA}\n[lens_distortion]\nk1 = -1.9\n"));
+    let refused = fixture.read().expect_err("folds");
+    for part in ["camera.toml", "k1 = -1.9", "no ray reaches pixel (", "turns back at"] {
+        assert!(refused.contains(part), "{part} in {refused}");
+    }
+}

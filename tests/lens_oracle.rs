@@ -19,7 +19,7 @@ use shutterbug::reference::lens::LensGrid;
 use shutterbug::reference::raster::{View, Window, render_through};
 use shutterbug::scene::Scene;
 
-const K: Intrinsics = Intrinsics { width: 161, height: 121, fx: 138.0, fy: 142.0, cx: 78.2, cy: 62.3 };
+const K: Intrinsics = Intrinsics { width: 97, height: 73, fx: 83.0, fy: 85.0, cx: 47.2, cy: 38.3 };
 
 fn settings(distortion: &Distortion, scales: [f64; 2]) -> Settings {
     let mut settings = Settings::default();
@@ -114,13 +114,11 @@ fn a_still_frame_is_the_oracles() {
 fn lens_shutter_and_blur_hold_as_well_as_shutter_and_blur() {
     let Some(watched) = device("lens_shutter_and_blur_hold_as_well_as_shutter_and_blur") else { return };
     let scene = untextured();
-    for (exposure_s, readout_s, order) in [
-        (0.0, 0.03, ScanOrder::TopToBottom),
-        (0.012, 0.03, ScanOrder::TopToBottom),
-        (0.012, 0.03, ScanOrder::RightToLeft),
-    ] {
+    for (exposure_s, readout_s, order) in
+        [(0.0, 0.03, ScanOrder::TopToBottom), (0.012, 0.03, ScanOrder::RightToLeft)]
+    {
         let mut request = request(&K, exposure_s, readout_s, order);
-        let renders = 160;
+        let renders = 64;
         let plain = oracle(&scene, &request, &Distortion::None, [1.0; 2], renders);
         let none = levels(&render(&watched, &scene, exact(), &request), &plain).0;
         for distortion in [PINCUSHION, BARREL, FISHEYE] {
@@ -149,11 +147,11 @@ fn colours_are_drawn_in_their_own_size() {
     let scales = [1.012, 0.991];
     for (exposure_s, readout_s, distortion) in [(0.0, 0.0, Distortion::None), (0.0, 0.03, BARREL)] {
         let mut request = request(&K, exposure_s, readout_s, ScanOrder::TopToBottom);
-        let want = oracle(&scene, &request, &distortion, scales, 120);
-        let without = oracle(&scene, &request, &distortion, [1.0; 2], 120);
-        let swapped = oracle(&scene, &request, &distortion, [scales[1], scales[0]], 120);
+        let want = oracle(&scene, &request, &distortion, scales, 72);
+        let without = oracle(&scene, &request, &distortion, [1.0; 2], 72);
+        let swapped = oracle(&scene, &request, &distortion, [scales[1], scales[0]], 72);
         request.settings = settings(&distortion, scales);
-        for method in [exact(), accumulation(120), Method::Fast(FastOptions::default())] {
+        for method in [exact(), accumulation(72), Method::Fast(FastOptions::default())] {
             let got = render(&watched, &scene, method.clone(), &request);
             let mean = levels(&got, &want).0;
             let controls = [levels(&got, &without).0, levels(&got, &swapped).0];
