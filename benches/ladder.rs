@@ -28,7 +28,7 @@ use shutterbug::plane::Plane;
 const READOUT_S: f64 = 0.0273;
 const EXPOSURE_S: f64 = 0.0183;
 /// Timed frames a method; the first is not counted.
-const REPEATS: usize = 7;
+const REPEATS: usize = 13;
 /// Half the distance in time over which the reference's derivative is taken, s.
 const DERIVATIVE_STEP_S: f64 = 1e-3;
 
@@ -121,9 +121,25 @@ impl Bench {
             let mut engine = self.engine(take, method, &request);
             let mut plain = self.engine(take, &accumulation(1), &request);
             let (mut ms, mut plain_ms) = (Vec::new(), Vec::new());
-            for _ in 0..REPEATS {
-                ms.push(engine.render(&request).unwrap().host_ms);
-                plain_ms.push(plain.render(&request).unwrap().host_ms);
+            let (mut cpu_ms, mut plain_cpu_ms, mut passes) = (0.0, 0.0, Vec::new());
+            for i in 0..REPEATS {
+                let times = [
+                    report::cpu_ms(),
+                    {
+                        let frame = engine.render(&request).unwrap();
+                        ms.push(frame.host_ms);
+                        report::keep_least(&mut passes, &frame.times);
+                        report::cpu_ms()
+                    },
+                    {
+                        plain_ms.push(plain.render(&request).unwrap().host_ms);
+                        report::cpu_ms()
+                    },
+                ];
+                if i > 0 {
+                    cpu_ms += (times[1] - times[0]) / (REPEATS - 1) as f64;
+                    plain_cpu_ms += (times[2] - times[1]) / (REPEATS - 1) as f64;
+                }
             }
             let frame = engine.render(&FrameRequest { statistics: true, ..request.clone() }).unwrap();
             let worst = report::worst_line_time_us(
@@ -141,13 +157,12 @@ impl Bench {
                 invalid_share: frame.statistics.filter(|_| gathers).map_or(0.0, |s| s.invalid_share),
                 ms_median: report::median(&mut ms[1..]),
                 plain_render_ms_median: report::median(&mut plain_ms[1..]),
+                cpu_ms,
+                plain_cpu_ms,
                 picture: frame.picture,
                 reference: reference.clone(),
             };
-            println!(
-                "{row}  {:?}",
-                frame.times.iter().map(|t| (t.name, (t.ms * 10.0).round() / 10.0)).collect::<Vec<_>>()
-            );
+            println!("{row} {}", report::passes(&passes));
             rows.push(row);
         }
         rows

@@ -1,11 +1,14 @@
 #version 460
 // Blur of `--method exact`: the mean, over a line's exposure, of what passes each pixel. The supersampled picture shows
-// every line at the middle of its exposure; for each instant tau of the exposure (-0.5 to 0.5) the texel is sought whose
+// every line at the middle of its exposure; for each instant tau of the exposure (-0.5 to 0.5) the place is sought whose
 // path leads it to the pixel then, and its radiance taken.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "exact_tile.glsl"
+// RGB: linear radiance; its sampler counts in texels.
 layout(set = 0, binding = 0) uniform sampler2D texels;
+// The same image by texel. A: 1/m, inverse distance.
+layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
@@ -14,27 +17,30 @@ layout(set = 0, binding = 4) uniform sampler2D around_facts;
 layout(set = 0, binding = 5, rgba32f) uniform image2D radiance;
 layout(push_constant) uniform Push {
     uvec2 size;
-    // px rendered beyond each side.
+    // px rendered beyond each side, and all with them.
     vec2 margin_px;
-    // Texels a px, and all of them.
-    int grid;
+    vec2 picture_px;
     // tau per line in scan order, as a vector over the picture: what a line later is seen later by.
-    float padding;
     vec2 tau_per_px;
-    vec2 texel_size;
     // Most samples.
     int most;
     // Weight of this picture in the sum; the first one replaces what stands there.
     float weight;
     uint first;
+    float grid;
 } push;
 
 // Paths that jump by less from one px to the next are those of one surface.
 const float SMOOTH_PX = 0.35;
-// A texel belongs to the pixel at an instant if its path leads it this near, px.
+// A place belongs to the pixel at an instant if its path leads it this near, px.
 const float HIT_PX = 0.75;
 // Shorter paths are not seen.
 const float SHORTEST_PX = 0.02;
+
+// Centres of the pixel's quarters, from its middle; a pixel that is one texel has no quarters.
+float quarter_px() {
+    return push.grid > 1.5 ? 0.25 : 0.0;
+}
 
 // Displacement at tau: the parabola through the three known points.
 vec2 along(vec4 path, float tau) {
@@ -43,21 +49,21 @@ vec2 along(vec4 path, float tau) {
 
 bool beyond = false;
 
-// Path of the texel at a position (px of the attachment).
-vec4 path_at(vec2 at) {
-    vec2 texel = clamp(floor(at * float(push.grid)), vec2(0.0), push.texel_size - 1.0);
-    return texelFetch(paths, ivec2(texel), 0);
+void note_beyond(vec2 at) {
+    beyond = beyond || any(lessThan(at, vec2(0.0))) || any(greaterThan(at, push.picture_px));
 }
 
-vec4 texel_at(vec2 at) {
-    vec2 texel = clamp(floor(at * float(push.grid)), vec2(0.0), push.texel_size - 1.0);
-    return texelFetch(texels, ivec2(texel), 0);
+ivec2 inside(vec2 at) {
+    return ivec2(clamp(at, vec2(0.0), push.picture_px - 1.0));
+}
+
+vec4 path_at(vec2 at) {
+    return texelFetch(paths, inside(at), 0);
 }
 
 // Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    vec2 texel = clamp(at * float(push.grid), vec2(0.5), push.texel_size - 0.5);
-    return textureLod(texels, texel / push.texel_size, 0.0).rgb;
+    return textureLod(texels, at * push.grid, 0.0).rgb;
 }
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
@@ -69,10 +75,11 @@ vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
     return at;
 }
 
-// Mean of the pixel's box around a place: four bilinear samples at the centres of its quarters.
+// Mean of the pixel's box around a place: bilinear samples at the centres of its quarters.
 vec3 box_at(vec2 at) {
-    return 0.25 * (radiance_at(at + vec2(-0.25, -0.25)) + radiance_at(at + vec2(0.25, -0.25)) +
-                   radiance_at(at + vec2(-0.25, 0.25)) + radiance_at(at + vec2(0.25, 0.25)));
+    float q = quarter_px();
+    return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
+                   radiance_at(at + vec2(q, q)));
 }
 
 // One surface all around: the path backwards is smooth, so three of its points give the rest.
@@ -80,44 +87,46 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec2 begin = origin_of(pixel, line, path, -0.5) - pixel;
     vec2 end = origin_of(pixel, line, path, 0.5) - pixel;
     vec4 back = vec4(begin, end);
-    beyond = beyond || any(lessThan(pixel + min(begin, end), vec2(0.0))) ||
-             any(greaterThan(pixel + max(begin, end), push.texel_size / float(push.grid)));
-    float length_px = length(begin) + length(end);
-    int count = clamp(int(ceil(1.5 * length_px)), 1, push.most);
+    note_beyond(pixel + begin);
+    note_beyond(pixel + end);
+    // Two samples a step of a px. Across the path they make up the pixel's box; along it they take turns, so that steps
+    // are half as long, and the path itself is the wider filter.
+    vec2 way = abs(end - begin);
+    vec2 side = quarter_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
+    vec2 ahead = quarter_px() - side;
+    int count = clamp(int(ceil(length(begin) + length(end))), 2, push.most);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
-        sum += box_at(pixel + along(back, tau));
+        vec2 at = pixel + along(back, tau);
+        vec2 shift = (i & 1) == 0 ? ahead : -ahead;
+        sum += 0.5 * (radiance_at(at + side + shift) + radiance_at(at - side - shift));
     }
     return vec4(sum / float(count), float(count));
 }
 
-// Several surfaces: at every instant, the nearest texel whose path leads here.
+// Several surfaces: at every instant, the nearest place whose path leads here.
 vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
-    int count = clamp(int(ceil(1.0 * length_px)), 4, push.most / 4) * 4;
+    int count = 4 * clamp(int(ceil(0.75 * length_px)), 4, push.most / 4);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
         // The quarters of the pixel take turns.
-        vec2 corner = vec2((i & 1) == 0 ? -0.25 : 0.25, ((i >> 1) & 1) == 0 ? -0.25 : 0.25);
-        if ((i & 4) != 0) {
-            corner.x = -corner.x;
-        }
-        vec2 x = pixel + corner;
+        vec2 turn = vec2((i & 1) == 0 ? -1.0 : 1.0, ((i ^ (i >> 1)) & 1) == 0 ? -1.0 : 1.0);
+        vec2 x = pixel + quarter_px() * turn;
         float nearest = -1.0;
         vec2 found = x - along(seeds[1], tau);
         for (int s = 0; s < 3; ++s) {
             vec2 at = x - along(seeds[s], tau);
             at = x - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - x;
-            float inverse = texel_at(at).a;
+            float inverse = texelFetch(inverses, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;
             }
         }
-        beyond = beyond || any(lessThan(found, vec2(0.0))) ||
-                 any(greaterThan(found, push.texel_size / float(push.grid)));
+        note_beyond(found);
         sum += radiance_at(found);
     }
     return vec4(sum / float(count), float(count));
@@ -130,7 +139,7 @@ void main() {
     }
     vec2 pixel = vec2(place) + 0.5 + push.margin_px;
     vec4 own = path_at(pixel);
-    ivec2 tile = ivec2(pixel * float(push.grid)) / EXACT_TILE;
+    ivec2 tile = ivec2(pixel) / EXACT_TILE;
     vec4 facts = texelFetch(around_facts, tile, 0);
     float line = dot(push.tau_per_px, pixel);
     vec4 seen;

@@ -1,5 +1,5 @@
 #version 460
-// A summary of every tile: the paths of its nearest and its farthest texel, how far paths reach, and whether they jump.
+// A summary of every tile: the paths of its nearest and its farthest pixel, how far paths reach, and whether they jump.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
@@ -12,8 +12,9 @@ layout(set = 0, binding = 4, rgba32f) uniform writeonly image2D tile_facts;
 layout(push_constant) uniform Push {
     // Tiles.
     uvec2 size;
-    // Texels.
-    ivec2 texel_size;
+    // Delivered px of the attachment.
+    ivec2 picture;
+    int grid;
 } push;
 
 float larger(vec4 v) {
@@ -27,14 +28,14 @@ void main() {
     }
     vec4 near = vec4(0.0), far = vec4(0.0);
     float near_inverse = -1.0, far_inverse = 1e30, reach = 0.0, jump = 0.0;
-    ivec2 last = push.texel_size - 1;
-    for (int y = 0; y < EXACT_TILE; y += 2) {
-        for (int x = 0; x < EXACT_TILE; x += 2) {
+    ivec2 last = push.picture - 1;
+    for (int y = 0; y < EXACT_TILE; ++y) {
+        for (int x = 0; x < EXACT_TILE; ++x) {
             ivec2 at = min(ivec2(tile) * EXACT_TILE + ivec2(x, y), last);
             vec4 path = texelFetch(paths, at, 0);
-            float inverse = texelFetch(texels, at, 0).a;
-            vec4 right = texelFetch(paths, min(at + ivec2(2, 0), last), 0);
-            vec4 below = texelFetch(paths, min(at + ivec2(0, 2), last), 0);
+            float inverse = texelFetch(texels, at * push.grid, 0).a;
+            vec4 right = texelFetch(paths, min(at + ivec2(1, 0), last), 0);
+            vec4 below = texelFetch(paths, min(at + ivec2(0, 1), last), 0);
             jump = max(jump, max(larger(right - path), larger(below - path)));
             reach = max(reach, larger(path));
             if (inverse > near_inverse) {

@@ -65,11 +65,13 @@ void main() {
         slope = last_px / after - bend * after;
     }
     float depth = texelFetch(inverse_depth, texel, 0).r;
+    precise vec2 lands_px = at_px;
     for (uint slot = 0u; slot < push.slots; ++slot) {
         precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         precise float lines = push.readout_time_s / push.knot_step_s;
-        precise vec2 lands_px = at_px;
-        for (int i = 0; i < 4; ++i) {
+        // The line moves with the point; later slots start from where the one before it landed.
+        int steps = slot == 0u ? 4 : 2;
+        for (int i = 0; i < steps; ++i) {
             precise float t = begin + lines * fraction_at(lands_px);
             lands_px = at_px + t * (slope + t * bend);
         }

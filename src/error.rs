@@ -103,7 +103,7 @@ pub enum Error {
         /// The value given.
         value: f64,
     },
-    /// Parameters that contradict each other.
+    /// Choices that contradict each other.
     #[error("{effect}: {what}")]
     Contradiction {
         /// Stem of the effect.

@@ -3,9 +3,11 @@
 
 pub mod calibrate;
 pub mod camera;
+pub mod capi;
 pub mod capture;
 pub mod chain;
 pub mod cli;
+pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod error;
@@ -15,6 +17,8 @@ pub mod kernels;
 pub mod plane;
 pub mod raster;
 pub mod reference;
+pub mod report;
 pub mod scene;
+pub mod withhold;
 
 pub use error::{Error, Result};

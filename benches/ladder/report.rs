@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::Serialize;
+use shutterbug::gpu::PassTime;
 use shutterbug::plane::{Plane, write_png_atomic};
 
 /// One method on one scene.
@@ -19,6 +20,9 @@ pub struct Row {
     pub invalid_share: f64,
     pub ms_median: f64,
     pub plain_render_ms_median: f64,
+    /// Time of all threads of the process a frame, which other work on the machine hardly changes; 0 where unknown.
+    pub cpu_ms: f64,
+    pub plain_cpu_ms: f64,
     #[serde(skip)]
     pub picture: Plane<u8>,
     #[serde(skip)]
@@ -29,7 +33,7 @@ impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} |",
+            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} | {:.2} |",
             self.scene,
             self.method,
             self.rmse,
@@ -38,9 +42,33 @@ impl fmt::Display for Row {
             self.invalid_share,
             self.ms_median,
             self.plain_render_ms_median,
-            self.ms_median / self.plain_render_ms_median
+            self.ms_median / self.plain_render_ms_median,
+            self.cpu_ms / self.plain_cpu_ms
         )
     }
+}
+
+/// CPU time of this process so far, ms (Linux; ticks of 10 ms).
+pub fn cpu_ms() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(0.0);
+    10.0 * (ticks(11) + ticks(12))
+}
+
+/// Least time of every pass over frames.
+pub fn keep_least(passes: &mut Vec<PassTime>, times: &[PassTime]) {
+    for time in times {
+        match passes.iter_mut().find(|p| p.name == time.name) {
+            Some(pass) => pass.ms = pass.ms.min(time.ms),
+            None => passes.push(time.clone()),
+        }
+    }
+}
+
+/// In words.
+pub fn passes(passes: &[PassTime]) -> String {
+    passes.iter().map(|p| format!("{} {:.1}", p.name, p.ms)).collect::<Vec<_>>().join(", ")
 }
 
 /// Sorts.
@@ -80,9 +108,8 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
     let mut table =
         format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
-    table +=
-        "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio |\n";
-    table += "|---|---|---|---|---|---|---|---|---|\n";
+    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio |\n";
+    table += "|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {
         writeln!(table, "{row}").expect("strings grow");
     }

@@ -34,7 +34,7 @@ pub fn camera(scale: u32) -> Intrinsics {
 pub fn takes() -> Vec<Take> {
     let still = Arc::new(room(None));
     let turning = |axis: DVec3, angle: fn(f64) -> f64| {
-        path(move |t| Pose { rotation: looking(0.0) * DQuat::from_axis_angle(axis, angle(t)), ..eye() })
+        path(move |t| Pose { rotation: askew(0.0) * DQuat::from_axis_angle(axis, angle(t)), ..eye() })
     };
     let mut takes = vec![
         take("pan", &still, turning(DVec3::Y, |t| 1.5 * t)),
@@ -70,8 +70,13 @@ fn looking(heading: f64) -> DQuat {
     DQuat::from_rotation_z(heading) * optical
 }
 
+/// Askew, so that no edge of the room runs along a row of samples: such an edge takes or leaves a whole row at once.
 fn eye() -> Pose {
-    Pose { rotation: looking(0.0), translation_m: DVec3::new(-2.2, 0.1, 1.3) }
+    Pose { rotation: askew(0.0), translation_m: DVec3::new(-2.2, 0.1, 1.3) }
+}
+
+fn askew(heading: f64) -> DQuat {
+    looking(heading + 0.11) * DQuat::from_rotation_z(0.035) * DQuat::from_rotation_x(0.04)
 }
 
 fn flying() -> Trajectory {
@@ -112,7 +117,7 @@ fn walking() -> Option<Trajectory> {
         let phase = 4.0 * PI * t;
         let knock = 0.004 * (2.0 * PI * 25.0 * t).sin();
         let sway = DVec3::new(0.0, 0.015 * phase.sin(), 0.008 * (2.0 * phase).sin());
-        let turned = looking(cubic(7, u) - cubic(7, 0.5))
+        let turned = askew(cubic(7, u) - cubic(7, 0.5))
             * DQuat::from_rotation_z(0.052 * (phase + 0.4).sin())
             * DQuat::from_rotation_x(0.035 * (2.0 * phase).sin() + knock);
         let walked =
@@ -221,14 +226,16 @@ fn material(i: usize) -> Material {
     Material { name: format!("m{i}"), kd, ks: [0.15; 3], ns: 20.0, texture: Some(i) }
 }
 
-/// Tiles with joints, sharp stripes, checks and a smooth pattern; 256x256.
+/// Tiles with joints, stripes, checks and a smooth pattern; 64x64, so that a texel is about a pixel where it is seen from
+/// the room's middle: textures are read without mip levels, and finer ones would compare their aliasing.
 fn texture(i: usize) -> Texture {
     let value = |x: u32, y: u32| -> [u8; 3] {
+        let (x, y) = (4 * x, 4 * y);
         let check = ((x / 32) ^ (y / 32)) & 1 == 1;
         let wave = (30.0 * (0.11 * f64::from(x)).sin() * (0.07 * f64::from(y)).cos()) as i32;
         let shade = |v: i32| (v + wave).clamp(0, 255) as u8;
         match i {
-            0 if x % 64 < 3 || y % 64 < 3 => [40, 40, 45],
+            0 if x % 64 < 4 || y % 64 < 4 => [40, 40, 45],
             0 => [shade(170), shade(160 + 20 * i32::from(check)), shade(150)],
             1 if (x / 16) % 2 == 0 => [235, 225, 210],
             1 => [50, shade(70), 90],
@@ -237,10 +244,10 @@ fn texture(i: usize) -> Texture {
             _ => [shade(128), shade(200 - (x / 2) as i32), shade(60 + (y / 2) as i32)],
         }
     };
-    let rgba = (0..256).flat_map(|y| (0..256).map(move |x| (x, y)));
+    let rgba = (0..64).flat_map(|y| (0..64).map(move |x| (x, y)));
     let rgba = rgba.flat_map(|(x, y)| {
         let [r, g, b] = value(x, y);
         [r, g, b, 255]
     });
-    Texture { path: format!("ladder {i}").into(), width: 256, height: 256, rgba: rgba.collect() }
+    Texture { path: format!("ladder {i}").into(), width: 64, height: 64, rgba: rgba.collect() }
 }

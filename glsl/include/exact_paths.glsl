@@ -1,72 +1,85 @@
-// Samples to texels of the supersampled picture: mean radiance, and for the nearest sample its distance and the path
-// that it takes over its line's exposure. Paths come from depth and matrices: no attachment is spent on them, and they
-// are exact for whatever moves as a rigid body.
-layout(local_size_x = 16, local_size_y = 8) in;
+// Samples to what the gather reads: mean radiance of every texel of the supersampled picture, and, pixel by pixel, the
+// distance of the nearest sample and the path that it takes over its line's exposure. Paths come from depth and
+// matrices: no attachment is spent on them, and they are exact for whatever moves as a rigid body.
+layout(local_size_x = 128, local_size_y = 1) in;
 #include "resolve.glsl"
 #include "lens.glsl"
 // Alpha: number of the motion group, 0 where nothing is.
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 // Near distance over distance; 0 where nothing was drawn.
 layout(set = 0, binding = 1) uniform SAMPLES_2D depth_samples;
-// RGB: mean linear radiance. A: 1/m, inverse distance of the nearest sample.
+// RGB: mean linear radiance. A: 1/m, inverse distance of the texel's nearest sample.
 layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D texels;
 // px from the middle of the line's exposure to its begin (xy) and to its end (zw).
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D paths;
-// Begin and end of a line's exposure from its middle, in turn; `line_count` pairs a group, equally spaced lines.
-layout(set = 0, binding = 4, std430) readonly buffer Relative {
-    mat4 relative[];
-};
+// Two times rows x, y and w of a matrix that takes (ndc, depth, 1) at the middle of a line's exposure to clip space, at
+// its begin and at its end. One row of the image a line, and in it group after group. An image, because lavapipe 22.3
+// reads 24 floats of a storage buffer five times as slowly, even where all of a workgroup reads the same.
+layout(set = 0, binding = 4) uniform sampler2D relatives;
+// Texels of a pixel's side, samples of a texel: constants, so that loops over them unroll.
+layout(constant_id = 0) const int GRID = 2;
+layout(constant_id = 1) const int COUNT = 4;
 layout(push_constant) uniform Push {
-    // Texels of the attachment.
+    // Delivered px of the attachment.
     uvec2 size;
-    // Half of the attachment in delivered px.
-    vec2 half_px;
-    // Place among the pairs: dot(place_from_ndc, ndc) + place_offset.
-    vec2 place_from_ndc;
-    float place_offset;
+    // Lines whose matrices there are (in the order of the picture): all, or one for all.
     uint line_count;
+    uint group_count;
+    // Lines are columns.
+    uint columns;
     float near_m;
-    float padding;
     Lens lens;
 } push;
 
-// Where the matrix and the lens put a point, from where it is: the ideal point of `ndc`.
-vec2 moved_px(mat4 matrix, vec2 ideal, vec2 ndc, float depth) {
-    vec4 clip = lens_sensor(push.lens, matrix * vec4(ideal, depth, 1.0));
+// Where the matrix that begins at `row` puts a point, from where it is.
+vec2 moved_px(ivec2 row, vec4 point, vec2 ndc) {
+    float x = dot(texelFetch(relatives, row, 0), point);
+    float y = dot(texelFetch(relatives, row + ivec2(1, 0), 0), point);
     // Behind the camera at that time: the path is long, not reversed.
-    return (clip.xy / max(clip.w, 0.02) - ndc) * push.half_px;
-}
-
-mat4 between(uint pair, uint which, float weight) {
-    mat4 before = relative[2 * pair + which];
-    return push.line_count > 1 ? before + weight * (relative[2 * pair + 2 + which] - before) : before;
+    float w = max(dot(texelFetch(relatives, row + ivec2(2, 0), 0), point), 0.02);
+    vec4 seen = lens_sensor(push.lens, vec4(x, y, 0.0, w));
+    return (seen.xy / w - ndc) * 0.5 * vec2(push.size);
 }
 
 void main() {
-    uvec2 texel = gl_GlobalInvocationID.xy;
-    if (any(greaterThanEqual(texel, push.size))) {
+    // A workgroup stays in one line: what it reads of the matrices is the same for all of it.
+    uint across = gl_WorkGroupID.y;
+    uint place = gl_GlobalInvocationID.x;
+    ivec2 pixel = push.columns != 0u ? ivec2(across, place) : ivec2(place, across);
+    if (any(greaterThanEqual(uvec2(pixel), push.size))) {
         return;
     }
-    int count = sample_count(color_samples);
-    vec3 sum = vec3(0.0);
     float depth = 0.0;
     float group = 0.0;
-    for (int i = 0; i < count; ++i) {
-        vec4 color = sample_at(color_samples, ivec2(texel), i);
-        float d = sample_at(depth_samples, ivec2(texel), i).r;
-        sum += color.rgb;
-        group = d > depth ? color.a : group;
-        depth = max(depth, d);
+    for (int y = 0; y < GRID; ++y) {
+        for (int x = 0; x < GRID; ++x) {
+            ivec2 texel = pixel * GRID + ivec2(x, y);
+            vec3 sum = vec3(0.0);
+            float nearest = 0.0;
+            for (int i = 0; i < COUNT; ++i) {
+                vec4 color = sample_at(color_samples, texel, i);
+                sum += color.rgb;
+                // One sample's depth a texel is enough to find what is in front: with all of them the ladder's rows stay
+                // within 0.1 dB.
+                if (i == 0) {
+                    float d = sample_at(depth_samples, texel, i).r;
+                    group = d > depth ? color.a : group;
+                    depth = max(depth, d);
+                    nearest = max(nearest, d);
+                }
+            }
+            imageStore(texels, texel, vec4(sum / float(COUNT), nearest / push.near_m));
+        }
     }
-    imageStore(texels, ivec2(texel), vec4(sum / float(count), depth / push.near_m));
-    vec2 ndc = (vec2(texel) + 0.5) / vec2(push.size) * 2.0 - 1.0;
-    float place = clamp(dot(push.place_from_ndc, ndc) + push.place_offset, 0.0, float(push.line_count - 1));
-    uint pair = min(uint(place), max(push.line_count, 2u) - 2u);
-    float weight = place - float(pair);
-    // Where nothing is, the world rests infinitely far away.
-    pair += push.line_count * uint(max(group - 1.0, 0.0));
-    vec2 ideal = lens_ideal(push.lens, ndc);
-    vec4 path = vec4(moved_px(between(pair, 0, weight), ideal, ndc, depth),
-                     moved_px(between(pair, 1, weight), ideal, ndc, depth));
-    imageStore(paths, ivec2(texel), clamp(path, -4096.0, 4096.0));
+    vec2 ndc = (vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0;
+    vec4 point = vec4(lens_ideal(push.lens, ndc), depth, 1.0);
+    ivec2 row = ivec2(0, min(across, push.line_count - 1u));
+    vec4 path = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
+    // What moves by itself.
+    for (uint g = 1u; g < push.group_count; ++g) {
+        row.x += 6;
+        vec4 other = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
+        path = uint(group) == g + 1u ? other : path;
+    }
+    imageStore(paths, pixel, clamp(path, -4096.0, 4096.0));
 }

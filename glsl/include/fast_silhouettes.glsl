@@ -7,6 +7,11 @@
 const int FOLLOW_STEPS = 3;
 const float LANDED_PX = 0.5;
 const int BISECTIONS = 3;
+// Ratio of depths between which a silhouette lies; how far from it texels hold both surfaces, and how far that is given
+// way, px.
+const float OTHER_DEPTH = 1.15;
+const float SILHOUETTE_REACH_PX = 0.5;
+const float GIVE_WAY_PX = 0.5;
 // Most samples of a pixel.
 const int MAX_SILHOUETTE_SAMPLES = 64;
 
@@ -61,6 +66,30 @@ Followed follow(vec2 x_px, uint key, PathWeights w) {
     return Followed(beside_silhouette(swap ? before : p, swap ? p : before, threshold), far_depth, false);
 }
 
+// How far a place gives way in a direction, px: texels at a silhouette hold both surfaces, and where the nearer one has
+// moved off they would show a seam of it. Not further than it has moved.
+float give_way(vec2 position_px, vec2 towards, float own_depth, vec2 own_px, PathWeights w) {
+    vec2 beside = position_px + SILHOUETTE_REACH_PX * towards;
+    precise vec2 moved = nearest_displacement(beside, w) - own_px;
+    precise float off = moved.x * towards.x + moved.y * towards.y;
+    return inverse_depth_at(beside) > OTHER_DEPTH * own_depth ? clamp(off, 0.0, GIVE_WAY_PX) : 0.0;
+}
+
+// Path images of one texel a px do not know the silhouette well enough for that.
+vec2 clear_of_seams(vec2 position_px, PathWeights w) {
+    if (path_scale() == 1) {
+        return position_px;
+    }
+    float own = inverse_depth_at(position_px);
+    vec2 own_px = nearest_displacement(position_px, w);
+    precise vec2 away = vec2(give_way(position_px, vec2(-1.0, 0.0), own, own_px, w) -
+                                 give_way(position_px, vec2(1.0, 0.0), own, own_px, w),
+                             give_way(position_px, vec2(0.0, -1.0), own, own_px, w) -
+                                 give_way(position_px, vec2(0.0, 1.0), own, own_px, w));
+    precise vec2 clear = position_px + away;
+    return clear;
+}
+
 const vec2 QUARTERS[4] = vec2[4](vec2(-0.25), vec2(0.25), vec2(0.25, -0.25), vec2(-0.25, 0.25));
 
 // With blur one for every px that the nearest surface moves, else one a quarter.
@@ -80,6 +109,9 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     SlotClaims middle = slot_claims(BLUR, ivec2(pixel));
     SlotClaims end = slot_claims(2u * BLUR, ivec2(pixel));
     int count = silhouette_samples(begin, end);
+    // In a gap too wide for any claim the search starts from the place itself.
+    bool gap = max(middle.nearest, max(begin.nearest, end.nearest)) == 0u;
+    middle.nearest = gap ? seed_key(0.0, ivec2(0)) : middle.nearest;
     precise vec3 sum = vec3(0.0);
     bool clamped = false;
     for (int i = 0; i < count; ++i) {
@@ -107,7 +139,7 @@ vec4 blur_many_surfaces(uvec2 pixel) {
                 }
             }
         }
-        precise vec2 position = nearest >= 0.0 ? source_px : beside_px;
+        precise vec2 position = clear_of_seams(nearest >= 0.0 ? source_px : beside_px, w);
         // With blur the quarter decides who is seen, and the mean over the whole pixel is read: each quarter comes by too
         // seldom to be a picture of its own.
         if (blurs()) {

@@ -10,6 +10,7 @@ layout(constant_id = 1) const int PATH_SCALE = 1;
 
 // Behind a function, because the build's reflection does not evaluate comparisons of constants.
 int path_images() { return PATH_IMAGES; }
+int path_scale() { return PATH_SCALE; }
 
 // Shares of the knots in the displacement at one instant: one vec2 a path image.
 struct PathWeights {

@@ -1,9 +1,9 @@
 //! The picture of the paper's Fig. 5: frame, contrast-enhanced difference image and histograms per channel, real above
 //! simulated; with a part of the difference at full resolution, where the grain can be seen.
 
+use super::blocks::percentile;
 use super::chart::{canvas, histograms, label};
 use super::noise::Calibration;
-use super::statics::percentile;
 use crate::error::Result;
 use crate::plane::Plane;
 

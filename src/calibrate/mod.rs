@@ -9,7 +9,11 @@
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.
 
+// A channel indexes several arrays at once here; an iterator over one of them hides that.
+#![allow(clippy::needless_range_loop)]
+
 pub mod analytic;
+mod blocks;
 pub mod cells;
 pub mod chart;
 pub mod figure;
@@ -19,11 +23,12 @@ pub mod frames;
 pub mod model;
 mod noise;
 pub mod ptc;
+mod search;
 pub mod series;
 pub mod spatial;
 pub mod statics;
 mod tables;
 
 pub use frames::{Encoding, Frame};
-pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise};
-pub use tables::{Table, camera_tables, paper_tables, to_toml};
+pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
+pub use tables::{ChainCamera, chain_settings, paper_settings};

@@ -24,6 +24,8 @@ pub struct IspCamera {
     pub full_well_e: f64,
     /// Read noise, fraction of full scale on the sensor's scale.
     pub read_sigma: f64,
+    /// Variance added per sensor channel, whatever the light (the paper's colour noise).
+    pub extra_variance: [f64; 3],
     /// Noise that a row shares, fraction of full scale.
     pub row_sigma: f64,
     /// Whether a Bayer mosaic (RGGB) and a bilinear demosaic lie between.
@@ -44,6 +46,9 @@ pub struct IspCamera {
     pub srgb: bool,
     /// Distance of two values of the file; 0 = not quantized.
     pub step: f64,
+    /// What the noise reduction leaves of the noise, over the encoded value: knots (value in 0 to 1, factor) per channel;
+    /// empty = all. Real ones smooth dark and bright parts differently.
+    pub level_gain: [Vec<[f64; 2]>; 3],
 }
 
 /// Weights of luma (ITU-T T.871, as in JPEG).
@@ -56,6 +61,7 @@ impl IspCamera {
             full_well_e,
             read_sigma,
             row_sigma: 0.0,
+            extra_variance: [0.0; 3],
             bayer: false,
             white_balance: [1.0; 3],
             color_matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -65,6 +71,7 @@ impl IspCamera {
             jpeg_quality: None,
             srgb,
             step,
+            level_gain: Default::default(),
         }
     }
 
@@ -86,6 +93,7 @@ impl IspCamera {
     fn sensor_noise(&self, seen: &mut Plane<f32>, frame: u32, seed: u64) {
         let (width, words) = (seen.width, seed_words(seed));
         let full_well = self.full_well_e;
+        let sigma = self.extra_variance.map(|v| (self.read_sigma.powi(2) + v).sqrt() as f32);
         use rayon::prelude::*;
         seen.data.par_chunks_mut(width * 3).enumerate().for_each(|(y, row)| {
             let of_row = self.row_sigma as f32 * random_normal([0, y as u32], frame, STREAM_ROW, words)[0];
@@ -101,7 +109,7 @@ impl IspCamera {
                     } else {
                         mean + mean.sqrt() * f64::from(shot[c])
                     };
-                    *v = (electrons / full_well) as f32 + of_row + self.read_sigma as f32 * read[c];
+                    *v = (electrons / full_well) as f32 + of_row + sigma[c] * read[c];
                 }
             }
         });
@@ -127,15 +135,43 @@ fn few(mean: f64, bits: u32) -> f64 {
     count
 }
 
+/// Linear between the knots, constant beyond them.
+pub fn at_knots(knots: &[[f64; 2]], at: f64) -> f64 {
+    match knots.iter().position(|k| k[0] >= at) {
+        Some(0) => knots[0][1],
+        Some(i) => {
+            let ([x0, y0], [x1, y1]) = (knots[i - 1], knots[i]);
+            y0 + (y1 - y0) * (at - x0) / (x1 - x0).max(1e-12)
+        }
+        None => knots.last().map_or(1.0, |k| k[1]),
+    }
+}
+
 impl CameraModel for IspCamera {
     fn frame(&self, clean: &Plane<f32>, frame: u32, seed: u64) -> Result<Plane<f32>> {
+        let mut noisy = self.developed(clean, Some((frame, seed)));
+        if self.level_gain.iter().any(|k| !k.is_empty()) {
+            let still = self.developed(clean, None);
+            for (i, (v, s)) in noisy.data.iter_mut().zip(&still.data).enumerate() {
+                *v = s + at_knots(&self.level_gain[i % 3], f64::from(*s)) as f32 * (*v - s);
+            }
+        }
+        self.file(noisy)
+    }
+}
+
+impl IspCamera {
+    /// Everything before the file: encoded values, with the noise of a frame and seed or without.
+    fn developed(&self, clean: &Plane<f32>, noise: Option<(u32, u64)>) -> Plane<f32> {
         let inverse = self.inverse_matrix().unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         let mut picture = clean.clone();
         for p in picture.data.chunks_exact_mut(3) {
             let raw = self.sensor_color(&inverse, [f64::from(p[0]), f64::from(p[1]), f64::from(p[2])]);
             (0..3).for_each(|c| p[c] = raw[c] as f32);
         }
-        self.sensor_noise(&mut picture, frame, seed);
+        if let Some((frame, seed)) = noise {
+            self.sensor_noise(&mut picture, frame, seed);
+        }
         if self.bayer {
             picture = bilinear_demosaic(&picture);
         }
@@ -146,13 +182,11 @@ impl CameraModel for IspCamera {
                 p[c] = if self.srgb { srgb_encode(value) } else { value };
             }
         }
-        self.isp(picture)
+        self.smoothed(picture)
     }
-}
 
-impl IspCamera {
-    /// Smoothing, chroma subsampling, JPEG and rounding of encoded values.
-    fn isp(&self, mut picture: Plane<f32>) -> Result<Plane<f32>> {
+    /// Smoothing and chroma subsampling of encoded values.
+    fn smoothed(&self, mut picture: Plane<f32>) -> Plane<f32> {
         if self.luma_sigma_px > 0.0 || self.chroma_sigma_px > 0.0 || self.chroma_step != [1, 1] {
             let luma_of = |p: &[f32]| (0..3).map(|c| LUMA[c] as f32 * p[c]).sum::<f32>();
             let luma =
@@ -173,6 +207,11 @@ impl IspCamera {
                 p.iter_mut().for_each(|v| *v += y);
             }
         }
+        picture
+    }
+
+    /// JPEG, or rounding to the file's steps.
+    fn file(&self, mut picture: Plane<f32>) -> Result<Plane<f32>> {
         if let Some(quality) = self.jpeg_quality {
             return jpeg(&picture, quality);
         }
@@ -243,8 +282,9 @@ fn subsample(chroma: &Plane<f32>) -> Plane<f32> {
         [0, 1, 2].map(|c| four.iter().map(|p| 0.25 * p[c]).sum::<f32>())
     });
     // The nearer small sample weighs 3/4, the one on the pixel's other side 1/4.
-    let other =
-        |v: usize, n: usize| if v % 2 == 0 { (v / 2).saturating_sub(1) } else { (v / 2 + 1).min(n - 1) };
+    let other = |v: usize, n: usize| {
+        if v.is_multiple_of(2) { (v / 2).saturating_sub(1) } else { (v / 2 + 1).min(n - 1) }
+    };
     Plane::from_fn(chroma.width, chroma.height, |x, y| {
         let (x0, y0, x1, y1) = (x / 2, y / 2, other(x, w), other(y, h));
         let (a, b, c, d) =

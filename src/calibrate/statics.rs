@@ -6,6 +6,7 @@
 
 use serde::Serialize;
 
+use super::blocks::{BLOCK_PX, Blocks, for_each_block, luma, percentile};
 use super::filter::{dilate, gaussian, masked_mean};
 use super::frames::{Encoding, Frame};
 use crate::error::{Error, Result};
@@ -13,8 +14,6 @@ use crate::plane::Plane;
 
 /// Largest whole shift that is searched and taken back, px.
 const MAX_SHIFT_PX: i32 = 8;
-/// Side of a block, px.
-const BLOCK_PX: usize = 32;
 /// Brightness changes beyond this are another exposure, not flicker.
 const MAX_GAIN_CHANGE: f64 = 0.2;
 /// Largest part of the noise's sigma that displacement may add at a pixel.
@@ -112,14 +111,17 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     let displaced = blocks.all.iter().filter(|b| b.displaced()).count();
     let displaced_fraction = displaced as f64 / textured.len().max(1) as f64;
     let (median, p95) = (percentile(&textured, 0.5), percentile(&textured, 0.95));
-    // One block in twenty may hold something that moved by itself; more than a tenth is the camera.
-    let moved = shift_px != [0, 0] || displaced_fraction > 0.1;
+    // A camera that moves takes nearly all texture along; what moves by itself leaves the median where it is.
+    let moved = shift_px != [0, 0] || displaced_fraction > 0.5 || (displaced_fraction > 0.1 && median > 0.05);
     if median > 1.5 {
         return Err(refuse(format!("a displacement of {median:.2} px in half of the textured picture")));
     }
-    let usable =
-        if moved { rest_mask(&frames, p95.max(0.1)) } else { vec![true; frames[0].width * frames[0].height] };
-    let usable = without_outliers(&frames, usable, &blocks);
+    let usable = if moved {
+        rest_mask(&frames, &blocks, percentile(&textured, 0.75).max(0.1))
+    } else {
+        vec![true; frames[0].width * frames[0].height]
+    };
+    let usable = without_outliers(&frames, usable, &blocks, moved);
     let count = usable.iter().filter(|u| **u).count();
     let masked_fraction = 1.0 - count as f64 / usable.len() as f64;
     let enough = count >= MIN_USABLE_PX.min(usable.len() / 2) && (moved || masked_fraction < 0.5);
@@ -142,23 +144,23 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     Ok(AlignedPair { frames, usable, registration })
 }
 
-fn luma(plane: &Plane<f32>) -> Plane<f32> {
-    let data = plane.data.chunks_exact(3).map(|p| 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]).collect();
-    Plane { width: plane.width, height: plane.height, channels: 1, data }
-}
-
-/// The whole shift with the least mean absolute difference.
+/// The whole shift with the least squared difference of the fine structure (ramps would take a change of brightness or
+/// plain chance for a shift).
 fn whole_shift(a: &Plane<f32>, b: &Plane<f32>) -> [i32; 2] {
     let margin = MAX_SHIFT_PX as usize;
-    // Smoothed, or one shift of noise is as good as another; every third pixel is enough.
-    let (a, b) = (gaussian(a, 1.5), gaussian(b, 1.5));
+    let fine = |plane: &Plane<f32>| {
+        let (mut narrow, wide) = (gaussian(plane, 1.5), gaussian(plane, 6.0));
+        narrow.data.iter_mut().zip(&wide.data).for_each(|(n, w)| *n -= w);
+        narrow
+    };
+    let (a, b) = (fine(a), fine(b));
     let cost = |dx: i32, dy: i32| -> f64 {
         let mut sum = 0.0;
         for y in (margin..a.height - margin).step_by(3) {
             let other = b.row((y as i32 + dy) as usize);
             let row = a.row(y);
             for x in (margin..a.width - margin).step_by(3) {
-                sum += f64::from((other[(x as i32 + dx) as usize] - row[x]).abs());
+                sum += f64::from(other[(x as i32 + dx) as usize] - row[x]).powi(2);
             }
         }
         sum
@@ -171,9 +173,9 @@ fn whole_shift(a: &Plane<f32>, b: &Plane<f32>) -> [i32; 2] {
         .collect();
     let at = |i: usize| [i as i32 % side - MAX_SHIFT_PX, i as i32 / side - MAX_SHIFT_PX];
     let best = (0..costs.len()).min_by(|i, j| costs[*i].total_cmp(&costs[*j])).unwrap_or(0);
-    // Flat pictures have no best shift: without a gain of 2 % over no shift nothing moves.
+    // Pictures without texture have a best shift by chance, a little better than none.
     let rest = costs[costs.len() / 2];
-    if costs[best] > 0.98 * rest { [0, 0] } else { at(best) }
+    if costs[best] > 0.8 * rest { [0, 0] } else { at(best) }
 }
 
 fn crop(a: &Plane<f32>, b: &Plane<f32>, [dx, dy]: [i32; 2]) -> [Plane<f32>; 2] {
@@ -219,92 +221,9 @@ fn equalise([a, b]: [Plane<f32>; 2], encoding: Encoding) -> ([f64; 3], [Plane<f3
     (gain, [a, corrected])
 }
 
-/// Calls `f` with the pixel indices of every whole block.
-fn for_each_block(width: usize, height: usize, mut f: impl FnMut(&mut dyn Iterator<Item = usize>)) {
-    for by in 0..height / BLOCK_PX {
-        for bx in 0..width / BLOCK_PX {
-            let start = by * BLOCK_PX * width + bx * BLOCK_PX;
-            f(&mut (0..BLOCK_PX * BLOCK_PX).map(|i| start + i / BLOCK_PX * width + i % BLOCK_PX));
-        }
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Block {
-    displacement_px: f64,
-    sigma_px: f64,
-    textured: bool,
-}
-
-impl Block {
-    fn displaced(&self) -> bool {
-        self.textured && self.displacement_px.abs() > (5.0 * self.sigma_px).max(0.1)
-    }
-}
-
-struct Blocks {
-    all: Vec<Block>,
-}
-
-impl Blocks {
-    /// Displacement of each block along its dominant gradient.
-    fn measure([a, b]: &[Plane<f32>; 2]) -> Self {
-        let (a, b) = (gaussian(&luma(a), 1.5), gaussian(&luma(b), 1.5));
-        let mut sums: Vec<[f64; 6]> = Vec::new();
-        for_each_block(a.width, a.height, |pixels| {
-            let mut s = [0.0f64; 6];
-            let mut mean_d = 0.0;
-            let mut all = Vec::with_capacity(BLOCK_PX * BLOCK_PX);
-            for i in pixels {
-                let (x, y) = (i % a.width, i / a.width);
-                if x == 0 || y == 0 || x + 1 == a.width || y + 1 == a.height {
-                    continue;
-                }
-                let mean = |j: usize| f64::from(a.data[j] + b.data[j]);
-                let d = f64::from(b.data[i] - a.data[i]);
-                let gx = 0.25 * (mean(i + 1) - mean(i - 1));
-                let gy = 0.25 * (mean(i + a.width) - mean(i - a.width));
-                mean_d += d;
-                all.push((gx, gy, d));
-            }
-            mean_d /= all.len() as f64;
-            for (gx, gy, d) in &all {
-                let d = d - mean_d;
-                let add = [gx * gx, gx * gy, gy * gy, gx * d, gy * d, d * d];
-                s.iter_mut().zip(add).for_each(|(s, v)| *s += v);
-            }
-            sums.push(s);
-        });
-        let noise = Self::noise_variance(&sums);
-        // Pixels that act as one after the smoothing, with some for noise that was smooth before.
-        let together = 4.0 * std::f64::consts::PI * (1.5f64.powi(2) + 1.0);
-        let all = sums.iter().map(|s| {
-            let [xx, xy, yy, xd, yd, _] = *s;
-            let half = 0.5 * (xx - yy);
-            let root = half.hypot(xy);
-            let energy = 0.5 * (xx + yy) + root;
-            let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-            // Content that moved by v gives b - a = -v g.
-            let displacement_px = -(xd * angle.cos() + yd * angle.sin()) / energy.max(1e-12);
-            let sigma_px = (noise * together / energy.max(1e-12)).sqrt();
-            Block { displacement_px, sigma_px, textured: sigma_px < 0.05 }
-        });
-        Self { all: all.collect() }
-    }
-
-    /// Variance of the smoothed difference where there is the least texture.
-    fn noise_variance(sums: &[[f64; 6]]) -> f64 {
-        let mut by_texture: Vec<_> = sums.iter().collect();
-        by_texture.sort_by(|p, q| (p[0] + p[2]).total_cmp(&(q[0] + q[2])));
-        let quiet = &by_texture[..by_texture.len().div_ceil(3)];
-        let variances: Vec<f64> =
-            quiet.iter().map(|s| s[5] / (BLOCK_PX * BLOCK_PX) as f64).filter(|v| *v > 0.0).collect();
-        percentile(&variances, 0.5).max(1e-9)
-    }
-}
-
-/// Pixels of displaced frames at which the displacement adds less than [`MAX_CONTAMINATION`] of the noise.
-fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
+/// Pixels of displaced frames at which the displacement adds less than [`MAX_CONTAMINATION`] of the noise: that of the
+/// pixel's block where its texture tells one, `typical_px` elsewhere.
+fn rest_mask(frames: &[Plane<f32>; 2], blocks: &Blocks, typical_px: f64) -> Vec<bool> {
     let [a, b] = frames;
     let (width, height) = (a.width, a.height);
     let mean = Plane { data: a.data.iter().zip(&b.data).map(|(a, b)| 0.5 * (a + b)).collect(), ..*a };
@@ -332,6 +251,8 @@ fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
             let (x, y) = (i % width, i / width);
             let (x0, x1) = (x.saturating_sub(1), (x + 1).min(width - 1));
             let (y0, y1) = (y.saturating_sub(1), (y + 1).min(height - 1));
+            let displacement_px =
+                blocks.at(x, y).map_or(typical_px, |v| v.abs().clamp(0.1, 3.0 * typical_px));
             (0..3).any(|c| {
                 let gradient = |p: &Plane<f32>| {
                     let at = |x: usize, y: usize| f64::from(p.data[(y * width + x) * 3 + c]);
@@ -354,13 +275,18 @@ fn rest_mask(frames: &[Plane<f32>; 2], displacement_px: f64) -> Vec<bool> {
         .collect()
 }
 
-/// Takes displaced blocks out of the mask, and blocks of 16 px whose difference is far beyond that of others as bright:
+/// Takes displaced blocks out of the mask (where the camera rests; else the mask knows), and blocks of 16 px whose difference is far beyond that of others as bright:
 /// something came, went or changed its light there.
-fn without_outliers(frames: &[Plane<f32>; 2], mut usable: Vec<bool>, blocks: &Blocks) -> Vec<bool> {
+fn without_outliers(
+    frames: &[Plane<f32>; 2],
+    mut usable: Vec<bool>,
+    blocks: &Blocks,
+    moved: bool,
+) -> Vec<bool> {
     let [a, b] = frames;
     let (width, height) = (a.width, a.height);
     let across = width / BLOCK_PX;
-    for (k, _) in blocks.all.iter().enumerate().filter(|(_, b)| b.displaced()) {
+    for (k, _) in blocks.all.iter().enumerate().filter(|(_, b)| !moved && b.displaced()) {
         clear(&mut usable, width, (k % across * BLOCK_PX, k / across * BLOCK_PX), BLOCK_PX);
     }
     const SIDE: usize = 16;
@@ -399,11 +325,4 @@ fn clear(mask: &mut [bool], width: usize, (x0, y0): (usize, usize), side: usize)
     for y in y0..y0 + side {
         mask[y * width + x0..y * width + x0 + side].fill(false);
     }
-}
-
-/// The value below which a share of `values` lies; 0 of none.
-pub fn percentile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(((sorted.len() as f64 - 1.0) * share).round().max(0.0) as usize).copied().unwrap_or(0.0)
 }

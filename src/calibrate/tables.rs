@@ -1,95 +1,112 @@
-//! The result as tables of `camera.toml`.
+//! The result as the chain's settings, which become tables of `camera.toml`, and the chain itself as a [`CameraModel`].
 
-use super::model::IspCamera;
+use super::model::{CameraModel, IspCamera};
 use super::noise::Calibration;
+use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
+use crate::chain::{Effect, Settings, Value, View};
 use crate::effects;
+use crate::error::Result;
+use crate::plane::Plane;
+use crate::reference::chain;
 
-/// One table: an effect's stem, and its parameters as TOML values.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Table {
-    /// Stem of the effect.
-    pub effect: &'static str,
-    /// Names and values.
-    pub values: Vec<(&'static str, String)>,
+/// Sets a parameter of the effect of that stem, within its range.
+///
+/// # Errors
+/// A value outside the parameter's range.
+fn set(settings: &mut Settings, effect: &str, name: &str, value: Value) -> Result<()> {
+    let effect: &dyn Effect = effects::by_id(effect).expect("the chain has the effects of a calibration");
+    settings.set(effect, name, value)
 }
 
-fn number(value: f64) -> String {
-    format!("{value:.6e}")
-}
-
-/// Tables of the fitted camera, in light-path order.
-pub fn camera_tables(camera: &IspCamera) -> Vec<Table> {
-    let mut tables =
-        vec![Table { effect: "shot_noise", values: vec![("full_well_e", number(camera.full_well_e))] }];
-    let mut add = |effect, values| tables.push(Table { effect, values });
+/// Settings of a camera that the chain can hold (of [`super::fit::Freedom::Chain`]): the picture's colours stay, luma and
+/// chroma are smoothed alike.
+///
+/// # Errors
+/// A value outside the range that the chain allows.
+pub fn chain_settings(camera: &IspCamera) -> Result<Settings> {
+    let mut out = Settings::default();
+    let number = Value::Number;
+    set(&mut out, "shot_noise", "full_well_e", number(camera.full_well_e))?;
+    set(&mut out, "read_noise", "sigma", number(camera.read_sigma))?;
     if camera.row_sigma > 0.0 {
-        add("row_noise", vec![("sigma", number(camera.row_sigma))]);
+        set(&mut out, "row_noise", "sigma", number(camera.row_sigma))?;
     }
-    add("read_noise", vec![("sigma", number(camera.read_sigma))]);
+    for (name, variance) in COLOR.into_iter().zip(camera.extra_variance) {
+        if variance > 0.0 {
+            set(&mut out, "paper_noise", name, number(variance))?;
+        }
+    }
     if camera.bayer {
-        add("bayer_mosaic", vec![("pattern", "\"RGGB\"".into()), ("demosaic", "\"bilinear\"".into())]);
-        let [r, _, b] = camera.white_balance;
-        add("white_balance", vec![("r", number(r)), ("b", number(b))]);
-        let names = [["rr", "rg", "rb"], ["gr", "gg", "gb"], ["br", "bg", "bb"]];
-        let entries = names.iter().zip(&camera.color_matrix).flat_map(|(n, m)| n.iter().zip(m));
-        add("color_matrix", entries.map(|(n, m)| (*n, number(*m))).collect());
-        add(
-            "noise_reduction",
-            vec![
-                ("luma_sigma_px", number(camera.luma_sigma_px)),
-                ("chroma_sigma_px", number(camera.chroma_sigma_px)),
-            ],
-        );
+        set(&mut out, "bayer_mosaic", "pattern", Value::Choice("RGGB"))?;
+        set(&mut out, "bayer_mosaic", "demosaic", Value::Choice("bilinear"))?;
     }
-    match camera.chroma_step {
-        [2, 2] => add("chroma_subsampling", vec![("scheme", "\"4:2:0\"".into())]),
-        [2, 1] => add("chroma_subsampling", vec![("scheme", "\"4:2:2\"".into())]),
-        _ => {}
+    if camera.luma_sigma_px > 0.0 {
+        // An unsharp mask of amount -1 is the Gaussian itself.
+        set(&mut out, "sharpening", "amount", number(-1.0))?;
+        set(&mut out, "sharpening", "radius_px", number(camera.luma_sigma_px))?;
+    }
+    let scheme = match camera.chroma_step {
+        [2, 2] => Some("4:2:0"),
+        [2, 1] => Some("4:2:2"),
+        _ => None,
+    };
+    if let Some(scheme) = scheme {
+        set(&mut out, "chroma_subsampling", "scheme", Value::Choice(scheme))?;
     }
     if let Some(quality) = camera.jpeg_quality {
-        add("jpeg", vec![("quality", quality.to_string())]);
+        set(&mut out, "jpeg", "quality", number(f64::from(quality)))?;
     }
-    tables
+    Ok(out)
 }
 
-/// The paper's own noise, as an alternative to [`camera_tables`]: variances per channel of the delivered picture.
-pub fn paper_tables(c: &Calibration) -> Vec<Table> {
-    let mut values = Vec::new();
-    let mut add = |names: [&'static str; 3], v: [f64; 3]| {
-        values.extend(names.into_iter().zip(v.map(|v| number(v.clamp(0.0, 1.0)))));
+const COLOR: [&str; 3] = ["color_variance_r", "color_variance_g", "color_variance_b"];
+
+/// The paper's own noise, as an alternative to [`chain_settings`]: variances per channel of the delivered picture, white.
+///
+/// # Errors
+/// A variance above 1.
+pub fn paper_settings(c: &Calibration) -> Result<Settings> {
+    let mut out = Settings::default();
+    let mut add = |names: [&str; 3], variances: [f64; 3]| -> Result<()> {
+        names.iter().zip(variances).try_for_each(|(n, v)| set(&mut out, "paper_noise", n, Value::Number(v)))
     };
     if let Some(fixed) = c.static_variance {
-        add(["static_variance_r", "static_variance_g", "static_variance_b"], fixed);
+        add(["static_variance_r", "static_variance_g", "static_variance_b"], fixed)?;
     }
-    add(["color_variance_r", "color_variance_g", "color_variance_b"], c.color_variance);
+    add(COLOR, c.color_variance)?;
     if let Some(edge) = &c.edge_variance {
         // An edge part that is not there beyond chance is none.
-        let sure = edge.each_ref().map(|e| if e.ci95[0] > 0.0 { e.value } else { 0.0 });
-        add(["edge_variance_r", "edge_variance_g", "edge_variance_b"], sure);
+        let sure = edge.each_ref().map(|e| if e.ci95[0] > 0.0 { e.value.min(1.0) } else { 0.0 });
+        add(["edge_variance_r", "edge_variance_g", "edge_variance_b"], sure)?;
     }
-    vec![Table { effect: "paper_noise", values }]
+    Ok(out)
 }
 
-/// TOML text of the tables. What this build has no effect or parameter for stands there as a comment, so that the file
-/// can be read; the second value lists those.
-pub fn to_toml(tables: &[Table]) -> (String, Vec<String>) {
-    let (mut text, mut missing) = (String::new(), Vec::new());
-    for table in tables {
-        let effect = effects::by_id(table.effect);
-        let mark = if effect.is_some() { "" } else { "# " };
-        if effect.is_none() {
-            missing.push(table.effect.to_owned());
-        }
-        text += &format!("\n{mark}[{}]\n", table.effect);
-        for (name, value) in &table.values {
-            let known = effect.is_some_and(|e| e.specs().iter().any(|s| s.name == *name));
-            if effect.is_some() && !known {
-                missing.push(format!("{}.{name}", table.effect));
-            }
-            text += &format!("{}{name} = {value}\n", if known { "" } else { "# " });
-        }
+/// The chain's CPU reference with these settings.
+pub struct ChainCamera {
+    /// Which effects are on.
+    pub settings: Settings,
+}
+
+impl CameraModel for ChainCamera {
+    fn frame(&self, clean: &Plane<f32>, frame: u32, seed: u64) -> Result<Plane<f32>> {
+        let (width, height) = (clean.width as u32, clean.height as u32);
+        let side = f64::from(width);
+        let intrinsics =
+            Intrinsics { width, height, fx: side, fy: side, cx: side / 2.0, cy: f64::from(height) / 2.0 };
+        let shutter = ShutterTiming {
+            start_s: 0.0,
+            exposure_time_s: 0.0,
+            readout_time_s: 0.0,
+            scan_order: ScanOrder::TopToBottom,
+            line_count: height,
+        };
+        let data = clean.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
+        let radiance = Plane { width: clean.width, height: clean.height, channels: 4, data };
+        let view = View { intrinsics, shutter, frame, seed };
+        let seen = chain::picture(effects::LIST, &self.settings, &view, &radiance);
+        Ok(Plane { data: seen.data.iter().map(|v| f32::from(*v) / 255.0).collect(), ..*clean })
     }
-    (text, missing)
 }
 
 #[cfg(test)]
@@ -97,13 +114,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_build_lacks_is_a_comment() {
-        let table =
-            |effect| Table { effect, values: vec![("color_variance_r", "1e-4".into()), ("odd", "1".into())] };
-        let (text, missing) = to_toml(&[table("paper_noise"), table("no_such_effect")]);
-        assert!(text.contains("\n[paper_noise]\ncolor_variance_r = 1e-4\n# odd = 1\n"), "{text}");
-        assert!(text.contains("\n# [no_such_effect]\n# color_variance_r = 1e-4\n"), "{text}");
-        assert_eq!(missing, ["paper_noise.odd", "no_such_effect"]);
-        assert!(text.parse::<toml::Table>().is_ok());
+    fn the_chain_makes_the_noise_of_the_model_that_it_is_to_hold() {
+        // Without subsampled chroma: the model interpolates it as decoders do, the chain repeats it.
+        let camera = IspCamera {
+            bayer: true,
+            luma_sigma_px: 0.8,
+            chroma_sigma_px: 0.8,
+            extra_variance: [1e-4, 0.0, 2e-4],
+            ..IspCamera::sensor(900.0, 0.004, true, 1.0 / 255.0)
+        };
+        let clean = Plane::from_fn(256, 256, |_, _| [0.3f32, 0.35, 0.25]);
+        let chain = ChainCamera { settings: chain_settings(&camera).expect("in range") };
+        let variances = |model: &dyn CameraModel| {
+            let [a, b] = [0, 1].map(|f| model.frame(&clean, f, 3).expect("a frame"));
+            [0, 1, 2].map(|c| {
+                let d = a.data.iter().zip(&b.data).skip(c).step_by(3).map(|(a, b)| f64::from(b - a).powi(2));
+                d.sum::<f64>() / 65_536.0
+            })
+        };
+        let (model, engine) = (variances(&camera), variances(&chain));
+        for c in 0..3 {
+            assert!((engine[c] / model[c] - 1.0).abs() < 0.08, "{engine:?} for {model:?}");
+        }
+        // Control: a sensor of half the full well is seen.
+        let other = variances(&IspCamera { full_well_e: 450.0, ..camera });
+        assert!((engine[1] / other[1] - 1.0).abs() > 0.25);
     }
 }

@@ -84,6 +84,13 @@ impl Trajectory {
         self.poses.len()
     }
 
+    /// The trajectory of a camera that is turned within this one: the same positions, `rotation` within its frame. Turning
+    /// the poses and interpolating between them commute.
+    pub fn turned(&self, rotation: DQuat) -> Self {
+        let turn = |pose: &Pose| Pose { rotation: (pose.rotation * rotation).normalize(), ..*pose };
+        Self { poses: self.poses.iter().map(turn).collect(), ..self.clone() }
+    }
+
     /// A pose that never changes and covers all time.
     pub fn fixed(pose: Pose) -> Self {
         Self { path: PathBuf::new(), times_s: vec![f64::NEG_INFINITY, f64::INFINITY], poses: vec![pose; 2] }

@@ -18,7 +18,8 @@ pub struct FrameEntry {
 }
 
 /// Reads the text of `frames.csv`; `path` is what errors name. A header and comments (`#`) are optional; blank lines,
-/// CRLF and a byte order mark are skipped over. The first frame's timestamp is the zero of the capture's clock.
+/// CRLF and a byte order mark are skipped over. Times are on the capture's clock: see
+/// [`clock_epoch_ns`].
 ///
 /// # Errors
 /// No frame, a timestamp that is not a whole number of ns or does not increase, a file name that stands twice or that
@@ -46,7 +47,7 @@ pub fn parse_frames(path: &Path, text: &str) -> Result<Vec<FrameEntry>> {
             let found = format!("file name `{filename}` again, after line {first}");
             return Err(Error::input(path, number, found, "names that differ, leaving the extension aside"));
         }
-        let epoch_ns = frames.first().map_or(timestamp_ns, |f| f.timestamp_ns);
+        let epoch_ns = clock_epoch_ns(frames.first().map_or(timestamp_ns, |f| f.timestamp_ns));
         let start_s = Stamp::from_ns(timestamp_ns).seconds_since(epoch_ns);
         frames.push(FrameEntry { timestamp_ns, start_s, filename: filename.to_owned() });
         lines.push(number);
@@ -55,6 +56,22 @@ pub fn parse_frames(path: &Path, text: &str) -> Result<Vec<FrameEntry>> {
         return Err(Error::input(path, None, "no frame", "at least one line `timestamp in ns,file name`"));
     }
     Ok(frames)
+}
+
+/// Zero of the clock of a capture whose first frame has this timestamp, ns.
+///
+/// The files' own zero wherever f64 seconds hold their stamps to a ns, so that times read as written and a `flicker`
+/// keeps its phase; for larger stamps (unix time) the whole second at or before the first frame, which keeps the phase
+/// of every whole number of Hz.
+pub fn clock_epoch_ns(first_timestamp_ns: i64) -> i64 {
+    const SECOND_NS: i64 = 1_000_000_000;
+    // Up to here neighbouring f64 seconds are less than 0.12 ns apart.
+    const EXACT_NS: i64 = 1_000_000 * SECOND_NS;
+    if (-EXACT_NS..EXACT_NS).contains(&first_timestamp_ns) {
+        return 0;
+    }
+    // The smallest i64 has no whole second before it.
+    first_timestamp_ns.saturating_sub(first_timestamp_ns.rem_euclid(SECOND_NS))
 }
 
 fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(i64, &'a str)> {
@@ -99,8 +116,16 @@ mod tests {
         let text = "\u{feff}#timestamp [ns],filename\r\n1700000000000000001, a.png \r\n\r\n# more\r\n1700000000033333334,b.jpg\r\n";
         assert_eq!(parse_frames(Path::new("f.csv"), text).expect("valid"), plain);
         assert_eq!(plain.len(), 2);
-        assert_eq!((plain[0].timestamp_ns, plain[0].start_s), (1_700_000_000_000_000_001, 0.0));
-        assert_eq!((plain[1].start_s, plain[1].filename.as_str()), (0.033_333_333, "b.jpg"));
+        assert_eq!((plain[0].timestamp_ns, plain[0].start_s), (1_700_000_000_000_000_001, 1e-9));
+        assert_eq!((plain[1].start_s, plain[1].filename.as_str()), (0.033_333_334, "b.jpg"));
+    }
+
+    #[test]
+    fn small_stamps_read_as_written_and_large_ones_keep_whole_seconds() {
+        let start_s = |text: &str| parse_frames(Path::new("f.csv"), text).expect("valid")[0].start_s;
+        assert_eq!(start_s("12681566140,a.png"), 12.681_566_14);
+        assert_eq!(start_s("-5,a.png"), -5e-9);
+        assert_eq!(start_s("1700000000250000000,a.png"), 0.25);
     }
 
     #[test]

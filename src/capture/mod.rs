@@ -10,17 +10,17 @@ mod tum;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use frames_csv::{FrameEntry, parse_frames};
+pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use lights::parse_lights;
 
-use crate::camera::{Lens, Pose, ShutterTiming, Trajectory};
-use crate::effects::{LensDistortion, MotionBlur, RollingShutter};
+use crate::camera::{Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
+use crate::effects::{FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
 pub(crate) use text::read_text;
 
-/// A whole capture. All times in s are on the capture's clock, whose zero is the first frame's timestamp: timestamps
-/// of 19 digits keep their nanoseconds.
+/// A whole capture. All times in s are on the capture's clock (see [`clock_epoch_ns`]), so that timestamps of 19 digits
+/// keep their nanoseconds.
 #[derive(Clone, Debug)]
 pub struct Capture {
     /// The folder.
@@ -33,7 +33,7 @@ pub struct Capture {
     pub trajectory: Trajectory,
     /// The frames, in the order of `frames.csv`.
     pub frames: Vec<FrameEntry>,
-    /// Zero of the capture's clock: the first frame's timestamp, ns.
+    /// Zero of the capture's clock, ns: see [`clock_epoch_ns`].
     pub epoch_ns: i64,
 }
 
@@ -77,7 +77,7 @@ impl Capture {
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
-        let epoch_ns = frames[0].timestamp_ns;
+        let epoch_ns = clock_epoch_ns(frames[0].timestamp_ns);
         if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
             tracing::warn!("{}: {warning}", path.display());
             camera.warnings.push(warning);
@@ -89,7 +89,22 @@ impl Capture {
         Ok(capture)
     }
 
-    /// When each line of a frame is exposed: the frame's timestamp, and the camera's shutter.
+    /// The camera that took the frames: `camera.toml`'s, with its `focal_length_error`.
+    pub fn true_intrinsics(&self) -> Intrinsics {
+        FocalLengthError::apply(&self.camera.settings, &self.camera.intrinsics)
+    }
+
+    /// The path of the camera that took the frames: `trajectory.tum`, with the camera's `pose_offset`.
+    pub fn true_trajectory(&self) -> Trajectory {
+        PoseOffset::apply(&self.camera.settings, &self.trajectory)
+    }
+
+    /// When a frame truly starts, s: its timestamp with the camera's `time_offset`.
+    fn start_s(&self, frame: usize) -> f64 {
+        self.frames[frame].start_s + TimeOffset::offset_s(&self.camera.settings)
+    }
+
+    /// When each line of a frame is exposed: the frame's true start, and the camera's shutter.
     ///
     /// # Panics
     /// If there is no such frame.
@@ -97,7 +112,7 @@ impl Capture {
         let settings = &self.camera.settings;
         let scan_order = RollingShutter::scan_order(settings);
         ShutterTiming {
-            start_s: self.frames[frame].start_s,
+            start_s: self.start_s(frame),
             exposure_time_s: MotionBlur::exposure_time_s(settings),
             readout_time_s: RollingShutter::readout_time_s(settings),
             scan_order,
@@ -105,14 +120,15 @@ impl Capture {
         }
     }
 
-    /// The camera's pose at an instant of a frame's exposure. A camera that rests during each frame
+    /// The true camera's pose at an instant of a frame's exposure. A camera that rests during each frame
     /// ([`CameraFile::static_camera`]) has the pose of the frame's timestamp all the while.
     ///
     /// # Panics
     /// If there is no such frame, or the time lies outside the trajectory (see [`Self::check_coverage`]).
     pub fn world_from_camera(&self, frame: usize, time_s: f64) -> Pose {
-        let at_s = if self.camera.static_camera { self.frames[frame].start_s } else { time_s };
-        self.trajectory.pose_at(at_s)
+        let at_s = if self.camera.static_camera { self.start_s(frame) } else { time_s };
+        let pose = self.trajectory.pose_at(at_s);
+        Pose { rotation: pose.rotation * PoseOffset::rotation(&self.camera.settings), ..pose }
     }
 
     /// Checks that poses exist from the start of every frame's first line to the end of its last line's exposure: the

@@ -13,7 +13,6 @@ pub use plan::{Plan, Step, check_order};
 
 use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;
-use crate::kernels::Kernel;
 use crate::plane::Plane;
 
 /// What the numbers of a picture mean at a place of the chain, in the order in which light becomes a file. Values are
@@ -73,10 +72,12 @@ pub struct At<'a> {
 /// before the effect, `target` a third one (`glsl/include/chain.glsl`).
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
-    /// Its kernel.
-    pub kernel: &'static Kernel,
+    /// File name of its kernel.
+    pub file: &'static str,
     /// Specialization constants 0, 1.
     pub constants: [u32; 2],
+    /// Columns and rows that one invocation makes.
+    pub run: [u32; 2],
 }
 
 /// How an effect computes.

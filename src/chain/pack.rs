@@ -1,7 +1,6 @@
 //! Parameters of all effects for one frame, as kernels read them. Twin of `glsl/include/chain.glsl`.
 
-use super::{Effect, Settings, View};
-use crate::kernels::POINTWISE;
+use super::{Effect, Settings, View, Work};
 
 /// Rows of four words that an effect has for its parameters.
 pub const SLOT_ROWS: usize = 4;
@@ -10,14 +9,19 @@ const MAX_ROWS: usize = 256;
 /// Number of parameters that fit in a slot.
 const SLOT_WORDS: usize = 4 * SLOT_ROWS;
 
+/// The effects that the fused kernel holds, in the list's order: that of `glsl/include/effects/list.glsl`.
+pub(super) fn pointwise<'a>(list: &'a [&dyn Effect]) -> impl Iterator<Item = &'static str> + 'a {
+    list.iter().filter(|e| matches!(e.work(), Work::Pointwise(_))).map(|e| e.id())
+}
+
 /// The slot of an effect: its place in the fused kernel, or behind all of those its place in `list`.
 ///
 /// # Panics
 /// If the effect is not in `list`.
 pub fn slot_of(list: &[&dyn Effect], id: &str) -> usize {
-    POINTWISE.iter().position(|stem| *stem == id).unwrap_or_else(|| {
+    pointwise(list).position(|stem| stem == id).unwrap_or_else(|| {
         let place = list.iter().position(|e| e.id() == id).expect("an effect of the list");
-        POINTWISE.len() + place
+        pointwise(list).count() + place
     })
 }
 
@@ -37,10 +41,8 @@ impl Packed {
     /// If the list has more effects than fit into the uniform block: a bug that any test of the chain finds.
     pub fn new(list: &[&dyn Effect], settings: &Settings, view: &View) -> Self {
         let mut packed = Self { rows: vec![[0; 4]; MAX_ROWS], tables: Vec::new() };
-        assert!(
-            SLOT_ROWS * (POINTWISE.len() + list.len()) <= MAX_ROWS,
-            "too many effects for the uniform block"
-        );
+        let slots = pointwise(list).count() + list.len();
+        assert!(SLOT_ROWS * slots <= MAX_ROWS, "too many effects for the uniform block");
         for effect in list.iter().filter(|e| e.variant(settings) != 0) {
             let first = SLOT_ROWS * slot_of(list, effect.id());
             let rows = &mut packed.rows[first..first + SLOT_ROWS];

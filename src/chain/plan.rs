@@ -1,14 +1,14 @@
 //! The flat list of dispatches that settings ask for.
 
+use super::pack::pointwise;
 use super::{Domain, Effect, Settings, Stage, Work, slot_of};
 use crate::error::{Error, Result};
-use crate::kernels::POINTWISE;
 
 /// One dispatch.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Step {
-    /// `pointwise.comp`: the variant of each effect of [`POINTWISE`], 0 where it is left out; the last one writes the
-    /// delivered picture.
+    /// `pointwise.comp`: the variant of each of its effects, 0 where it is left out; the last one writes the delivered
+    /// picture.
     Pointwise {
         /// By place in the fused kernel.
         variants: Vec<u32>,
@@ -27,6 +27,8 @@ pub enum Step {
         file: &'static str,
         /// Its specialization constants.
         constants: [u32; 2],
+        /// Columns and rows that one invocation makes.
+        run: [u32; 2],
     },
 }
 
@@ -38,12 +40,13 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The dispatches of the effects that are not neutral.
-    pub fn new(list: &[&dyn Effect], settings: &Settings) -> Self {
-        let (mut steps, mut open) = (Vec::new(), vec![0; POINTWISE.len()]);
+    /// The dispatches of the effects that are not neutral; with `floats` the last one writes a picture of floats too.
+    pub fn new(list: &[&dyn Effect], settings: &Settings, floats: bool) -> Self {
+        let empty = vec![0; pointwise(list).count()];
+        let (mut steps, mut open) = (Vec::new(), empty.clone());
         let close = |open: &mut Vec<u32>, steps: &mut Vec<Step>| {
             if open.iter().any(|v| *v != 0) {
-                let variants = std::mem::replace(open, vec![0; POINTWISE.len()]);
+                let variants = std::mem::replace(open, empty.clone());
                 steps.push(Step::Pointwise { variants, last: false });
             }
         };
@@ -64,15 +67,16 @@ impl Plan {
                         id: effect.id(),
                         slot,
                         pass,
-                        file: p.kernel.file,
+                        file: p.file,
                         constants: p.constants,
+                        run: p.run,
                     };
                     steps.extend(passes(settings).into_iter().enumerate().map(step));
                 }
                 Work::Elsewhere | Work::Host(_) => {}
             }
         }
-        steps.push(Step::Pointwise { variants: open, last: true });
+        steps.push(Step::Pointwise { variants: open, last: !floats });
         Self { steps }
     }
 }

@@ -23,8 +23,14 @@ pub struct Args {
 pub enum Command {
     /// Render every frame of a capture as its camera would have delivered it
     Simulate(Simulate),
+    /// Compare a capture's real frames with simulated ones: where they differ, which effect is missing, its parameters
+    Diagnose(Diagnose),
+    /// Check diagnose: make captures whose effects are hidden, diagnose them blind, open the answers, score
+    Withhold(Withhold),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices,
+    /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
+    Effects,
     /// List the presets of real cameras, or print one as camera.toml
     Presets {
         /// The preset to print
@@ -213,6 +219,60 @@ pub struct Simulate {
     pub pixel_time: bool,
 }
 
+/// Arguments of `diagnose`.
+#[derive(Debug, clap::Args)]
+pub struct Diagnose {
+    /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
+    pub capture: PathBuf,
+    /// Folder for report.json, camera.toml and pictures; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Use this camera instead of the capture's camera.toml
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Leave these candidates out
+    #[arg(long, value_delimiter = ',')]
+    pub without: Vec<String>,
+    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
+    #[arg(long)]
+    pub device: Option<String>,
+}
+
+/// Arguments of `withhold`.
+#[derive(Debug, clap::Args)]
+pub struct Withhold {
+    /// Folder for captures, answers, scores, withhold.json and withhold.html; a run that stopped goes on
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Number of captures
+    #[arg(long, default_value_t = 20)]
+    pub count: usize,
+    /// Seed of everything
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Columns of the frames, px
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    pub width: u32,
+    /// Rows of the frames, px
+    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(48..=4096))]
+    pub height: u32,
+    /// Frames a capture (else 10 to 16)
+    #[arg(long)]
+    pub frames: Option<usize>,
+    /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
+    #[arg(long)]
+    pub trajectories: Option<PathBuf>,
+    /// Keep the real frames of cases that are done
+    #[arg(long)]
+    pub keep_frames: bool,
+    /// Device of the diagnosis, by index, UUID or (part of its) name
+    #[arg(long)]
+    pub device: Option<String>,
+}
+
 /// `--method`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
@@ -266,6 +326,7 @@ impl Simulate {
                 Method::Fast(FastOptions {
                     motion_images: self.motion_images.unwrap_or(usual.motion_images),
                     max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+                    ..usual
                 })
             }
             MethodName::Accumulation => {

@@ -1,14 +1,17 @@
 //! `shutterbug calibrate noise A B ... --out DIR`.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::args::{CalibrateNoise, EncodingName};
 use crate::calibrate::{
-    Calibration, Encoding, Frame, NoiseOptions, Table, calibrate_noise, camera_tables, chart, figure,
-    paper_tables, to_toml,
+    Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
+    paper_settings,
 };
+use crate::camera::Intrinsics;
 use crate::capture::CameraFile;
+use crate::chain::Settings;
+use crate::effects::by_id;
 use crate::error::{Error, Result};
 use crate::plane::{write_atomic, write_png_atomic};
 
@@ -46,47 +49,59 @@ fn write(out: &Path, done: &Calibration, base: Option<&CameraFile>) -> Result<()
     fs::create_dir_all(out).map_err(|e| Error::io(out, "create the folder", e))?;
     write_png_atomic(&out.join("noise.png"), &figure::figure(done)?)?;
     write_png_atomic(&out.join("ptc.png"), &chart::photon_transfer(done)?)?;
-    let missing = write_camera(&out.join("camera.toml"), &camera_tables(&done.camera), done, base)?;
-    write_camera(&out.join("camera_paper.toml"), &paper_tables(done), done, base)?;
-    if !missing.is_empty() {
-        tracing::warn!(
-            "camera.toml holds as comments what this build has no effect for: {}",
-            missing.join(", ")
-        );
-    }
+    write_camera(&out.join("camera.toml"), &chain_settings(&done.chain_camera)?, done, base)?;
+    write_camera(&out.join("camera_paper.toml"), &paper_settings(done)?, done, base)?;
     let json = serde_json::to_string_pretty(done).expect("a report of numbers and names");
     write_atomic(&out.join("report.json"), json.as_bytes())
 }
 
-/// The camera without the effects that the tables replace, then the tables.
-fn write_camera(
-    path: &PathBuf,
-    tables: &[Table],
-    done: &Calibration,
-    base: Option<&CameraFile>,
-) -> Result<Vec<String>> {
-    let head = match base {
-        Some(base) => {
-            let mut kept = base.clone();
-            let noise = camera_tables(&done.camera).into_iter().chain(paper_tables(done));
-            noise.for_each(|t| kept.settings.disable(t.effect));
-            kept.to_toml()
-        }
+/// Effects that a calibration measures: those of the base camera give way to them.
+const MEASURED: [&str; 8] = [
+    "paper_noise",
+    "shot_noise",
+    "row_noise",
+    "read_noise",
+    "bayer_mosaic",
+    "sharpening",
+    "chroma_subsampling",
+    "jpeg",
+];
+
+/// The base camera (or a placeholder of the frames' size) with the measured effects.
+fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
+    let from = done.frames.join(", ");
+    let mut text = format!("# Noise measured from {from}.\n");
+    let mut camera = match base {
+        Some(base) => base.clone(),
         None => {
-            let (w, h) = (done.pictures.real.width, done.pictures.real.height);
-            let (cx, cy) = (w as f64 / 2.0, h as f64 / 2.0);
-            format!(
-                "# Size of the frames; focal length and frame period are placeholders (give --camera FILE for yours).\n\
-                 width = {w}\nheight = {h}\nfx = {w}.0\nfy = {w}.0\ncx = {cx:?}\ncy = {cy:?}\n\
-                 frame_period_s = 0.033333333\n"
-            )
+            text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
+            placeholder(path, done)
         }
     };
-    let (text, missing) = to_toml(tables);
-    let from = done.frames.join(", ");
-    let notes: String = done.notes.iter().map(|n| format!("# {n}\n")).collect();
-    write_atomic(path, format!("{head}\n# Noise measured from {from}.\n{notes}{text}").as_bytes())?;
-    Ok(missing)
+    done.notes.iter().for_each(|n| text += &format!("# {n}\n"));
+    MEASURED.iter().for_each(|effect| camera.settings.disable(effect));
+    for (id, values) in noise.iter() {
+        let effect = by_id(id).expect("settings hold known effects");
+        for (name, value) in values {
+            camera.settings.set(effect, name, *value)?;
+        }
+    }
+    write_atomic(path, format!("{text}{}", camera.to_toml()).as_bytes())
+}
+
+fn placeholder(path: &Path, done: &Calibration) -> CameraFile {
+    let [width, height] = done.size_px.map(|side| side as u32);
+    let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
+    CameraFile {
+        path: path.to_owned(),
+        intrinsics: Intrinsics { width, height, fx, fy: fx, cx, cy },
+        frame_period_s: 1.0 / 30.0,
+        background_ignored: false,
+        static_camera: false,
+        lit: false,
+        settings: Settings::default(),
+        warnings: Vec::new(),
+    }
 }
 
 /// What was found, a few lines.
@@ -123,6 +138,19 @@ fn summary(c: &Calibration) -> String {
     );
     text += &format!("  pixels in bins within 10 %  {}\n", percent(c.comparison.within_10_percent));
     text += &format!("  or within chance  {}\n", percent(c.comparison.within_10_percent_or_chance));
+    if let Some(held_out) = &c.comparison_held_out {
+        text += &format!("  on blocks without fit: mean deviation  {}\n", percent(held_out.mean_deviation));
+        text += &format!("  on blocks without fit: within 10 %  {}\n", percent(held_out.within_10_percent));
+        text += &format!("  or within chance  {}\n", percent(held_out.within_10_percent_or_chance));
+    }
+    if c.camera.bayer {
+        text += &format!(
+            "  camera.toml in the chain: mean deviation  {}\n",
+            percent(c.comparison_chain.mean_deviation)
+        );
+        let [r, g, b] = c.comparison_chain.correlation_error;
+        text += &format!("  camera.toml in the chain: correlation off by  {r:.2}  {g:.2}  {b:.2}\n");
+    }
     for note in &c.notes {
         text += &format!("  note: {note}\n");
     }

@@ -4,11 +4,14 @@ mod args;
 mod calibrate;
 mod camera;
 mod devices;
+mod diagnose;
+mod effects;
 mod import;
 mod interrupt;
 mod presets;
 mod simulate;
 mod timings;
+mod withhold;
 
 use std::process::ExitCode;
 
@@ -28,7 +31,13 @@ pub fn run() -> ExitCode {
     start_log();
     let done = match &args.command {
         Command::Simulate(simulate) => simulate::run(simulate),
+        Command::Diagnose(args) => diagnose::run(args),
+        Command::Withhold(args) => withhold::run(args),
         Command::Devices => devices::run(),
+        Command::Effects => {
+            effects::run();
+            Ok(())
+        }
         Command::Presets { name } => presets::run(name.as_deref()),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),

@@ -47,6 +47,8 @@ pub fn run(args: &Simulate) -> Result<()> {
     };
     let context = Context::new(&ContextOptions { device, validation })?;
     let requests: Vec<_> = todo.iter().map(|&f| request(args, &capture, f)).collect();
+    // The set-up's effects: from here on the path is the true camera's.
+    let capture = Capture { trajectory: capture.true_trajectory(), ..capture };
     let options = EngineOptions {
         method: args.engine_method(),
         samples: args.samples,
@@ -54,7 +56,7 @@ pub fn run(args: &Simulate) -> Result<()> {
         planes: !args.planes.is_empty(),
         ..EngineOptions::default()
     };
-    let camera = &capture.camera.intrinsics;
+    let camera = &capture.true_intrinsics();
     let size = [camera.width, camera.height];
     let stems: Vec<_> = (0..total).map(|f| stem(&capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));

@@ -21,7 +21,7 @@ const SPECS: &[ParamSpec] = &[
         "of the brightness: twice that of the current",
     ),
     ParamSpec::number("depth", "", (0.0, 1.0), 0.0, "amplitude over mean brightness"),
-    ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the first frame's timestamp"),
+    ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the zero of the capture's clock"),
     ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means"),
 ];
 

@@ -4,7 +4,7 @@
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
 pub struct HotPixels;
@@ -67,10 +67,9 @@ impl Effect for HotPixels {
     fn check(&self, settings: &Settings, _: f64) -> Result<Vec<String>> {
         let get = |name| settings.number(self.id(), name, 0.0);
         if get("count") > 0.0 && get("fraction") > 0.0 {
-            return Err(Error::Contradiction {
-                effect: self.id(),
-                what: "both `count` and `fraction` are given; one of them says how many there are".to_owned(),
-            });
+            return Ok(vec![
+                "hot_pixels has both `count` and `fraction`: the larger number counts".to_owned(),
+            ]);
         }
         Ok(Vec::new())
     }

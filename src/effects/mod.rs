@@ -1,48 +1,65 @@
 //! One physical effect a file, listed in light-path order.
 
+mod bayer_mosaic;
 mod black_level;
+mod chroma_subsampling;
 mod chromatic_aberration;
 mod color_matrix;
 mod dark_current;
+mod defocus;
 mod exposure_gain;
 mod fixed_pattern_noise;
 mod flicker;
+mod focal_length_error;
 mod gamma;
+mod gaussian;
 mod glare;
 mod hot_pixels;
+mod jpeg;
 mod lens_distortion;
 mod motion_blur;
 mod paper_noise;
+mod pose_offset;
 mod quantization;
 mod read_noise;
 mod rolling_shutter;
 mod row_noise;
+mod sharpening;
 mod shot_noise;
+mod time_offset;
 mod tone_curve;
 mod vignetting;
 mod white_balance;
 
+pub use bayer_mosaic::BayerMosaic;
 pub use black_level::BlackLevel;
+pub use chroma_subsampling::ChromaSubsampling;
 pub use chromatic_aberration::ChromaticAberration;
 pub use color_matrix::ColorMatrix;
 pub use dark_current::DarkCurrent;
+pub use defocus::Defocus;
 pub use exposure_gain::ExposureGain;
 pub use fixed_pattern_noise::{FixedPatternNoise, STREAM_FIXED_PATTERN_DSNU, STREAM_FIXED_PATTERN_PRNU};
 pub use flicker::Flicker;
+pub use focal_length_error::FocalLengthError;
 pub use gamma::Gamma;
 pub use glare::Glare;
 pub use hot_pixels::{HotPixels, STREAM_HOT_PIXELS};
+pub use jpeg::Jpeg;
 pub use lens_distortion::LensDistortion;
 pub use motion_blur::MotionBlur;
 pub use paper_noise::{
     PaperNoise, PaperNoiseSigma, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE,
     STREAM_PAPER_NOISE_STATIC, gradient_magnitude, paper_noise,
 };
+pub use pose_offset::PoseOffset;
 pub use quantization::Quantization;
 pub use read_noise::{ReadNoise, STREAM_READ_NOISE};
 pub use rolling_shutter::RollingShutter;
 pub use row_noise::{RowNoise, STREAM_COLUMN_NOISE, STREAM_ROW_NOISE};
+pub use sharpening::Sharpening;
 pub use shot_noise::{STREAM_SHOT_NOISE, ShotNoise, poisson};
+pub use time_offset::TimeOffset;
 pub use tone_curve::ToneCurve;
 pub use vignetting::Vignetting;
 pub use white_balance::WhiteBalance;
@@ -51,10 +68,14 @@ use crate::chain::Effect;
 
 /// All effects in the order in which light meets them. The only place that states the order.
 pub const LIST: &[&dyn Effect] = &[
+    &FocalLengthError,
+    &PoseOffset,
+    &TimeOffset,
     &LensDistortion,
     &ChromaticAberration,
     &RollingShutter,
     &MotionBlur,
+    &Defocus,
     &Vignetting,
     &Glare,
     &ExposureGain,
@@ -68,10 +89,14 @@ pub const LIST: &[&dyn Effect] = &[
     &HotPixels,
     &BlackLevel,
     &Quantization,
+    &BayerMosaic,
     &WhiteBalance,
     &ColorMatrix,
     &Gamma,
     &ToneCurve,
+    &Sharpening,
+    &ChromaSubsampling,
+    &Jpeg,
 ];
 
 /// The effect of that stem.

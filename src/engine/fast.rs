@@ -30,13 +30,16 @@ use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
 pub struct FastOptions {
     /// Instants beside the reference at which displacements are rendered: 2, 4 or 6.
     pub motion_images: u32,
+    /// Texels a px of the displacement images, 1 or 2: how finely silhouettes are known. 2 is worth 0.1 to 0.8 dB
+    /// where surfaces pass each other, and costs four times the fragments of the motion passes.
+    pub path_scale: u32,
     /// Most samples of the blur; the count follows the path's length.
     pub max_samples: u32,
 }
 
 impl Default for FastOptions {
     fn default() -> Self {
-        Self { motion_images: 4, max_samples: 240 }
+        Self { motion_images: 4, path_scale: 2, max_samples: 240 }
     }
 }
 
@@ -68,7 +71,8 @@ struct Images {
     /// Two knots each.
     paths: Vec<RasterTarget>,
     color: Image,
-    areas: Option<Image>,
+    /// Kept for the bindings.
+    _areas: Option<Image>,
 }
 
 impl Fast {
@@ -84,7 +88,8 @@ impl Fast {
         let multisampled = const { kernel("resolve_color_ms.comp") };
         let single = const { kernel("resolve_color.comp") };
         let resolve_color = if stage.plan.msaa > 1 { multisampled } else { single };
-        let (color_scale, path_scale) = (stage.plan.grid.min(2), 1);
+        options.path_scale = options.path_scale.clamp(1, 2);
+        let (color_scale, path_scale) = (stage.plan.grid.min(2), options.path_scale);
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let paths = (options.motion_images as usize / 2, path_scale);
         let kernels = Kernels {
@@ -229,7 +234,7 @@ impl Images {
             Ok((one(&picture)?, paths.iter().map(one).collect::<Result<Vec<_>>>()?))
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color, areas })
+        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color, _areas: areas })
     }
 
     fn area(&self) -> RenderArea {

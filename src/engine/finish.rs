@@ -2,19 +2,19 @@
 //! dispatches between a few pictures of floats; what no effect needs is not there. Twin: `reference/chain.rs`.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Stage;
 use super::frame::FrameRequest;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
-use crate::chain::{Packed, Plan, Step, View, check_order};
+use crate::chain::{Packed, Plan, Settings, Step, View, check_order};
 use crate::effects;
 use crate::error::{Error, Result};
 use crate::gpu::{
-    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Slot, Usage,
+    BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder, Slot,
+    Usage,
 };
 use crate::kernels::TABLE;
 
@@ -42,6 +42,7 @@ pub(super) struct Finish {
     work: Vec<Image>,
     pixels: Buffer,
     radiance: Image,
+    context: Arc<Context>,
 }
 
 /// Mapped buffers of a slot.
@@ -54,30 +55,36 @@ struct Dispatch {
     /// Name of the pass in timings.
     name: &'static str,
     slot: u32,
+    /// Columns and rows that one invocation makes.
+    run: [u32; 2],
     groups: Vec<BindGroup>,
     pipeline: ComputePipeline,
 }
 
 impl Finish {
-    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot]) -> Result<Self> {
+    /// The chain for pictures of `size`, with buffers for so many slots; `slot` must have nothing in flight.
+    pub(super) fn new(
+        context: &Arc<Context>,
+        size: [u32; 2],
+        slot_count: usize,
+        slot: &mut Slot,
+    ) -> Result<Self> {
         check_order(effects::LIST)?;
-        let size = [stage.intrinsics.width, stage.intrinsics.height];
-        let context = &stage.context;
         let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f))?;
         let bytes = u64::from(size[0]) * u64::from(size[1]) * 4;
         let pixels = Buffer::new(context, "pixels", bytes, Usage::Storage, Location::Device)?;
         let table_bytes = 4 * Packed::table_capacity(size) as u64;
-        let input = |_: &FrameSlot| {
+        let input = |_: usize| {
             Ok(ChainInputs {
                 parameters: Buffer::new(context, "parameters", 4096, Usage::Uniform, Location::Upload)?,
                 tables: Buffer::new(context, "tables", table_bytes, Usage::Storage, Location::Upload)?,
             })
         };
-        let inputs = slots.iter().map(input).collect::<Result<Vec<_>>>()?;
-        let first = slots.first_mut().expect("at least one slot");
-        prepare(&mut first.gpu, [&radiance])?;
+        let inputs = (0..slot_count).map(input).collect::<Result<Vec<_>>>()?;
+        prepare(slot, [&radiance])?;
         let current = (Plan { steps: Vec::new() }, 0);
-        Ok(Self { chains: BTreeMap::new(), current, inputs, work: Vec::new(), pixels, radiance })
+        let (chains, work) = (BTreeMap::new(), Vec::new());
+        Ok(Self { chains, current, inputs, work, pixels, radiance, context: context.clone() })
     }
 
     /// Where the methods write.
@@ -85,16 +92,16 @@ impl Finish {
         &self.radiance
     }
 
-    /// Makes what the frame's effects need, if it is not there, and writes their parameters into the slot's buffers.
-    pub(super) fn fit(&mut self, stage: &Stage, request: &FrameRequest, slot: &mut FrameSlot) -> Result<()> {
-        let view = View {
-            intrinsics: stage.intrinsics,
-            shutter: request.shutter,
-            frame: request.index,
-            seed: request.seed,
-        };
-        let packed = Packed::new(effects::LIST, &request.settings, &view);
-        let inputs = &mut self.inputs[slot.index];
+    /// Makes what the effects need, if it is not there, and writes their parameters into the buffers of slot `index`, of
+    /// which nothing may be in flight. `floats`: the last values are left in [`Self::output`] instead of as pixels.
+    pub(super) fn fit(
+        &mut self,
+        (settings, view): (&Settings, &View),
+        floats: bool,
+        (slot, index): (&mut Slot, usize),
+    ) -> Result<()> {
+        let packed = Packed::new(effects::LIST, settings, view);
+        let inputs = &mut self.inputs[index];
         let room = inputs.tables.bytes() / 4;
         if packed.tables.len() as u64 > room {
             return Err(Error::Limit {
@@ -106,46 +113,52 @@ impl Finish {
         }
         inputs.parameters.write(0, &packed.rows);
         inputs.tables.write(0, &packed.tables);
-        let plan = Plan::new(effects::LIST, &request.settings);
+        let plan = Plan::new(effects::LIST, settings, floats);
         if !self.chains.contains_key(&plan) {
             let pictures = pictures_of(&plan);
-            self.make_work(stage, &pictures, &mut slot.gpu)?;
-            let dispatches = self.make(stage, &plan, &pictures)?;
+            self.make_work(&pictures, slot)?;
+            let dispatches = self.make(&plan, &pictures)?;
             self.chains.insert(plan.clone(), dispatches);
         }
-        self.current = (plan, slot.index);
+        self.current = (plan, index);
         Ok(())
     }
 
-    fn make_work(&mut self, stage: &Stage, pictures: &[Pictures], slot: &mut Slot) -> Result<()> {
+    /// Where the last values are, after a chain that was fitted with `floats`.
+    pub(super) fn output(&self) -> &Image {
+        let last = pictures_of(&self.current.0).last().and_then(|p| p.target);
+        last.map_or(&self.radiance, |i| &self.work[i])
+    }
+
+    fn make_work(&mut self, pictures: &[Pictures], slot: &mut Slot) -> Result<()> {
         let needed = pictures.iter().filter_map(|p| p.target).max().map_or(0, |most| most + 1);
         while self.work.len() < needed {
             let spec = ImageSpec::storage(self.radiance.spec().size, Format::Rgba32f);
-            let image = Image::new(&stage.context, "chain picture", spec)?;
+            let image = Image::new(&self.context, "chain picture", spec)?;
             prepare(slot, [&image])?;
             self.work.push(image);
         }
         Ok(())
     }
 
-    fn make(&self, stage: &Stage, plan: &Plan, pictures: &[Pictures]) -> Result<Vec<Dispatch>> {
+    fn make(&self, plan: &Plan, pictures: &[Pictures]) -> Result<Vec<Dispatch>> {
         let steps = plan.steps.iter().zip(pictures);
         steps
             .map(|(step, pictures)| {
-                let (name, slot, file, constants) = match step {
+                let (name, slot, file, constants, run) = match step {
                     Step::Pointwise { variants, last } => {
                         let constants = std::iter::once(u32::from(*last)).chain(variants.iter().copied());
-                        ("pointwise", 0, "pointwise.comp", constants.collect::<Vec<_>>())
+                        ("pointwise", 0, "pointwise.comp", constants.collect::<Vec<_>>(), [1, 1])
                     }
-                    Step::Neighbourhood { id, slot, file, constants, .. } => {
-                        (*id, *slot, *file, constants.to_vec())
+                    Step::Neighbourhood { id, slot, file, constants, run, .. } => {
+                        (*id, *slot, *file, constants.to_vec(), *run)
                     }
                 };
                 let found = TABLE.iter().find(|k| k.file == file).expect("a kernel of the table");
-                let pipeline = ComputePipeline::specialized(&stage.context, found, &constants)?;
+                let pipeline = ComputePipeline::specialized(&self.context, found, &constants)?;
                 let groups = self.inputs.iter().map(|inputs| self.bind(&pipeline, *pictures, inputs));
                 let groups = groups.collect::<Result<Vec<_>>>()?;
-                Ok(Dispatch { name, slot, groups, pipeline })
+                Ok(Dispatch { name, slot, run, groups, pipeline })
             })
             .collect()
     }
@@ -173,28 +186,32 @@ impl Finish {
         &self,
         recorder: &mut Recorder<'_>,
         request: &FrameRequest,
-        readback: (&Buffer, &Buffer),
+        (picture, radiance): (&Buffer, &Buffer),
     ) {
-        let size = self.radiance.spec().size;
-        let (picture, radiance) = readback;
-        let (plan, slot) = &self.current;
-        for dispatch in &self.chains[plan] {
-            let push = ChainPush {
-                size,
-                seed: seed_words(request.seed),
-                frame: request.index,
-                flags: 0,
-                slot: dispatch.slot,
-            };
-            recorder.mark(dispatch.name);
-            recorder.dispatch(&dispatch.pipeline, &dispatch.groups[*slot], &push, size);
-        }
+        self.record_chain(recorder, request.index, request.seed);
         recorder.mark("readback");
         recorder.copy_buffer(&self.pixels, picture, self.pixels.bytes());
         if request.statistics {
-            recorder.copy_image_to_buffer(&self.radiance, [0, 0], size, radiance);
+            recorder.copy_image_to_buffer(&self.radiance, [0, 0], self.radiance.spec().size, radiance);
         }
         recorder.barrier();
+    }
+
+    /// Records the dispatches only.
+    pub(super) fn record_chain(&self, recorder: &mut Recorder<'_>, frame: u32, seed: u64) {
+        let size = self.radiance.spec().size;
+        let (plan, index) = &self.current;
+        for dispatch in &self.chains[plan] {
+            let push = ChainPush { size, seed: seed_words(seed), frame, flags: 0, slot: dispatch.slot };
+            recorder.mark(dispatch.name);
+            let invocations = [0, 1].map(|i| size[i].div_ceil(dispatch.run[i]));
+            recorder.dispatch(&dispatch.pipeline, &dispatch.groups[*index], &push, invocations);
+        }
+    }
+
+    /// Where the delivered picture is, 4 bytes a pixel.
+    pub(super) fn pixels(&self) -> &Buffer {
+        &self.pixels
     }
 }
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Stage;
-use crate::camera::{Pose, ShutterTiming, Trajectory};
-use crate::chain::Settings;
+use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
+use crate::chain::{Settings, View};
 use crate::error::Result;
 use crate::gpu::PassTime;
 use crate::plane::Plane;
@@ -28,6 +28,13 @@ pub struct FrameRequest {
     pub planes: bool,
     /// Whether statistics of the gather are wanted (reads the radiance back, which costs time).
     pub statistics: bool,
+}
+
+impl FrameRequest {
+    /// What the effects on pixels are told of the frame.
+    pub fn view(&self, intrinsics: Intrinsics) -> View {
+        View { intrinsics, shutter: self.shutter, frame: self.index, seed: self.seed }
+    }
 }
 
 /// The instants of a delivered frame, and the camera's pose at each.
@@ -79,6 +86,9 @@ pub struct Frame {
     pub statistics: Option<FrameStatistics>,
     /// If they were asked for.
     pub planes: Option<Planes>,
+    /// Linear radiance before noise and encoding, shape `[height, width, 4]` (alpha is the method's own), if statistics
+    /// were asked for.
+    pub radiance: Option<Plane<f32>>,
 }
 
 /// The camera's path as the frame sees it.

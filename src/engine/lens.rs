@@ -26,8 +26,8 @@ const CHORD_PX: f64 = 0.03;
 /// Most triangles that cutting may make; the distance above is doubled until they suffice.
 const MOST_TRIANGLES: usize = 400_000;
 /// Samples of the path over its span, and most of them in frames.
-const PATH_SAMPLES: usize = 64;
-const FRAME_SAMPLES: usize = 96;
+const PATH_SAMPLES: usize = 16;
+const FRAME_SAMPLES: usize = 48;
 /// Corners nearer to the picture's plane than this, or behind it, make an edge long, m.
 const NEAREST_M: f64 = 0.1;
 

@@ -14,9 +14,13 @@ mod finish;
 mod frame;
 mod lens;
 mod margin;
+mod outside;
+mod outside_kernels;
 mod paper;
+mod pixel_chain;
 mod planes;
 mod slots;
+mod taps;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,7 +37,12 @@ pub use fast::FastOptions;
 pub use fast_pass::{FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
+pub use outside::{
+    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
 pub use paper::{MotionSource, PaperOptions, Shift};
+pub use pixel_chain::PixelChain;
+pub use taps::GatherInputs;
 
 use accumulation::Accumulation;
 use exact::Exact;
@@ -148,7 +157,8 @@ impl Engine {
         };
         let count = options.frames_in_flight.clamp(1, 8) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
-        let finish = Finish::new(&stage, &mut slots)?;
+        let size = [intrinsics.width, intrinsics.height];
+        let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
         if let Some(key) = expected.first().and_then(|first| LensKey::of(&first.settings)) {
             check_lens(&options.method)?;
             let radiance = finish.radiance();
@@ -182,6 +192,16 @@ impl Engine {
         &self.stage.intrinsics
     }
 
+    /// Gives the engine another camera of the same size, or another path: what a fit of the set-up does between frames.
+    ///
+    /// # Panics
+    /// If the size differs: a bug of the caller.
+    pub fn aim(&mut self, intrinsics: Intrinsics, trajectory: Arc<Trajectory>) {
+        let size = |k: &Intrinsics| (k.width, k.height);
+        assert_eq!(size(&intrinsics), size(&self.stage.intrinsics), "an engine's pictures keep their size");
+        (self.stage.intrinsics, self.stage.trajectory) = (intrinsics, trajectory);
+    }
+
     /// Pixels rendered beyond each side of the picture (columns, rows).
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {
@@ -212,7 +232,8 @@ impl Engine {
         self.fit_lens(request)?;
         self.widen(request)?;
         let slot = &mut self.slots[index];
-        self.finish.fit(&self.stage, request, slot)?;
+        let view = request.view(self.stage.intrinsics);
+        self.finish.fit((&request.settings, &view), false, (&mut slot.gpu, slot.index))?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {

@@ -12,6 +12,7 @@ use super::lens::Channel;
 use super::margin::reach_of;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
+use super::taps::GatherTimes;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, Trajectory};
 use crate::error::Result;
@@ -200,7 +201,7 @@ struct Images {
     motion_only: RasterTarget,
     color: Image,
     /// Motion and depth: bound by the groups, kept alive here.
-    _bound: [Image; 2],
+    bound: [Image; 2],
 }
 
 struct Groups {
@@ -250,6 +251,23 @@ impl Paper {
 
     pub(super) fn margin_px(&self) -> [u32; 2] {
         self.images.margin_px
+    }
+
+    /// What the gather reads: colour, motion, and the depth of the motion image drawn last.
+    pub(super) fn gather_images(&self) -> [&Image; 3] {
+        let [motion, depth] = &self.images.bound;
+        [&self.images.color, motion, depth]
+    }
+
+    /// The instants of what the gather reads for a frame.
+    pub(super) fn gather_times(
+        &self,
+        stage: &Stage,
+        request: &FrameRequest,
+        path: &Trajectory,
+    ) -> GatherTimes {
+        let Plan { reference_s, first_motion_s, step_s, motions } = plan(stage, &self.options, request, path);
+        GatherTimes { reference_s, first_motion_s, step_s, count: motions.len() }
     }
 
     /// Makes the images anew where the frame needs a wider margin; nothing must be in flight then, which the caller
@@ -479,7 +497,7 @@ impl Images {
             Ok([picture.bind(scene, instants, cameras)?, motion_only.bind(scene, instants, cameras)?])
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, _bound: [motion, depth] })
+        Ok(Self { margin_px, inputs, groups, picture, motion_only, color, bound: [motion, depth] })
     }
 
     fn area(&self) -> RenderArea {

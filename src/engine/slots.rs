@@ -112,7 +112,14 @@ impl FrameSlot {
         let mut picture = Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb };
         develop_on_host(effects::LIST, &request.settings, &mut picture);
         let statistics = request.statistics.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
+        let radiance = request.statistics.then(|| Plane {
+            width: size[0] as usize,
+            height: size[1] as usize,
+            channels: 4,
+            data: bytemuck::cast_slice(self.radiance.mapped()).to_vec(),
+        });
         Frame {
+            radiance,
             index: request.index,
             picture,
             instants,

@@ -11,6 +11,7 @@ use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::failed;
+use super::open::{HostDevice, Loader, OpenDevice};
 use super::select::{self, DeviceChoice, DeviceInfo};
 use super::validation::{self, Messenger, Validation};
 use crate::error::{Error, Result};
@@ -34,12 +35,15 @@ pub struct Context {
     info: DeviceInfo,
     abandoned: AtomicBool,
     allocations: AtomicU64,
-    root: ManuallyDrop<Root>,
+    pub(super) open: ManuallyDrop<OpenDevice>,
+    pub(super) root: ManuallyDrop<Root>,
 }
 
 /// What lives longest, in one place because it is destroyed together (or leaked together after `abandon`).
-struct Root {
-    instance: Instance,
+pub(super) struct Root {
+    pub(super) instance: Instance,
+    /// Whether the instance is destroyed with this.
+    owned: bool,
     messenger: Option<Messenger>,
     _entry: Entry,
 }
@@ -50,15 +54,40 @@ impl Context {
     /// # Errors
     /// No loader, no (matching) device, a device that lacks something, no validation layer where it is required.
     pub fn new(options: &ContextOptions) -> Result<Arc<Self>> {
-        let entry = select::load()?;
+        Self::with_entry(select::load()?, options)
+    }
+
+    /// Opens a device by way of a Vulkan loader that the caller has (statically linked, a layer of its own).
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn with_loader(loader: Loader, options: &ContextOptions) -> Result<Arc<Self>> {
+        Self::with_entry(loader.entry(), options)
+    }
+
+    fn with_entry(entry: Entry, options: &ContextOptions) -> Result<Arc<Self>> {
         let root = Root::new(entry, options.validation)?;
         let info = options.device.pick(&select::enumerate(&root.instance)?)?;
-        let device = open(&root.instance, &info)?;
-        // SAFETY: the family and index are those that the device was created with.
-        let queue = unsafe { device.get_device_queue(info.queue_family, 0) };
+        let device = OpenDevice::create(&root.instance, &info)?;
+        Self::assemble(root, device, info)
+    }
+
+    /// Works on a device that the caller has made and keeps: nothing of it is destroyed here.
+    ///
+    /// # Errors
+    /// A device that lacks something; out of memory.
+    pub fn on_host_device(host: &HostDevice) -> Result<Arc<Self>> {
+        let (entry, instance) = host.instance();
+        let info = host.info(&instance)?;
+        let root = Root { instance, messenger: None, owned: false, _entry: entry };
+        let device = host.open(&root.instance);
+        Self::assemble(root, device, info)
+    }
+
+    fn assemble(root: Root, open: OpenDevice, info: DeviceInfo) -> Result<Arc<Self>> {
+        // From here on `open` and `root` destroy what they own if anything fails.
+        let device = open.device.clone();
         let cache_info = vk::PipelineCacheCreateInfo::default();
-        // SAFETY: the device is alive.
-        let pipeline_cache = unsafe { device.create_pipeline_cache(&cache_info, None) };
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: root.instance.clone(),
             device: device.clone(),
@@ -70,15 +99,19 @@ impl Context {
                 .with_max_device_memblock_size(256 << 20)
                 .with_max_host_memblock_size(64 << 20),
         });
+        let allocator = allocator.map_err(|e| allocation_failed(&e))?;
+        // SAFETY: the device is alive.
+        let pipeline_cache = unsafe { device.create_pipeline_cache(&cache_info, None) };
         let names = root.messenger.as_ref().map(|_| debug_utils::Device::new(&root.instance, &device));
         let context = Self {
             pipeline_cache: pipeline_cache.map_err(failed("vkCreatePipelineCache"))?,
-            queue: Mutex::new(queue),
-            allocator: Mutex::new(Some(allocator.map_err(|e| allocation_failed(&e))?)),
+            queue: Mutex::new(open.queue),
+            allocator: Mutex::new(Some(allocator)),
             names,
             info,
             abandoned: AtomicBool::new(false),
             allocations: AtomicU64::new(0),
+            open: ManuallyDrop::new(open),
             root: ManuallyDrop::new(root),
             device,
         };
@@ -146,7 +179,7 @@ impl Drop for Context {
         // their work. The order is the reverse of creation.
         unsafe {
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
-            self.device.destroy_device(None);
+            ManuallyDrop::drop(&mut self.open);
             ManuallyDrop::drop(&mut self.root);
         }
     }
@@ -178,8 +211,12 @@ impl Root {
             info = info.push_next(&mut features);
         }
         let instance = select::create_instance(&entry, &info)?;
-        let messenger = if watch { Some(Messenger::new(&entry, &instance)?) } else { None };
-        Ok(Self { instance, messenger, _entry: entry })
+        // Owned from here on: a messenger that cannot be made must not leave the instance behind.
+        let mut root = Self { instance, messenger: None, owned: true, _entry: entry };
+        if watch {
+            root.messenger = Some(Messenger::new(&root._entry, &root.instance)?);
+        }
+        Ok(root)
     }
 }
 
@@ -188,30 +225,21 @@ impl Drop for Root {
         if let Some(messenger) = &self.messenger {
             messenger.destroy();
         }
-        // SAFETY: the device and the messenger, the only children, are gone.
-        unsafe { self.instance.destroy_instance(None) };
+        if self.owned {
+            // SAFETY: the device and the messenger, the only children, are gone.
+            unsafe { self.instance.destroy_instance(None) };
+        }
     }
-}
-
-fn open(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device> {
-    let priorities = [1.0];
-    let queues = [vk::DeviceQueueCreateInfo::default()
-        .queue_family_index(info.queue_family)
-        .queue_priorities(&priorities)];
-    let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
-    let extensions: [*const i8; 0] = [];
-    let create = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&queues)
-        .enabled_features(&features)
-        .enabled_extension_names(&extensions);
-    // SAFETY: `create` and all it points to live through the call; the features were checked by `select`.
-    unsafe { instance.create_device(info.physical, &create, None) }.map_err(failed("vkCreateDevice"))
 }
 
 pub(super) fn allocation_failed(error: &gpu_allocator::AllocationError) -> Error {
     match error {
         gpu_allocator::AllocationError::OutOfMemory => {
             Error::OutOfMemory { pool: "device", call: "vkAllocateMemory" }
+        }
+        // The allocator keeps no code. Vulkan has only lack of memory and of addresses as causes.
+        gpu_allocator::AllocationError::FailedToMap(_) => {
+            Error::OutOfMemory { pool: "host", call: "vkMapMemory" }
         }
         other => Error::Vulkan { call: "vkAllocateMemory", result: other.to_string() },
     }

@@ -31,6 +31,8 @@ pub enum Usage {
     Uniform,
     /// Vertex buffer.
     Vertex,
+    /// Vertex buffer that kernels read or write.
+    StorageVertex,
     /// Index buffer.
     Index,
     /// Copy source or target only.
@@ -40,9 +42,11 @@ pub enum Usage {
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    bytes: u64,
+    pub(super) bytes: u64,
     allocation: Option<Allocation>,
-    context: Arc<Context>,
+    /// Memory that is shared with the host (`shared.rs`) instead of the allocator's.
+    pub(super) shared: vk::DeviceMemory,
+    pub(super) context: Arc<Context>,
 }
 
 impl Buffer {
@@ -59,7 +63,7 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        if usage == Usage::Storage && bytes > limit {
+        if matches!(usage, Usage::Storage | Usage::StorageVertex) && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
@@ -70,6 +74,9 @@ impl Buffer {
             }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Usage::StorageVertex => {
+                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
+            }
             Usage::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
             Usage::Transfer => copies,
         };
@@ -78,7 +85,7 @@ impl Buffer {
         let handle =
             unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;
         context.name(handle, name);
-        let mut buffer = Self { handle, bytes, allocation: None, context: context.clone() };
+        let mut buffer = Self::without_memory(context, handle, bytes);
         // SAFETY: the buffer was just made by this device.
         let requirements = unsafe { context.device.get_buffer_memory_requirements(handle) };
         let location = match location {
@@ -93,6 +100,11 @@ impl Buffer {
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
         Ok(buffer)
+    }
+
+    pub(super) fn without_memory(context: &Arc<Context>, handle: vk::Buffer, bytes: u64) -> Self {
+        let shared = vk::DeviceMemory::null();
+        Self { handle, bytes, allocation: None, shared, context: context.clone() }
     }
 
     /// Size, bytes.
@@ -128,7 +140,10 @@ impl Drop for Buffer {
             return;
         }
         // SAFETY: slots wait for their work before the resources they use are dropped.
-        unsafe { self.context.device.destroy_buffer(self.handle, None) };
+        unsafe {
+            self.context.device.destroy_buffer(self.handle, None);
+            self.context.device.free_memory(self.shared, None);
+        }
         free(&self.context, self.allocation.take());
     }
 }
@@ -339,7 +354,7 @@ impl Drop for Image {
     }
 }
 
-/// How textures are read: bilinear and repeating, or by texel.
+/// How images are read: bilinear and repeating, bilinear with positions in texels, or by texel.
 pub struct Sampler {
     pub(super) handle: vk::Sampler,
     context: Arc<Context>,
@@ -361,9 +376,29 @@ impl Sampler {
             .address_mode_u(mode)
             .address_mode_v(mode)
             .address_mode_w(mode);
-        // SAFETY: the device is alive.
+        Self::from_info(context, &info)
+    }
+
+    /// Bilinear between texels, with positions in texels (the first one's centre at 0.5), held at the outermost ones.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn in_texels(context: &Arc<Context>) -> Result<Self> {
+        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode)
+            .unnormalized_coordinates(true);
+        Self::from_info(context, &info)
+    }
+
+    fn from_info(context: &Arc<Context>, info: &vk::SamplerCreateInfo<'_>) -> Result<Self> {
+        // SAFETY: the device is alive and `info` is complete.
         let handle =
-            unsafe { context.device.create_sampler(&info, None) }.map_err(failed("vkCreateSampler"))?;
+            unsafe { context.device.create_sampler(info, None) }.map_err(failed("vkCreateSampler"))?;
         Ok(Self { handle, context: context.clone() })
     }
 }

@@ -11,7 +11,9 @@ mod context;
 mod graphics;
 mod kernel;
 mod memory;
+mod open;
 mod select;
+mod shared;
 mod slot;
 mod validation;
 
@@ -21,7 +23,9 @@ pub use context::{Context, ContextOptions};
 pub use graphics::{Attachments, GraphicsPipeline, GraphicsSpec, VertexFormat};
 pub use kernel::ComputePipeline;
 pub use memory::{Buffer, Format, Image, ImageSpec, Location, Sampler, Usage};
+pub use open::{HostDevice, HostHandles, Loader};
 pub use select::{DeviceChoice, DeviceInfo, DeviceKind, devices};
+pub use shared::{Semaphore, Sharing};
 pub use slot::{PassTime, Slot};
 pub use validation::Validation;
 

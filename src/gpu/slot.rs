@@ -8,6 +8,7 @@ use ash::vk;
 use super::commands::Recorder;
 use super::context::Context;
 use super::failed;
+use super::shared::Semaphore;
 use crate::error::{Error, Result};
 
 /// Timestamps a submission may write. Each mark takes two: lavapipe 22.3 latches the timestamp before a dispatch late,
@@ -104,6 +105,14 @@ impl Slot {
     /// # Errors
     /// Device lost, out of memory.
     pub fn submit(&mut self) -> Result<()> {
+        self.submit_between(None, None)
+    }
+
+    /// The same; the device begins when `wait` is signalled, and signals `signal` at the end. Both must outlive the work.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`].
+    pub fn submit_between(&mut self, wait: Option<&Semaphore>, signal: Option<&Semaphore>) -> Result<()> {
         let device = &self.context.device;
         // SAFETY: recording was begun by `begin`.
         unsafe { device.end_command_buffer(self.commands) }.map_err(failed("vkEndCommandBuffer"))?;
@@ -111,7 +120,14 @@ impl Slot {
         // SAFETY: nothing is in flight, so the fence is not in use.
         unsafe { device.reset_fences(&fences) }.map_err(failed("vkResetFences"))?;
         let commands = [self.commands];
-        let submits = [vk::SubmitInfo::default().command_buffers(&commands)];
+        let waits: Vec<_> = wait.map(|s| s.handle).into_iter().collect();
+        let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; waits.len()];
+        let signals: Vec<_> = signal.map(|s| s.handle).into_iter().collect();
+        let submits = [vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .wait_semaphores(&waits)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(&signals)];
         let queue = self.context.queue();
         // SAFETY: the queue is locked, buffer and fence are not in use.
         let done = unsafe { device.queue_submit(*queue, &submits, self.fence) };
@@ -130,13 +146,15 @@ impl Slot {
         }
         let start = Instant::now();
         loop {
+            let step = limit.saturating_sub(start.elapsed()).min(Duration::from_millis(250));
+            let step_ns = step.as_nanos() as u64;
             // SAFETY: the fence belongs to the work in flight.
-            let done = unsafe { self.context.device.wait_for_fences(&[self.fence], true, 250_000_000) };
+            let done = unsafe { self.context.device.wait_for_fences(&[self.fence], true, step_ns) };
             match done {
                 Ok(()) => break,
                 Err(vk::Result::TIMEOUT) if start.elapsed() < limit => {}
                 Err(vk::Result::TIMEOUT) => {
-                    let result = format!("TIMEOUT after {} s", limit.as_secs());
+                    let result = format!("TIMEOUT after {} s", limit.as_secs_f64());
                     return Err(Error::Vulkan { call: "vkWaitForFences", result });
                 }
                 Err(error) => {
@@ -153,6 +171,18 @@ impl Slot {
     /// Whether work is in flight.
     pub fn in_flight(&self) -> bool {
         self.in_flight
+    }
+
+    /// Whether the work in flight, if any, has finished; does not wait. [`Self::wait`] then returns at once.
+    ///
+    /// # Errors
+    /// Device lost.
+    pub fn finished(&self) -> Result<bool> {
+        if !self.in_flight {
+            return Ok(true);
+        }
+        // SAFETY: the fence is alive.
+        unsafe { self.context.device.get_fence_status(self.fence) }.map_err(failed("vkGetFenceStatus"))
     }
 
     /// Times of the passes of the last finished submission; passes of one name are added up. Empty on devices without

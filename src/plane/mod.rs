@@ -1,6 +1,7 @@
 //! CPU pictures: row-major, interleaved channels, top row first.
 
 mod exr;
+mod format;
 mod io;
 pub mod metrics;
 
@@ -8,6 +9,7 @@ pub use exr::{
     COLOR_CHANNELS, DEPTH_CHANNELS, ExrPicture, MOTION_CHANNELS, read_exr, read_exr_plane, write_exr_atomic,
     write_exr_plane,
 };
+pub use format::PixelFormat;
 pub use io::{MAX_DECODED_BYTES, MAX_SIDE_PX, read_rgb8, write_atomic, write_png_atomic};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::place::Placed;
 use super::tessellate::Mesh;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Location, Slot, Usage};
@@ -11,9 +12,12 @@ use crate::scene::Draw;
 /// An upload that takes longer than this is stuck.
 const UPLOAD_LIMIT: Duration = Duration::from_secs(120);
 
-/// Vertices and indices.
+/// Vertices, what a frame makes of them, and indices.
 pub struct Geometry {
     pub(super) vertices: Buffer,
+    pub(super) vertex_count: u32,
+    /// Written by [`super::Place`] in every frame.
+    pub(super) placed: Buffer,
     pub(super) indices: Buffer,
     pub(super) draws: Vec<Draw>,
 }
@@ -37,7 +41,15 @@ impl Geometry {
             Buffer::new(context, name, bytes.len() as u64, usage, Location::Device)
         };
         let geometry = Self {
-            vertices: device("cut vertices", vertices, Usage::Vertex)?,
+            vertices: device("cut vertices", vertices, Usage::StorageVertex)?,
+            vertex_count: mesh.vertices.len() as u32,
+            placed: Buffer::new(
+                context,
+                "placed vertices",
+                mesh.vertices.len() as u64 * size_of::<Placed>() as u64,
+                Usage::StorageVertex,
+                Location::Device,
+            )?,
             indices: device("cut indices", indices, Usage::Index)?,
             draws: mesh.draws.clone(),
         };

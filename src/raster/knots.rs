@@ -1,4 +1,4 @@
-//! What the vertex stage of `--method exact` needs: the matrices of everything that moves alike, at equally spaced times
+//! What the placing of vertices in `--method exact` needs: the matrices of everything that moves alike, at equally spaced times
 //! ("knots") between which they may be taken for linear.
 
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use glam::{DMat4, DVec2, DVec4};
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
 use crate::scene::Scene;
 
-/// `Knot` of `exact_vert.glsl`.
+/// `Knot` of `exact_place.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct KnotRow {
@@ -142,18 +142,47 @@ pub struct View<'a> {
     pub path: &'a Trajectory,
 }
 
-/// Matrices from one time to another of each `(from_s, to_s)`, group by group: a point of the picture at `from_s`, as
-/// `(ndc x, ndc y, depth, 1)` with the rasterizer's depth, to clip space at `to_s`. What rests in the world moves with
-/// the camera alone; what moves by itself, with both.
-pub fn relative_rows(groups: &MotionGroups, view: &View<'_>, pairs_s: &[(f64, f64)]) -> Vec<[f32; 16]> {
-    let mut rows = Vec::with_capacity(groups.count() * pairs_s.len());
+/// Six texels of `relatives` in `exact_paths.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct RelativeRow {
+    begin: [[f32; 4]; 3],
+    end: [[f32; 4]; 3],
+}
+
+/// Where the points of a line's picture, taken at the middle of its exposure, are at its begin and end: matrices from
+/// `(ndc x, ndc y, depth, 1)` with the rasterizer's depth to clip space. What rests in the world moves with the camera
+/// alone; what moves by itself, with both. `exposures_s` holds begin, middle and end of equally spaced lines in scan
+/// order; the rows are those of `line_count` lines, linear in between, in the picture's order (the reverse of the scan's
+/// if `reversed`), and within a line group by group.
+pub fn relative_rows(
+    groups: &MotionGroups,
+    view: &View<'_>,
+    exposures_s: &[[f64; 3]],
+    (line_count, reversed): (usize, bool),
+) -> Vec<RelativeRow> {
+    let mut rows = vec![RelativeRow::default(); groups.count() * line_count];
     for group in 0..groups.count() {
-        for &(from_s, to_s) in pairs_s {
-            let to = groups.clip_from_object(view, group, to_s);
-            rows.push(single(to * groups.clip_from_object(view, group, from_s).inverse()));
+        let known = exposures_s.iter().map(|&[begin_s, middle_s, end_s]| {
+            let from_clip = groups.clip_from_object(view, group, middle_s).inverse();
+            [begin_s, end_s].map(|t| groups.clip_from_object(view, group, t) * from_clip)
+        });
+        let known: Vec<[DMat4; 2]> = known.collect();
+        for line in 0..line_count {
+            let at = line as f64 / (line_count.max(2) - 1) as f64 * (known.len() - 1) as f64;
+            let before = (at as usize).min(known.len().max(2) - 2);
+            let after = (before + 1).min(known.len() - 1);
+            let weight = at - before as f64;
+            let [begin, end] = [0, 1].map(|i| known[before][i] * (1.0 - weight) + known[after][i] * weight);
+            let picture_line = if reversed { line_count - 1 - line } else { line };
+            rows[picture_line * groups.count() + group] = RelativeRow { begin: xyw(begin), end: xyw(end) };
         }
     }
     rows
+}
+
+fn xyw(matrix: DMat4) -> [[f32; 4]; 3] {
+    [0, 1, 3].map(|i| matrix.row(i).as_vec4().to_array())
 }
 
 /// `segments + 1` times, the last one exact.

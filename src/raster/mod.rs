@@ -4,16 +4,18 @@ mod geometry;
 mod instants;
 mod knots;
 mod lens;
+mod place;
 mod scene_buffers;
 mod target;
 mod tessellate;
 
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
-pub use knots::{KnotRow, MotionGroups, View, relative_rows, spaced};
+pub use knots::{KnotRow, MotionGroups, RelativeRow, View, relative_rows, spaced};
 pub use lens::LensPush;
+pub use place::{Place, PlacePush};
 pub use scene_buffers::SceneBuffers;
-pub use target::{Drawn, ExactPush, RasterInput, RasterKind, RasterTarget};
+pub use target::{Drawn, RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::place::PLACED_FORMAT;
 use super::{Geometry, LensPush, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
-use crate::camera::ExtendedLens;
+use crate::camera::{ExtendedLens, NEAR_M};
 use crate::error::Result;
 use crate::gpu::{
     Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline,
@@ -28,7 +29,7 @@ pub enum RasterKind {
     /// Displacement from the instant of the picture to the begin (first two channels) and to the end (last two) of the
     /// span; no lights, no textures.
     Path,
-    /// Radiance with every vertex at its line's time, and the motion group in alpha.
+    /// Radiance of placed vertices, and the motion group in alpha.
     Exact,
 }
 
@@ -71,27 +72,12 @@ assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, mo
 assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px, lens });
 assert_push_layout!("raster_path.frag", Push { instant, object_count, motion_scale_px, lens });
 
-/// Push constants of `raster_exact.vert`, explained there.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct ExactPush {
-    /// Rows a motion group.
-    pub knot_count: u32,
-    /// Earliest place among the knots.
-    pub place_low: f32,
-    /// Latest place among the knots.
-    pub place_high: f32,
-    /// Place of the line through the middle of the attachment.
-    pub place_offset: f32,
-    /// Places per unit of normalised device coordinates.
-    pub place_from_ndc: [f32; 2],
-    /// The lens.
-    pub lens: LensPush,
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ExactPush {
+    near_m: f32,
 }
-assert_push_layout!(
-    "raster_exact.vert",
-    ExactPush { knot_count, place_low, place_high, place_offset, place_from_ndc, lens }
-);
+assert_push_layout!("raster_exact.vert", ExactPush { near_m });
 
 const VERTEX_FORMAT: VertexFormat = VertexFormat {
     stride: size_of::<Vertex>() as u32,
@@ -150,14 +136,14 @@ impl RasterTarget {
         let name = format!("{kind:?}");
         let attachments = Attachments::new(context, &name, texels, plan.msaa, kind.formats())?;
         let (vertex, fragment) = kind.shaders();
+        let format = if kind == RasterKind::Exact { PLACED_FORMAT } else { VERTEX_FORMAT };
         let pipeline = |textured: bool| {
             let constants = if kind.has_color() {
                 vec![scene.lit.into(), textured.into(), scene.light_count]
             } else {
                 Vec::new()
             };
-            let spec =
-                GraphicsSpec { vertex, fragment, constants, format: VERTEX_FORMAT, samples: plan.msaa };
+            let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
         let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
@@ -186,32 +172,31 @@ impl RasterTarget {
         Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
     }
 
-    /// Binds the rows of [`super::MotionGroups::knot_rows`] and the camera that they are centred on.
+    /// Binds what [`RasterKind::Exact`] needs beside placed vertices: the camera that they are centred on.
     ///
     /// # Errors
     /// Out of memory.
-    pub fn bind_knots(&self, scene: &SceneBuffers, knots: &Buffer, cameras: &Buffer) -> Result<RasterInput> {
+    pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
         let all = [
-            ("Knots", Bound::Buffer(knots)),
-            ("Cameras", Bound::Buffer(cameras)),
+            ("Cameras", Bound::Buffer(camera)),
             ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
         Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
     }
 
-    /// Draws [`RasterKind::Exact`]. `area` is in delivered pixels.
+    /// Draws [`RasterKind::Exact`]: vertices as [`super::Place`] left them. `area` is in delivered pixels.
     pub fn draw_exact(
         &self,
         recorder: &mut Recorder<'_>,
         (scene, geometry): (&SceneBuffers, &Geometry),
         input: &RasterInput,
-        push: &ExactPush,
         area: RenderArea,
     ) {
         let draws = self.draw_calls(scene, input, &geometry.draws);
+        let push = ExactPush { near_m: NEAR_M as f32 };
         let batch =
-            DrawBatch { vertices: &geometry.vertices, indices: &geometry.indices, push, draws: &draws };
+            DrawBatch { vertices: &geometry.placed, indices: &geometry.indices, push: &push, draws: &draws };
         recorder.draw(&self.attachments, self.texels(area), &batch);
     }
 

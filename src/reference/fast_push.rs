@@ -4,6 +4,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::IVec2;
 
+use super::path::Paths;
+use crate::plane::Plane;
+
 /// The kernels' parameters. Times are relative to the reference instant, at which the picture was rendered.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -57,4 +60,17 @@ impl Push {
     pub fn slot_fraction(&self, slot: u32) -> f32 {
         if self.slots == 1 { 0.5 } else { 0.5 * slot as f32 }
     }
+}
+
+/// What one warp reads. Twin of the bindings of the kernels.
+#[derive(Clone, Copy, Debug)]
+pub struct Inputs<'a> {
+    /// Linear RGBA at the reference instant with margin, `color_scale` texels a px.
+    pub color: &'a Plane<f32>,
+    /// Texels of the colour a px: 1 or 2.
+    pub color_scale: usize,
+    /// The paths of what it shows.
+    pub paths: Paths<'a>,
+    /// One channel, size of the path images; grows towards the camera, 0 infinitely far.
+    pub inverse_depth: &'a Plane<f32>,
 }

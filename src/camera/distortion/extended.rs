@@ -15,7 +15,7 @@ const REACH: (f64, f64) = (1.25, 0.1);
 /// Share of the way to the fold that is used.
 const BEFORE_FOLD: f64 = 0.9;
 /// Rings in which the curvature is known, equally spaced in the angle from the axis, and directions looked at in each.
-const RINGS: usize = 96;
+const RINGS: usize = 32;
 const DIRECTIONS: usize = 16;
 
 /// A lens, continued.

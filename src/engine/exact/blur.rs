@@ -16,9 +16,11 @@ use crate::kernels::kernel;
 use crate::raster::{LensPush, RasterKind, RasterTarget};
 
 /// `EXACT_TILE` of `exact_tile.glsl`.
-const TILE: u32 = 16;
+const TILE: u32 = 8;
 /// Most samples of a pixel.
 const MOST_SAMPLES: i32 = 256;
+/// Two matrices of three rows.
+const TEXELS_A_GROUP: u32 = 6;
 /// Farthest that tiles look for what may come, in tiles.
 const MOST_RADIUS: f64 = 8.0;
 
@@ -26,26 +28,25 @@ const MOST_RADIUS: f64 = 8.0;
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct PathsPush {
     size: [u32; 2],
-    half_px: [f32; 2],
-    place_from_ndc: [f32; 2],
-    place_offset: f32,
     line_count: u32,
+    group_count: u32,
+    columns: u32,
     near_m: f32,
-    padding: f32,
     lens: LensPush,
 }
 assert_push_layout!(
     "exact_paths_ms.comp",
-    PathsPush { size, half_px, place_from_ndc, place_offset, line_count, near_m, padding, lens }
+    PathsPush { size, line_count, group_count, columns, near_m, lens }
 );
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TilesPush {
     size: [u32; 2],
-    texel_size: [i32; 2],
+    picture: [i32; 2],
+    grid: i32,
 }
-assert_push_layout!("exact_tiles.comp", TilesPush { size, texel_size });
+assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -61,24 +62,22 @@ assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, radius, tile
 struct GatherPush {
     size: [u32; 2],
     margin_px: [f32; 2],
-    grid: i32,
-    padding: f32,
+    picture_px: [f32; 2],
     tau_per_px: [f32; 2],
-    texel_size: [f32; 2],
     most: i32,
     weight: f32,
     first: u32,
+    grid: f32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, grid, padding, tau_per_px, texel_size, most, weight, first }
+    GatherPush { size, margin_px, picture_px, tau_per_px, most, weight, first, grid }
 );
 
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
     pub(super) inputs: Vec<Input>,
-    paths_groups: Vec<BindGroup>,
-    groups: [BindGroup; 3],
+    groups: [BindGroup; 4],
     kernels: [ComputePipeline; 4],
     _samplers: [Sampler; 2],
     pub(super) target: RasterTarget,
@@ -88,17 +87,18 @@ pub(super) struct Blur {
 
 struct Images {
     texels: Image,
+    relatives: Image,
     paths: Image,
     tiles: [Image; 3],
     around: [Image; 3],
 }
 
 impl Images {
-    fn new(stage: &Stage, texels: [u32; 2]) -> Result<Self> {
+    fn new(stage: &Stage, picture: [u32; 2], group_count: usize) -> Result<Self> {
         let image = |name: &str, size: [u32; 2], format: Format| {
             Image::new(&stage.context, name, ImageSpec::storage(size, format))
         };
-        let tiles = texels.map(|t| t.div_ceil(TILE));
+        let tiles = picture.map(|s| s.div_ceil(TILE));
         let three = |names: [&str; 3]| -> Result<[Image; 3]> {
             Ok([
                 image(names[0], tiles, Format::Rgba16f)?,
@@ -107,8 +107,13 @@ impl Images {
             ])
         };
         Ok(Self {
-            texels: image("texels", texels, Format::Rgba16f)?,
-            paths: image("paths", texels, Format::Rgba16f)?,
+            texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
+            relatives: image(
+                "relatives",
+                [TEXELS_A_GROUP * group_count as u32, picture[0].max(picture[1])],
+                Format::Rgba32f,
+            )?,
+            paths: image("paths", picture, Format::Rgba16f)?,
             tiles: three(["tile_near", "tile_far", "tile_facts"])?,
             around: three(["around_near", "around_far", "around_facts"])?,
         })
@@ -126,33 +131,31 @@ impl Blur {
         let context = &stage.context;
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
-        let images = Images::new(stage, size.map(|s| s * stage.plan.grid))?;
-        let all = target.attachments.images().chain([&images.texels, &images.paths]);
+        let images = Images::new(stage, size, group_count)?;
+        let all = target.attachments.images().chain([&images.texels, &images.relatives, &images.paths]);
         prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
+        let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
         let kernels = [
-            ComputePipeline::new(context, if stage.plan.msaa > 1 { multisampled } else { plain })?,
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_gather.comp") })?,
         ];
-        let samplers = [Sampler::new(context, false)?, Sampler::new(context, true)?];
+        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let fetched = |image| Bound::Sampled(image, &samplers[0]);
-        let paths_groups = inputs.iter().map(|input| {
+        let fetched = |image| Bound::Sampled(image, &sampler);
+        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+        let groups = [
             kernels[0].bind(&[
                 ("color_samples", fetched(&target.attachments.colors()[0])),
                 ("depth_samples", fetched(target.attachments.depth())),
                 ("texels", Bound::Storage(&images.texels)),
                 ("paths", Bound::Storage(&images.paths)),
-                ("Relative", Bound::Buffer(&input.relative)),
-            ])
-        });
-        let paths_groups = paths_groups.collect::<Result<Vec<_>>>()?;
-        let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
-        let groups = [
+                ("relatives", fetched(&images.relatives)),
+            ])?,
             kernels[1].bind(&[
                 ("texels", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
@@ -169,7 +172,8 @@ impl Blur {
                 ("around_facts", Bound::Storage(around_facts)),
             ])?,
             kernels[3].bind(&[
-                ("texels", Bound::Sampled(&images.texels, &samplers[1])),
+                ("texels", Bound::Sampled(&images.texels, &linear)),
+                ("inverses", fetched(&images.texels)),
                 ("paths", fetched(&images.paths)),
                 ("around_near", fetched(around_near)),
                 ("around_far", fetched(around_far)),
@@ -177,12 +181,10 @@ impl Blur {
                 ("radiance", Bound::Storage(radiance)),
             ])?,
         ];
-        Ok(Self { inputs, paths_groups, groups, kernels, _samplers: samplers, target, images, margin_px })
+        Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
     }
 
-    /// Records everything after the raster. `pairs` is the number of lines whose matrices were written, `exposure_s` the
-    /// time that paths span, `reach_px` the longest of them, `weight` what this picture counts, and whether it is the
-    /// frame's first.
+    /// Records everything after the raster.
     pub(super) fn record(
         &self,
         stage: &Stage,
@@ -191,38 +193,34 @@ impl Blur {
         shutter: &ShutterTiming,
         part: &Part,
     ) {
-        let texels = self.images.texels.spec().size;
+        let picture = self.target.size;
         let tiles = self.images.tiles[0].spec().size;
         recorder.mark("exact_paths");
-        let lens = stage.lens_push(part.channel, self.target.size);
-        let push = PathsPush { lens, ..self.paths_push(shutter, part.pairs) };
-        recorder.dispatch(&self.kernels[0], &self.paths_groups[slot], &push, texels);
+        let lens = stage.lens_push(part.channel, picture);
+        let push = PathsPush { lens, ..self.paths_push(shutter, part) };
+        let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
+        recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
+        recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push = TilesPush { size: tiles, texel_size: texels.map(|t| t as i32) };
-        recorder.dispatch(&self.kernels[1], &self.groups[0], &push, tiles);
-        let tile_px = f64::from(TILE / stage.plan.grid);
+        let push =
+            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
+        recorder.dispatch(&self.kernels[1], &self.groups[1], &push, tiles);
+        let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
         let push = NeighboursPush { size: tiles, radius, tile_px: tile_px as f32 };
-        recorder.dispatch(&self.kernels[2], &self.groups[1], &push, tiles);
+        recorder.dispatch(&self.kernels[2], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        recorder.dispatch(&self.kernels[3], &self.groups[2], &push, push.size);
+        recorder.dispatch(&self.kernels[3], &self.groups[3], &push, push.size);
     }
 
-    /// Pairs belong to lines that are equally spaced from the attachment's first to its last, in scan order.
-    fn paths_push(&self, shutter: &ShutterTiming, pairs: u32) -> PathsPush {
-        let last = f64::from(pairs - 1);
-        let (rows, reversed) = orientation(shutter.scan_order);
-        let per_ndc = if reversed { -0.5 * last } else { 0.5 * last } as f32;
-        let size = self.target.size.map(f64::from);
+    fn paths_push(&self, shutter: &ShutterTiming, part: &Part) -> PathsPush {
         PathsPush {
-            size: self.images.texels.spec().size,
-            half_px: size.map(|s| (0.5 * s) as f32),
-            place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
-            place_offset: (0.5 * last) as f32,
-            line_count: pairs,
+            size: self.target.size,
+            line_count: part.line_count,
+            group_count: part.group_count,
+            columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
-            padding: 0.0,
             lens: LensPush::NONE,
         }
     }
@@ -233,21 +231,21 @@ impl Blur {
         GatherPush {
             size: [camera.width, camera.height],
             margin_px: self.margin_px.map(|m| m as f32),
-            grid: self.target.plan.grid as i32,
-            padding: 0.0,
+            picture_px: self.target.size.map(|s| s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
-            texel_size: self.images.texels.spec().size.map(|s| s as f32),
             most: MOST_SAMPLES,
             weight: part.weight,
             first: part.first.into(),
+            grid: self.target.plan.grid as f32,
         }
     }
 }
 
 /// One picture of a frame.
 pub(super) struct Part {
-    /// Number of lines whose matrices were written.
-    pub(super) pairs: u32,
+    /// Number of lines whose matrices were written, and of motion groups.
+    pub(super) line_count: u32,
+    pub(super) group_count: u32,
     /// Time that its paths span, s.
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.

@@ -2,14 +2,15 @@
 //! stay near the curves that a rolling shutter makes of them.
 //!
 //! Over an edge, displacement is velocity times time, and both change: by dv and dt from end to end, and the velocity by
-//! a dt on its own. To second order the chord is then off by `dv dt / 4 + a dt^2 / 8` in its middle. Velocities of the
-//! picture's content differ over an angle s by at most (w + V/d) s for a camera that turns at w rad/s and passes at V
-//! m/s what is d m away. The bound is taken over samples of the camera's path, so triangles are cut once, at load.
+//! a dt on its own. To second order the chord is then off by `dv dt / 4 + a dt^2 / 8` in its middle. Velocities at both
+//! ends follow from the camera's turn and way; where an end is beside or behind the camera, they differ over an angle s
+//! by at most (w + V/d) s for a camera that turns at w rad/s and passes at V m/s what is d m away. The largest over
+//! samples of the camera's path counts, so triangles are cut once, at load.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::super::Stage;
-use crate::camera::{ExtendedLens, Intrinsics, Trajectory};
+use crate::camera::{ExtendedLens, Intrinsics, Pose, Trajectory};
 use crate::raster::{Mesh, MotionGroups};
 use crate::scene::Vertex;
 
@@ -23,12 +24,11 @@ const CONE_GUARD: f64 = 0.1;
 
 /// The camera as a motion group sees it at one time.
 struct Seen {
-    eye_m: DVec3,
-    axis: DVec3,
-    /// rad/s and m/s.
-    turn: f64,
-    pass: f64,
-    /// Their derivatives.
+    camera_from_object: Pose,
+    /// Of the camera, in its own frame: rad/s and m/s.
+    turn: DVec3,
+    pass: DVec3,
+    /// Magnitude of their derivatives.
     turn_change: f64,
     pass_change: f64,
 }
@@ -40,14 +40,15 @@ pub(super) fn cut(
     groups: &MotionGroups,
     mesh: &Mesh,
     frames: &[(f64, f64)],
-    readout_time_s: f64,
+    (readout_time_s, lines_are_rows): (f64, bool),
     (chord_px, most): (f64, usize),
 ) -> (Mesh, f64) {
     let times = sample_times(&stage.trajectory, frames);
     let seen: Vec<Vec<Seen>> = (0..groups.count())
         .map(|g| times.iter().filter_map(|&t| see(&stage.trajectory, groups, g, t, readout_time_s)).collect())
         .collect();
-    let bound = Bound::new(&stage.intrinsics, stage.lens.as_ref().map(|l| &l.extended), readout_time_s);
+    let lens = stage.lens.as_ref().map(|l| &l.extended);
+    let bound = Bound::new(&stage.intrinsics, lens, readout_time_s, lines_are_rows);
     let mut allowed_px = chord_px;
     loop {
         let long = |a: &Vertex, b: &Vertex| {
@@ -90,62 +91,80 @@ fn see(path: &Trajectory, groups: &MotionGroups, group: usize, time_s: f64, read
     let turn = |a: glam::DQuat, b: glam::DQuat| (a.inverse() * b).to_scaled_axis() / step_s;
     let turns = [turn(before.rotation, now.rotation), turn(now.rotation, after.rotation)];
     let passes = [now.translation_m - before.translation_m, after.translation_m - now.translation_m]
-        .map(|way_m| way_m / step_s);
+        .map(|way_m| now.rotation.inverse() * way_m / step_s);
     Some(Seen {
-        eye_m: now.translation_m,
-        axis: now.rotation * DVec3::Z,
-        turn: turns[0].length().max(turns[1].length()),
-        pass: passes[0].length().max(passes[1].length()),
+        camera_from_object: now.inverse(),
+        turn: 0.5 * (turns[0] + turns[1]),
+        pass: 0.5 * (passes[0] + passes[1]),
         turn_change: (turns[1] - turns[0]).length() / step_s,
         pass_change: (passes[1] - passes[0]).length() / step_s,
     })
 }
 
 struct Bound {
-    focal_px: f64,
+    camera: Intrinsics,
     line_delay_s: f64,
     readout_time_s: f64,
+    lines_are_rows: bool,
     cone: f64,
 }
 
 impl Bound {
-    fn new(k: &Intrinsics, lens: Option<&ExtendedLens>, readout_time_s: f64) -> Self {
+    fn new(k: &Intrinsics, lens: Option<&ExtendedLens>, readout_time_s: f64, lines_are_rows: bool) -> Self {
         let (w, h) = (f64::from(k.width), f64::from(k.height));
-        let corner = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(|(x, y)| {
-            let ray = k.ray(glam::DVec2::new(x, y));
-            ray.angle_between(DVec3::Z)
-        });
+        let corners = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)];
+        let widest = corners.map(|(x, y)| k.ray(DVec2::new(x, y)).angle_between(DVec3::Z));
         let stretch = lens.map_or(1.0, ExtendedLens::stretch);
         Self {
-            focal_px: stretch * k.fx.max(k.fy),
-            // The shorter side: a readout along it has the greater delay a line.
-            line_delay_s: readout_time_s / w.min(h),
+            camera: Intrinsics { fx: stretch * k.fx, fy: stretch * k.fy, ..*k },
+            line_delay_s: readout_time_s / if lines_are_rows { h } else { w },
             readout_time_s,
+            lines_are_rows,
             cone: match lens {
                 Some(lens) => lens.radius().atan(),
-                None => corner.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+                None => widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
             },
         }
     }
 
     fn is_long(&self, seen: &[Seen], a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
         let [a, b] = [a, b].map(|v| DVec3::from(v.position_m.map(f64::from)));
-        let middle = 0.5 * (a + b);
         let length_m = (b - a).length();
         seen.iter().any(|s| {
-            let to_middle = middle - s.eye_m;
-            let along = ((s.eye_m - a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
-            let away_m = (a + along * (b - a) - s.eye_m).length();
-            let inside = (0.5 * length_m / to_middle.length().max(1e-9)).min(1.0).asin();
-            if away_m > NEAREST_M && to_middle.angle_between(s.axis) - inside > self.cone {
+            let [a, b] = [a, b].map(|p| s.camera_from_object.transform(p));
+            let middle = 0.5 * (a + b);
+            let along = ((-a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
+            let away_m = (a + along * (b - a)).length();
+            let inside = (0.5 * length_m / middle.length().max(1e-9)).min(1.0).asin();
+            if away_m > NEAREST_M && middle.angle_between(DVec3::Z) - inside > self.cone {
                 return false;
             }
             let away_m = away_m.max(NEAREST_M);
-            let span_px = self.focal_px * length_m / away_m;
-            let span_s = (span_px * self.line_delay_s).min(self.readout_time_s);
-            let speeds = (s.turn + s.pass / away_m) * span_px;
-            let change = (s.turn_change + s.pass_change / away_m) * self.focal_px;
-            span_s * (0.25 * speeds + 0.125 * change * span_s) > allowed_px
+            let focal_px = self.camera.fx.max(self.camera.fy);
+            let (speed, lines) = if a.z.min(b.z) > NEAREST_M {
+                let [va, vb] = [a, b].map(|p| self.velocity_px_per_s(s, p));
+                let way = self.px(a) - self.px(b);
+                ((va - vb).length(), if self.lines_are_rows { way.y.abs() } else { way.x.abs() })
+            } else {
+                let span_px = focal_px * length_m / away_m;
+                ((s.turn.length() + s.pass.length() / away_m) * span_px, span_px)
+            };
+            // The ends also move against each other until their lines are read.
+            let lines = lines + 0.5 * speed * self.readout_time_s;
+            let span_s = (lines * self.line_delay_s).min(self.readout_time_s);
+            let change = (s.turn_change + s.pass_change / away_m) * focal_px;
+            span_s * (0.25 * speed + 0.125 * change * span_s) > allowed_px
         })
+    }
+
+    fn px(&self, p: DVec3) -> DVec2 {
+        DVec2::new(self.camera.fx * p.x / p.z, self.camera.fy * p.y / p.z)
+    }
+
+    /// Of a point of the picture, given in the camera's frame.
+    fn velocity_px_per_s(&self, s: &Seen, p: DVec3) -> DVec2 {
+        let v = -s.turn.cross(p) - s.pass;
+        let of = |focal_px: f64, x: f64, vx: f64| focal_px * (vx - x / p.z * v.z) / p.z;
+        DVec2::new(of(self.camera.fx, p.x, v.x), of(self.camera.fy, p.y, v.y))
     }
 }

@@ -19,15 +19,15 @@ use super::margin::reach_of;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
-use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::camera::{Intrinsics, NEAR_M, ShutterTiming, Trajectory};
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, RenderArea, Sampler, Usage,
 };
 use crate::kernels::kernel;
 use crate::raster::{
-    ExactPush, Geometry, KnotRow, LensPush, Mesh, MotionGroups, RasterInput, RasterKind, RasterTarget, View,
-    relative_rows, spaced,
+    Geometry, KnotRow, LensPush, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterKind, RasterTarget,
+    RelativeRow, View, relative_rows, spaced,
 };
 use blur::{Blur, Part, orientation};
 
@@ -54,7 +54,7 @@ pub struct ExactOptions {
 
 impl Default for ExactOptions {
     fn default() -> Self {
-        Self { chord_px: 0.1, most_triangles: 400_000 }
+        Self { chord_px: 0.05, most_triangles: 400_000 }
     }
 }
 
@@ -71,9 +71,12 @@ assert_push_layout!("exact_still_ms.comp", StillPush { size, margin_px, grid });
 pub(super) struct Exact {
     still: Option<Still>,
     blur: Option<Blur>,
-    whole: Geometry,
-    /// Triangles cut for readouts up to this long, s.
-    cut: Option<(f64, Geometry)>,
+    place: Place,
+    /// The knots of each frame in flight.
+    knots: Vec<Buffer>,
+    whole: Placeable,
+    /// Triangles cut for readouts up to this long, s, whose lines are rows or not.
+    cut: Option<(f64, bool, Placeable)>,
     mesh: Mesh,
     groups: MotionGroups,
     frames: Vec<(f64, f64)>,
@@ -101,10 +104,23 @@ struct Still {
     _sampler: Sampler,
 }
 
-/// What a frame in flight has of its own.
+/// Triangles, bound to the knots of each frame in flight.
+struct Placeable {
+    groups: Vec<BindGroup>,
+    geometry: Geometry,
+}
+
+impl Placeable {
+    fn new(stage: &Stage, place: &Place, knots: &[Buffer], mesh: &Mesh) -> Result<Self> {
+        let geometry = Geometry::new(&stage.context, mesh)?;
+        let groups = knots.iter().map(|k| place.bind(&geometry, k)).collect::<Result<_>>()?;
+        Ok(Self { groups, geometry })
+    }
+}
+
+/// What a frame in flight has of its own in each set of images.
 struct Input {
     raster: RasterInput,
-    knots: Buffer,
     camera: Buffer,
     relative: Buffer,
 }
@@ -115,11 +131,11 @@ impl Input {
         let upload = |name: &str, bytes: usize| {
             Buffer::new(context, name, bytes as u64, Usage::Storage, Location::Upload)
         };
-        let knots = upload("knots", groups * MAX_KNOTS * size_of::<KnotRow>())?;
         let camera = upload("exact camera", 16)?;
-        let relative = upload("relative", groups * MAX_KNOTS * 2 * size_of::<[f32; 16]>())?;
-        let raster = target.bind_knots(&stage.buffers, &knots, &camera)?;
-        Ok(Self { raster, knots, camera, relative })
+        let lines = target.size[0].max(target.size[1]) as usize;
+        let relative = upload("relatives", groups * lines * size_of::<RelativeRow>())?;
+        let raster = target.bind_exact(&stage.buffers, &camera)?;
+        Ok(Self { raster, camera, relative })
     }
 }
 
@@ -164,10 +180,18 @@ impl Exact {
             crate::scene::Vertex { object: groups.of_object(vertex.object), ..vertex }
         };
         let mesh = Mesh::joined(vertex, &scene.indices, &scene.draws);
+        let place = Place::new(&stage.context, &stage.buffers)?;
+        let knots = slots.iter().map(|_| {
+            let bytes = groups.count() * MAX_KNOTS * size_of::<KnotRow>();
+            Buffer::new(&stage.context, "knots", bytes as u64, Usage::Storage, Location::Upload)
+        });
+        let knots = knots.collect::<Result<Vec<_>>>()?;
         let mut exact = Self {
             still: None,
             blur: None,
-            whole: Geometry::new(&stage.context, &mesh)?,
+            whole: Placeable::new(stage, &place, &knots, &mesh)?,
+            place,
+            knots,
             cut: None,
             mesh,
             groups,
@@ -205,9 +229,9 @@ impl Exact {
     }
 
     fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
-        let readout_s = readout_s(request);
-        (readout_s > 0.0 || stage.lens.is_some())
-            && self.cut.as_ref().is_none_or(|(cut_s, _)| readout_s > cut_s * (1.0 + 1e-9))
+        let (readout_s, rows) = (readout_s(request), request.shutter.scan_order.lines_are_rows());
+        let fits = |cut: &(f64, bool, Placeable)| readout_s <= cut.0 * (1.0 + 1e-9) && rows == cut.1;
+        (readout_s > 0.0 || stage.lens.is_some()) && !self.cut.as_ref().is_some_and(fits)
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -237,14 +261,15 @@ impl Exact {
         if self.frames.is_empty() {
             self.frames.push((request.shutter.start_s, request.shutter.end_s()));
         }
-        let readout_s = readout_s(request);
+        let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
         let limits = (self.options.chord_px, self.options.most_triangles as usize);
-        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, readout_s, limits);
+        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
         let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
         tracing::info!(
-            "{from} triangles cut into {to} for a readout of {readout_s} s: {chord_px} px at most"
+            "{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most",
+            lines.0
         );
-        self.cut = Some((readout_s, Geometry::new(&stage.context, &mesh)?));
+        self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
         Ok(())
     }
 
@@ -297,23 +322,25 @@ impl Exact {
         let plane_row =
             planes.filter(|_| request.planes).map(|p| (p, p.write_inputs(stage, slot, request, path)));
         let mut recorder = slot.gpu.begin()?;
-        recorder.mark("raster");
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
-        let geometry = match &self.cut {
-            Some((_, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
+        let placeable = match &self.cut {
+            Some((_, _, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
             _ => &self.whole,
         };
-        let scene = (&stage.buffers, geometry);
+        let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {
-            let push = ExactPush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            let push = PlacePush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            recorder.mark("exact_place");
+            self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
+            recorder.mark("raster");
             match (&self.blur, &self.still) {
                 (Some(blur), _) if blurs => {
-                    blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, &push, area);
+                    blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, area);
                     let part = Part { channel, ..part };
                     blur.record(stage, &mut recorder, index, &request.shutter, &part);
                 }
                 (_, Some(still)) => {
-                    still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, &push, area);
+                    still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, area);
                     still.record(stage, &mut recorder);
                 }
                 _ => unreachable!("`fit` made the images of this kind of frame"),
@@ -335,7 +362,7 @@ impl Exact {
         view: &View<'_>,
         shutter: &ShutterTiming,
         reach: BlurReach,
-    ) -> (ExactPush, Part) {
+    ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
         let times = if rolls {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
@@ -349,45 +376,48 @@ impl Exact {
             (_, Some(still)) => &mut still.inputs[slot],
             _ => unreachable!("`fit` made the images of this kind of frame"),
         };
-        input.knots.write(0, &rows);
+        self.knots[slot].write(0, &rows);
         input.camera.write(0, &[eye]);
-        let mut pairs = 1;
+        let group_count = self.groups.count() as u32;
+        let mut line_count = 1;
         if blurs {
-            let times = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
-            pairs = times.len() as u32 / 2;
-            input.relative.write(0, &relative_rows(&self.groups, view, &times));
+            let exposures = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
+            line_count = if rolls { lines_of(view.camera, shutter) as usize } else { 1 };
+            let (_, reversed) = orientation(shutter.scan_order);
+            input.relative.write(0, &relative_rows(&self.groups, view, &exposures, (line_count, reversed)));
         }
-        let exposure_s = shutter.exposure_time_s;
-        let reach_px = reach.reach_px;
-        let part = Part { pairs, exposure_s, reach_px, weight: 1.0, first: true, channel: Channel::GREEN };
-        (raster_push(view.camera, shutter, times.len()), part)
+        let part = Part {
+            line_count: line_count as u32,
+            group_count,
+            exposure_s: shutter.exposure_time_s,
+            reach_px: reach.reach_px,
+            weight: 1.0,
+            first: true,
+            channel: Channel::GREEN,
+        };
+        (place_push(view.camera, shutter, times.len()), part)
     }
 }
 
-/// Middle and begin, middle and end of the exposure of `count` lines, equally spaced over the attachment.
-fn exposures(
-    view: &View<'_>,
-    shutter: &ShutterTiming,
-    count: usize,
-    covered_s: (f64, f64),
-) -> Vec<(f64, f64)> {
-    let (rows, _) = orientation(shutter.scan_order);
-    let side = f64::from(if rows { view.camera.height } else { view.camera.width });
+/// Lines of the attachment, margin included.
+fn lines_of(camera: &Intrinsics, shutter: &ShutterTiming) -> u32 {
+    if shutter.scan_order.lines_are_rows() { camera.height } else { camera.width }
+}
+
+/// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first line
+/// (in scan order) to that of its last.
+fn exposures(view: &View<'_>, shutter: &ShutterTiming, count: usize, covered_s: (f64, f64)) -> Vec<[f64; 3]> {
     let lines = f64::from(shutter.line_count);
-    let beyond = 0.5 * (side - lines);
+    let beyond = 0.5 * (f64::from(lines_of(view.camera, shutter)) - lines);
     let inside = |time_s: f64| time_s.clamp(covered_s.0, covered_s.1);
     let half_s = 0.5 * shutter.exposure_time_s;
-    let at = if count > 1 { spaced(-beyond, lines + beyond, count - 1) } else { vec![0.5 * lines] };
-    let pairs = at.into_iter().flat_map(|line| {
-        let middle_s = if count > 1 {
-            shutter.start_s + half_s + shutter.line_delay_s() * (line - 0.5)
-        } else {
-            shutter.middle_s()
-        };
-        let middle_s = inside(middle_s);
-        [(middle_s, inside(middle_s - half_s)), (middle_s, inside(middle_s + half_s))]
-    });
-    pairs.collect()
+    let middles = if count > 1 {
+        let at_s = |line: f64| shutter.start_s + half_s + shutter.line_delay_s() * line;
+        spaced(at_s(-beyond), at_s(lines + beyond - 1.0), count - 1)
+    } else {
+        vec![shutter.middle_s()]
+    };
+    middles.into_iter().map(|m| [inside(m - half_s), inside(m), inside(m + half_s)]).collect()
 }
 
 fn readout_s(request: &FrameRequest) -> f64 {
@@ -423,15 +453,17 @@ fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach {
 /// Where the vertex stage finds the time of a line: the middle of its exposure, in places among knots that are spread
 /// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
 /// time belongs to its middle.
-fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> ExactPush {
+fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> PlacePush {
     let span_s = shutter.end_s() - shutter.start_s;
     if knot_count < 2 {
-        return ExactPush {
+        return PlacePush {
+            vertex_count: 0,
             knot_count: 1,
             place_low: 0.0,
             place_high: 0.0,
-            place_offset: 0.0,
             place_from_ndc: [0.0; 2],
+            place_offset: 0.0,
+            near_m: NEAR_M as f32,
             lens: LensPush::NONE,
         };
     }
@@ -443,13 +475,15 @@ fn raster_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) 
     let side = f64::from(if rows { camera.height } else { camera.width });
     let per_ndc = (per_s * delay_s * 0.5 * side * if reversed { -1.0 } else { 1.0 }) as f32;
     let beyond = 0.5 * (side - lines) + LINES_BEYOND * lines;
-    ExactPush {
+    PlacePush {
+        vertex_count: 0,
         knot_count: knot_count as u32,
         place_low: place(-beyond) as f32,
         place_high: place(lines + beyond) as f32,
+        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
         // The margin is the same on both sides, so the middle of the attachment is that of the picture.
         place_offset: place(0.5 * lines) as f32,
-        place_from_ndc: if rows { [0.0, per_ndc] } else { [per_ndc, 0.0] },
+        near_m: NEAR_M as f32,
         lens: LensPush::NONE,
     }
 }

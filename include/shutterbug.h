@@ -1,0 +1,413 @@
+/* Shutterbug: what one real, cheap, moving camera would have delivered of a frame. This header is the manual.
+ *
+ * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs come last and are written on
+ *           success only. shutterbug_last_error() says in a sentence what was found and what was expected.
+ * HANDLES   Numbers in the guise of pointers: never followed, only looked up. Null, made-up, destroyed and wrong-kind
+ *           handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives SHUTTERBUG_HANDLE.
+ * OWNERSHIP You own all memory that you pass, and nothing of it is kept after a call returns, except shared memory
+ *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import or
+ *           *_export call gives you is yours to destroy. Destroy in any order: a frame whose engine is gone answers with an
+ *           error, shared memory keeps its device open.
+ * THREADS   Each handle is used by one thread at a time, any thread. Two at once: the second gets SHUTTERBUG_BUSY and
+ *           nothing happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
+ *           independent of each other.
+ * UNITS     Seconds, metres, pixels; they stand in the names. Pixel (0,0) is top left, its centre at (0.5, 0.5), x right,
+ *           y down. Cameras look along +z (x right, y down). A pose maps camera to world. See docs/conventions.md.
+ * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
+ *           time_s + readout_time_s i/N and integrates for exposure_time_s.
+ * STRUCTS   Set struct_size = sizeof(struct) before passing one, for outputs too, and zero the rest (= {0}) before you fill
+ *           in fields: zero is each option's default. An unknown size gives SHUTTERBUG_STRUCT_SIZE.
+ * MANNERS   No global state but the table of live handles, no signal handlers, no exit, nothing on stdout. A bug in the
+ *           library becomes SHUTTERBUG_PANIC (with Rust's message on stderr) and makes that handle unusable, no other.
+ *           The first engine that loads a scene starts a pool of idle worker threads that stays.
+ */
+#ifndef SHUTTERBUG_H
+#define SHUTTERBUG_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define SHUTTERBUG_VERSION_MAJOR 0
+#define SHUTTERBUG_VERSION_MINOR 1
+#define SHUTTERBUG_VERSION_PATCH 0
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Status --------------------------------------------------------------------------------------------------------- */
+
+typedef int32_t shutterbug_status;
+enum {
+    SHUTTERBUG_OK = 0,
+    SHUTTERBUG_ARGUMENT = 1,       /* null, misaligned, out of range or not a number */
+    SHUTTERBUG_HANDLE = 2,         /* not alive, or of another kind */
+    SHUTTERBUG_BUSY = 3,           /* another thread is using the handle: try again */
+    SHUTTERBUG_POISONED = 4,       /* unusable since an earlier SHUTTERBUG_PANIC: destroy it */
+    SHUTTERBUG_PANIC = 5,          /* a bug in the library; the handle is unusable from now on */
+    SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is none that this library knows */
+    SHUTTERBUG_TOO_SMALL = 7,      /* a stride or capacity */
+    SHUTTERBUG_FORMAT = 8,         /* a pixel format that is not possible here */
+    SHUTTERBUG_STATE = 9,          /* the call needs another one first */
+    SHUTTERBUG_INPUT = 10,         /* a file or text holds something that cannot be used */
+    SHUTTERBUG_IO = 11,            /* the operating system refused a file operation */
+    SHUTTERBUG_TIME = 12,          /* the trajectory does not cover the frame: poses are never extrapolated */
+    SHUTTERBUG_FULL = 13,          /* all frames in flight are taken: wait for the oldest */
+    SHUTTERBUG_NOT_READY = 14,     /* the frame has not been waited for */
+    SHUTTERBUG_TIMEOUT = 15,       /* the time limit passed; the frame can be waited for again */
+    SHUTTERBUG_NO_DEVICE = 16,     /* no Vulkan loader, or no device that can be used */
+    SHUTTERBUG_UNSUPPORTED = 17,   /* the device or this version of the library cannot do it */
+    SHUTTERBUG_DEVICE_LOST = 18,   /* the engine can only be destroyed; another one may work */
+    SHUTTERBUG_OUT_OF_MEMORY = 19, /* of the device or the host; nothing was changed */
+    SHUTTERBUG_LIMIT = 20,         /* beyond what the device or the options allow */
+    SHUTTERBUG_VULKAN = 21         /* any other failed Vulkan call */
+};
+
+/* ---- Handles -------------------------------------------------------------------------------------------------------- */
+
+typedef struct shutterbug_engine shutterbug_engine;       /* a device, a camera, and a scene if you load one */
+typedef struct shutterbug_frame shutterbug_frame;         /* a frame on its way, or delivered */
+typedef struct shutterbug_memory shutterbug_memory;       /* memory that device and host share */
+typedef struct shutterbug_semaphore shutterbug_semaphore; /* a semaphore that device and host share */
+
+/* ---- Version and errors --------------------------------------------------------------------------------------------- */
+
+/* The library's version: major * 1000000 + minor * 1000 + patch. Any thread, at any time. */
+uint32_t shutterbug_version(void);
+/* The same as text, "0.1.0". Static: never freed. */
+const char *shutterbug_version_text(void);
+/* What a status means. Static. Unknown numbers have a text too. */
+const char *shutterbug_status_text(shutterbug_status status);
+/* Copies the text of the last failed call on a handle of any kind (NUL-terminated, cut to capacity) and returns its full
+ * length without NUL. text may be null. Any thread, even while another one uses the handle. SHUTTERBUG_BUSY and
+ * SHUTTERBUG_HANDLE leave no text. The handle's text stays until the next failure. */
+size_t shutterbug_last_error(const void *handle, char *text, size_t capacity);
+
+/* ---- Engines -------------------------------------------------------------------------------------------------------- */
+
+/* Called on the thread of the call that has something to say: level 1 error, 2 warning, 3 information. text lives through
+ * the call only. It must return normally and should not call the engine it speaks of (SHUTTERBUG_BUSY). */
+typedef void (*shutterbug_log_fn)(void *user, uint32_t level, const char *text);
+
+/* A Vulkan device of yours. Instance of API 1.2 or later, device with shaderStorageImageExtendedFormats, a queue of
+ * graphics and compute. All of it must outlive the engine and its shared memory, and while a call on the engine or its
+ * frames runs nobody else may use the queue. Nothing of it is destroyed by this library. */
+typedef struct shutterbug_host_device {
+    uint32_t struct_size;
+    uint32_t queue_family;
+    const void *get_instance_proc_addr; /* your vkGetInstanceProcAddr */
+    void *instance;                     /* VkInstance */
+    void *physical_device;              /* VkPhysicalDevice */
+    void *device;                       /* VkDevice */
+    void *queue;                        /* VkQueue */
+    const char *const *extensions;      /* names of the device extensions that you enabled */
+    uint32_t extension_count;
+    uint32_t reserved; /* 0 */
+} shutterbug_host_device;
+
+enum {                                /* shutterbug_engine_options.flags */
+    SHUTTERBUG_ENGINE_VALIDATION = 1, /* load the Khronos validation layer; its absence is an error */
+    SHUTTERBUG_ENGINE_PLANES = 2      /* frames may ask for sharp planes */
+};
+enum {                              /* shutterbug_engine_options.method: how frames of a scene are made */
+    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice */
+    SHUTTERBUG_METHOD_ACCUMULATION = 1, /* many renders a frame: the reference */
+    SHUTTERBUG_METHOD_PAPER = 2     /* one render, motion images, remap and blur as a gather */
+};
+
+typedef struct shutterbug_engine_options {
+    uint32_t struct_size;
+    uint32_t flags;            /* SHUTTERBUG_ENGINE_* */
+    uint32_t method;           /* SHUTTERBUG_METHOD_* */
+    uint32_t samples;          /* a pixel: 1, 4 or 16 (0: 16) */
+    uint32_t frames_in_flight; /* 1 to 8 (0: 2) */
+    uint32_t motion_images;    /* of the paper's method, 1 to 6 (0: 2) */
+    uint32_t max_blur_samples; /* 1 to 4096 (0: 240) */
+    uint32_t max_side_px;      /* larger cameras are refused (0: 16384) */
+    double time_limit_s;       /* longest wait for the device (0: 600) */
+    uint64_t seed;             /* of all noise: same seed and frame_index, same picture */
+    const char *device;        /* index, UUID or part of the name; null: the first usable, software devices last */
+    shutterbug_log_fn log;     /* may be null */
+    void *log_user;            /* handed to log */
+    char *error_text;          /* where a failed create puts its sentence; may be null */
+    uint64_t error_capacity;   /* bytes of error_text */
+    const shutterbug_host_device *host; /* your own Vulkan device instead of a new one; device and validation mean nothing then */
+    const void *get_instance_proc_addr; /* your Vulkan loader instead of the system's; may be null */
+} shutterbug_engine_options;
+
+/* Opens a device. The engine is yours: destroy it. Takes tens to hundreds of milliseconds. Fails with NO_DEVICE,
+ * UNSUPPORTED (the device lacks something, or no validation layer), ARGUMENT, OUT_OF_MEMORY. */
+shutterbug_status shutterbug_engine_create(const shutterbug_engine_options *options, shutterbug_engine **engine);
+
+/* Waits for what is in flight and frees everything that the engine has. Frames that were waited for stay readable. */
+shutterbug_status shutterbug_engine_destroy(shutterbug_engine *engine);
+
+enum {                        /* shutterbug_camera.scan_order: which line is read first */
+    SHUTTERBUG_TOP_TO_BOTTOM = 0,
+    SHUTTERBUG_BOTTOM_TO_TOP = 1,
+    SHUTTERBUG_LEFT_TO_RIGHT = 2, /* lines are columns */
+    SHUTTERBUG_RIGHT_TO_LEFT = 3
+};
+enum { SHUTTERBUG_CAMERA_STATIC = 1 }; /* shutterbug_camera.flags: the camera rests during each frame */
+
+typedef struct shutterbug_camera {
+    uint32_t struct_size;
+    uint32_t width, height; /* px */
+    uint32_t scan_order;
+    double fx_px, fy_px, cx_px, cy_px; /* a camera point falls on (fx x/z + cx, fy y/z + cy) */
+    double frame_period_s;             /* from one frame to the next */
+    double readout_time_s;             /* number of lines times the delay from line to line; 0: global shutter */
+    double exposure_time_s;            /* of each line; 0: an instant */
+    uint32_t flags;
+    uint32_t reserved; /* 0 */
+} shutterbug_camera;
+
+/* Sets the camera: pinhole and shutter, no other effect. INPUT names the field and its range. A new size or pinhole needs
+ * that no frame is in flight (STATE). */
+shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
+/* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). */
+shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
+
+/* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Its clock starts
+ * at the first frame's timestamp (epoch_ns of shutterbug_engine_info). No frame may be in flight (STATE). */
+shutterbug_status shutterbug_engine_load_capture(shutterbug_engine *engine, const char *folder);
+/* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Needs camera and trajectory. */
+shutterbug_status shutterbug_engine_load_scene(shutterbug_engine *engine, const char *obj_file);
+
+typedef struct shutterbug_pose {
+    double translation_m[3];
+    double rotation_xyzw[4]; /* unit quaternion within 1e-3 */
+} shutterbug_pose;
+typedef struct shutterbug_stamped_pose {
+    double time_s;
+    shutterbug_pose world_from_camera;
+} shutterbug_stamped_pose;
+
+/* Sets the camera's poses over time; times increase. Between two: linear position, rotation on the shorter arc. */
+shutterbug_status shutterbug_engine_set_trajectory(shutterbug_engine *engine, const shutterbug_stamped_pose *poses,
+                                                   size_t count);
+
+enum {                                 /* shutterbug_engine_info.capabilities */
+    SHUTTERBUG_CAN_IMPORT_HOST = 1,    /* shutterbug_memory_import_host */
+    SHUTTERBUG_CAN_SHARE_MEMORY = 2,   /* shutterbug_memory_import_fd, _export_fd */
+    SHUTTERBUG_CAN_SHARE_SEMAPHORE = 4 /* shutterbug_semaphore_import_fd, _export_fd */
+};
+
+typedef struct shutterbug_engine_info {
+    uint32_t struct_size;
+    uint32_t capabilities;
+    uint32_t device_kind; /* 0 other, 1 discrete GPU, 2 integrated GPU, 3 virtual GPU, 4 software (its times are CPU times) */
+    uint32_t frames_in_flight;
+    uint32_t width, height;       /* of the camera; 0 before one is set */
+    uint32_t capture_frames;      /* frames of the loaded capture */
+    uint32_t validation_messages; /* so far; anything but 0 is a bug of the library (or of your device) */
+    int64_t epoch_ns;             /* zero of the capture's clock */
+    uint64_t host_alignment_bytes; /* of shutterbug_memory_import_host; 0: not possible */
+    char device_name[256];
+    char driver[256];
+    uint8_t device_uuid[16];
+} shutterbug_engine_info;
+
+shutterbug_status shutterbug_engine_get_info(shutterbug_engine *engine, shutterbug_engine_info *info);
+/* Starts of the loaded capture's frames; room for capture_frames numbers. */
+shutterbug_status shutterbug_engine_get_frame_times(shutterbug_engine *engine, double *times_s, size_t capacity);
+
+/* ---- Pictures ------------------------------------------------------------------------------------------------------- */
+
+enum {                         /* shutterbug_image.format. Values of several bytes are little-endian and aligned. */
+    SHUTTERBUG_RGB8 = 1,       /* 3 bytes a pixel, sRGB unless said otherwise */
+    SHUTTERBUG_RGBA8 = 2,
+    SHUTTERBUG_BGRA8 = 3,
+    SHUTTERBUG_RGBA16F = 4,    /* linear radiance, 1 = white */
+    SHUTTERBUG_RGBA32F = 5,
+    SHUTTERBUG_R32F = 6,       /* depth */
+    SHUTTERBUG_RG16F = 7,      /* motion: x, y */
+    SHUTTERBUG_RG32F = 8
+};
+
+/* A picture in memory of yours, top row first. Row y starts at pixels + y stride_bytes; bytes between rows are neither
+ * read nor written. */
+typedef struct shutterbug_image {
+    uint32_t struct_size;
+    uint32_t format;
+    uint32_t width, height;   /* px, margin included */
+    uint64_t stride_bytes;    /* at least width times the pixel's bytes */
+    uint64_t capacity_bytes;  /* bytes at pixels: at least stride_bytes (height - 1) + one row without padding */
+    void *pixels;             /* only read where the image is an input */
+    shutterbug_memory *memory; /* instead of pixels: shared memory (inputs only; stride and offset multiples of 4) */
+    uint64_t memory_offset;   /* where row 0 starts in it, bytes */
+} shutterbug_image;
+
+/* ---- Frames of a scene ---------------------------------------------------------------------------------------------- */
+
+enum { SHUTTERBUG_REQUEST_PLANES = 1 }; /* shutterbug_request.flags: sharp planes too */
+
+typedef struct shutterbug_request {
+    uint32_t struct_size;
+    uint32_t frame_index; /* noise that changes from frame to frame is drawn for it */
+    double time_s;        /* START of exposure of the first line read */
+    uint32_t flags;
+    uint32_t reserved; /* 0 */
+} shutterbug_request;
+
+/* Hands a frame of the loaded scene to the device and returns without waiting for it (long accumulations wait for all but
+ * their last part). Depends on nothing but the request: frames may be asked for in any order. FULL if frames_in_flight
+ * frames have not been waited for; they are waited for in the order of their submission. The frame is yours: destroy it. */
+shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
+                                           shutterbug_frame **frame);
+
+/* ---- Frames from outside -------------------------------------------------------------------------------------------- */
+
+enum { SHUTTERBUG_PREVIOUS_TO_CURRENT = 0, SHUTTERBUG_CURRENT_TO_PREVIOUS = 1 }; /* .direction */
+enum { SHUTTERBUG_PIXELS = 0, SHUTTERBUG_NDC = 1, SHUTTERBUG_UV = 2 };           /* .unit; NDC spans 2 a side, UV 1 */
+enum { SHUTTERBUG_Y_DOWN = 0, SHUTTERBUG_Y_UP = 1 };                             /* .y_axis */
+
+/* How motion vectors are meant. They become px per frame period, from where content was to where it is (for content that
+ * moves on alike, "current to next" is the same). NDC and UV refer to the motion image with its margin. */
+typedef struct shutterbug_motion_convention {
+    uint32_t struct_size;
+    uint32_t direction;
+    uint32_t unit;
+    uint32_t y_axis;
+    double scale_x, scale_y; /* multiply the values first: a host's own MotionVectorScale. Not 0. */
+    double interval_s;       /* time that a vector spans; 0: the camera's frame_period_s */
+} shutterbug_motion_convention;
+
+enum {                          /* presets of shutterbug_motion_preset */
+    SHUTTERBUG_MOTION_OWN = 0,  /* what the sharp planes hold: pixels, previous to current, y down */
+    SHUTTERBUG_MOTION_FSR2 = 1, /* current to previous, pixels, y down */
+    SHUTTERBUG_MOTION_FSR2_UV = 2, /* the same in UV */
+    SHUTTERBUG_MOTION_UNITY = 3,   /* previous to current, NDC, y up */
+    SHUTTERBUG_MOTION_STREAMLINE = 4, /* current to previous, NDC, y up */
+    SHUTTERBUG_MOTION_OPTICAL_FLOW = 5 /* forward flow in pixels, y down (OpenCV; EXR forward.u, forward.v) */
+};
+
+/* Fills in a convention (struct_size set by you). Change what your host does differently. */
+shutterbug_status shutterbug_motion_preset(uint32_t preset, shutterbug_motion_convention *convention);
+/* Converts a motion image to this library's own convention, on the CPU; from and to may be the same memory only if they
+ * are the same image. Needs no engine. */
+shutterbug_status shutterbug_motion_convert(const shutterbug_image *from, const shutterbug_motion_convention *convention,
+                                            double frame_interval_s, const shutterbug_image *to);
+
+enum {                             /* shutterbug_depth_convention.kind */
+    SHUTTERBUG_DEPTH_METRES = 0,   /* along the optical axis; infinite, NaN or <= 0: infinitely far */
+    SHUTTERBUG_DEPTH_REVERSED = 1, /* near_m / depth: 1 at near_m, 0 at infinity */
+    SHUTTERBUG_DEPTH_BUFFER = 2    /* 0 at near_m, 1 at far_m (the usual perspective depth buffer) */
+};
+typedef struct shutterbug_depth_convention {
+    uint32_t struct_size;
+    uint32_t kind;
+    double near_m, far_m;
+} shutterbug_depth_convention;
+
+enum { SHUTTERBUG_ENCODING_SRGB = 0, SHUTTERBUG_ENCODING_LINEAR = 1 }; /* of 8-bit colour */
+
+/* One frame of your own renderer: colour, and either motion images or depth with two poses. All pictures have the camera's
+ * size plus the margin on every side; without margin, what comes in from outside the picture is its repeated border. */
+typedef struct shutterbug_outside {
+    uint32_t struct_size;
+    uint32_t frame_index;
+    double time_s;              /* START of exposure of the first line read */
+    double color_time_s;        /* when colour (and depth) were rendered; the frame's middle halves the errors */
+    double first_motion_time_s; /* time of the first motion image */
+    double motion_step_s;       /* from one motion image to the next; unused with one */
+    uint32_t flags;             /* 0 */
+    uint32_t encoding;          /* SHUTTERBUG_ENCODING_*, of 8-bit colour; floats are linear */
+    uint32_t margin_x_px, margin_y_px; /* columns and rows beyond each side, at most the camera's own */
+    uint32_t motion_count;      /* 1 to 6; 0: depth is given */
+    uint32_t reserved;          /* 0 */
+    const shutterbug_image *color;   /* any colour format */
+    const shutterbug_image *motions; /* motion_count images, RG16F or RG32F */
+    const shutterbug_motion_convention *motion_convention; /* with motions */
+    const shutterbug_image *depth;   /* R32F; for resting scenes */
+    const shutterbug_depth_convention *depth_convention; /* with depth */
+    const shutterbug_stamped_pose *poses; /* with depth: two, which enclose color_time_s; motion is taken from one to the other */
+    shutterbug_semaphore *wait;      /* the device waits for it before it reads; may be null */
+    shutterbug_semaphore *signal;    /* signalled when the frame is done; may be null */
+    shutterbug_memory *picture_memory; /* the picture is copied there too, RGBA8 without padding; may be null */
+} shutterbug_outside;
+
+/* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
+ * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Else as
+ * shutterbug_engine_submit. Needs a camera. */
+shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
+                                                   shutterbug_frame **frame);
+
+/* ---- Delivered frames ----------------------------------------------------------------------------------------------- */
+
+/* Whether shutterbug_frame_wait would return at once. */
+shutterbug_status shutterbug_frame_poll(shutterbug_frame *frame, uint32_t *ready);
+/* Waits for a frame, at most limit_s (negative: as long as the engine's time_limit_s). TIMEOUT can be repeated. */
+shutterbug_status shutterbug_frame_wait(shutterbug_frame *frame, double limit_s);
+
+enum {                        /* plane of shutterbug_frame_read */
+    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, sRGB; alpha 255 */
+    SHUTTERBUG_COLOR = 2,     /* ideal camera at time_s, linear, alpha = coverage: RGBA32F, RGBA16F */
+    SHUTTERBUG_MOTION = 3,    /* px from time_s to time_s + frame_period_s: RG32F, RG16F */
+    SHUTTERBUG_DEPTH = 4      /* m along the optical axis, infinite where nothing is: R32F */
+};
+
+/* Copies a plane of a frame that was waited for. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES; frames from outside have
+ * none. Can be repeated. The image has the camera's size. */
+shutterbug_status shutterbug_frame_read(shutterbug_frame *frame, uint32_t plane, const shutterbug_image *to);
+
+typedef struct shutterbug_instant {
+    double time_s;
+    shutterbug_pose world_from_camera; /* identity without pose */
+    uint32_t has_pose;                 /* 0 where no pose is known: frames from outside with motion, or beyond the two poses */
+    uint32_t reserved;
+} shutterbug_instant;
+
+typedef struct shutterbug_frame_info {
+    uint32_t struct_size;
+    uint32_t frame_index;
+    uint32_t width, height;
+    shutterbug_instant first_line_start; /* start of exposure of the first line read */
+    shutterbug_instant middle;           /* half way between the two others */
+    shutterbug_instant last_line_end;    /* end of exposure of the last line read */
+    double host_ms;                      /* from submission to the end of the wait by the host's clock */
+} shutterbug_frame_info;
+
+/* When a frame that was waited for was taken, and the camera's pose then. */
+shutterbug_status shutterbug_frame_get_info(shutterbug_frame *frame, shutterbug_frame_info *info);
+
+typedef struct shutterbug_pass_time {
+    char name[32];
+    double ms; /* on the device */
+} shutterbug_pass_time;
+
+/* Times of the passes of a frame that was waited for; none on devices without timestamps. times may be null: then only the
+ * count is written. */
+shutterbug_status shutterbug_frame_get_times(shutterbug_frame *frame, shutterbug_pass_time *times, size_t capacity,
+                                             size_t *count);
+
+/* Frees a frame. One that is in flight is waited for first. */
+shutterbug_status shutterbug_frame_destroy(shutterbug_frame *frame);
+
+/* ---- Zero copy ------------------------------------------------------------------------------------------------------ */
+/* What a device cannot do gives UNSUPPORTED; see capabilities. Shared memory and semaphores work with the engine they were
+ * made with (any other: ARGUMENT), keep its device open, and are destroyed after the frames that use them were waited for
+ * (earlier is safe: the frame keeps what it needs). */
+
+/* The device reads your memory where it is. pointer and bytes are multiples of host_alignment_bytes; the memory stays
+ * allocated until the handle and all frames that use it are gone. */
+shutterbug_status shutterbug_memory_import_host(shutterbug_engine *engine, void *pointer, uint64_t bytes,
+                                                shutterbug_memory **memory);
+/* Memory that another user of the same device and driver exported as an opaque fd. On success the fd belongs to the
+ * driver: do not close it. On failure it is still yours. */
+shutterbug_status shutterbug_memory_import_fd(shutterbug_engine *engine, int fd, uint64_t bytes,
+                                              shutterbug_memory **memory);
+/* New memory on the engine's device, and an opaque fd of it that is yours to close or to import elsewhere. */
+shutterbug_status shutterbug_memory_export_fd(shutterbug_engine *engine, uint64_t bytes, shutterbug_memory **memory,
+                                              int *fd);
+shutterbug_status shutterbug_memory_destroy(shutterbug_memory *memory);
+
+/* The same for binary semaphores. */
+shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int fd, shutterbug_semaphore **semaphore);
+shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, shutterbug_semaphore **semaphore, int *fd);
+shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

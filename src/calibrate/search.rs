@@ -1,0 +1,230 @@
+//! Fits a camera to a measured pair, and simulates the pair with it.
+
+use super::cells::cells;
+use super::fit::{self, Freedom};
+use super::frames::{Encoding, Frame};
+use super::model::{CameraModel, IspCamera, at_knots};
+use super::noise::{Comparison, Measured, NoiseOptions, compare, expected_sigma, mean_variance, measure};
+use super::ptc::{self, Curve, PtcFit};
+use super::spatial::{column_noise, correlations, row_noise};
+use super::statics::{AlignedPair, difference};
+use super::tables::{ChainCamera, chain_settings};
+use crate::error::Result;
+use crate::plane::Plane;
+
+/// Rounds in which the simulation corrects the closed form.
+const ROUNDS: usize = 4;
+
+pub(super) fn fit_camera(
+    pair: &AlignedPair,
+    frame: &Frame,
+    real: &Measured,
+    options: NoiseOptions,
+) -> Result<IspCamera> {
+    let srgb = options.encoding == Encoding::Srgb;
+    let electrons = |f: &PtcFit| f.full_well_e.value.clamp(10.0, 1e6);
+    let line = real.fits[1].as_ref().or(real.fits[0].as_ref()).or(real.fits[2].as_ref());
+    // Without a line, shot noise that gives the variance at its intensity.
+    let total: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count * b.mean_linear).sum();
+    let count: f64 = real.curves[1].iter().filter(|b| !b.cut_off).map(|b| b.count).sum();
+    let plain = (total / count.max(1.0) / mean_variance(&real.curves[1]).max(1e-9)).clamp(10.0, 1e6);
+    let read = line.map_or(1e-3, |f| f.read_sigma.value);
+    let mut camera = IspCamera::sensor(line.map_or(plain, electrons), read, srgb, f64::from(frame.step));
+    let row = &real.row_sigma[1];
+    camera.row_sigma = if row.ci95[0] > 0.0 { row.value } else { 0.0 };
+    let measured = cells(&pair.mean(), &pair.difference(|v| v), &pair.usable);
+    let targets = fit::targets(&measured);
+    let white = real.neighbours.iter().all(|n| n.horizontal.abs().max(n.vertical.abs()) < 0.1);
+    if white && frame.jpeg.is_none() || targets.len() < 3 {
+        return Ok(camera);
+    }
+    camera = IspCamera {
+        bayer: true,
+        full_well_e: 2000.0,
+        read_sigma: 0.005,
+        white_balance: [1.5, 1.0, 1.5],
+        color_matrix: [[1.5, -0.25, -0.25], [-0.25, 1.5, -0.25], [-0.25, -0.25, 1.5]],
+        luma_sigma_px: 1.0,
+        chroma_sigma_px: 2.0,
+        chroma_step: frame.jpeg.map_or([1, 1], |j| j.chroma_step),
+        jpeg_quality: frame.jpeg.map(|j| j.quality),
+        ..camera
+    };
+    let mut goal = targets.clone();
+    for round in 0..ROUNDS {
+        camera = fit::fit(&camera, &goal, Freedom::Full);
+        if round + 1 < ROUNDS {
+            let frames = simulated_frames(&camera, pair, options, 0)?;
+            let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
+            goal = fit::correct(&camera, &targets, &cells(&pair.mean(), &d, &pair.usable));
+        }
+    }
+    Ok(camera)
+}
+
+/// The camera for the engine's chain, and what the chain's CPU reference makes with it.
+pub(super) fn fit_chain(
+    full: &IspCamera,
+    pair: &AlignedPair,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<(IspCamera, Measured)> {
+    let mut camera = full.clone();
+    if full.bayer {
+        let plain = IspCamera::sensor(full.full_well_e.max(300.0), 0.005, full.srgb, full.step);
+        camera = IspCamera {
+            bayer: true,
+            luma_sigma_px: 1.0,
+            chroma_sigma_px: 1.0,
+            chroma_step: full.chroma_step,
+            jpeg_quality: full.jpeg_quality,
+            row_sigma: full.row_sigma,
+            extra_variance: [1e-5; 3],
+            ..plain
+        };
+        let measured = fit::targets(&cells(&pair.mean(), &pair.difference(|v| v), &pair.usable));
+        let mut goal = measured.clone();
+        for round in 0..ROUNDS {
+            camera = fit::fit(&camera, &goal, Freedom::Chain);
+            if round + 1 < ROUNDS {
+                let chain = ChainCamera { settings: chain_settings(&camera)? };
+                let frames = simulated_frames(&chain, pair, options, 0)?;
+                let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
+                goal = fit::correct(&camera, &measured, &cells(&pair.mean(), &d, &pair.usable));
+            }
+        }
+    }
+    // The chain delivers sRGB; a linear sensor is measured by its own model.
+    let measured = if options.encoding == Encoding::Srgb {
+        simulate(&ChainCamera { settings: chain_settings(&camera)? }, pair, step, options)?.0
+    } else {
+        simulate(&camera, pair, step, options)?.0
+    };
+    Ok((camera, measured))
+}
+
+/// A camera with its level curve, and what it is worth.
+pub(super) struct Levelled {
+    pub camera: IspCamera,
+    pub simulated: Measured,
+    pub shown: [Plane<f32>; 2],
+    pub without: Comparison,
+    pub held_out: Option<Comparison>,
+}
+
+/// Fits the curve of the noise reduction over intensity where the camera without it is off by more than chance.
+pub(super) fn level(
+    camera: IspCamera,
+    pairs: &[AlignedPair],
+    real: &Measured,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<Levelled> {
+    let pair = &pairs[0];
+    let (simulated, shown) = simulate(&camera, pair, step, options)?;
+    let without = compare(real, &simulated);
+    let good = without.within_10_percent_or_chance.iter().all(|share| *share > 0.95);
+    if good || !camera.bayer {
+        return Ok(Levelled { camera, simulated, shown, without, held_out: None });
+    }
+    let half = |keep: usize| {
+        let mut part = pair.clone();
+        let width = pair.frames[0].width;
+        let own = |i: usize| (i % width / HELD_OUT_PX + i / width / HELD_OUT_PX) % 2 == keep;
+        part.usable.iter_mut().enumerate().for_each(|(i, u)| *u &= own(i));
+        part
+    };
+    let (seen, unseen) = (half(0), half(1));
+    let of_seen = with_level_gain(
+        &camera,
+        &seen,
+        &measure(std::slice::from_ref(&seen), step, options.encoding),
+        step,
+        options,
+    )?;
+    let (there, _) = simulate(&of_seen, &unseen, step, options)?;
+    let held_out = compare(&measure(std::slice::from_ref(&unseen), step, options.encoding), &there);
+    let camera = with_level_gain(&camera, pair, real, step, options)?;
+    let (simulated, shown) = simulate(&camera, pair, step, options)?;
+    Ok(Levelled { camera, simulated, shown, without, held_out: Some(held_out) })
+}
+
+/// Side of the blocks that are held out in turn, px: far more than the noise is correlated over.
+const HELD_OUT_PX: usize = 64;
+/// Bins whose variance is known worse than this (95 %) give no knot.
+const MAX_KNOT_CHANCE: f64 = 0.4;
+
+/// The camera with the factors that bring its simulated curve to the real one; twice, as JPEG is not linear.
+pub(super) fn with_level_gain(
+    camera: &IspCamera,
+    pair: &AlignedPair,
+    real: &Measured,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<IspCamera> {
+    let mut levelled = camera.clone();
+    for _ in 0..2 {
+        let (simulated, _) = simulate(&levelled, pair, step, options)?;
+        let ratios = compare(real, &simulated).variance_ratio;
+        for (knots, ratios) in levelled.level_gain.iter_mut().zip(&ratios) {
+            let known = ratios.iter().filter(|r| r[2] < MAX_KNOT_CHANCE);
+            let new = known.map(|&[mean_dn, ratio, _]| {
+                let at = mean_dn / 255.0;
+                [at, (at_knots(knots, at) / ratio.max(1e-3).sqrt()).clamp(0.2, 5.0)]
+            });
+            *knots = new.collect();
+        }
+    }
+    Ok(levelled)
+}
+
+/// Two frames of the pair's mean.
+pub(super) fn simulated_frames(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    options: NoiseOptions,
+    first: u32,
+) -> Result<[Plane<f32>; 2]> {
+    let mut clean = pair.mean();
+    clean.data.iter_mut().for_each(|v| *v = options.encoding.decode(*v));
+    Ok([camera.frame(&clean, first, options.seed)?, camera.frame(&clean, first + 1, options.seed)?])
+}
+
+/// Pairs that are simulated for the comparison: their own chance is then small beside the real pair's.
+const SIMULATED_PAIRS: u32 = 4;
+
+/// Measures simulated pairs as the real one, at the same pixels and in the same bins.
+pub(super) fn simulate(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<(Measured, [Plane<f32>; 2])> {
+    let mean = pair.mean();
+    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
+    let mut first = None;
+    let moved = pair.registration.moved;
+    for k in 0..SIMULATED_PAIRS {
+        let frames = simulated_frames(camera, pair, options, 1000 + 2 * k)?;
+        let encoded = difference(&frames, &pair.usable, moved, |v| v);
+        let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
+        for (c, curve) in curves.iter_mut().enumerate() {
+            curve.add(&mean, [&encoded, &linear], &pair.usable, c, options.encoding);
+        }
+        first = first.or(Some((frames, encoded, linear)));
+    }
+    let (frames, encoded, linear) = first.expect("at least one pair is simulated");
+    let curves = curves.map(|c| c.bins(step, options.encoding));
+    let (sigma, whole) = expected_sigma(&mean, &curves, &pair.usable);
+    let (neighbours, channels) = correlations(&encoded, &sigma, &whole);
+    let fits = [0, 1, 2].map(|c| ptc::fit(&curves[c], neighbours[c].effective_pixels));
+    let measured = Measured {
+        fits,
+        row_sigma: row_noise(&linear, &pair.usable),
+        column_sigma: column_noise(&linear, &pair.usable),
+        curves,
+        neighbours,
+        channels,
+    };
+    Ok((measured, frames))
+}

@@ -1,0 +1,203 @@
+//! Handles: numbers that stand for live objects, never addresses of them. A handle that was destroyed, belongs to
+//! another kind of object or was made up is found out by looking it up, so no memory of the caller's or of ours is touched.
+//!
+//! The table is the one thing that all engines of a process share. It holds nothing but which handles are alive, is empty
+//! (and owns no memory) when all are destroyed, and is locked only while a handle is looked up.
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, TryLockError};
+
+use tracing::Dispatch;
+
+use super::frame::FrameState;
+use super::session::Session;
+use super::sharing::{MemoryState, SemaphoreState};
+use super::status::{self, Fault, Outcome, Status};
+
+/// What stands behind a handle.
+pub struct Cell<T> {
+    /// `None` once destroyed.
+    state: Mutex<Option<T>>,
+    unusable: AtomicBool,
+    last_error: Mutex<String>,
+    /// Where log messages of calls on this handle go.
+    log: Option<Dispatch>,
+}
+
+/// The kinds of objects.
+#[derive(Clone)]
+pub enum Any {
+    /// An engine.
+    Engine(Arc<Cell<Session>>),
+    /// A frame.
+    Frame(Arc<Cell<FrameState>>),
+    /// Memory shared with the host.
+    Memory(Arc<Cell<MemoryState>>),
+    /// A semaphore shared with the host.
+    Semaphore(Arc<Cell<SemaphoreState>>),
+}
+
+/// An object that handles can stand for.
+pub trait Kind: Sized {
+    /// Its variant.
+    fn wrap(cell: Arc<Cell<Self>>) -> Any;
+    /// The object, if it is of this kind.
+    fn unwrap(any: &Any) -> Option<&Arc<Cell<Self>>>;
+}
+
+macro_rules! kinds {
+    ($($variant:ident: $state:ty;)+) => {$(
+        impl Kind for $state {
+            fn wrap(cell: Arc<Cell<Self>>) -> Any {
+                Any::$variant(cell)
+            }
+            fn unwrap(any: &Any) -> Option<&Arc<Cell<Self>>> {
+                match any {
+                    Any::$variant(cell) => Some(cell),
+                    _ => None,
+                }
+            }
+        }
+    )+};
+}
+
+kinds! { Engine: Session; Frame: FrameState; Memory: MemoryState; Semaphore: SemaphoreState; }
+
+static LIVE: RwLock<BTreeMap<usize, Any>> = RwLock::new(BTreeMap::new());
+static NEXT: AtomicUsize = AtomicUsize::new(1);
+
+/// Puts an object behind a new handle. Handles are never given out twice.
+pub fn insert<T: Kind>(state: T, log: Option<Dispatch>) -> usize {
+    // Odd, so that it is no address of anything aligned.
+    let handle = NEXT.fetch_add(1, Ordering::Relaxed) * 2 + 1;
+    let cell = Cell {
+        state: Mutex::new(Some(state)),
+        unusable: AtomicBool::new(false),
+        last_error: Mutex::new(String::new()),
+        log,
+    };
+    LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, T::wrap(Arc::new(cell)));
+    handle
+}
+
+/// The object behind a handle.
+pub fn find<T: Kind>(handle: usize) -> Outcome<Arc<Cell<T>>> {
+    let live = LIVE.read().unwrap_or_else(PoisonError::into_inner);
+    live.get(&handle).and_then(T::unwrap).cloned().ok_or_else(|| Fault::new(status::HANDLE, "no such handle"))
+}
+
+/// The cell of any handle's last error text.
+pub fn last_error(handle: usize) -> Option<String> {
+    let any = LIVE.read().unwrap_or_else(PoisonError::into_inner).get(&handle).cloned()?;
+    Some(match &any {
+        Any::Engine(c) => c.error_text(),
+        Any::Frame(c) => c.error_text(),
+        Any::Memory(c) => c.error_text(),
+        Any::Semaphore(c) => c.error_text(),
+    })
+}
+
+impl<T> Cell<T> {
+    fn error_text(&self) -> String {
+        self.last_error.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn remember(&self, text: String) {
+        *self.last_error.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }
+
+    /// Runs `f` on the object if nobody else does; a panic makes the object unusable. Keeps the fault's text.
+    pub fn run<R>(&self, f: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
+        let done = self.attempt(f);
+        if let Err(fault) = &done
+            && fault.status != status::BUSY
+        {
+            self.remember(fault.text.clone());
+        }
+        done
+    }
+
+    fn attempt<R>(&self, f: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
+        let mut guard = match self.state.try_lock() {
+            Ok(guard) => guard,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                return Err(Fault::new(status::BUSY, "another thread is using the handle"));
+            }
+        };
+        let Some(state) = guard.as_mut() else {
+            return Err(Fault::new(status::HANDLE, "the handle was destroyed"));
+        };
+        if self.unusable.load(Ordering::Acquire) {
+            return Err(Fault::new(status::POISONED, format!("unusable since: {}", self.error_text())));
+        }
+        let call = AssertUnwindSafe(|| f(state));
+        let done = match &self.log {
+            Some(log) => tracing::dispatcher::with_default(log, || catch_unwind(call)),
+            None => catch_unwind(call),
+        };
+        done.unwrap_or_else(|panic| {
+            self.unusable.store(true, Ordering::Release);
+            Err(Fault::new(status::PANIC, panic_text(&*panic)))
+        })
+    }
+
+    /// Takes the object out for good, if nobody is using it.
+    fn take(&self) -> Outcome<T> {
+        let mut guard = match self.state.try_lock() {
+            Ok(guard) => guard,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                return Err(Fault::new(status::BUSY, "another thread is using the handle"));
+            }
+        };
+        guard.take().ok_or_else(|| Fault::new(status::HANDLE, "the handle was destroyed"))
+    }
+}
+
+/// Destroys the object behind a handle. Null is fine.
+pub fn destroy<T: Kind>(handle: usize) -> Status {
+    if handle == 0 {
+        return status::OK;
+    }
+    let taken = find::<T>(handle).and_then(|cell| {
+        let state = cell.take()?;
+        LIVE.write().unwrap_or_else(PoisonError::into_inner).remove(&handle);
+        Ok((state, cell))
+    });
+    match taken {
+        Err(fault) => fault.status,
+        Ok((state, cell)) => {
+            let drop_it = AssertUnwindSafe(|| drop(state));
+            let done = match &cell.log {
+                Some(log) => tracing::dispatcher::with_default(log, || catch_unwind(drop_it)),
+                None => catch_unwind(drop_it),
+            };
+            if done.is_err() { status::PANIC } else { status::OK }
+        }
+    }
+}
+
+/// Runs `f` on the object behind a handle.
+pub fn with<T: Kind, R>(handle: usize, f: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
+    find::<T>(handle)?.run(f)
+}
+
+/// Runs a call that has no handle yet.
+pub fn guarded<R>(f: impl FnOnce() -> Outcome<R>) -> Outcome<R> {
+    catch_unwind(AssertUnwindSafe(f))
+        .unwrap_or_else(|panic| Err(Fault::new(status::PANIC, panic_text(&*panic))))
+}
+
+/// The code of an outcome without value.
+pub fn code(outcome: Outcome<()>) -> Status {
+    outcome.map_or_else(|fault| fault.status, |()| status::OK)
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    format!("a bug in shutterbug: {}", text.unwrap_or_else(|| "panic".to_owned()))
+}

@@ -1,0 +1,68 @@
+//! The C ABI. `include/shutterbug.h` is its manual; here stands only how its promises are kept.
+//!
+//! Handles are looked up, never followed (`handle.rs`). Every call checks its arguments, catches panics, and returns one
+//! of the codes of `status.rs`. What is written to the caller's memory is written on success only.
+#![allow(unsafe_code)]
+
+mod camera;
+mod convert;
+mod engine;
+mod frame;
+mod handle;
+mod image;
+mod log;
+mod outside;
+mod session;
+mod sharing;
+mod status;
+mod types;
+
+pub use convert::*;
+pub use engine::*;
+pub use frame::*;
+pub use log::LogFn;
+pub use outside::*;
+pub use sharing::{
+    shutterbug_memory_destroy, shutterbug_memory_export_fd, shutterbug_memory_import_fd,
+    shutterbug_memory_import_host, shutterbug_semaphore_destroy, shutterbug_semaphore_export_fd,
+    shutterbug_semaphore_import_fd,
+};
+pub use status::{ALL as STATUSES, Status};
+pub use types::*;
+
+use std::ffi::{c_char, c_void};
+
+/// A handle as C sees it. Never followed.
+pub type Handle = *mut c_void;
+
+/// The header that belongs to this library.
+pub const HEADER: &str = include_str!("../../include/shutterbug.h");
+
+/// `shutterbug_version`: major * 1 000 000 + minor * 1 000 + patch.
+#[unsafe(no_mangle)]
+pub extern "C" fn shutterbug_version() -> u32 {
+    let number = |text: &str| text.parse::<u32>().unwrap_or(0);
+    number(env!("CARGO_PKG_VERSION_MAJOR")) * 1_000_000
+        + number(env!("CARGO_PKG_VERSION_MINOR")) * 1_000
+        + number(env!("CARGO_PKG_VERSION_PATCH"))
+}
+
+/// `shutterbug_status_text`.
+#[unsafe(no_mangle)]
+pub extern "C" fn shutterbug_status_text(code: Status) -> *const c_char {
+    status::text(code).as_ptr()
+}
+
+/// `shutterbug_last_error`: the text of the last failed call on a handle.
+///
+/// # Safety
+/// As the header says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn shutterbug_last_error(handle: Handle, text: *mut c_char, capacity: usize) -> usize {
+    let error = handle::last_error(handle as usize).unwrap_or_else(|| "no such handle".to_owned());
+    if !text.is_null() && capacity > 0 && capacity <= isize::MAX as usize {
+        // SAFETY: the caller's promise: `capacity` writable characters.
+        types::put_text(unsafe { std::slice::from_raw_parts_mut(text, capacity) }, &error);
+    }
+    error.len()
+}

@@ -1,0 +1,335 @@
+//! What stands behind an engine's handle: a device, a camera, and the engines that are made of them when they are needed.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::status::{self, Fault, Outcome};
+use crate::camera::{Pose, ScanOrder, ShutterTiming, Trajectory};
+use crate::capture::{CameraFile, Capture};
+use crate::effects::{MotionBlur, RollingShutter};
+use crate::engine::{
+    AccumulationOptions, Engine, EngineOptions, Frame, FrameRequest, Method, OutsideEngine, OutsideFrame,
+    PaperOptions, Ticket,
+};
+use crate::gpu::Context;
+use crate::scene::{Scene, Shading, load_obj};
+
+/// What an engine was made with, checked.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// How frames of scenes are made.
+    pub method: Method,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Frames in flight.
+    pub frames_in_flight: u32,
+    /// Whether frames may ask for sharp planes.
+    pub planes: bool,
+    /// Most samples of the blur.
+    pub max_samples: u32,
+    /// Largest side of a picture, px.
+    pub max_side_px: u32,
+    /// Longest time that one submission may take.
+    pub time_limit: Duration,
+    /// Seed of all noise.
+    pub seed: u64,
+}
+
+/// Method numbers of the header.
+pub fn method_of(code: u32, motion_images: u32, max_samples: u32) -> Outcome<Method> {
+    match code {
+        0 | 1 => Ok(Method::Accumulation(AccumulationOptions::default())),
+        2 => Ok(Method::Paper(PaperOptions { motion_images, max_samples, ..PaperOptions::default() })),
+        other => Err(Fault::new(status::UNSUPPORTED, format!("this library has no method {other}"))),
+    }
+}
+
+/// The state.
+pub struct Session {
+    outside: Option<OutsideEngine>,
+    engine: Option<Engine>,
+    camera: Option<CameraFile>,
+    scene: Option<Arc<Scene>>,
+    trajectory: Option<Arc<Trajectory>>,
+    /// Start of each frame of a capture, s.
+    frame_times_s: Vec<f64>,
+    epoch_ns: i64,
+    settings: Settings,
+    lost: bool,
+    context: Arc<Context>,
+}
+
+/// A frame on its way.
+pub struct Submitted {
+    ticket: Ticket,
+    outside: bool,
+    /// When its lines are exposed.
+    pub shutter: ShutterTiming,
+    /// Number of the frame.
+    pub index: u32,
+    /// Its poses, as far as they are known.
+    pub path: Option<Arc<Trajectory>>,
+}
+
+impl Session {
+    /// A session on a device.
+    pub fn new(context: Arc<Context>, settings: Settings) -> Self {
+        Self {
+            outside: None,
+            engine: None,
+            camera: None,
+            scene: None,
+            trajectory: None,
+            frame_times_s: Vec::new(),
+            epoch_ns: 0,
+            settings,
+            lost: false,
+            context,
+        }
+    }
+
+    /// The device.
+    pub fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    /// What it was made with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The camera, if one was set.
+    pub fn camera(&self) -> Option<&CameraFile> {
+        self.camera.as_ref()
+    }
+
+    /// Starts of a capture's frames, s, and the zero of its clock, ns.
+    pub fn capture_times(&self) -> (&[f64], i64) {
+        (&self.frame_times_s, self.epoch_ns)
+    }
+
+    fn pending(&self) -> usize {
+        self.engine.as_ref().map_or(0, Engine::pending)
+            + self.outside.as_ref().map_or(0, OutsideEngine::pending)
+    }
+
+    fn idle(&self, what: &str) -> Outcome<()> {
+        match self.pending() {
+            0 => Ok(()),
+            n => Err(Fault::new(
+                status::STATE,
+                format!("{n} frames are in flight: {what} after they are waited for"),
+            )),
+        }
+    }
+
+    /// Sets the camera. Engines are made anew only where size or pinhole change.
+    pub fn set_camera(&mut self, camera: CameraFile) -> Outcome<()> {
+        let sides = [camera.intrinsics.width, camera.intrinsics.height];
+        let limit = self.settings.max_side_px.min(self.context.info().max_image_side_px);
+        if let Some(side) = sides.iter().find(|&&s| s > limit) {
+            return Err(Fault::new(status::LIMIT, format!("a side of {side} px; the limit is {limit} px")));
+        }
+        let same = self.camera.as_ref().is_some_and(|c| c.intrinsics == camera.intrinsics);
+        if !same {
+            self.idle("the camera's size is set")?;
+            (self.engine, self.outside) = (None, None);
+        }
+        camera.warnings.iter().for_each(|w| tracing::warn!("{w}"));
+        self.camera = Some(camera);
+        Ok(())
+    }
+
+    /// Loads a capture's scene, trajectory and frame times, and its camera.
+    pub fn load_capture(&mut self, root: &Path) -> Outcome<()> {
+        self.idle("a capture is loaded")?;
+        let capture = Capture::read(root, None)?;
+        self.set_camera(capture.camera)?;
+        self.engine = None;
+        self.scene = Some(Arc::new(capture.scene));
+        self.trajectory = Some(Arc::new(capture.trajectory));
+        self.frame_times_s = capture.frames.iter().map(|f| f.start_s).collect();
+        self.epoch_ns = capture.epoch_ns;
+        Ok(())
+    }
+
+    /// Loads an OBJ file, unlit.
+    pub fn load_scene(&mut self, path: &Path) -> Outcome<()> {
+        self.idle("a scene is loaded")?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let mut scene = load_obj(path, folder)?;
+        scene.shading = Shading::Unlit;
+        self.engine = None;
+        self.scene = Some(Arc::new(scene));
+        self.frame_times_s.clear();
+        self.epoch_ns = 0;
+        Ok(())
+    }
+
+    /// Sets the camera's poses over time.
+    pub fn set_trajectory(&mut self, times_s: Vec<f64>, poses: Vec<Pose>) -> Outcome<()> {
+        self.idle("the trajectory is set")?;
+        let path = Trajectory::new(Path::new("shutterbug_engine_set_trajectory"), times_s, poses)?;
+        self.engine = None;
+        self.trajectory = Some(Arc::new(path));
+        Ok(())
+    }
+
+    fn request(&self, index: u32, time_s: f64, planes: bool) -> Outcome<FrameRequest> {
+        let camera = self.camera.as_ref();
+        let camera = camera.ok_or_else(|| Fault::new(status::STATE, "no camera is set"))?;
+        let settings = &camera.settings;
+        let scan_order = RollingShutter::scan_order(settings);
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
+        Ok(FrameRequest {
+            index,
+            shutter: ShutterTiming {
+                start_s: time_s,
+                exposure_time_s: MotionBlur::exposure_time_s(settings),
+                readout_time_s: RollingShutter::readout_time_s(settings),
+                scan_order,
+                line_count: ScanOrder::line_count(scan_order, width, height),
+            },
+            frame_interval_s: camera.frame_period_s,
+            seed: self.settings.seed,
+            settings: settings.clone(),
+            static_camera: camera.static_camera,
+            planes,
+            statistics: false,
+        })
+    }
+
+    fn not_lost(&self) -> Outcome<()> {
+        if self.lost {
+            return Err(Fault::new(
+                status::DEVICE_LOST,
+                "the device was lost in an earlier call; destroy the engine",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Hands a frame of the scene to the device.
+    pub fn submit(&mut self, index: u32, time_s: f64, planes: bool) -> Outcome<Submitted> {
+        self.not_lost()?;
+        let request = self.request(index, time_s, planes)?;
+        if planes && !self.settings.planes {
+            return Err(Fault::new(status::STATE, "the engine was made without SHUTTERBUG_ENGINE_PLANES"));
+        }
+        let trajectory = self.trajectory.clone();
+        let trajectory = trajectory.ok_or_else(|| Fault::new(status::STATE, "no trajectory is set"))?;
+        self.make_engine(&request, &trajectory)?;
+        let engine = self.engine.as_mut().expect("just made");
+        if !engine.has_room() {
+            return Err(full(engine.frames_in_flight()));
+        }
+        let ticket = engine.submit(&request);
+        let ticket = self.watch(ticket)?;
+        let path = if request.static_camera {
+            Arc::new(Trajectory::fixed(trajectory.pose_at(time_s)))
+        } else {
+            trajectory
+        };
+        Ok(Submitted { ticket, outside: false, shutter: request.shutter, index, path: Some(path) })
+    }
+
+    fn make_engine(&mut self, request: &FrameRequest, trajectory: &Arc<Trajectory>) -> Outcome<()> {
+        if self.engine.is_some() {
+            return Ok(());
+        }
+        let scene = self.scene.clone();
+        let scene = scene.ok_or_else(|| Fault::new(status::STATE, "no scene is loaded"))?;
+        let options = EngineOptions {
+            method: self.settings.method.clone(),
+            samples: self.settings.samples,
+            frames_in_flight: self.settings.frames_in_flight,
+            planes: self.settings.planes,
+            time_limit: self.settings.time_limit,
+        };
+        let camera = self.camera.as_ref().expect("the request has one").intrinsics;
+        let expected = std::slice::from_ref(request);
+        let made = Engine::new(&self.context, scene, trajectory.clone(), camera, options, expected);
+        self.engine = Some(self.watch(made)?);
+        Ok(())
+    }
+
+    /// The request of an outside frame, for the camera that is set.
+    pub fn outside_request(&self, index: u32, time_s: f64) -> Outcome<FrameRequest> {
+        self.not_lost()?;
+        self.request(index, time_s, false)
+    }
+
+    /// Hands a frame from outside to the device.
+    pub fn submit_outside(
+        &mut self,
+        frame: &OutsideFrame<'_>,
+        path: Option<Arc<Trajectory>>,
+    ) -> Outcome<Submitted> {
+        if self.outside.is_none() {
+            let camera = self.camera.as_ref().expect("the request has one").intrinsics;
+            let (count, limit) = (self.settings.frames_in_flight, self.settings.time_limit);
+            let made = OutsideEngine::new(&self.context, camera, count, limit);
+            self.outside = Some(self.watch(made)?);
+        }
+        let outside = self.outside.as_mut().expect("just made");
+        if !outside.has_room() {
+            return Err(full(self.settings.frames_in_flight as usize));
+        }
+        let ticket = outside.submit(frame);
+        let ticket = self.watch(ticket)?;
+        let (shutter, index) = (frame.request.shutter, frame.request.index);
+        Ok(Submitted { ticket, outside: true, shutter, index, path })
+    }
+
+    /// Whether a frame can be collected without waiting.
+    pub fn finished(&mut self, submitted: &Submitted) -> Outcome<bool> {
+        self.not_lost()?;
+        let done = match (submitted.outside, &self.engine, &self.outside) {
+            (false, Some(engine), _) => engine.finished(&submitted.ticket),
+            (true, _, Some(outside)) => outside.finished(&submitted.ticket),
+            _ => return Err(gone()),
+        };
+        self.watch(done)
+    }
+
+    /// Waits for a frame, at most so long (and never longer than the engine's limit).
+    pub fn wait(&mut self, submitted: &Submitted, limit: Duration) -> Outcome<()> {
+        self.not_lost()?;
+        let limit = limit.min(self.settings.time_limit);
+        let done = match (submitted.outside, &mut self.engine, &mut self.outside) {
+            (false, Some(engine), _) => engine.wait(&submitted.ticket, limit),
+            (true, _, Some(outside)) => outside.wait(&submitted.ticket, limit),
+            _ => return Err(gone()),
+        };
+        self.watch(done)
+    }
+
+    /// Reads a frame back that was waited for.
+    pub fn collect(&mut self, submitted: Submitted) -> Outcome<Frame> {
+        self.not_lost()?;
+        let frame = match (submitted.outside, &mut self.engine, &mut self.outside) {
+            (false, Some(engine), _) => engine.collect(submitted.ticket),
+            (true, _, Some(outside)) => outside.collect(submitted.ticket),
+            _ => return Err(gone()),
+        };
+        self.watch(frame)
+    }
+
+    /// Notes the loss of the device.
+    fn watch<T>(&mut self, result: crate::Result<T>) -> Outcome<T> {
+        result.map_err(|error| {
+            let fault = Fault::from(error);
+            self.lost |= fault.status == status::DEVICE_LOST;
+            fault
+        })
+    }
+}
+
+fn full(count: usize) -> Fault {
+    Fault::new(status::FULL, format!("{count} frames are in flight: wait for the oldest first"))
+}
+
+fn gone() -> Fault {
+    Fault::new(status::STATE, "the frame's engine was made anew")
+}

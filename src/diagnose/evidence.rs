@@ -1,0 +1,178 @@
+//! What there is to judge by: the real frames of a capture, checked, and split into those that fits may see and those
+//! that are held out.
+
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+use crate::plane::{Plane, read_rgb8};
+
+use super::report::LeftOut;
+
+/// Fewest frames that can be split into frames to fit and frames to judge.
+const FEWEST_FRAMES: usize = 4;
+/// Most frames that fits look at, and most that are held out: more add time and hardly any certainty.
+const MOST_FIT: usize = 6;
+/// See [`MOST_FIT`].
+const MOST_HELD_OUT: usize = 8;
+/// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
+pub(super) const BLOCK: usize = 2;
+
+/// A frame that can be compared.
+#[derive(Clone, Debug)]
+pub(super) struct RealFrame {
+    /// Its place in `frames.csv`.
+    pub index: usize,
+    /// Its timestamp, s.
+    pub start_s: f64,
+    /// DN, shape `[height, width, 3]`.
+    pub dn: Plane<f32>,
+}
+
+/// The frames that can be compared.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    /// In the order of `frames.csv`.
+    pub frames: Vec<RealFrame>,
+    /// Places in `frames` of those that fits may see.
+    pub fit: Vec<usize>,
+    /// Places in `frames` of those that are held out.
+    pub held_out: Vec<usize>,
+    /// Frames that are not used.
+    pub left_out: Vec<LeftOut>,
+    /// How far before its timestamp and after it every used frame has poses, s.
+    pub reach_s: [f64; 2],
+    /// What a reader should know.
+    pub warnings: Vec<String>,
+}
+
+impl Evidence {
+    /// Reads the real frames of a capture.
+    ///
+    /// # Errors
+    /// A missing folder, pictures that cannot be read or have another size, fewer than four usable frames.
+    pub(super) fn read(capture: &Capture) -> Result<Self> {
+        let folder = capture.root.join("real");
+        let expected = "the real frames that frames.csv names, as PNG or JPEG";
+        if !folder.is_dir() {
+            return Err(Error::input(&folder, None, "no such folder", expected));
+        }
+        let k = &capture.camera.intrinsics;
+        let (mut frames, mut left_out) = (Vec::new(), Vec::new());
+        for (index, entry) in capture.frames.iter().enumerate() {
+            let path = folder.join(&entry.filename);
+            let mut skip = |why: String| {
+                left_out.push(LeftOut { index, filename: entry.filename.clone(), why });
+            };
+            if !path.exists() {
+                skip("no such file".to_owned());
+                continue;
+            }
+            let picture = read_rgb8(&path)?;
+            if (picture.width, picture.height) != (k.width as usize, k.height as usize) {
+                let found = format!("a picture of {}x{} px", picture.width, picture.height);
+                let expected =
+                    format!("{}x{} px, as {} says", k.width, k.height, capture.camera.path.display());
+                return Err(Error::input(&path, None, found, expected));
+            }
+            if let Some(why) = useless(&picture) {
+                skip(why.to_owned());
+                continue;
+            }
+            let data = picture.data.iter().map(|&v| f32::from(v)).collect();
+            let dn = Plane { width: picture.width, height: picture.height, channels: 3, data };
+            frames.push(RealFrame { index, start_s: entry.start_s, dn });
+        }
+        let reach_s = keep_covered(capture, &mut frames, &mut left_out);
+        if frames.len() < FEWEST_FRAMES {
+            let why: Vec<_> = left_out.iter().take(3).map(|l| format!("{}: {}", l.filename, l.why)).collect();
+            let found = format!("{} usable frames ({})", frames.len(), why.join(", "));
+            let expected = format!("at least {FEWEST_FRAMES}: some to fit, others to judge");
+            return Err(Error::input(&folder, None, found, expected));
+        }
+        let mut warnings = capture.camera.warnings.clone();
+        if !left_out.is_empty() {
+            warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
+        }
+        let (fit, held_out) = split(frames.len());
+        Ok(Self { frames, fit, held_out, left_out, reach_s, warnings })
+    }
+}
+
+/// Why nothing can be seen in a picture, if so.
+fn useless(picture: &Plane<u8>) -> Option<&'static str> {
+    let share = |f: fn(u8) -> bool| {
+        picture.data.iter().filter(|&&v| f(v)).count() as f64 / picture.data.len().max(1) as f64
+    };
+    if share(|v| v <= 2) > 0.995 {
+        Some("all black")
+    } else if share(|v| v >= 254) > 0.98 {
+        Some("all saturated")
+    } else {
+        None
+    }
+}
+
+/// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
+/// remain. Returns how far before and after their timestamps the rest has poses.
+fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut Vec<LeftOut>) -> [f64; 2] {
+    let paths = std::iter::once(&capture.trajectory)
+        .chain(capture.scene.objects.iter().filter_map(|o| o.trajectory.as_deref()));
+    let (first_s, last_s) = paths
+        .map(|t| t.span_s())
+        .fold((f64::NEG_INFINITY, f64::INFINITY), |a, b| (a.0.max(b.0), a.1.min(b.1)));
+    let period_s = capture.camera.frame_period_s;
+    for (before, after) in [(0.55, 2.0), (0.3, 1.5), (0.1, 1.0), (0.0, 0.5)] {
+        let inside = |f: &RealFrame| {
+            f.start_s - before * period_s >= first_s && f.start_s + after * period_s <= last_s
+        };
+        let kept = frames.iter().filter(|f| inside(f)).count();
+        if kept >= FEWEST_FRAMES + 4 || (kept >= FEWEST_FRAMES && kept + 2 >= frames.len()) {
+            for f in frames.iter().filter(|f| !inside(f)) {
+                let filename = capture.frames[f.index].filename.clone();
+                let why = "too near the trajectory's end to render a shutter or an offset in time".to_owned();
+                left_out.push(LeftOut { index: f.index, filename, why });
+            }
+            frames.retain(inside);
+            break;
+        }
+    }
+    let before = frames.iter().map(|f| f.start_s - first_s).fold(f64::INFINITY, f64::min);
+    let after = frames.iter().map(|f| last_s - f.start_s).fold(f64::INFINITY, f64::min);
+    [before.clamp(0.0, 10.0), after.clamp(0.0, 10.0)]
+}
+
+/// Blocks of two frames, in turn to fit and held out; thinned evenly where there are many.
+fn split(count: usize) -> (Vec<usize>, Vec<usize>) {
+    // Blocks of one where two would leave fewer than two blocks on a side.
+    let block = if count >= 4 * BLOCK { BLOCK } else { 1 };
+    let (fit, held): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block) % 2 == 0);
+    (thin(fit, MOST_FIT, block), thin(held, MOST_HELD_OUT, block))
+}
+
+fn thin(places: Vec<usize>, most: usize, block: usize) -> Vec<usize> {
+    let blocks: Vec<_> = places.chunks(block).collect();
+    let wanted = (most / block).min(blocks.len());
+    (0..wanted).flat_map(|i| blocks[i * blocks.len() / wanted].to_vec()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_split_shares_no_frame_and_keeps_both_sides() {
+        for count in 4..200 {
+            let (fit, held) = split(count);
+            assert!(fit.len() >= 2 && held.len() >= 2, "{count}: {fit:?} {held:?}");
+            assert!(fit.iter().all(|f| !held.contains(f)) && fit.len() <= MOST_FIT);
+            assert!(fit.iter().chain(&held).all(|&f| f < count));
+        }
+    }
+
+    #[test]
+    fn black_and_white_pictures_are_useless_and_dark_ones_are_not() {
+        let grey = |v: u8| Plane { width: 10, height: 10, channels: 3, data: vec![v; 300] };
+        assert_eq!(useless(&grey(1)), Some("all black"));
+        assert_eq!(useless(&grey(255)), Some("all saturated"));
+        assert_eq!(useless(&grey(8)), None);
+    }
+}

@@ -1,0 +1,28 @@
+//! Compares real with simulated frames, names the effects that the simulation lacks, fits them, and reports how far the
+//! gap shrinks on frames that no fit has seen.
+//!
+//! ```text
+//! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
+//! ```
+
+mod evidence;
+mod fit;
+mod forward;
+mod judge;
+mod model;
+mod noise;
+mod output;
+mod photometric;
+mod places;
+mod report;
+mod run;
+mod score;
+mod search;
+mod settings;
+mod starts;
+
+pub use report::{
+    Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
+    Maps, Measure, NextStep, Parameter, REPORT_FILE, Report, Verdict, WaterfallStep, Where,
+};
+pub use run::{DiagnoseOptions, Diagnosis, Progress, diagnose, effect_names};

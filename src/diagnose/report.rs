@@ -1,0 +1,362 @@
+//! What a diagnosis found, as data: `report.json` (CAPTURE contract, section 5) and everything that a page about it needs.
+//!
+//! Grey levels are DN (0 to 255). Unless said otherwise figures are of held-out frames, which no fit has seen. Paths are
+//! relative to the folder of the report, with `/`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::plane::write_atomic;
+
+/// Name of the report in its folder.
+pub const REPORT_FILE: &str = "report.json";
+
+/// The whole of `report.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// The outcome in one word.
+    pub verdict: Verdict,
+    /// The outcome in one or two sentences.
+    pub sentence: String,
+    /// The headline.
+    pub gap: Gap,
+    /// Supported effects, largest share first; empty for [`Verdict::NoGap`].
+    pub effects: Vec<EffectFound>,
+    /// All other candidates.
+    pub candidates: Vec<Candidate>,
+    /// Where the gap lies.
+    #[serde(rename = "where")]
+    pub places: Where,
+    /// From `before` to `after` to `floor`, one step per effect.
+    pub waterfall: Vec<WaterfallStep>,
+    /// Other measures of the same gap, for people.
+    pub measures: Vec<Measure>,
+    /// One entry per frame of the capture that could be compared.
+    pub frames: Vec<FrameEntry>,
+    /// Mean maps over the held-out frames.
+    pub maps: Maps,
+    /// What went in.
+    pub input: Input,
+    /// The held-out gains behind the interval, per resample of the bootstrap.
+    pub bootstrap: Bootstrap,
+    /// Things that a reader should know: "frames 3 and 4 are black and were left out".
+    pub warnings: Vec<String>,
+    /// Commands to use next.
+    pub next: Vec<NextStep>,
+}
+
+/// The outcome.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Real and simulated frames differ no more than those of two correct renderers.
+    NoGap,
+    /// The effects found leave no more than that.
+    Explained,
+    /// The effects found help, but a clear gap remains.
+    PartlyExplained,
+    /// There is a clear gap, and no known effect explains it.
+    UnknownEffect,
+}
+
+/// The headline: a proper score (continuous ranked probability score), the mean over pixels and a fixed bank of linear
+/// statistics, on held-out frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// "DN".
+    pub unit: String,
+    /// Of the given camera.
+    pub before: f64,
+    /// With the effects found.
+    pub after: f64,
+    /// What the model with the effects found would score on frames of its own.
+    pub floor: f64,
+    /// `(before - after) / (before - floor)`, 0 to 1; 0 when there is no gap.
+    pub closed_fraction: f64,
+    /// 95 % interval by block bootstrap over held-out frames.
+    pub closed_fraction_ci95: [f64; 2],
+    /// Number of held-out frames.
+    pub held_out_frames: usize,
+    /// 95 % interval of `before`.
+    pub before_ci95: [f64; 2],
+    /// 95 % interval of `after`.
+    pub after_ci95: [f64; 2],
+    /// Mean absolute difference that two correct renderers may have on these frames, DN: below it nothing is claimed.
+    pub renderer_difference: f64,
+}
+
+/// An effect that the frames support.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffectFound {
+    /// Name of the contract.
+    pub name: String,
+    /// Shapley share of the gap that the set closes; the shares of all effects sum to 1.
+    pub share: f64,
+    /// By the contract's names.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Gap with all effects found but this one (the others fitted anew).
+    pub gap_without: f64,
+    /// Gap with all effects found.
+    pub gap_with: f64,
+    /// Gap with this effect alone (fitted alone).
+    pub gap_alone: f64,
+    /// Held-out gain of this effect in the set, DN: 95 % interval by block bootstrap.
+    pub gain_ci95: [f64; 2],
+}
+
+/// A fitted parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// A number, a name (`top_to_bottom`) or a list of numbers (`rotvec_rad`).
+    pub value: serde_json::Value,
+    /// 95 % interval: `[from, to]`, or a list of such pairs; absent for names.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub ci95: Option<serde_json::Value>,
+    /// Unit in words.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub unit: String,
+}
+
+/// A candidate that is not among the effects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Name of the contract.
+    pub name: String,
+    /// What became of it.
+    pub state: CandidateState,
+    /// Why, in a sentence; for undetermined ones, what footage would decide.
+    pub why: String,
+    /// Gap with this candidate alone, fitted; absent where it could not be fitted.
+    pub gap_with: Option<f64>,
+    /// Its best parameters when fitted alone.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Footage that would decide; empty unless undetermined.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub footage: String,
+}
+
+/// What became of a candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CandidateState {
+    /// The frames would show it, and do not.
+    Rejected,
+    /// The frames cannot tell.
+    Undetermined,
+}
+
+/// Where the gap lies: mean absolute difference (DN) before and after, by what it may depend on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Where {
+    /// The two or three most telling sentences.
+    pub summary: Vec<String>,
+    /// By row, top first.
+    pub by_row: Vec<Bin>,
+    /// By column, left first.
+    pub by_column: Vec<Bin>,
+    /// By distance from the principal point, px.
+    pub by_radius: Vec<Bin>,
+    /// By speed of the content, px/s.
+    pub by_speed: Vec<Bin>,
+    /// By direction of the content's motion, degrees from right, clockwise as seen.
+    pub by_direction: Vec<Bin>,
+    /// By simulated value, DN.
+    pub by_intensity: Vec<Bin>,
+    /// Red, green, blue.
+    pub by_channel: Vec<Bin>,
+    /// By band of spatial frequency: finest first.
+    pub by_frequency: Vec<Bin>,
+    /// By object of the scene, with the material where there is one object only.
+    pub by_object: Vec<Bin>,
+    /// By frame.
+    pub by_frame: Vec<Bin>,
+}
+
+/// One bin of a profile.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bin {
+    /// Lower edge in the profile's unit; the index for profiles without a unit.
+    pub from: f64,
+    /// Upper edge.
+    pub to: f64,
+    /// Name for people: "red", "120-160 px", "frame 3".
+    pub label: String,
+    /// Mean absolute difference before, DN.
+    pub before: f64,
+    /// The same with the effects found, DN.
+    pub after: f64,
+    /// Mean signed difference (real minus simulated) before, DN.
+    pub bias_before: f64,
+    /// The same with the effects found, DN.
+    pub bias_after: f64,
+    /// Share of all compared values, 0 to 1.
+    pub weight: f64,
+}
+
+/// A step of the waterfall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WaterfallStep {
+    /// "before", an effect's name, "unexplained", "floor".
+    pub name: String,
+    /// Gap at the start of the step, DN.
+    pub from: f64,
+    /// Gap at its end, DN.
+    pub to: f64,
+}
+
+/// A measure of the gap before and after, means over held-out frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measure {
+    /// "mean_absolute_difference", "psnr", "ssim".
+    pub name: String,
+    /// "DN", "dB", "".
+    pub unit: String,
+    /// Of the given camera.
+    pub before: f64,
+    /// With the effects found.
+    pub after: f64,
+}
+
+/// One frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameEntry {
+    /// Its place in `frames.csv`, from 0.
+    pub index: usize,
+    /// Its file name there.
+    pub filename: String,
+    /// Its timestamp, s after the first frame's.
+    pub time_s: f64,
+    /// Whether it was kept from the fits.
+    pub held_out: bool,
+    /// Gap before and after, DN.
+    pub before: f64,
+    /// See `before`.
+    pub after: f64,
+    /// The pictures.
+    pub pictures: FramePictures,
+}
+
+/// A frame's pictures in the folder of the report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FramePictures {
+    /// The real frame, copied as PNG.
+    pub real: String,
+    /// Simulated with the given camera.
+    pub simulated: String,
+    /// Simulated with the effects found.
+    pub diagnosed: String,
+    /// Difference map before, on the scale of [`Maps::scale_dn`].
+    pub difference_before: String,
+    /// Difference map after, on the same scale.
+    pub difference_after: String,
+}
+
+/// Maps of the mean absolute difference.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Maps {
+    /// Full white of all difference pictures, DN.
+    pub scale_dn: f64,
+    /// Mean over the held-out frames, before.
+    pub before: String,
+    /// The same, after.
+    pub after: String,
+    /// Mean SIGNED difference before: grey 128 is none, white is `scale_dn` brighter in reality.
+    pub bias_before: String,
+    /// The same, after.
+    pub bias_after: String,
+}
+
+/// What went in.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Input {
+    /// "capture" or "pair".
+    pub kind: String,
+    /// As given on the command line.
+    pub capture: String,
+    /// Columns, px.
+    pub width: u32,
+    /// Rows, px.
+    pub height: u32,
+    /// Frames listed.
+    pub frames_listed: usize,
+    /// Frames used by fits, by index.
+    pub fit_frames: Vec<usize>,
+    /// Frames held out, by index.
+    pub held_out_frames: Vec<usize>,
+    /// Frames left out, with the reason.
+    pub left_out: Vec<LeftOut>,
+    /// Share of pixels that were compared, 0 to 1.
+    pub compared_share: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Name of the device.
+    pub device: String,
+    /// How frames were rendered.
+    pub method: String,
+    /// Seconds that the diagnosis took.
+    pub seconds: f64,
+    /// Version of this program.
+    pub version: String,
+}
+
+/// A frame that is not used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its place in `frames.csv`.
+    pub index: usize,
+    /// Its file name.
+    pub filename: String,
+    /// "no such file", "black", "saturated".
+    pub why: String,
+}
+
+/// What the intervals come from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Bootstrap {
+    /// Number of resamples.
+    pub resamples: usize,
+    /// Frames a block.
+    pub block: usize,
+    /// Closed fraction of each resample, sorted.
+    pub closed_fraction: Vec<f64>,
+}
+
+/// Something to do next.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NextStep {
+    /// What it is for.
+    pub purpose: String,
+    /// The command.
+    pub command: String,
+}
+
+impl Report {
+    /// The text of `report.json`. Figures that are not finite become `null`.
+    ///
+    /// # Panics
+    /// Never: all maps have string keys.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("all keys are strings")
+    }
+
+    /// Reads the text of `report.json`; `path` is what errors name.
+    ///
+    /// # Errors
+    /// Text that is no report, with the line.
+    pub fn from_json(path: &Path, text: &str) -> Result<Self> {
+        serde_json::from_str(text).map_err(|e| {
+            Error::input(path, e.line(), e.to_string(), "a report as `shutterbug diagnose` writes it")
+        })
+    }
+
+    /// Writes `report.json` into a folder; nothing half-written keeps its name.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_atomic(&folder.join(REPORT_FILE), self.to_json().as_bytes())
+    }
+}

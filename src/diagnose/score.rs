@@ -1,0 +1,320 @@
+//! The gap as a number: the continuous ranked probability score (CRPS, Gneiting and Raftery 2007) of a real frame under
+//! the simulator's predictive distribution, of pixels and of a fixed bank of linear statistics.
+//!
+//! The distribution of every statistic is taken to be normal with the mean and the spread that the model gives; without
+//! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
+//! patterns and banding count, which single pixels cannot show.
+
+use super::model::{P, Theta};
+use super::photometric::Tone;
+use crate::plane::Plane;
+
+/// Families of statistics: pixels, three bands of a pyramid, row means, column means, differences between frames.
+pub(super) const FAMILIES: [(&str, f64); 7] = [
+    ("pixels", 0.5),
+    ("band 2 px", 1.0 / 12.0),
+    ("band 4 px", 1.0 / 12.0),
+    ("band 8 px", 1.0 / 12.0),
+    ("rows", 1.0 / 12.0),
+    ("columns", 1.0 / 12.0),
+    ("frame differences", 1.0 / 12.0),
+];
+
+/// Score of one frame: what the real frame got, and what the model expects of its own frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct FrameScore {
+    pub score: f64,
+    pub expected: f64,
+}
+
+/// A frame to be scored.
+pub(super) struct Scored<'a> {
+    pub real: &'a Plane<f32>,
+    pub mean: &'a Plane<f32>,
+    /// 1 where compared.
+    pub mask: Option<&'a Plane<f32>>,
+}
+
+/// Spread of the model's values, DN per unit, from what noise there is.
+pub(super) struct Spread {
+    tone: Tone,
+    inverse_full_well: f32,
+    read2: f32,
+    row2: f32,
+    dsnu2: f32,
+    prnu2: f32,
+    gain: [f32; 3],
+    hot: f32,
+}
+
+/// Variances of one value, DN^2.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Variances {
+    /// New in every pixel and frame.
+    pub free: f32,
+    /// The same for a whole row.
+    pub row: f32,
+    /// The same in every frame.
+    pub fixed: f32,
+}
+
+impl Spread {
+    pub(super) fn new(theta: &Theta) -> Self {
+        let square = |p: P| (theta.get(p) * theta.get(p)) as f32;
+        let gain = theta.get(P::Gain) as f32;
+        let _ = gain;
+        Self {
+            tone: Tone::new(theta),
+            inverse_full_well: theta.get(P::Shot) as f32,
+            read2: square(P::Read),
+            row2: square(P::Row),
+            dsnu2: square(P::Dsnu),
+            prnu2: square(P::Prnu),
+            gain: [theta.get(P::WbR) as f32, 1.0, theta.get(P::WbB) as f32],
+            hot: theta.get(P::Hot) as f32,
+        }
+    }
+
+    /// Whether there is any noise at all.
+    pub(super) fn any(&self) -> bool {
+        self.inverse_full_well + self.read2 + self.row2 + self.dsnu2 + self.prnu2 + self.hot > 0.0
+    }
+
+    /// By whole DN of the mean, per channel: noise depends on the value alone.
+    fn table(&self) -> Vec<[Variances; 3]> {
+        (0..256).map(|dn| [0, 1, 2].map(|c| self.at(dn as f32, c))).collect()
+    }
+
+    fn at(&self, dn: f32, channel: usize) -> Variances {
+        let slope = self.tone.slope_at(dn) * self.gain[channel];
+        let linear = self.tone.decode(dn) / self.gain[channel];
+        let s2 = slope * slope;
+        Variances {
+            free: s2 * (linear * self.inverse_full_well + self.read2),
+            row: s2 * self.row2,
+            fixed: s2 * (self.dsnu2 + self.prnu2 * linear * linear),
+        }
+    }
+}
+
+/// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
+pub(super) fn crps(error: f64, variance: f64) -> f64 {
+    if variance < 1e-6 {
+        return error.abs();
+    }
+    let sigma = variance.sqrt();
+    let z = error / sigma;
+    sigma * (z * erf(z * std::f64::consts::FRAC_1_SQRT_2) + 2.0 * density(z) - FRAC_1_SQRT_PI)
+}
+
+const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
+
+/// What a value drawn from the distribution itself scores on average.
+fn expected(variance: f64) -> f64 {
+    if variance < 1e-6 { 0.0 } else { variance.sqrt() * FRAC_1_SQRT_PI }
+}
+
+fn density(z: f64) -> f64 {
+    (-0.5 * z * z).exp() * 0.398_942_280_401_432_7
+}
+
+/// Abramowitz and Stegun 7.1.26, to 1.5e-7.
+fn erf(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
+    let poly = t
+        * (0.254_829_592
+            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    x.signum() * (1.0 - poly * (-x * x).exp())
+}
+
+/// Mean of scores and of what is expected.
+#[derive(Default)]
+struct Mean {
+    score: f64,
+    expected: f64,
+    count: f64,
+}
+
+impl Mean {
+    fn add(&mut self, error: f64, variance: f64) {
+        self.score += crps(error, variance);
+        self.expected += expected(variance);
+        self.count += 1.0;
+    }
+
+    fn done(&self) -> Option<FrameScore> {
+        (self.count > 0.0)
+            .then(|| FrameScore { score: self.score / self.count, expected: self.expected / self.count })
+    }
+}
+
+/// Scores a frame; `before` is the frame before it, where that is held out too.
+pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, spread: &Spread) -> FrameScore {
+    let table = spread.any().then(|| spread.table());
+    let (w, h) = (frame.real.width, frame.real.height);
+    let rounds = table.is_none();
+    let error_of = |f: &Scored<'_>, i: usize| -> f32 {
+        let mean = f.mean.data[i];
+        f.real.data[i] - if rounds { mean.round() } else { mean }
+    };
+    let open = |f: &Scored<'_>, i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
+    let at = |i: usize| -> Variances {
+        table.as_ref().map_or(Variances::default(), |t| {
+            // Rounding to whole DN adds its own 1/12.
+            let mut v = t[(frame.mean.data[i] + 0.5).clamp(0.0, 255.0) as usize][i % 3];
+            v.free += 1.0 / 12.0;
+            v
+        })
+    };
+    let mut means: [Mean; 7] = Default::default();
+    for i in (0..w * h * 3).filter(|&i| open(frame, i)) {
+        let v = at(i);
+        means[0].add(error_of(frame, i).into(), (v.free + v.row + v.fixed).into());
+    }
+    bands(w, h, &mut means[1..4], |i| open(frame, i).then(|| (error_of(frame, i), at(i))));
+    lines(w, h, &mut means[4..6], |i| open(frame, i).then(|| (error_of(frame, i), at(i))));
+    if let Some(before) = before {
+        for i in (0..w * h * 3).filter(|&i| open(frame, i) && open(before, i)) {
+            let v = at(i);
+            let error = error_of(frame, i) - error_of(before, i);
+            means[6].add(error.into(), (2.0 * (v.free + v.row)).into());
+        }
+    }
+    let (mut total, mut weight) = (FrameScore::default(), 0.0);
+    for (mean, (_, share)) in means.iter().zip(FAMILIES) {
+        if let Some(score) = mean.done() {
+            total.score += share * score.score;
+            total.expected += share * score.expected;
+            weight += share;
+        }
+    }
+    if weight > 0.0 {
+        total.score /= weight;
+        total.expected /= weight;
+    }
+    total
+}
+
+/// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
+fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, Variances)>) {
+    // Sum of errors, of free variance, of row variance (already over the rows), number.
+    let mut level: Vec<[f64; 4]> = (0..w * h * 3)
+        .map(|i| match value(i) {
+            Some((e, v)) => [e.into(), (v.free + v.fixed).into(), v.row.into(), 1.0],
+            None => [0.0; 4],
+        })
+        .collect();
+    let (mut w, mut h) = (w, h);
+    for (size, mean) in [2usize, 4, 8].into_iter().zip(0..) {
+        let fine = pooled(&level, w, h);
+        (w, h) = (w / 2, h / 2);
+        if w < 2 || h < 2 {
+            return;
+        }
+        let coarse = pooled(&fine, w, h);
+        let full = (size * size) as f64;
+        for y in 0..h / 2 * 2 {
+            for x in 0..w / 2 * 2 {
+                for c in 0..3 {
+                    let f = fine[(y * w + x) * 3 + c];
+                    let g = coarse[((y / 2) * (w / 2) + x / 2) * 3 + c];
+                    if f[3] < full || g[3] < 4.0 * full {
+                        continue;
+                    }
+                    let error = f[0] / f[3] - g[0] / g[3];
+                    // Three quarters of the variance of a block's mean remain beside the mean over four of them; of
+                    // row noise, which is common to both blocks of a row, one half.
+                    let free = 0.75 * f[1] / (f[3] * f[3]);
+                    let row = 0.5 * f[2] / f[3] / size as f64;
+                    means[mean].add(error, free + row);
+                }
+            }
+        }
+        level = fine;
+    }
+}
+
+fn pooled(from: &[[f64; 4]], w: usize, h: usize) -> Vec<[f64; 4]> {
+    let mut out = vec![[0.0; 4]; (w / 2) * (h / 2) * 3];
+    for y in 0..h / 2 * 2 {
+        for x in 0..w / 2 * 2 {
+            for c in 0..3 {
+                let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
+                let value = &from[(y * w + x) * 3 + c];
+                (0..4).for_each(|k| to[k] += value[k]);
+            }
+        }
+    }
+    out
+}
+
+/// Means over rows and over columns.
+fn lines(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, Variances)>) {
+    let mut rows = vec![[0.0f64; 4]; h * 3];
+    let mut columns = vec![[0.0f64; 4]; w * 3];
+    for y in 0..h {
+        for x in 0..w {
+            for c in 0..3 {
+                let Some((e, v)) = value((y * w + x) * 3 + c) else { continue };
+                let add = [e, v.free + v.fixed, v.row, 1.0].map(f64::from);
+                for k in 0..4 {
+                    rows[y * 3 + c][k] += add[k];
+                    columns[x * 3 + c][k] += add[k];
+                }
+            }
+        }
+    }
+    for r in rows.iter().filter(|r| r[3] >= 0.25 * w as f64) {
+        means[0].add(r[0] / r[3], r[1] / (r[3] * r[3]) + r[2] / r[3]);
+    }
+    for r in columns.iter().filter(|r| r[3] >= 0.25 * h as f64) {
+        means[1].add(r[0] / r[3], (r[1] + r[2]) / (r[3] * r[3]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_score_of_a_normal_variable_is_lowest_at_its_own_spread() {
+        // Mean over quantiles of the standard normal distribution scaled by 3.
+        let draws: Vec<f64> = (0..4000)
+            .map(|i| {
+                let u = (f64::from(i) + 0.5) / 4000.0;
+                // Inverse of the distribution by bisection of erf.
+                let (mut lo, mut hi) = (-6.0, 6.0);
+                for _ in 0..60 {
+                    let mid = 0.5 * (lo + hi);
+                    if 0.5 * (1.0 + erf(mid * std::f64::consts::FRAC_1_SQRT_2)) < u {
+                        lo = mid
+                    } else {
+                        hi = mid
+                    }
+                }
+                3.0 * lo
+            })
+            .collect();
+        let mean = |sigma: f64, shift: f64| {
+            draws.iter().map(|d| crps(d + shift, sigma * sigma)).sum::<f64>() / draws.len() as f64
+        };
+        let right = mean(3.0, 0.0);
+        assert!((right - 3.0 * FRAC_1_SQRT_PI).abs() < 2e-3, "{right}");
+        for (sigma, shift) in [(2.0, 0.0), (4.5, 0.0), (0.0, 0.0), (3.0, 1.0)] {
+            assert!(mean(sigma, shift) > right + 0.02, "{sigma} {shift}");
+        }
+    }
+
+    #[test]
+    fn row_noise_is_seen_by_row_means_and_not_by_pixels_alone() {
+        // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
+        let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
+        let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
+        let scored = Scored { real: &real, mean: &mean, mask: None };
+        let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0));
+        let white = Spread::new(&Theta::neutral().with(P::Read, 4.0 / slope));
+        let row = Spread::new(&Theta::neutral().with(P::Row, 4.0 / slope));
+        let (white, row) = (score_frame(&scored, None, &white), score_frame(&scored, None, &row));
+        assert!(row.score < 0.8 * white.score, "{row:?} {white:?}");
+    }
+}

@@ -1,0 +1,99 @@
+//! Where fits begin. Effects with more than one valley get several starts; the cheapest at a coarse size go on.
+
+use super::evidence::Evidence;
+use super::fit::{Target, cost_of};
+use super::forward::Forward;
+use super::model::{CandidateSpec, P, Theta};
+use crate::camera::ScanOrder;
+use crate::error::Result;
+
+/// Px a block at which starts are compared.
+const BLOCK: usize = 4;
+
+/// Starts for a candidate beside what `theta` already has.
+fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Theta> {
+    let period_s = forward.period_s;
+    let longest_s = forward.longest_s();
+    let one = |p: P, values: &[f64]| -> Vec<Theta> { values.iter().map(|&v| theta.with(p, v)).collect() };
+    match candidate.name {
+        "time_offset" => {
+            let [from_s, to_s] = forward.offsets_s();
+            let shares = [-0.6, -0.3, -0.1, 0.1, 0.3, 0.6].map(|s| (s * period_s).clamp(from_s, to_s));
+            one(P::Offset, &shares)
+        }
+        "rolling_shutter" => {
+            let mut all = Vec::new();
+            for order in ScanOrder::ALL {
+                for share in [0.2, 0.5, 0.9] {
+                    let mut at = theta.with(P::Readout, (share * period_s).min(longest_s));
+                    at.scan_order = order;
+                    all.push(at);
+                }
+            }
+            all
+        }
+        "motion_blur" => {
+            let mut all = Vec::new();
+            for share in [0.1, 0.25, 0.5, 0.85] {
+                let exposure_s = (share * period_s).min(longest_s);
+                let at = theta.with(P::Exposure, exposure_s);
+                // The exposure delays the middle of every line by half of it: what another effect about time has
+                // taken for that is given back.
+                if theta.is_on(P::Offset) {
+                    all.push(at.with(P::Offset, at.get(P::Offset) - 0.5 * exposure_s));
+                }
+                if theta.is_on(P::Readout) {
+                    all.push(at.with(P::Readout, (at.get(P::Readout) - exposure_s).max(0.1 * period_s)));
+                }
+                all.push(at);
+            }
+            all
+        }
+        "defocus" => one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]),
+        "sharpening" => {
+            let mut all = Vec::new();
+            for (amount, radius) in [(0.3, 0.7), (0.5, 1.5), (1.2, 1.0)] {
+                all.push(theta.with(P::Sharpen, amount).with(P::Radius, radius));
+            }
+            all
+        }
+        "glare" => {
+            let mut all = Vec::new();
+            for (veil, level) in [(0.05, 0.8), (0.05, 0.2), (0.2, 0.5)] {
+                all.push(theta.with(P::Veil, veil).with(P::Level, level));
+            }
+            all
+        }
+        "flicker" => {
+            let frequencies = [25.0, 50.0, 60.0, 75.0, 90.0, 100.0, 110.0, 120.0, 140.0, 160.0, 200.0, 240.0];
+            let start = |f: f64| theta.with(P::FlickerF, f).with(P::FlickerC, 1e-3).with(P::FlickerS, 1e-3);
+            frequencies.map(start).to_vec()
+        }
+        _ => vec![theta.clone()],
+    }
+}
+
+/// The best starts, at most `most`.
+pub(super) fn best_starts(
+    forward: &mut Forward,
+    target: &Target<'_>,
+    evidence: &Evidence,
+    theta: &Theta,
+    candidate: &CandidateSpec,
+    most: usize,
+) -> Result<Vec<Theta>> {
+    let all = starts(forward, theta, candidate);
+    if all.len() <= most {
+        return Ok(all);
+    }
+    // Three frames from all over the evidence suffice to tell valleys apart.
+    let fit = &evidence.fit;
+    let some: Vec<usize> =
+        if fit.len() <= 3 { fit.clone() } else { [0, fit.len() / 2, fit.len() - 1].map(|i| fit[i]).to_vec() };
+    let mut costs = Vec::new();
+    for (i, start) in all.iter().enumerate() {
+        costs.push((cost_of(forward, target, &some, start, BLOCK, 2.0)?, i));
+    }
+    costs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(costs.iter().take(most).map(|&(_, i)| all[i].clone()).collect())
+}

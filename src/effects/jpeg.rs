@@ -1,0 +1,67 @@
+//! The camera's JPEG, 4:4:4 (for coarser colour put [`super::ChromaSubsampling`] before it): encoded and decoded again by
+//! the `image` crate on the CPU. The delivered 8-bit picture; the last of all effects.
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageFormat};
+
+use crate::chain::{Domain, Effect, ParamSpec, Settings, Stage, Work};
+use crate::plane::Plane;
+
+/// The effect; its values live in [`Settings`].
+pub struct Jpeg;
+
+const SPECS: &[ParamSpec] =
+    &[ParamSpec::integer("quality", "", (0.0, 100.0), "1 (coarsest) to 100, as in libjpeg; 0: no JPEG")];
+
+fn through_jpeg(picture: &mut Plane<u8>, settings: &Settings) {
+    let quality = settings.number("jpeg", "quality", 0.0) as u8;
+    let (width, height) = (picture.width as u32, picture.height as u32);
+    let mut bytes = Vec::new();
+    // Sides are at most 16384 px, JPEG's limit is 65535, and a Vec takes all that is written.
+    JpegEncoder::new_with_quality(&mut bytes, quality)
+        .encode(&picture.data, width, height, ExtendedColorType::Rgb8)
+        .expect("a picture of an allowed size can be encoded into memory");
+    let decoded = image::load_from_memory_with_format(&bytes, ImageFormat::Jpeg);
+    picture.data = decoded.expect("what the encoder wrote can be decoded").into_rgb8().into_raw();
+}
+
+impl Effect for Jpeg {
+    fn id(&self) -> &'static str {
+        "jpeg"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn work(&self) -> Work {
+        Work::Host(through_jpeg)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::Value;
+
+    #[test]
+    fn coarser_is_further_off() {
+        let picture = Plane::from_fn(33, 17, |x, y| {
+            [(x * 37 + y * 91) as u8, (x * 7) as u8, ((x / 4 + y / 4) % 2 * 255) as u8]
+        });
+        let off = |quality: f64| {
+            let mut settings = Settings::default();
+            settings.set(&Jpeg, "quality", Value::Number(quality)).expect("in range");
+            let mut seen = picture.clone();
+            through_jpeg(&mut seen, &settings);
+            assert_eq!((seen.width, seen.height, seen.data.len()), (33, 17, 33 * 17 * 3));
+            crate::plane::metrics::mean_absolute_difference(&seen, &picture)
+        };
+        let (fine, coarse) = (off(100.0), off(10.0));
+        assert!(fine < 2.0 && coarse > 5.0 * fine, "{fine} {coarse}");
+    }
+}

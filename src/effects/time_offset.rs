@@ -1,0 +1,36 @@
+//! The camera's clock is not the trajectory's: true start = timestamp + offset (CAPTURE contract). Acts where a frame is
+//! requested: [`crate::capture::Capture::shutter`].
+
+use crate::chain::{Effect, ParamSpec, Settings, Stage};
+
+/// The effect; its values live in [`Settings`].
+pub struct TimeOffset;
+
+const SPECS: &[ParamSpec] = &[ParamSpec::number(
+    "offset_s",
+    "s",
+    (-1.0, 1.0),
+    0.0,
+    "how much later than its timestamp a frame starts",
+)];
+
+impl TimeOffset {
+    /// Offset, s; 0 when the effect is off.
+    pub fn offset_s(settings: &Settings) -> f64 {
+        settings.number("time_offset", "offset_s", 0.0)
+    }
+}
+
+impl Effect for TimeOffset {
+    fn id(&self) -> &'static str {
+        "time_offset"
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::SetUp
+    }
+}

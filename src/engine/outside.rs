@@ -1,0 +1,424 @@
+//! Frames from outside: colour with motion, or colour with depth and two poses, through the same gather and the same
+//! last passes as the engine's own. The engine's own planes handed back in give the engine's own picture.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::finish::{Finish, prepare};
+use super::frame::{Frame, FrameInstants, FrameRequest};
+use super::outside_kernels::{Groups, Kernels, Unpacked};
+use super::slots::FrameSlot;
+use super::{Stage, Ticket};
+use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Semaphore, Usage};
+use crate::plane::PixelFormat;
+use crate::raster::{SamplePlan, SceneBuffers};
+use crate::reference::motion_from_depth::Push as FromDepthPush;
+use crate::reference::paper_gather::Push as GatherPush;
+use crate::reference::unpack::{ColorPush, DepthPush, Encoding, MotionPush};
+use crate::scene::Scene;
+
+/// Most motion images of a frame.
+pub const MAX_OUTSIDE_MOTIONS: usize = 6;
+
+/// Where the bytes of a picture are.
+#[derive(Clone, Copy)]
+pub enum PixelSource<'a> {
+    /// In host memory; copied before `submit` returns.
+    Host(&'a [u8]),
+    /// In a buffer that the device reads, from this byte on (a multiple of 4). Must not be written until the frame is
+    /// collected.
+    Shared(&'a Arc<Buffer>, u64),
+}
+
+/// A picture of the caller.
+#[derive(Clone, Copy)]
+pub struct OutsidePixels<'a> {
+    /// Layout of a pixel.
+    pub format: PixelFormat,
+    /// From one row to the next, bytes.
+    pub stride_bytes: usize,
+    /// The bytes: the first row starts at the first.
+    pub source: PixelSource<'a>,
+}
+
+/// How a frame's content moves.
+pub enum OutsideMotion<'a> {
+    /// One to six motion images, equally spaced in time.
+    Images {
+        /// Their pixels.
+        images: Vec<OutsidePixels<'a>>,
+        /// What turns the values given into px per frame interval, content from its previous to its current place.
+        scale: [f32; 2],
+        /// Time of the first, s.
+        first_time_s: f64,
+        /// Time from one to the next, s; unused with one.
+        step_s: f64,
+    },
+    /// Depth of the colour's instant, of a resting scene.
+    Depth {
+        /// Its pixels ([`PixelFormat::R32f`]).
+        image: OutsidePixels<'a>,
+        /// `None`: metres along the optical axis. Else metres = n / (c + s value), given as `[n, c, s]`.
+        decode: Option<[f32; 3]>,
+        /// World from camera at two times (s) of the frame, the earlier first. The colour's instant lies between them.
+        poses: [(f64, Pose); 2],
+    },
+}
+
+/// A frame from outside.
+pub struct OutsideFrame<'a> {
+    /// Index, shutter, frame interval, seed, pixel effects. (`planes` and `static_camera` mean nothing here.)
+    pub request: FrameRequest,
+    /// Colour of one instant, with the margin on every side.
+    pub color: OutsidePixels<'a>,
+    /// What its 8-bit values mean.
+    pub encoding: Encoding,
+    /// When it was rendered, s.
+    pub color_time_s: f64,
+    /// Columns and rows that colour, motion and depth hold beyond each side of the frame.
+    pub margin_px: [u32; 2],
+    /// Motion, or what it is computed from.
+    pub motion: OutsideMotion<'a>,
+    /// Most samples of the blur.
+    pub max_samples: u32,
+    /// What the device waits for before it reads the pictures, and what it signals when the frame is done.
+    pub between: [Option<Arc<Semaphore>>; 2],
+    /// Where the picture is copied to as well, as tightly packed RGBA8 (at least `4 width height` bytes).
+    pub copy_to: Option<Arc<Buffer>>,
+}
+
+/// Processes frames from outside for one camera.
+pub struct OutsideEngine {
+    slots: Vec<FrameSlot>,
+    uploads: Vec<Vec<Option<Buffer>>>,
+    /// What the frames in flight use of the caller's, by slot.
+    kept: Vec<Kept>,
+    images: Option<Images>,
+    kernels: Kernels,
+    finish: Finish,
+    next: usize,
+    time_limit: Duration,
+    stage: Stage,
+}
+
+/// The caller's semaphores and the buffer that a picture is copied to.
+type Kept = ([Option<Arc<Semaphore>>; 2], Option<Arc<Buffer>>);
+
+/// Everything whose size depends on the margin.
+struct Images {
+    margin_px: [u32; 2],
+    groups: Groups,
+    color: Image,
+    motion: Image,
+    depth: Image,
+}
+
+impl OutsideEngine {
+    /// Makes what frames of this size need; `frames_in_flight` is 1 to 8.
+    ///
+    /// # Errors
+    /// Sizes that the device cannot do, out of memory.
+    pub fn new(
+        context: &Arc<Context>,
+        intrinsics: Intrinsics,
+        frames_in_flight: u32,
+        time_limit: Duration,
+    ) -> Result<Self> {
+        super::check_size(&intrinsics)?;
+        let scene = Scene::default();
+        let stage = Stage {
+            buffers: SceneBuffers::new(context, &scene)?,
+            plan: SamplePlan { grid: 1, msaa: 1 },
+            scene: Arc::new(scene),
+            trajectory: Arc::new(Trajectory::fixed(Pose::IDENTITY)),
+            intrinsics,
+            lens: None,
+            context: context.clone(),
+        };
+        let count = frames_in_flight.clamp(1, 8) as usize;
+        let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
+        let size = [intrinsics.width, intrinsics.height];
+        let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
+        let kernels = Kernels::new(context)?;
+        let uploads = (0..count).map(|_| (0..=MAX_OUTSIDE_MOTIONS).map(|_| None).collect()).collect();
+        let kept = (0..count).map(|_| Kept::default()).collect();
+        Ok(Self { slots, uploads, kept, images: None, kernels, finish, next: 0, time_limit, stage })
+    }
+
+    /// Whether another frame can be submitted before one is collected.
+    pub fn has_room(&self) -> bool {
+        !self.slots[self.next].pending()
+    }
+
+    /// How many frames were submitted and not collected.
+    pub fn pending(&self) -> usize {
+        self.slots.iter().filter(|s| s.pending()).count()
+    }
+
+    /// Records a frame and hands it to the device.
+    ///
+    /// # Errors
+    /// A margin beyond the device's limits; a depth's poses that do not enclose the colour's instant; device lost; out of
+    /// memory.
+    ///
+    /// # Panics
+    /// If there is no room, or a picture is shorter than its size and stride say.
+    pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
+        let index = self.next;
+        assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        let from_depth = match &frame.motion {
+            OutsideMotion::Images { .. } => None,
+            OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),
+        };
+        self.fit(frame)?;
+        let view = frame.request.view(self.stage.intrinsics);
+        let slot = &mut self.slots[index];
+        self.finish.fit((&frame.request.settings, &view), false, (&mut slot.gpu, slot.index))?;
+        self.upload(index, frame)?;
+        self.slots[index].start(&frame.request, instants(&frame.request.shutter));
+        if let Err(error) = self.record(index, frame, from_depth) {
+            self.slots[index].cancel();
+            return Err(error);
+        }
+        self.next = (index + 1) % self.slots.len();
+        Ok(Ticket { slot: index })
+    }
+
+    /// Whether a frame can be collected without waiting.
+    ///
+    /// # Errors
+    /// Device lost.
+    pub fn finished(&self, ticket: &Ticket) -> Result<bool> {
+        self.slots[ticket.slot].gpu.finished()
+    }
+
+    /// Waits for a frame without taking it.
+    ///
+    /// # Errors
+    /// Device lost; not finished within `limit`: then it can be waited for again.
+    pub fn wait(&mut self, ticket: &Ticket, limit: Duration) -> Result<()> {
+        self.slots[ticket.slot].gpu.wait(limit)
+    }
+
+    /// Waits for a frame and reads it back. Poses in its instants are the identity: this engine knows none.
+    ///
+    /// # Errors
+    /// Device lost, or the time limit passed.
+    pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
+        let slot = &mut self.slots[ticket.slot];
+        slot.gpu.wait(self.time_limit)?;
+        let times = slot.finish_times()?;
+        let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
+        Ok(slot.take_frame(size, times, None))
+    }
+
+    /// Makes the images for the frame's margin.
+    fn fit(&mut self, frame: &OutsideFrame<'_>) -> Result<()> {
+        if self.images.as_ref().is_some_and(|i| i.margin_px == frame.margin_px) {
+            return Ok(());
+        }
+        for slot in &mut self.slots {
+            slot.gpu.wait(self.time_limit)?;
+        }
+        // The old ones first: both might not fit.
+        self.images = None;
+        self.images = Some(self.make_images(frame.margin_px)?);
+        Ok(())
+    }
+
+    fn make_images(&mut self, margin_px: [u32; 2]) -> Result<Images> {
+        let context = &self.stage.context;
+        let camera = self.stage.intrinsics.with_margin(margin_px);
+        let size = [camera.width, camera.height];
+        let color = Image::new(context, "outside color", ImageSpec::storage(size, Format::Rgba32f))?;
+        let layers =
+            ImageSpec { layers: MAX_OUTSIDE_MOTIONS as u32, ..ImageSpec::storage(size, Format::Rg32f) };
+        let motion = Image::new(context, "outside motion", layers)?;
+        let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
+        // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
+        let free = self.slots.iter_mut().find(|s| !s.gpu.in_flight()).expect("all were waited for");
+        free.keep_times()?;
+        prepare(&mut free.gpu, [&color, &motion, &depth])?;
+        let to = Unpacked { color: &color, motion: &motion, depth: &depth };
+        let groups = Groups::new(&self.kernels, to, self.finish.radiance(), self.slots.len())?;
+        Ok(Images { margin_px, groups, color, motion, depth })
+    }
+
+    /// Copies the caller's host memory into the slot's staging buffers. Shared buffers are read where they are.
+    fn upload(&mut self, slot: usize, frame: &OutsideFrame<'_>) -> Result<()> {
+        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
+        for (i, pixels) in pictures(frame).into_iter().enumerate() {
+            let PixelSource::Host(bytes) = pixels.source else { continue };
+            let row = camera.width as usize * pixels.format.bytes();
+            let stride = row.next_multiple_of(4);
+            let needed = (stride * camera.height as usize) as u64;
+            let staging = &mut self.uploads[slot][i];
+            if staging.as_ref().is_none_or(|b| b.bytes() < needed) {
+                let made = Buffer::new(
+                    &self.stage.context,
+                    "outside upload",
+                    needed,
+                    Usage::Storage,
+                    Location::Upload,
+                )?;
+                *staging = Some(made);
+                if let Some(images) = &mut self.images {
+                    images.groups.forget(slot, i);
+                }
+            }
+            let staging = staging.as_mut().expect("just made");
+            if stride == pixels.stride_bytes && bytes.len() >= stride * camera.height as usize {
+                staging.write(0, &bytes[..stride * camera.height as usize]);
+                continue;
+            }
+            for y in 0..camera.height as usize {
+                staging.write(y * stride, &bytes[y * pixels.stride_bytes..][..row]);
+            }
+        }
+        Ok(())
+    }
+
+    fn depth_push(&self, frame: &OutsideFrame<'_>, poses: &[(f64, Pose); 2]) -> Result<FromDepthPush> {
+        let [(from_s, _), (to_s, _)] = *poses;
+        let path = Trajectory::new(
+            std::path::Path::new("the two poses of the depth"),
+            vec![from_s, to_s],
+            poses.iter().map(|p| p.1).collect(),
+        )?;
+        path.require(frame.color_time_s, frame.color_time_s, &format!("frame {}", frame.request.index))?;
+        let now = path.pose_at(frame.color_time_s);
+        let camera_from_now = |pose: &Pose| pose.inverse().then_from(&now);
+        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
+        let (from, to) = (camera_from_now(&poses[0].1), camera_from_now(&poses[1].1));
+        // As the engine's own path rounds it, so that equal input gives equal bits.
+        let scale = (frame.request.frame_interval_s / (to_s - from_s)) as f32;
+        if !scale.is_finite() {
+            let value = ((to_s - from_s) * 1e9) as u64;
+            let why = "two poses so near in time give no motion".to_owned();
+            return Err(Error::Limit { what: "time between the two poses, ns", value, limit: 1, why });
+        }
+        Ok(FromDepthPush { scale, ..FromDepthPush::new(&camera, 0, 1.0, &from, &to) })
+    }
+
+    fn record(
+        &mut self,
+        index: usize,
+        frame: &OutsideFrame<'_>,
+        from_depth: Option<FromDepthPush>,
+    ) -> Result<()> {
+        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
+        let size = [camera.width, camera.height];
+        let pictures = pictures(frame);
+        let Images { groups, color, motion, depth, .. } = self.images.as_mut().expect("made by `fit`");
+        let to = Unpacked { color, motion, depth };
+        groups.bind_sources(&self.kernels, index, to, &pictures, &self.uploads[index])?;
+        let placed: Vec<_> = pictures.iter().map(|p| place(p, camera.width)).collect();
+        let slot = &mut self.slots[index];
+        let mut recorder = slot.gpu.begin()?;
+        recorder.mark("unpack");
+        let (first_byte, stride_bytes) = placed[0];
+        let codes_from = if frame.encoding == Encoding::Linear { 256 } else { 0 };
+        let format = frame.color.format as u32;
+        let push = ColorPush { size, first_byte, stride_bytes, format, codes_from };
+        recorder.dispatch(&self.kernels.color, groups.source(index, 0), &push, size);
+        match &frame.motion {
+            OutsideMotion::Images { images, scale, .. } => {
+                for (k, image) in images.iter().enumerate() {
+                    let (first_byte, stride_bytes) = placed[k + 1];
+                    let (format, layer) = (image.format as u32, k as u32);
+                    let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
+                    recorder.dispatch(&self.kernels.motion, groups.source(index, k + 1), &push, size);
+                }
+            }
+            OutsideMotion::Depth { decode, .. } => {
+                let (first_byte, stride_bytes) = placed[1];
+                let [numerator, constant, slope] = decode.unwrap_or([0.0; 3]);
+                let metres = decode.is_none().into();
+                let push = DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope };
+                recorder.dispatch(&self.kernels.depth, groups.source(index, 1), &push, size);
+                recorder.mark("motion");
+                let push = from_depth.expect("computed for depth");
+                recorder.dispatch(&self.kernels.motion_from_depth, &groups.from_depth, &push, size);
+            }
+        }
+        recorder.mark("paper_gather");
+        let push = gather_push(&self.stage.intrinsics, frame);
+        recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
+        finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));
+        self.kept[index] = (frame.between.clone(), frame.copy_to.clone());
+        let [wait, signal] = &frame.between;
+        slot.gpu.submit_between(wait.as_deref(), signal.as_deref())
+    }
+}
+
+impl Drop for OutsideEngine {
+    fn drop(&mut self) {
+        // Slots wait for their work when they are dropped; what the work uses goes after them.
+        self.slots.clear();
+    }
+}
+
+fn finish_frame(
+    finish: &Finish,
+    mut recorder: Recorder<'_>,
+    frame: &OutsideFrame<'_>,
+    to: (&Buffer, &Buffer),
+) {
+    finish.record(&mut recorder, &frame.request, to);
+    if let Some(also) = &frame.copy_to {
+        recorder.copy_buffer(to.0, also, to.0.bytes());
+        recorder.barrier();
+    }
+    recorder.finish();
+}
+
+/// Colour first, then motion or depth: the order of the staging buffers.
+fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
+    let mut all = vec![frame.color];
+    match &frame.motion {
+        OutsideMotion::Images { images, .. } => all.extend(images.iter().take(MAX_OUTSIDE_MOTIONS)),
+        OutsideMotion::Depth { image, .. } => all.push(*image),
+    }
+    all
+}
+
+/// First byte and stride of a picture where the kernel reads it.
+fn place(pixels: &OutsidePixels<'_>, width: u32) -> (u32, u32) {
+    match pixels.source {
+        PixelSource::Host(_) => (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32),
+        PixelSource::Shared(_, first_byte) => (first_byte as u32, pixels.stride_bytes as u32),
+    }
+}
+
+fn gather_push(intrinsics: &Intrinsics, frame: &OutsideFrame<'_>) -> GatherPush {
+    let shutter = &frame.request.shutter;
+    let (first_s, step_s, count) = match &frame.motion {
+        OutsideMotion::Images { images, first_time_s, step_s, .. } => (*first_time_s, *step_s, images.len()),
+        OutsideMotion::Depth { .. } => (shutter.start_s, 1.0, 1),
+    };
+    GatherPush {
+        size: [intrinsics.width, intrinsics.height],
+        margin_px: frame.margin_px.map(|m| m as i32),
+        start_s: (shutter.start_s - frame.color_time_s) as f32,
+        readout_time_s: shutter.readout_time_s as f32,
+        exposure_time_s: shutter.exposure_time_s as f32,
+        frame_interval_s: frame.request.frame_interval_s as f32,
+        first_motion_s: (first_s - frame.color_time_s) as f32,
+        motion_step_s: step_s as f32,
+        motion_count: count.clamp(1, MAX_OUTSIDE_MOTIONS) as u32,
+        scan_order: shutter.scan_order as u32,
+        max_samples: frame.max_samples.max(1),
+        pixel_time: 0,
+    }
+}
+
+fn instants(shutter: &ShutterTiming) -> FrameInstants {
+    let at = |time_s: f64| (time_s, Pose::IDENTITY);
+    FrameInstants {
+        first_line_start: at(shutter.start_s),
+        middle: at(shutter.middle_s()),
+        last_line_end: at(shutter.end_s()),
+    }
+}

@@ -1,0 +1,147 @@
+//! Pipelines of `outside.rs`, and what they are bound to.
+
+use std::sync::Arc;
+
+use super::outside::{MAX_OUTSIDE_MOTIONS, OutsidePixels, PixelSource};
+use crate::assert_push_layout;
+use crate::error::Result;
+use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
+use crate::kernels::kernel;
+use crate::plane::PixelFormat;
+use crate::reference::unpack::{ColorPush, DepthPush, MotionPush, decode_table};
+
+assert_push_layout!("unpack_color.comp", ColorPush { size, first_byte, stride_bytes, format, codes_from });
+assert_push_layout!(
+    "unpack_motion.comp",
+    MotionPush { size, scale, first_byte, stride_bytes, format, layer }
+);
+assert_push_layout!(
+    "unpack_depth.comp",
+    DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope }
+);
+
+/// The pipelines.
+pub(super) struct Kernels {
+    pub(super) color: ComputePipeline,
+    pub(super) motion: ComputePipeline,
+    pub(super) depth: ComputePipeline,
+    pub(super) motion_from_depth: ComputePipeline,
+    pub(super) gather: ComputePipeline,
+    sampler: Sampler,
+    decode: Buffer,
+}
+
+impl Kernels {
+    pub(super) fn new(context: &Arc<Context>) -> Result<Self> {
+        let table = decode_table();
+        let bytes = size_of_val(table.as_slice()) as u64;
+        let mut decode = Buffer::new(context, "decode", bytes, Usage::Storage, Location::Upload)?;
+        decode.write(0, &table);
+        Ok(Self {
+            color: ComputePipeline::new(context, const { kernel("unpack_color.comp") })?,
+            motion: ComputePipeline::new(context, const { kernel("unpack_motion.comp") })?,
+            depth: ComputePipeline::new(context, const { kernel("unpack_depth.comp") })?,
+            motion_from_depth: ComputePipeline::new(context, const { kernel("motion_from_depth.comp") })?,
+            gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
+            sampler: Sampler::new(context, false)?,
+            decode,
+        })
+    }
+}
+
+/// What the pipelines are bound to, for images of one size.
+pub(super) struct Groups {
+    pub(super) from_depth: BindGroup,
+    pub(super) gather: BindGroup,
+    /// By slot and place (colour, then motion or depth).
+    sources: Vec<[Option<Source>; MAX_OUTSIDE_MOTIONS + 1]>,
+}
+
+/// A group that reads a caller's picture.
+struct Source {
+    /// Which kernel it is for.
+    role: Role,
+    /// The buffer that it is bound to, where it is not the slot's own: the device uses it until the frame is collected.
+    shared: Option<Arc<Buffer>>,
+    group: BindGroup,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Color,
+    Motion,
+    Depth,
+}
+
+/// The images that callers' pictures are unpacked into.
+#[derive(Clone, Copy)]
+pub(super) struct Unpacked<'a> {
+    pub(super) color: &'a Image,
+    pub(super) motion: &'a Image,
+    pub(super) depth: &'a Image,
+}
+
+impl Groups {
+    pub(super) fn new(kernels: &Kernels, to: Unpacked<'_>, radiance: &Image, slots: usize) -> Result<Self> {
+        Ok(Self {
+            from_depth: kernels
+                .motion_from_depth
+                .bind(&[("depth", Bound::Storage(to.depth)), ("motion", Bound::Storage(to.motion))])?,
+            gather: kernels.gather.bind(&[
+                ("color", Bound::Sampled(to.color, &kernels.sampler)),
+                ("motion", Bound::Storage(to.motion)),
+                ("radiance", Bound::Storage(radiance)),
+            ])?,
+            sources: (0..slots).map(|_| Default::default()).collect(),
+        })
+    }
+
+    /// A slot's own buffer of this place was made anew.
+    pub(super) fn forget(&mut self, slot: usize, place: usize) {
+        self.sources[slot][place] = None;
+    }
+
+    /// Binds the pictures of a slot that is not in flight; steady while the same buffers come again.
+    pub(super) fn bind_sources(
+        &mut self,
+        kernels: &Kernels,
+        slot: usize,
+        to: Unpacked<'_>,
+        pictures: &[OutsidePixels<'_>],
+        uploads: &[Option<Buffer>],
+    ) -> Result<()> {
+        for (place, pixels) in pictures.iter().enumerate() {
+            let role = match (place, pixels.format) {
+                (0, _) => Role::Color,
+                (_, PixelFormat::R32f) => Role::Depth,
+                _ => Role::Motion,
+            };
+            let (buffer, shared) = match pixels.source {
+                PixelSource::Host(_) => (uploads[place].as_ref().expect("filled by `upload`"), None),
+                PixelSource::Shared(buffer, _) => (&**buffer, Some(buffer)),
+            };
+            let same =
+                |s: &Source| s.role == role && s.shared.as_ref().map(Arc::as_ptr) == shared.map(Arc::as_ptr);
+            if self.sources[slot][place].as_ref().is_some_and(same) {
+                continue;
+            }
+            let source = ("Source", Bound::Buffer(buffer));
+            let group = match role {
+                Role::Color => kernels.color.bind(&[
+                    source,
+                    ("color", Bound::Storage(to.color)),
+                    ("Decode", Bound::Buffer(&kernels.decode)),
+                ]),
+                Role::Motion => kernels.motion.bind(&[source, ("motion", Bound::Storage(to.motion))]),
+                Role::Depth => kernels.depth.bind(&[source, ("depth", Bound::Storage(to.depth))]),
+            };
+            self.sources[slot][place] = Some(Source { role, shared: shared.cloned(), group: group? });
+        }
+        Ok(())
+    }
+
+    /// The group of a slot's picture.
+    pub(super) fn source(&self, slot: usize, place: usize) -> &BindGroup {
+        &self.sources[slot][place].as_ref().expect("bound by `bind_sources`").group
+    }
+}

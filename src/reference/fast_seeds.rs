@@ -1,0 +1,68 @@
+//! `--method fast`, first part: every texel of the reference picture finds the line that sees it, and lays claim to the
+//! pixel it lands on. What is nearest keeps it. Twin of `glsl/fast_seeds.comp`.
+
+use glam::{IVec2, Vec2};
+
+use super::fast_push::{Inputs, Push, SEED_REACH_PX, seed_key};
+use crate::camera::ScanOrder;
+
+/// The claims: one a destination pixel and slot, 0 where nothing lands (see [`Push::seed_index`]).
+pub fn fast_seeds(push: &Push, inputs: &Inputs<'_>) -> Vec<u32> {
+    let [width, height] = push.size.map(|s| s as i32);
+    let mut seeds = vec![0; (push.slots as i32 * width * height) as usize];
+    for y in 0..height + 2 * push.margin_px[1] {
+        for x in 0..width + 2 * push.margin_px[0] {
+            claim(push, inputs, IVec2::new(x, y), &mut seeds);
+        }
+    }
+    seeds
+}
+
+/// Fraction of the readout at which the line through a position is read, continuous and limited to the picture.
+fn fraction_at(push: &Push, position_px: Vec2) -> f32 {
+    let order = ScanOrder::ALL[push.scan_order as usize];
+    let backwards = matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft);
+    let axis = usize::from(order.lines_are_rows());
+    let (place, count) = (position_px[axis], push.size[axis] as f32);
+    let line = (if backwards { count - place } else { place }) - 0.5;
+    line.clamp(0.0, count - 1.0) / count
+}
+
+fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
+    let paths = &inputs.paths;
+    let texel = source * paths.scale as i32;
+    let margin = IVec2::from(push.margin_px);
+    let at_px = (texel.as_vec2() + 0.5) / paths.scale as f32 - margin.as_vec2();
+    let reference = push.reference_knot as f32;
+    let after = push.last_knot as f32 - reference;
+    let layer = |k: usize| paths.knots(k / 2, texel)[k % 2];
+    let first_px = if reference > 0.0 { layer(0) } else { Vec2::ZERO };
+    let last_px = if after > 0.0 { layer(push.last_knot as usize - 1) } else { Vec2::ZERO };
+    let mut bend = Vec2::ZERO;
+    let mut slope = if after > 0.0 { last_px / after } else { -first_px / reference.max(1.0) };
+    if reference > 0.0 && after > 0.0 {
+        bend = (last_px / after + first_px / reference) / (after + reference);
+        slope = last_px / after - bend * after;
+    }
+    let depth = inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
+    let mut lands_px = at_px;
+    for slot in 0..push.slots {
+        let begin = (push.start_s + push.slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
+        let lines = push.readout_time_s / push.knot_step_s;
+        // The line moves with the point; later slots start from where the one before it landed.
+        for _ in 0..if slot == 0 { 4 } else { 2 } {
+            let t = begin + lines * fraction_at(push, lands_px);
+            lands_px = at_px + t * (slope + t * bend);
+        }
+        let size = Vec2::new(push.size[0] as f32, push.size[1] as f32);
+        if lands_px.cmplt(Vec2::ZERO).any() || !lands_px.cmplt(size).all() {
+            continue;
+        }
+        let pixel = lands_px.floor().as_ivec2();
+        let offset = source - margin - pixel;
+        if offset.abs().max_element() <= SEED_REACH_PX {
+            let seed = &mut seeds[push.seed_index(slot, pixel)];
+            *seed = (*seed).max(seed_key(depth, offset));
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! `--method fast` where several surfaces are seen during the exposure. Twin of `glsl/fast_silhouettes.comp` and
+//! `include/fast_silhouettes.glsl`.
+
+use glam::{IVec2, Vec2, Vec3};
+
+use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
+use super::fast_gather::{Pixel, Task, blur_samples};
+use super::fast_push::{seed_key, seed_offset};
+use super::path::PathWeights;
+use super::sample::sample_bilinear;
+
+/// Steps that lead from a claim to what it shows, and the last one's length, px, if it really lands there.
+const FOLLOW_STEPS: u32 = 3;
+const LANDED_PX: f32 = 0.5;
+const BISECTIONS: u32 = 3;
+/// Ratio of depths between which a silhouette lies; how far from it texels hold both surfaces, and how far that is given
+/// way, px.
+const OTHER_DEPTH: f32 = 1.15;
+const SILHOUETTE_REACH_PX: f32 = 0.5;
+const GIVE_WAY_PX: f32 = 0.5;
+/// Most samples of a pixel.
+const MAX_SILHOUETTE_SAMPLES: u32 = 64;
+const QUARTERS: [Vec2; 4] =
+    [Vec2::splat(-0.25), Vec2::splat(0.25), Vec2::new(0.25, -0.25), Vec2::new(-0.25, 0.25)];
+
+/// What a claim shows at a place and instant.
+struct Followed {
+    source_px: Vec2,
+    inverse_depth: f32,
+    lands: bool,
+}
+
+fn squared(v: Vec2) -> f32 {
+    v.x * v.x + v.y * v.y
+}
+
+fn inverse_depth_at(task: &Task<'_>, position_px: Vec2) -> f32 {
+    let texel = task.inputs.paths.texel(position_px);
+    task.inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0]
+}
+
+/// Between a place on the nearer surface and one on the farther: the first beyond the silhouette, by bisection, and half a
+/// px more, because the texels at the edge hold both.
+fn beside_silhouette(task: &Task<'_>, near_px: Vec2, far_px: Vec2, threshold: f32) -> Vec2 {
+    let (mut a, mut b) = (near_px, far_px);
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (a + b);
+        if inverse_depth_at(task, middle) > threshold {
+            a = middle;
+        } else {
+            b = middle;
+        }
+    }
+    let way = far_px - near_px;
+    b + way * (0.5 / squared(way).max(1e-6).sqrt()).min(1.0)
+}
+
+/// The claimed surface's source by fixed-point iteration. What does not land on `x_px` is hidden in the picture: the
+/// iteration then swings between the surface that hides it and what is visible of its own, and the visible place closest
+/// to the hidden one is taken.
+fn follow(task: &Task<'_>, x_px: Vec2, key: u32, w: &PathWeights) -> Followed {
+    let mut p = x_px + seed_offset(key).as_vec2();
+    let mut before = p;
+    for _ in 0..FOLLOW_STEPS {
+        before = p;
+        p = x_px - task.inputs.paths.nearest_displacement(p, w);
+    }
+    let depth = inverse_depth_at(task, p);
+    if squared(p - before) < LANDED_PX * LANDED_PX {
+        return Followed { source_px: p, inverse_depth: depth, lands: true };
+    }
+    let depth_before = inverse_depth_at(task, before);
+    let (near_px, far_px) = if depth_before > depth { (before, p) } else { (p, before) };
+    let source_px = beside_silhouette(task, near_px, far_px, 0.5 * (depth + depth_before));
+    Followed { source_px, inverse_depth: depth.min(depth_before), lands: false }
+}
+
+/// Texels at a silhouette hold both surfaces, and where the nearer one has moved off they would show a seam of it: a place
+/// so close gives way, not further than it has moved. Path images of one texel a px do not know the silhouette well enough
+/// for that.
+fn clear_of_seams(task: &Task<'_>, position_px: Vec2, w: &PathWeights) -> Vec2 {
+    let paths = &task.inputs.paths;
+    if paths.scale == 1 {
+        return position_px;
+    }
+    let own = inverse_depth_at(task, position_px);
+    let own_px = paths.nearest_displacement(position_px, w);
+    let give_way = |x: f32, y: f32| {
+        let towards = Vec2::new(x, y);
+        let beside = position_px + SILHOUETTE_REACH_PX * towards;
+        let moved = paths.nearest_displacement(beside, w) - own_px;
+        let off = moved.x * towards.x + moved.y * towards.y;
+        if inverse_depth_at(task, beside) > OTHER_DEPTH * own { off.clamp(0.0, GIVE_WAY_PX) } else { 0.0 }
+    };
+    position_px
+        + Vec2::new(give_way(-1.0, 0.0) - give_way(1.0, 0.0), give_way(0.0, -1.0) - give_way(0.0, 1.0))
+}
+
+/// The nearest claimed surface that lands on a place, else the farthest that almost does.
+fn source_of(task: &Task<'_>, at_px: Vec2, w: &PathWeights, [middle, around]: [&SlotClaims; 2]) -> Vec2 {
+    let (mut nearest, mut farthest) = (-1.0, 3e38);
+    let (mut source_px, mut beside_px) = (at_px, at_px);
+    for key in [middle.nearest, middle.farthest, around.nearest, around.farthest] {
+        if key == 0 || key == NO_CLAIM {
+            continue;
+        }
+        let f = follow(task, at_px, key, w);
+        if f.lands && f.inverse_depth > nearest {
+            (nearest, source_px) = (f.inverse_depth, f.source_px);
+        }
+        if !f.lands && f.inverse_depth < farthest {
+            (farthest, beside_px) = (f.inverse_depth, f.source_px);
+        }
+    }
+    clear_of_seams(task, if nearest >= 0.0 { source_px } else { beside_px }, w)
+}
+
+/// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
+/// the end that is closer in time.
+pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
+    let push = task.push;
+    let blur = u32::from(push.slots > 1);
+    let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
+    let (begin, mut middle, end) = (claims(0), claims(blur), claims(2 * blur));
+    let moved = (seed_offset(begin.nearest) - seed_offset(end.nearest)).as_vec2();
+    let count = match blur {
+        0 => 4,
+        _ => blur_samples(push, squared(moved).sqrt()).clamp(4, MAX_SILHOUETTE_SAMPLES),
+    };
+    // In a gap too wide for any claim the search starts from the place itself.
+    if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
+        middle.nearest = seed_key(0.0, IVec2::ZERO);
+    }
+    let scale = task.inputs.color_scale as f32;
+    let (mut sum, mut clamped) = (Vec3::ZERO, false);
+    for i in 0..count {
+        let t = (i as f32 + 0.5) / count as f32;
+        let at = pixel.from + t * pixel.span;
+        let w = task.inputs.paths.weights(at, push.reference_knot, push.last_knot);
+        let quarter = QUARTERS[i as usize % 4];
+        let around = if t < 0.5 { &begin } else { &end };
+        let position = source_of(task, pixel.x_px + quarter, &w, [&middle, around]);
+        // With blur the quarter decides who is seen, and the mean over the whole pixel is read: each quarter comes by too
+        // seldom to be a picture of its own.
+        sum += match blur {
+            0 => sample_bilinear(task.inputs.color, position * scale, &mut clamped),
+            _ => sample_bilinear(&task.areas, (position - quarter - 0.5) * scale + 0.5, &mut clamped),
+        }
+        .truncate();
+    }
+    let [r, g, b] = (sum / count as f32).to_array();
+    [r, g, b, if clamped { -(count as f32) } else { count as f32 }]
+}

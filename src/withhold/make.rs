@@ -1,0 +1,182 @@
+//! Makes one capture: scene, motion, times, the nominal camera, and the frames of the TRUE camera by the CPU oracle.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::draw::Draw;
+use super::hidden::{Hidden, draw as draw_hidden};
+use super::{WithholdOptions, motion, room};
+use crate::camera::Intrinsics;
+use crate::camera::accumulation::AccumulationPlan;
+use crate::camera::samples::sample_positions;
+use crate::capture::{CameraFile, Capture};
+use crate::chain::{Settings, Value, View};
+use crate::effects;
+use crate::error::{Error, Result};
+use crate::plane::{write_atomic, write_png_atomic};
+use crate::reference::{accumulate, chain};
+use crate::scene::load_obj;
+
+/// Frame period of the made cameras, s.
+const FRAME_PERIOD_S: f64 = 1.0 / 30.0;
+/// Motion before the first and after the last frame, s: a time offset is looked for there.
+const MARGIN_S: f64 = 0.3;
+/// Timestamp of the first frame, s.
+const START_S: f64 = 10.0;
+
+/// A case before its frames are rendered.
+pub(super) struct Case {
+    pub(super) index: usize,
+    pub(super) hidden: Hidden,
+    pub(super) motion: String,
+    capture: Capture,
+    noise_seed: u64,
+}
+
+impl Case {
+    /// Draws the case and writes everything but its frames into `folder`.
+    ///
+    /// # Errors
+    /// Files that cannot be written, recordings that cannot be read.
+    pub(super) fn make(
+        options: &WithholdOptions,
+        available: &[&'static str],
+        index: usize,
+        folder: &Path,
+    ) -> Result<Self> {
+        let stream = |purpose: &str| Draw::new(options.seed, index, purpose);
+        for made in [folder.to_owned(), folder.join("objects"), folder.join("real")] {
+            fs::create_dir_all(&made).map_err(|e| Error::io(&made, "create the folder", e))?;
+        }
+        let room = room::write(folder, &mut stream("scene"))?;
+        let mut draw = stream("camera");
+        let frames = options.frames.unwrap_or_else(|| 10 + draw.index(7));
+        let camera = camera(options, &mut draw, room.lit, folder);
+        let duration_s = 2.0 * MARGIN_S + (frames + 2) as f64 * FRAME_PERIOD_S;
+        let motion = motion::Motion::draw(&mut stream("motion"), &options.recordings, duration_s)?;
+        let from_s = START_S - MARGIN_S;
+        write_atomic(&folder.join("trajectory.tum"), motion.tum(from_s).as_bytes())?;
+        for mover in &room.movers {
+            let path = folder.join("objects").join(format!("{}.tum", mover.name));
+            write_atomic(&path, motion::object_tum(mover, from_s, duration_s).as_bytes())?;
+        }
+        let mut csv = String::from("#timestamp [ns],filename\n");
+        for frame in 0..frames {
+            let stamp_ns = ((START_S + frame as f64 * FRAME_PERIOD_S) * 1e9).round() as i64;
+            csv += &format!("{stamp_ns},{frame:06}.png\n");
+        }
+        write_atomic(&folder.join("frames.csv"), csv.as_bytes())?;
+        write_atomic(&folder.join("camera.toml"), camera.to_toml().as_bytes())?;
+        let hidden = draw_hidden(options.seed, index, available, &camera.settings)?;
+        // What a stranger would read, but with the true camera; its file is written only when the answer is opened.
+        let nominal = Capture::read(folder, None)?;
+        let truth = CameraFile { settings: hidden.settings.clone(), ..nominal.camera };
+        let scene = load_scene(folder, &nominal.scene.shading)?;
+        let capture = Capture::with_scene(folder, truth, scene)?;
+        Ok(Self { index, hidden, motion: motion.name, capture, noise_seed: stream("noise").bits() })
+    }
+
+    /// Renders the frames of the true camera: the accumulation reference, then the CPU chain.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub(super) fn render(&self, stop: &dyn Fn() -> bool) -> Result<()> {
+        let capture = &self.capture;
+        let (intrinsics, trajectory) = (capture.true_intrinsics(), capture.true_trajectory());
+        for (frame, entry) in capture.frames.iter().enumerate() {
+            let path = capture.root.join("real").join(&entry.filename);
+            if path.is_file() {
+                continue;
+            }
+            if stop() {
+                return Err(Error::Interrupted { done: frame, total: capture.frames.len() });
+            }
+            let shutter = capture.shutter(frame);
+            let speed =
+                accumulate::largest_speed_px_per_s(&capture.scene, &trajectory, &intrinsics, &shutter);
+            let renders = AccumulationPlan::auto_renders(&shutter, speed, 0.5, 256);
+            let plan = AccumulationPlan::new(&shutter, renders);
+            // Where many renders are averaged, four samples each are more than sixteen of a single one.
+            let blurred = shutter.exposure_time_s > 0.0 && plan.instants.len() >= 8;
+            let samples = sample_positions(if blurred { 4 } else { 16 });
+            let radiance =
+                accumulate::render_frame(&capture.scene, &trajectory, &intrinsics, &shutter, &plan, &samples);
+            let view = View { intrinsics, shutter, frame: frame as u32, seed: self.noise_seed };
+            let picture = chain::picture(effects::LIST, &capture.camera.settings, &view, &radiance);
+            write_png_atomic(&path, &picture)?;
+        }
+        Ok(())
+    }
+
+    /// The answer, as it is sealed.
+    pub(super) fn answer(&self) -> String {
+        let effect = |name: &&'static str| {
+            let table = self.hidden.settings.iter().find(|(n, _)| n == name).map(|(_, t)| t);
+            let mut entry = serde_json::Map::new();
+            entry.insert("name".to_owned(), json!(name));
+            for (parameter, value) in table.into_iter().flatten() {
+                let value = match value {
+                    Value::Number(n) => json!(n),
+                    Value::Choice(c) => json!(c),
+                    Value::Vector3(v) => json!(v),
+                };
+                entry.insert((*parameter).to_owned(), value);
+            }
+            serde_json::Value::Object(entry)
+        };
+        let effects: Vec<_> = self.hidden.names.iter().map(effect).collect();
+        // The noise seed is no one's guess: without it a hash of few possible answers could be searched.
+        let answer = json!({
+            "case": self.index, "kind": self.hidden.kind, "effects": effects, "noise_seed": self.noise_seed,
+        });
+        serde_json::to_string_pretty(&answer).expect("strings and numbers serialize") + "\n"
+    }
+
+    /// Writes the true camera's `camera.toml`.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(super) fn write_true_camera(&self, path: &Path) -> Result<()> {
+        write_atomic(path, self.capture.camera.to_toml().as_bytes())
+    }
+}
+
+fn load_scene(folder: &Path, shading: &crate::scene::Shading) -> Result<crate::scene::Scene> {
+    let mut scene = load_obj(&folder.join("scene.obj"), folder)?;
+    scene.shading = shading.clone();
+    Ok(scene)
+}
+
+/// A nominal camera; some model a little noise of their own, so that the noise floor varies.
+fn camera(options: &WithholdOptions, draw: &mut Draw, lit: bool, folder: &Path) -> CameraFile {
+    let [width, height] = options.size_px;
+    let focal = f64::from(width) * draw.between(0.7, 1.1);
+    let off = |draw: &mut Draw, side: u32| f64::from(side) * (0.5 + draw.between(-0.01, 0.01));
+    let intrinsics = Intrinsics {
+        width,
+        height,
+        fx: focal,
+        fy: focal * draw.between(0.995, 1.005),
+        cx: off(draw, width),
+        cy: off(draw, height),
+    };
+    let mut settings = Settings::default();
+    if draw.chance(0.25)
+        && let Some(effect) = effects::by_id("read_noise")
+    {
+        let sigma = Value::Number(draw.log_between(0.002, 0.01));
+        settings.set(effect, "sigma", sigma).expect("in the range of every noise");
+    }
+    CameraFile {
+        path: PathBuf::from(folder).join("camera.toml"),
+        intrinsics,
+        frame_period_s: FRAME_PERIOD_S,
+        background_ignored: false,
+        static_camera: false,
+        lit,
+        settings,
+        warnings: Vec::new(),
+    }
+}

@@ -1,0 +1,95 @@
+/* cycles.c CYCLES FRAMES: makes, uses and destroys so many engines, then sends so many frames through one, and fails if
+ * resident memory grows after the first tenth. Prints both figures. Deliberate leak with a third argument: the control. */
+#include <shutterbug.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { W = 16, H = 12 };
+
+static void must(shutterbug_status status, const void *handle) {
+    char text[256];
+    if (status == SHUTTERBUG_OK) return;
+    shutterbug_last_error(handle, text, sizeof text);
+    fprintf(stderr, "%s: %s\n", shutterbug_status_text(status), text);
+    exit(1);
+}
+
+static long resident_kib(void) {
+    long pages = 0, ignored = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (!file || fscanf(file, "%ld %ld", &ignored, &pages) != 2) exit(2);
+    fclose(file);
+    return pages * (sysconf(_SC_PAGESIZE) / 1024);
+}
+
+static shutterbug_engine *make(void) {
+    shutterbug_engine_options options = {.struct_size = sizeof options, .samples = 1};
+    shutterbug_engine *engine = NULL;
+    char why[256] = "";
+    options.error_text = why;
+    options.error_capacity = sizeof why;
+    shutterbug_status status = shutterbug_engine_create(&options, &engine);
+    if (status != SHUTTERBUG_OK) {
+        fprintf(stderr, "%s\n", why);
+        exit(status == SHUTTERBUG_NO_DEVICE ? 77 : 1);
+    }
+    shutterbug_camera camera = {.struct_size = sizeof camera, .width = W, .height = H, .fx_px = W, .fy_px = W,
+                                .cx_px = W / 2, .cy_px = H / 2, .frame_period_s = 0.04, .readout_time_s = 0.03,
+                                .exposure_time_s = 0.01};
+    must(shutterbug_engine_set_camera(engine, &camera), engine);
+    return engine;
+}
+
+static void process(shutterbug_engine *engine, uint32_t index) {
+    static unsigned char color[H][W][4];
+    static float motion[H][W][2];
+    for (int y = 0; y < H; ++y)
+        for (int x = 0; x < W; ++x) color[y][x][x % 3] = 200, motion[y][x][0] = 5;
+    shutterbug_image images[2] = {
+        {.struct_size = sizeof *images, .format = SHUTTERBUG_RGBA8, .width = W, .height = H, .stride_bytes = 4 * W,
+         .capacity_bytes = sizeof color, .pixels = color},
+        {.struct_size = sizeof *images, .format = SHUTTERBUG_RG32F, .width = W, .height = H, .stride_bytes = 8 * W,
+         .capacity_bytes = sizeof motion, .pixels = motion}};
+    shutterbug_motion_convention convention = {.struct_size = sizeof convention};
+    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention), NULL);
+    shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images, .motion_count = 1,
+                                  .motions = images + 1, .motion_convention = &convention};
+    shutterbug_frame *frame = NULL;
+    must(shutterbug_engine_submit_outside(engine, &outside, &frame), engine);
+    must(shutterbug_frame_wait(frame, -1), frame);
+    static unsigned char picture[H][W][4];
+    images[0].pixels = picture;
+    must(shutterbug_frame_read(frame, SHUTTERBUG_PICTURE, images), frame);
+    if (picture[1][1][3] != 255) exit(3);
+    must(shutterbug_frame_destroy(frame), NULL);
+}
+
+static int grew(const char *what, long before, long after, long allowed) {
+    printf("%s: resident %ld KiB after a tenth, %ld KiB at the end\n", what, before, after);
+    return after - before > allowed;
+}
+
+int main(int argc, char **argv) {
+    long cycles = argc > 1 ? atol(argv[1]) : 10, frames = argc > 2 ? atol(argv[2]) : 100, before = 0;
+    int bad = 0, leak = argc > 3;
+    for (long i = 0; i < cycles; ++i) {
+        shutterbug_engine *engine = make();
+        process(engine, 0);
+        if (leak) memset(malloc(100000), 1, 100000);
+        must(shutterbug_engine_destroy(engine), NULL);
+        if (i == cycles / 10) before = resident_kib();
+    }
+    if (cycles) bad |= grew("cycles", before, resident_kib(), 4096 + 2 * cycles);
+    if (frames) {
+        shutterbug_engine *engine = make();
+        for (long i = 0; i < frames; ++i) {
+            process(engine, (uint32_t)i);
+            if (i == frames / 10) before = resident_kib();
+        }
+        bad |= grew("frames", before, resident_kib(), 1024);
+        must(shutterbug_engine_destroy(engine), NULL);
+    }
+    return bad ? 4 : 0;
+}

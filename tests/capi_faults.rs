@@ -1,0 +1,334 @@
+//! Device lost and out of memory at every Vulkan call in turn, by a dispatch table of this test's own: it is handed to the
+//! library as the host's `vkGetInstanceProcAddr`, counts the calls, fails the n-th, and keeps count of what lives. After
+//! each failure: the right status, no crash, nothing left behind once the engine is destroyed, and the next engine works.
+#![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
+
+mod capi_support;
+
+use std::collections::BTreeMap;
+use std::ffi::{CStr, c_char, c_void};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicI32, AtomicI64, Ordering};
+
+use ash::vk;
+use capi_support::*;
+use shutterbug::capi::*;
+
+/// Calls until one fails; negative: never.
+static FUSE: AtomicI64 = AtomicI64::new(-1);
+/// What the failing call returns.
+static RESULT: AtomicI32 = AtomicI32::new(0);
+/// The call that failed, how many of each object live, and the real functions.
+static STATE: Mutex<State> = Mutex::new(State { failed: None, live: BTreeMap::new(), real: BTreeMap::new() });
+/// The counters are of the process: one test at a time.
+static ONE: Mutex<()> = Mutex::new(());
+
+struct State {
+    failed: Option<&'static str>,
+    live: BTreeMap<&'static str, i64>,
+    real: BTreeMap<&'static str, usize>,
+}
+
+fn state() -> std::sync::MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// Whether this call is the one that fails.
+fn trips(name: &'static str) -> Option<vk::Result> {
+    if FUSE.load(Ordering::Relaxed) < 0 || FUSE.fetch_sub(1, Ordering::Relaxed) != 0 {
+        return None;
+    }
+    state().failed = Some(name);
+    Some(vk::Result::from_raw(RESULT.load(Ordering::Relaxed)))
+}
+
+fn real<F: Copy>(name: &'static str) -> F {
+    let address = *state().real.get(name).expect("looked up before it is called");
+    assert_eq!(size_of::<F>(), size_of::<usize>());
+    unsafe { std::mem::transmute_copy(&address) }
+}
+
+fn count(object: &'static str, by: i64) {
+    if !object.is_empty() {
+        *state().live.entry(object).or_default() += by;
+    }
+}
+
+macro_rules! table {
+    (
+        may_fail { $($name:ident($($arg:ident: $type:ty),*) makes $made:literal;)* }
+        destroy { $($gone:ident($($garg:ident: $gtype:ty),*) ends $ended:literal by $by:ident;)* }
+    ) => {
+        mod wrapped {
+            #![allow(non_snake_case, clippy::too_many_arguments)]
+            use super::*;
+            $(pub unsafe extern "system" fn $name($($arg: $type),*) -> vk::Result {
+                if let Some(result) = trips(stringify!($name)) {
+                    return result;
+                }
+                let call: unsafe extern "system" fn($($type),*) -> vk::Result = real(stringify!($name));
+                let done = unsafe { call($($arg),*) };
+                if done == vk::Result::SUCCESS {
+                    count($made, 1);
+                }
+                done
+            })*
+            $(pub unsafe extern "system" fn $gone($($garg: $gtype),*) {
+                let call: unsafe extern "system" fn($($gtype),*) = real(stringify!($gone));
+                if $by as u64 != 0 {
+                    count($ended, -1);
+                }
+                unsafe { call($($garg),*) }
+            })*
+        }
+
+        /// The wrapper of a function, if it has one.
+        fn wrapper(name: &CStr) -> Option<(&'static str, usize)> {
+            match name.to_str().ok()? {
+                $(stringify!($name) => Some((stringify!($name), wrapped::$name as *const () as usize)),)*
+                $(stringify!($gone) => Some((stringify!($gone), wrapped::$gone as *const () as usize)),)*
+                _ => None,
+            }
+        }
+    };
+}
+
+type P = *const c_void;
+type H = u64;
+
+table! {
+    may_fail {
+        vkCreateInstance(info: P, alloc: P, out: P) makes "instance";
+        vkEnumeratePhysicalDevices(instance: H, count: P, out: P) makes "";
+        vkEnumerateDeviceExtensionProperties(device: H, layer: P, count: P, out: P) makes "";
+        vkCreateDevice(physical: H, info: P, alloc: P, out: P) makes "device";
+        vkCreatePipelineCache(device: H, info: P, alloc: P, out: P) makes "pipeline cache";
+        vkCreateBuffer(device: H, info: P, alloc: P, out: P) makes "buffer";
+        vkCreateImage(device: H, info: P, alloc: P, out: P) makes "image";
+        vkCreateImageView(device: H, info: P, alloc: P, out: P) makes "image view";
+        vkCreateSampler(device: H, info: P, alloc: P, out: P) makes "sampler";
+        vkAllocateMemory(device: H, info: P, alloc: P, out: P) makes "memory";
+        vkMapMemory(device: H, memory: H, offset: u64, size: u64, flags: u32, out: P) makes "";
+        vkBindBufferMemory(device: H, buffer: H, memory: H, offset: u64) makes "";
+        vkBindImageMemory(device: H, image: H, memory: H, offset: u64) makes "";
+        vkCreateShaderModule(device: H, info: P, alloc: P, out: P) makes "shader module";
+        vkCreateDescriptorSetLayout(device: H, info: P, alloc: P, out: P) makes "set layout";
+        vkCreatePipelineLayout(device: H, info: P, alloc: P, out: P) makes "pipeline layout";
+        vkCreateComputePipelines(device: H, cache: H, count: u32, info: P, alloc: P, out: P) makes "pipeline";
+        vkCreateGraphicsPipelines(device: H, cache: H, count: u32, info: P, alloc: P, out: P) makes "pipeline";
+        vkCreateRenderPass(device: H, info: P, alloc: P, out: P) makes "render pass";
+        vkCreateFramebuffer(device: H, info: P, alloc: P, out: P) makes "framebuffer";
+        vkCreateDescriptorPool(device: H, info: P, alloc: P, out: P) makes "descriptor pool";
+        vkAllocateDescriptorSets(device: H, info: P, out: P) makes "";
+        vkCreateCommandPool(device: H, info: P, alloc: P, out: P) makes "command pool";
+        vkAllocateCommandBuffers(device: H, info: P, out: P) makes "";
+        vkCreateFence(device: H, info: P, alloc: P, out: P) makes "fence";
+        vkCreateQueryPool(device: H, info: P, alloc: P, out: P) makes "query pool";
+        vkBeginCommandBuffer(commands: H, info: P) makes "";
+        vkEndCommandBuffer(commands: H) makes "";
+        vkResetFences(device: H, count: u32, fences: P) makes "";
+        vkQueueSubmit(queue: H, count: u32, submits: P, fence: H) makes "";
+        vkWaitForFences(device: H, count: u32, fences: P, all: u32, limit: u64) makes "";
+        vkGetQueryPoolResults(d: H, p: H, first: u32, count: u32, size: usize, to: P, stride: u64, flags: u32) makes "";
+    }
+    destroy {
+        vkDestroyInstance(instance: H, alloc: P) ends "instance" by instance;
+        vkDestroyDevice(device: H, alloc: P) ends "device" by device;
+        vkDestroyPipelineCache(device: H, it: H, alloc: P) ends "pipeline cache" by it;
+        vkDestroyBuffer(device: H, it: H, alloc: P) ends "buffer" by it;
+        vkDestroyImage(device: H, it: H, alloc: P) ends "image" by it;
+        vkDestroyImageView(device: H, it: H, alloc: P) ends "image view" by it;
+        vkDestroySampler(device: H, it: H, alloc: P) ends "sampler" by it;
+        vkFreeMemory(device: H, it: H, alloc: P) ends "memory" by it;
+        vkDestroyShaderModule(device: H, it: H, alloc: P) ends "shader module" by it;
+        vkDestroyDescriptorSetLayout(device: H, it: H, alloc: P) ends "set layout" by it;
+        vkDestroyPipelineLayout(device: H, it: H, alloc: P) ends "pipeline layout" by it;
+        vkDestroyPipeline(device: H, it: H, alloc: P) ends "pipeline" by it;
+        vkDestroyRenderPass(device: H, it: H, alloc: P) ends "render pass" by it;
+        vkDestroyFramebuffer(device: H, it: H, alloc: P) ends "framebuffer" by it;
+        vkDestroyDescriptorPool(device: H, it: H, alloc: P) ends "descriptor pool" by it;
+        vkDestroyCommandPool(device: H, it: H, alloc: P) ends "command pool" by it;
+        vkDestroyFence(device: H, it: H, alloc: P) ends "fence" by it;
+        vkDestroyQueryPool(device: H, it: H, alloc: P) ends "query pool" by it;
+    }
+}
+
+/// Remembers the real function and gives out its wrapper, if it has one.
+fn wrap(name: *const c_char, found: vk::PFN_vkVoidFunction) -> vk::PFN_vkVoidFunction {
+    let address = found? as usize;
+    match wrapper(unsafe { CStr::from_ptr(name) }) {
+        None => found,
+        Some((name, wrapper)) => {
+            state().real.insert(name, address);
+            Some(unsafe { std::mem::transmute::<usize, unsafe extern "system" fn()>(wrapper) })
+        }
+    }
+}
+
+unsafe extern "system" fn instance_proc(
+    instance: vk::Instance,
+    name: *const c_char,
+) -> vk::PFN_vkVoidFunction {
+    if unsafe { CStr::from_ptr(name) } == c"vkGetDeviceProcAddr" {
+        let found = unsafe { loader()(instance, name) };
+        state().real.insert("vkGetDeviceProcAddr", found? as usize);
+        let mine =
+            device_proc as unsafe extern "system" fn(vk::Device, *const c_char) -> vk::PFN_vkVoidFunction;
+        return Some(unsafe {
+            std::mem::transmute::<*const (), unsafe extern "system" fn()>(mine as *const ())
+        });
+    }
+    wrap(name, unsafe { loader()(instance, name) })
+}
+
+unsafe extern "system" fn device_proc(device: vk::Device, name: *const c_char) -> vk::PFN_vkVoidFunction {
+    let call: vk::PFN_vkGetDeviceProcAddr = real("vkGetDeviceProcAddr");
+    wrap(name, unsafe { call(device, name) })
+}
+
+/// The system's loader, opened once.
+fn loader() -> vk::PFN_vkGetInstanceProcAddr {
+    static ENTRY: std::sync::OnceLock<Option<ash::Entry>> = std::sync::OnceLock::new();
+    let entry = ENTRY.get_or_init(|| unsafe { ash::Entry::load() }.ok());
+    entry.as_ref().expect("checked by the test").static_fn().get_instance_proc_addr
+}
+
+/// What a host does with one engine: outside frames, a scene, reading back.
+fn use_an_engine(method: u32) -> Result<Vec<u8>, (Status, String)> {
+    let mut o = options(method, 0);
+    o.get_instance_proc_addr = instance_proc as *const c_void;
+    let engine = create(o)?;
+    let done = (|| {
+        let check = |code: Status| if code == OK { Ok(()) } else { Err((code, error_of(engine))) };
+        let capture = text("demo/capture");
+        let mut picture = Vec::new();
+        if method != 0 {
+            check(unsafe { shutterbug_engine_load_capture(engine, capture.as_ptr()) })?;
+        }
+        check(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) })?;
+        let small = Small::new(16, 12);
+        if method == 0 {
+            picture.extend(process(engine, &small.outside, [16, 12])?);
+            picture.extend(process(engine, &small.outside, [16, 12])?);
+            return Ok(picture);
+        }
+        let mut request: shutterbug_request = sized();
+        request.time_s = 0.05;
+        let mut frame = std::ptr::null_mut();
+        check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) })?;
+        let code = shutterbug_frame_wait(frame, -1.0);
+        let text = error_of(frame);
+        assert_eq!(shutterbug_frame_destroy(frame), OK);
+        if code == OK { Ok(picture) } else { Err((code, text)) }
+    })();
+    // A failed engine answers, and is destroyed.
+    if let Err((code, _)) = &done
+        && *code == status("DEVICE_LOST")
+    {
+        let again = process(engine, &Small::new(16, 12).outside, [16, 12]).unwrap_err();
+        assert_eq!(again.0, status("DEVICE_LOST"), "a lost device stays lost: {}", again.1);
+    }
+    assert_eq!(shutterbug_engine_destroy(engine), OK);
+    done
+}
+
+fn nothing_is_left(after: &str) {
+    let left: Vec<_> =
+        state().live.iter().filter(|(_, n)| **n != 0).map(|(o, n)| format!("{n} {o}")).collect();
+    assert!(left.is_empty(), "after {after}: left behind: {}", left.join(", "));
+}
+
+/// Whether Vulkan allows this result of this call.
+fn can_return(name: &str, result: vk::Result) -> bool {
+    let may_lose_the_device = ["vkCreateDevice", "vkQueueSubmit", "vkWaitForFences", "vkGetQueryPoolResults"];
+    // The allocator tells only whether memory ran out; other results of its calls are lost in it.
+    result != vk::Result::ERROR_DEVICE_LOST || may_lose_the_device.contains(&name)
+}
+
+/// Fails each call in turn with one result; `want` is the picture without failure. Returns how many there were and the names of those that failed.
+fn fail_each(method: u32, want: &[u8], result: vk::Result, expected: &str) -> (usize, Vec<&'static str>) {
+    let mut names = Vec::new();
+    for n in 0.. {
+        RESULT.store(result.as_raw(), Ordering::Relaxed);
+        state().failed = None;
+        FUSE.store(n, Ordering::Relaxed);
+        let done = use_an_engine(method);
+        FUSE.store(-1, Ordering::Relaxed);
+        let failed = state().failed;
+        let Some(name) = failed else {
+            assert!(done.is_ok(), "nothing failed, but: {done:?}");
+            return (n as usize, names);
+        };
+        match done {
+            Err((code, text)) if can_return(name, result) => {
+                assert_eq!(code, status(expected), "call {n}, {name}: {text}");
+            }
+            // Vulkan does not allow this result of this call; any error will do.
+            Err((code, text)) => {
+                assert!(code != status("PANIC") && !text.is_empty(), "call {n}, {name}: {text}")
+            }
+            // The allocator tries other kinds of memory when one runs out.
+            Ok(picture) => {
+                let tried_again = ["vkAllocateMemory", "vkMapMemory"].contains(&name);
+                assert!(tried_again, "call {n}, {name}, failed and nobody noticed");
+                assert!(picture == want, "call {n}, {name}: another picture");
+            }
+        }
+        nothing_is_left(name);
+        if !names.contains(&name) {
+            names.push(name);
+            // The next engine in the process works.
+            assert!(use_an_engine(0).is_ok(), "the engine after a failed {name}");
+            nothing_is_left("the next engine");
+        }
+    }
+    unreachable!("a run has an end")
+}
+
+fn ready(test: &str) -> bool {
+    if unsafe { ash::Entry::load() }.is_err() {
+        eprintln!("SKIPPED {test}: no Vulkan loader");
+        return false;
+    }
+    let Some(engine) = engine(test, options(2, 0)) else { return false };
+    shutterbug_engine_destroy(engine) == OK
+}
+
+#[test]
+fn device_lost_and_out_of_memory_at_every_call_of_an_outside_frame() {
+    let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if !ready("device_lost_and_out_of_memory_at_every_call_of_an_outside_frame") {
+        return;
+    }
+    let first = use_an_engine(0).unwrap();
+    nothing_is_left("a run without failure");
+    // Host memory takes the same ways as the device's, and a third run half a minute: with SHUTTERBUG_LONG=1.
+    let kinds = if std::env::var_os("SHUTTERBUG_LONG").is_some() { 3 } else { 2 };
+    let all = [
+        (vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST"),
+        (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY"),
+        (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "OUT_OF_MEMORY"),
+    ];
+    for (result, expected) in all.into_iter().take(kinds) {
+        let (calls, names) = fail_each(0, &first, result, expected);
+        eprintln!("{expected}: {calls} calls, {} kinds: {}", names.len(), names.join(" "));
+        assert!(calls > 100 && names.len() > 20, "control: the table wraps what is called");
+    }
+    assert!(use_an_engine(0).unwrap() == first, "after all that, the same picture");
+}
+
+#[test]
+fn device_lost_and_out_of_memory_at_every_call_of_a_scene() {
+    let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if !ready("device_lost_and_out_of_memory_at_every_call_of_a_scene") {
+        return;
+    }
+    for (method, result, expected) in [
+        (2, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY"),
+        (2, vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST"),
+    ] {
+        let (calls, names) = fail_each(method, &[], result, expected);
+        eprintln!("method {method}, {expected}: {calls} calls, {} kinds", names.len());
+        assert!(names.contains(&"vkCreateGraphicsPipelines"), "control: the scene is drawn");
+    }
+}
