@@ -71,7 +71,7 @@ fn table(runs: &[(&str, Timings)]) -> String {
             writeln!(text, "{first:<18}{:<28}{:>12.3}{:>12.3}", pass.name, pass.ms_median, pass.ms_p95)
                 .expect("as above");
         }
-        let whole = format!("whole frame, host ({})", run.frames);
+        let whole = format!("host clock, {} frames", run.frames);
         writeln!(
             text,
             "{:<18}{whole:<28}{:>12.3}",
