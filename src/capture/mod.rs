@@ -43,22 +43,21 @@ impl Capture {
     /// # Errors
     /// Everything that is missing or wrong, with file and line.
     pub fn read(root: &Path, camera: Option<&Path>) -> Result<Self> {
-        Self::read_with(root, camera, |_| Ok(()))
+        Self::read_with(root, camera, CameraFile::read)
     }
 
-    /// Reads a capture whose camera is changed by `adjust` before anything depends on it (a preset's effects, say).
+    /// Reads a capture whose camera is read by `read_camera`: from another format, or with a preset's effects.
     ///
     /// # Errors
-    /// As [`Self::read`], and those of `adjust`.
+    /// As [`Self::read`], and those of `read_camera`.
     pub fn read_with(
         root: &Path,
         camera: Option<&Path>,
-        adjust: impl FnOnce(&mut CameraFile) -> Result<()>,
+        read_camera: impl FnOnce(&Path) -> Result<CameraFile>,
     ) -> Result<Self> {
         let camera_path = camera.map_or_else(|| root.join("camera.toml"), Path::to_owned);
         check_present(root, &camera_path)?;
-        let mut camera = CameraFile::read(&camera_path)?;
-        adjust(&mut camera)?;
+        let camera = read_camera(&camera_path)?;
         let mut scene = load_obj(&root.join("scene.obj"), root)?;
         if camera.lit {
             let path = root.join("lights.toml");

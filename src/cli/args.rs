@@ -169,7 +169,7 @@ pub struct Simulate {
     /// Folder for the frames (NNNNNN.png), instants.csv and simulate.json; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Use this camera instead of the capture's camera.toml
+    /// Use this camera instead of the capture's camera.toml; ROS, Kalibr and EuRoC YAML are read too
     #[arg(long)]
     pub camera: Option<PathBuf>,
     /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win

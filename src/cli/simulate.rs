@@ -15,7 +15,7 @@ use super::timings::Timings;
 use crate::capture::Capture;
 use crate::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use crate::error::{Error, Result};
-use crate::formats::{apply_preset, preset};
+use crate::formats::{preset, read_capture};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use crate::plane::{write_atomic, write_exr_plane, write_png_atomic};
 
@@ -27,11 +27,7 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 /// Runs the command.
 pub fn run(args: &Simulate) -> Result<()> {
     let preset = args.preset.as_deref().map(preset).transpose()?;
-    let capture = Capture::read_with(&args.capture, args.camera.as_deref(), |camera| {
-        let notes = preset.map(|preset| apply_preset(preset, camera)).transpose()?.unwrap_or_default();
-        notes.iter().for_each(|note| tracing::warn!("--preset: {note}"));
-        Ok(())
-    })?;
+    let capture = read_capture(&args.capture, args.camera.as_deref(), preset)?;
     fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
     let todo = start_run(args, &capture)?;
     write_atomic(&args.out.join("instants.csv"), instants_csv(&capture).as_bytes())?;

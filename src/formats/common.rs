@@ -89,8 +89,7 @@ pub(super) fn rigid(m: [f64; 12]) -> std::result::Result<Pose, String> {
     let rotation = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
     let off = (rotation * rotation.transpose() - DMat3::IDENTITY).to_cols_array();
     let worst = off.iter().fold(0.0, |worst: f64, v| worst.max(v.abs()));
-    // Written so that NaN is refused.
-    if !(worst <= ROTATION_TOLERANCE) {
+    if worst > ROTATION_TOLERANCE || worst.is_nan() {
         return Err(format!("whose rows are {worst:.3} from orthonormal"));
     }
     if rotation.determinant() < 0.0 {

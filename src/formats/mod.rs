@@ -5,6 +5,7 @@
 //! written file. OpenCV, ROS, Kalibr and EuRoC put pixel centres at whole numbers, this program at halves: cx and cy
 //! differ by 0.5.
 
+mod capture;
 mod common;
 mod euroc;
 mod kalibr;
@@ -20,6 +21,7 @@ mod yaml;
 
 use std::path::Path;
 
+pub use capture::read_capture;
 pub use model::{CameraModel, Imported};
 pub use motion::{Motion, read_euroc, read_kitti};
 pub use presets::{PRESETS, Preset, apply_preset, preset};
@@ -28,8 +30,8 @@ use crate::capture::{CameraFile, read_text};
 use crate::error::{Error, Result};
 use yaml::Field;
 
-/// Frame rates that a file can state: one frame a day, to a frame a microsecond.
-const RATE_HZ: (f64, f64) = (1.0 / 86_400.0, 1e6);
+/// Frame rates that a file can state: about one frame a day, to a frame a microsecond.
+const RATE_HZ: (f64, f64) = (1e-5, 1e6);
 
 /// A format of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -154,8 +154,8 @@ pub(super) fn parse_ground_truth(path: &Path, text: &str) -> Result<Vec<(i64, Po
         }
         let [px, py, pz, qw, qx, qy, qz] = numbers(path, number, &fields[1..8])?;
         let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
-        // Written so that NaN is refused.
-        if !((rotation.length() - 1.0).abs() <= QUATERNION_TOLERANCE) {
+        // Components are at most 1e9, so the length is finite.
+        if (rotation.length() - 1.0).abs() > QUATERNION_TOLERANCE {
             let found = format!("a quaternion of length {:.6}", rotation.length());
             return Err(Error::input(path, number, found, "a unit quaternion qw, qx, qy, qz"));
         }

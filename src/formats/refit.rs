@@ -52,8 +52,8 @@ fn samples(k: &Intrinsics, mapping: &impl Fn(DVec2) -> DVec2) -> Vec<(DVec2, DVe
             let ideal = direction * (reach * step as f64 / STEPS as f64);
             let distorted = mapping(ideal);
             let radius = distorted.length();
-            // Written so that NaN ends the ray.
-            if !(radius > last) || distorted.cmplt(low).any() || distorted.cmpgt(high).any() {
+            if radius <= last || radius.is_nan() || distorted.cmplt(low).any() || distorted.cmpgt(high).any()
+            {
                 break;
             }
             last = radius;
@@ -74,7 +74,7 @@ fn equations(p: DVec2) -> [[f64; 5]; 2] {
 fn solve(mut a: [[f64; 5]; 5], mut b: [f64; 5]) -> Option<[f64; 5]> {
     for column in 0..5 {
         let pivot = (column..5).max_by(|&i, &j| a[i][column].abs().total_cmp(&a[j][column].abs()))?;
-        if !(a[pivot][column].abs() > 1e-300) {
+        if a[pivot][column].abs() <= 1e-300 || a[pivot][column].is_nan() {
             return None;
         }
         a.swap(column, pivot);

@@ -80,7 +80,7 @@ struct Open {
 enum OpenKind {
     List(Vec<Node>),
     /// Finished entries, and the key that waits for its value.
-    Map(Vec<(String, Node)>, Option<String>),
+    Map(Vec<(String, Node)>, Option<(String, usize)>),
 }
 
 impl Builder<'_> {
@@ -125,13 +125,14 @@ impl Builder<'_> {
             None => self.documents.push(node),
             Some(OpenKind::List(items)) => items.push(node),
             Some(OpenKind::Map(entries, key)) => match (key.take(), node.value) {
-                (Some(key), value) => entries.push((key, Node { line, value })),
+                // The key's line: a block starts on the line after.
+                (Some((key, line)), value) => entries.push((key, Node { line, value })),
                 (None, Value::Scalar { text, .. }) => {
                     if entries.iter().any(|(name, _)| *name == text) {
                         let found = format!("`{}` again", shortened(&text));
                         return Err(Error::input(self.path, line, found, "each key once"));
                     }
-                    *key = Some(text);
+                    *key = Some((text, line));
                 }
                 (None, _) => {
                     return Err(Error::input(self.path, line, "a list or table as a key", "a name as a key"));
