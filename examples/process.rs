@@ -15,7 +15,6 @@ fn main() -> shutterbug::Result<()> {
     let bars = |x: u32| if x / 20 % 2 == 1 { [230u8; 3] } else { [30; 3] };
     let color: Vec<u8> = (0..height).flat_map(|_| (0..width).flat_map(bars)).collect();
     let motion: Vec<f32> = (0..width * height).flat_map(|_| [40.0, 0.0]).collect();
-
     let context = Context::new(&ContextOptions::default())?;
     let mut engine = OutsideEngine::new(&context, camera, 2, Duration::from_secs(60))?;
     let pixels = |format: PixelFormat, bytes| OutsidePixels {

@@ -31,8 +31,8 @@ fn present(tool: &str) -> bool {
 
 fn pkg_config(arguments: &[&str]) -> Vec<String> {
     let folder = prefix().join("lib/pkgconfig");
-    let out = Command::new("pkg-config").args(arguments).arg("shutterbug").env("PKG_CONFIG_PATH", folder);
-    let out = run(out);
+    let mut command = Command::new("pkg-config");
+    let out = run(command.args(arguments).arg("shutterbug").env("PKG_CONFIG_PATH", folder));
     String::from_utf8(out.stdout).unwrap().split_whitespace().map(str::to_owned).collect()
 }
 
@@ -91,8 +91,8 @@ fn a_c_program_builds_by_cmake_shared_and_static() {
     let other = tempfile::tempdir().unwrap();
     std::fs::write(other.path().join("CMakeLists.txt"), text).unwrap();
     let find = format!("-DCMAKE_PREFIX_PATH={}", prefix().display());
-    let refused =
-        Command::new("cmake").arg("-S").arg(other.path()).arg("-B").arg(other.path().join("b")).arg(find);
+    let mut refused = Command::new("cmake");
+    refused.arg("-S").arg(other.path()).arg("-B").arg(other.path().join("b")).arg(find);
     assert!(!refused.output().unwrap().status.success());
 }
 
@@ -136,7 +136,7 @@ fn resident_memory_stays_flat() {
     let counts = if long { ["1000", "10000"] } else { ["60", "3000"] };
     let out = run(Command::new(&program).args(counts));
     eprintln!("{}", String::from_utf8_lossy(&out.stdout));
-    // Control: 100 kB leaked a cycle is found.
+    // Control: 1 MB leaked a cycle is found.
     let leaky = Command::new(&program)
         .args(["60", "0", "leak"])
         .env("LD_LIBRARY_PATH", prefix().join("lib"))
@@ -181,7 +181,9 @@ fn the_address_sanitizer_finds_nothing() {
     let Some(program) = build("cc", "-std=c11", "tests/c/cycles.c", &extra) else { return };
     let check = |arguments: &[&str]| {
         let mut command = Command::new(&program);
-        command.args(arguments).env("LSAN_OPTIONS", "suppressions=tests/c/lsan.supp");
+        // Leaks are memcheck's: lavapipe and LLVM are unloaded before this sanitizer looks, so that what they keep in
+        // tables of their own counts as lost, without a name to suppress it by.
+        command.args(arguments).env("ASAN_OPTIONS", "detect_leaks=0");
         command.env("LD_LIBRARY_PATH", prefix().join("lib")).output().unwrap()
     };
     let out = check(&["5", "0"]);
@@ -190,9 +192,7 @@ fn the_address_sanitizer_finds_nothing() {
     let fine =
         !text.contains("Sanitizer") && [Some(0), Some(4), Some(NO_DEVICE)].contains(&out.status.code());
     assert!(fine, "{:?}: {text}", out.status);
-    let control = check(&["1", "0", "leak"]);
-    assert!(
-        String::from_utf8_lossy(&control.stderr).contains("LeakSanitizer")
-            || out.status.code() == Some(NO_DEVICE)
-    );
+    let control = check(&["1", "0", "overflow"]);
+    let seen = String::from_utf8_lossy(&control.stderr).contains("heap-buffer-overflow");
+    assert!(seen || out.status.code() == Some(NO_DEVICE), "control: an overflow is found");
 }
