@@ -103,6 +103,8 @@ fn parameters_outside_their_range_name_the_unit_that_may_be_meant() {
     let range = "is outside 0 to 1 s";
     for (to, error) in [
         ("20", format!("{exposure} = 20 s {range}; is it in ms?")),
+        ("1000", format!("{exposure} = 1000 s {range}; is it in ms?")),
+        ("1001", format!("{exposure} = 1001 s {range}; is it in us?")),
         ("20000", format!("{exposure} = 20000 s {range}; is it in us?")),
         ("2e7", format!("{exposure} = 20000000 s {range}; is it in ns?")),
         ("-0.01", format!("{exposure} = -0.01 s {range}")),
