@@ -38,9 +38,16 @@ impl Trajectory {
             let found = format!("{} times and {} poses", times_s.len(), poses.len());
             return Err(Error::input(path, None, found, "at least one pose, one time each"));
         }
-        if let Some(i) = (1..times_s.len()).find(|&i| !(times_s[i] > times_s[i - 1])) {
-            let found = format!("{} s after {} s", times_s[i], times_s[i - 1]);
-            return Err(Error::input(path, None, found, "times that increase"));
+        if let Some(time_s) = times_s.iter().find(|t| !t.is_finite()) {
+            return Err(Error::input(path, None, format!("time {time_s} s"), "finite times"));
+        }
+        if let Some(pair) = times_s.windows(2).find(|pair| pair[1] <= pair[0]) {
+            return Err(Error::input(
+                path,
+                None,
+                format!("{} s after {} s", pair[1], pair[0]),
+                "times that increase",
+            ));
         }
         Ok(Self { path: path.to_owned(), times_s, poses })
     }
@@ -183,8 +190,9 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &
     }
     let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
     let length = rotation.length();
-    // Written so that an overflow to infinity or NaN is refused.
-    if !((length - 1.0).abs() <= QUATERNION_TOLERANCE) {
+    // Asked so that a length that overflowed to infinity or NaN is refused.
+    let is_unit = (length - 1.0).abs() <= QUATERNION_TOLERANCE;
+    if !is_unit {
         let expected = format!("a unit quaternion qx qy qz qw (length 1 within {QUATERNION_TOLERANCE})");
         return Err(Error::input(path, number, format!("a quaternion of length {length:.6}"), expected));
     }
@@ -269,6 +277,24 @@ mod tests {
     #[should_panic(expected = "lies outside")]
     fn poses_are_never_extrapolated() {
         parse("1700000000 0 0 0 0 0 0 1\n1700000001 1 0 0 0 0 0 1\n").pose_at(1.000_000_01);
+    }
+
+    #[test]
+    fn lists_that_are_no_trajectory_are_refused() {
+        let new = |times: &[f64], poses: usize| {
+            Trajectory::new(Path::new("t.tum"), times.to_vec(), vec![Pose::IDENTITY; poses])
+                .map_err(|e| e.to_string())
+        };
+        assert!(new(&[0.0, 1.0], 2).is_ok());
+        for (times, poses, error) in [
+            (&[][..], 0, "t.tum: found 0 times and 0 poses; expected at least one pose, one time each"),
+            (&[0.0, 1.0], 1, "t.tum: found 2 times and 1 poses; expected at least one pose, one time each"),
+            (&[1.0, 1.0], 2, "t.tum: found 1 s after 1 s; expected times that increase"),
+            (&[f64::NAN], 1, "t.tum: found time NaN s; expected finite times"),
+            (&[0.0, f64::INFINITY], 2, "t.tum: found time inf s; expected finite times"),
+        ] {
+            assert_eq!(new(times, poses).expect_err(error), error);
+        }
     }
 
     #[test]

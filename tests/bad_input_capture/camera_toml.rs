@@ -1,0 +1,157 @@
+//! What `camera.toml` cannot say.
+
+use std::path::Path;
+
+use shutterbug::capture::CameraFile;
+
+use super::{CAMERA, Fixture};
+
+#[test]
+fn names_that_camera_toml_does_not_know() {
+    for (from, to, error) in [
+        ("width", "widht", "camera.toml:1: unknown key `widht`; did you mean `width`?"),
+        ("shading", "colour", "camera.toml:10: unknown key `colour`"),
+        (
+            "[rolling_shutter]",
+            "[rolling_shuter]",
+            "camera.toml:12: unknown effect `rolling_shuter`; did you mean `rolling_shutter`?",
+        ),
+        ("[rolling_shutter]", "[ghosting]", "camera.toml:12: unknown effect `ghosting`"),
+        (
+            "readout_time_s",
+            "readout_s",
+            "camera.toml:13: unknown parameter `readout_s`; did you mean `readout_time_s`?",
+        ),
+        (
+            "static = false",
+            "exposure_time_s = 0.01",
+            "camera.toml:9: unknown key `exposure_time_s`; did you mean `motion_blur.exposure_time_s`?",
+        ),
+        (
+            "exposure_time_s = 0.01",
+            "static = true",
+            "camera.toml:17: found `static` in the table [motion_blur]; expected it above the first table: it belongs to the camera",
+        ),
+    ] {
+        Fixture::spoilt("camera.toml", from, to, error);
+    }
+}
+
+#[test]
+fn values_that_camera_toml_cannot_hold() {
+    // The line, what stands there rightly, what it is replaced by, what was expected.
+    let side = "a whole number of px, 1 to 16384";
+    let focal = "a finite number of px, 0.001 to 10000000";
+    let centre = "a finite number of px, -1000000 to 1000000";
+    let period = "a finite number of s above 0 (at most 86400)";
+    for (line, key, right, wrong, expected) in [
+        (1, "width", "320", &["\"320\"", "320.5", "320.0", "0", "16385", "4294967616"][..], side),
+        (2, "height", "240", &["0", "-240", "16385", "99999999999999999999", "true"], side),
+        (3, "fx", "280.0", &["0", "-280.0", "nan", "inf", "\"280\"", "1e8"], focal),
+        (4, "fy", "280.0", &["0.0", "-280", "-nan", "-inf", "1e-4"], focal),
+        (5, "cx", "160.0", &["-inf", "1e400", "nan", "1e7"], centre),
+        (6, "cy", "120.0", &["-1e7", "false"], centre),
+        (7, "frame_period_s", "0.04", &["0", "-0.04", "nan", "true", "86401"], period),
+        (8, "background", "\"ignore\"", &["\"white\"", "true"], "\"black\" or \"ignore\""),
+        (9, "static", "false", &["1", "\"yes\""], "true or false"),
+        (10, "shading", "\"lit\"", &["\"Lit\"", "0"], "\"unlit\" or \"lit\""),
+    ] {
+        for wrong in wrong {
+            let error = format!("camera.toml:{line}: found {key} = {wrong}; expected {expected}");
+            let [from, to] = [right, wrong].map(|value| format!("{key} = {value}\n"));
+            Fixture::spoilt("camera.toml", &from, &to, &error);
+        }
+    }
+    for (to, found) in
+        [("[120.0]", "a list of 1"), ("{ a = 1 }", "a table"), ("1979-05-27", "the date 1979-05-27")]
+    {
+        let error = format!("camera.toml:6: found cy = {found}; expected {centre}");
+        Fixture::spoilt("camera.toml", "120.0", to, &error);
+    }
+}
+
+#[test]
+fn keys_that_camera_toml_lacks() {
+    let centre = "a finite number of px, -1000000 to 1000000";
+    for (line, key, expected) in [
+        ("width = 320\n", "width", "a whole number of px, 1 to 16384"),
+        ("height = 240\n", "height", "a whole number of px, 1 to 16384"),
+        ("fx = 280.0\n", "fx", "a finite number of px, 0.001 to 10000000"),
+        ("fy = 280.0\n", "fy", "a finite number of px, 0.001 to 10000000"),
+        ("cx = 160.0\n", "cx", centre),
+        ("cy = 120.0\n", "cy", centre),
+        ("frame_period_s = 0.04\n", "frame_period_s", "a finite number of s above 0 (at most 86400)"),
+    ] {
+        let error = format!("camera.toml: found no `{key}`; expected `{key} = ` {expected}");
+        Fixture::spoilt("camera.toml", line, "", &error);
+    }
+}
+
+#[test]
+fn an_effect_that_is_no_table() {
+    let text = CAMERA
+        .replace("static = false", "motion_blur = 0.01")
+        .replace("[motion_blur]\nexposure_time_s = 0.01\n", "");
+    let error = CameraFile::parse(Path::new("camera.toml"), &text).expect_err("no table").to_string();
+    let expected = "a table: `[motion_blur]` and its parameters";
+    assert_eq!(error, format!("camera.toml:9: found motion_blur = 0.01; expected {expected}"));
+}
+
+#[test]
+fn parameters_outside_their_range_name_the_unit_that_may_be_meant() {
+    let exposure = "camera.toml:17: motion_blur.exposure_time_s";
+    let range = "is outside 0 to 1 s";
+    for (to, error) in [
+        ("20", format!("{exposure} = 20 s {range}; is it in ms?")),
+        ("1000", format!("{exposure} = 1000 s {range}; is it in ms?")),
+        ("1001", format!("{exposure} = 1001 s {range}; is it in us?")),
+        ("20000", format!("{exposure} = 20000 s {range}; is it in us?")),
+        ("2e7", format!("{exposure} = 20000000 s {range}; is it in ns?")),
+        ("-0.01", format!("{exposure} = -0.01 s {range}")),
+        ("nan", "camera.toml:17: found motion_blur.exposure_time_s = nan; expected a finite number of unit s, 0 to 1".to_owned()),
+        ("\"10 ms\"", "camera.toml:17: found motion_blur.exposure_time_s = \"10 ms\"; expected a finite number of unit s, 0 to 1".to_owned()),
+    ] {
+        Fixture::spoilt("camera.toml", "0.01", to, &error);
+    }
+    let orders = "\"top_to_bottom\" or \"bottom_to_top\" or \"left_to_right\" or \"right_to_left\"";
+    let error = format!("camera.toml:14: found rolling_shutter.scan_order = \"upwards\"; expected {orders}");
+    Fixture::spoilt("camera.toml", "\"top_to_bottom\"", "\"upwards\"", &error);
+}
+
+#[test]
+fn text_that_is_not_toml() {
+    for (from, to, start) in [
+        ("fx = 280.0", "fx 280.0", "camera.toml:3: found text that is not TOML ("),
+        ("height = 240", "width = 240", "camera.toml:2: found text that is not TOML (duplicate key"),
+        ("[motion_blur]", "[motion_blur", "camera.toml:16: found text that is not TOML ("),
+    ] {
+        let fixture = Fixture::new();
+        fixture.write("camera.toml", CAMERA.replacen(from, to, 1));
+        let error = fixture.read().expect_err("no TOML");
+        assert!(
+            error.starts_with(start) && error.ends_with("expected `key = value` lines and `[effect]` tables"),
+            "{error}"
+        );
+    }
+    let fixture = Fixture::new();
+    fixture.write("camera.toml", b"width = 320\n# caf\xe9\n");
+    assert_eq!(
+        fixture.read().expect_err("Latin-1"),
+        "camera.toml:2: found bytes that are not UTF-8; expected text in UTF-8"
+    );
+}
+
+#[test]
+fn cameras_that_are_odd_but_possible_are_read_with_a_warning() {
+    let fixture = Fixture::new();
+    fixture.write("camera.toml", CAMERA.replace("0.04", "0.015"));
+    let warnings = fixture.read().expect("allowed").camera.warnings;
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(
+        warnings[0]
+            .starts_with("rolling_shutter.readout_time_s = 0.02 s is longer than frame_period_s = 0.015 s")
+    );
+    fixture.write("camera.toml", CAMERA.replace("0.04", "40"));
+    let warnings = fixture.read().expect("allowed").camera.warnings;
+    assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in s?"]);
+}
