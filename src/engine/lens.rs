@@ -188,8 +188,10 @@ pub(super) struct Chords {
     poses: Vec<Vec<Pose>>,
     extended: ExtendedLens,
     focal_px: f64,
-    /// Half opening angle of the cone of ideal radius [`ExtendedLens::radius`], rad.
-    cone: f64,
+    /// Largest second derivative anywhere.
+    most_bend: f64,
+    /// Of all rays of ideal radius up to [`ExtendedLens::radius`].
+    cone: Cone,
 }
 
 impl Chords {
@@ -214,36 +216,57 @@ impl Chords {
             poses: (0..groups.count()).map(poses).collect(),
             extended: extended.clone(),
             focal_px: k.fx.max(k.fy),
-            cone: extended.radius().atan(),
+            most_bend: extended.bend(0.0, f64::INFINITY),
+            cone: Cone::new(extended.radius().atan()),
         }
     }
 
     /// Whether an edge of that group is further from its curve than allowed, seen from any of the poses.
     pub(super) fn is_long(&self, group: usize, a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
         let [a, b] = [a, b].map(|v| DVec3::from(v.position_m.map(f64::from)));
-        self.poses[group].iter().any(|pose| self.chord_px(pose.transform(a), pose.transform(b)) > allowed_px)
+        let half_m = 0.5 * (b - a).length();
+        let exceeds = |pose: &Pose| self.exceeds(pose.transform(a), pose.transform(b), half_m, allowed_px);
+        self.poses[group].iter().any(exceeds)
     }
 
-    /// The chord of the edge between two camera points; 0 for what the lens's cone does not hold.
-    fn chord_px(&self, a: DVec3, b: DVec3) -> f64 {
-        let (middle, half) = (0.5 * (a + b), 0.5 * (b - a).length());
-        let inside = (half / middle.length().max(1e-9)).min(1.0).asin();
-        if middle.angle_between(DVec3::Z) - inside > self.cone {
-            return 0.0;
-        }
+    /// Whether the chord between two camera points is off by more than allowed; what the lens's cone does not hold is not.
+    fn exceeds(&self, a: DVec3, b: DVec3, half_m: f64, allowed_px: f64) -> bool {
+        // Square of the normalised length up to which every chord is near enough.
+        let harmless = 8.0 * allowed_px / (self.focal_px * self.most_bend);
         if a.z.min(b.z) < NEAREST_M {
-            let length = 2.0 * half / NEAREST_M;
-            return self.focal_px * self.extended.bend(0.0, f64::INFINITY) * length * length / 8.0;
+            let length = 2.0 * half_m / NEAREST_M;
+            return length * length > harmless && !self.cone.misses(0.5 * (a + b), half_m);
         }
         let flat = |p: DVec3| DVec2::new(p.x / p.z, p.y / p.z);
-        let (a, b) = (flat(a), flat(b));
-        let length_squared = (b - a).length_squared();
-        let at = (-a.dot(b - a) / length_squared.max(1e-18)).clamp(0.0, 1.0);
-        let low = a.lerp(b, at).length();
-        if low > self.extended.radius() {
-            return 0.0;
+        let (from, to) = (flat(a), flat(b));
+        let length_squared = (to - from).length_squared();
+        if length_squared <= harmless || self.cone.misses(0.5 * (a + b), half_m) {
+            return false;
         }
-        let bend = self.extended.bend(low, a.length().max(b.length()));
-        self.focal_px * bend * length_squared / 8.0
+        let at = (-from.dot(to - from) / length_squared).clamp(0.0, 1.0);
+        let low = from.lerp(to, at).length();
+        if low > self.extended.radius() {
+            return false;
+        }
+        let bend = self.extended.bend(low, from.length().max(to.length()));
+        self.focal_px * bend * length_squared / 8.0 > allowed_px
+    }
+}
+
+/// A cone around the camera's axis, of up to 90 degrees to either side.
+pub(super) struct Cone {
+    sin: f64,
+    cos: f64,
+}
+
+impl Cone {
+    pub(super) fn new(half_angle_rad: f64) -> Self {
+        let (sin, cos) = half_angle_rad.min(std::f64::consts::FRAC_PI_2).sin_cos();
+        Self { sin, cos }
+    }
+
+    /// Whether all of a ball lies outside; not certain for balls behind the camera, which may count as inside.
+    pub(super) fn misses(&self, middle: DVec3, radius_m: f64) -> bool {
+        middle.truncate().length() * self.cos - middle.z * self.sin > radius_m
     }
 }

@@ -24,8 +24,8 @@ pub struct ExtendedLens {
     lens: Lens,
     radius: f64,
     slope: f64,
-    /// Largest second derivative in each ring.
-    bends: Vec<f64>,
+    /// Outer radius of each ring, and the largest second derivative in it.
+    rings: Vec<(f64, f64)>,
     stretch: f64,
 }
 
@@ -43,7 +43,7 @@ impl ExtendedLens {
         let wanted = REACH.0 * needed + REACH.1;
         // The bounds' corners may lie beyond what the picture shows, and beyond the fold.
         let radius = if needed < fold { wanted.min(needed + BEFORE_FOLD * (fold - needed)) } else { fold };
-        let mut extended = Self { lens, radius, slope: 1.0, bends: Vec::new(), stretch: 1.0 };
+        let mut extended = Self { lens, radius, slope: 1.0, rings: Vec::new(), stretch: 1.0 };
         extended.measure();
         extended
     }
@@ -71,7 +71,7 @@ impl ExtendedLens {
                     slope = slope.max((at_edge * n).dot(n)).max(edge.dot(n) / self.radius);
                 }
             }
-            self.bends.push(bend);
+            self.rings.push((self.ring_radius(ring as f64 + 1.0), bend));
         }
         (self.slope, self.stretch) = (slope, stretch.max(slope));
     }
@@ -102,9 +102,8 @@ impl ExtendedLens {
 
     /// Largest second derivative between two ideal radii; beyond [`Self::radius`] the map is taken for straight.
     pub fn bend(&self, low: f64, high: f64) -> f64 {
-        let ring = |r: f64| (RINGS as f64 * r.min(self.radius).atan() / self.radius.atan()) as usize;
-        let (first, last) = (ring(low).min(RINGS - 1), ring(high).min(RINGS - 1));
-        self.bends[first..=last].iter().fold(0.0, |most, bend| most.max(*bend))
+        let ring = |r: f64| self.rings.partition_point(|ring| ring.0 < r).min(RINGS - 1);
+        self.rings[ring(low)..=ring(high)].iter().fold(0.0, |most, ring| most.max(ring.1))
     }
 
     /// Where the map puts an ideal point; both normalised.

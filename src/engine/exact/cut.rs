@@ -10,6 +10,7 @@
 use glam::{DVec2, DVec3};
 
 use super::super::Stage;
+use super::super::lens::Cone;
 use crate::camera::{ExtendedLens, Intrinsics, Pose, Trajectory};
 use crate::raster::{Mesh, MotionGroups};
 use crate::scene::Vertex;
@@ -106,7 +107,7 @@ struct Bound {
     line_delay_s: f64,
     readout_time_s: f64,
     lines_are_rows: bool,
-    cone: f64,
+    cone: Cone,
 }
 
 impl Bound {
@@ -120,10 +121,10 @@ impl Bound {
             line_delay_s: readout_time_s / if lines_are_rows { h } else { w },
             readout_time_s,
             lines_are_rows,
-            cone: match lens {
+            cone: Cone::new(match lens {
                 Some(lens) => lens.radius().atan(),
                 None => widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
-            },
+            }),
         }
     }
 
@@ -135,8 +136,7 @@ impl Bound {
             let middle = 0.5 * (a + b);
             let along = ((-a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
             let away_m = (a + along * (b - a)).length();
-            let inside = (0.5 * length_m / middle.length().max(1e-9)).min(1.0).asin();
-            if away_m > NEAREST_M && middle.angle_between(DVec3::Z) - inside > self.cone {
+            if away_m > NEAREST_M && self.cone.misses(middle, 0.5 * length_m) {
                 return false;
             }
             let away_m = away_m.max(NEAREST_M);
