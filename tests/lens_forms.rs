@@ -110,6 +110,16 @@ fn a_line_is_seen_at_the_time_of_the_sensors_line() {
         assert!(off < allowed, "{off} px");
         assert!(control > 2.0 * allowed, "control: {control} px");
     }
+    // The warp fills what the bar uncovers from beside it, which moves the bar's middle with the lens and without.
+    let fast = |lens: [f64; 2]| {
+        let request = FrameRequest { settings: settings(lens[0], lens[1]), ..request.clone() };
+        let got = bar_frame(&watched, &pan(RAD_PER_S), Method::Fast(FastOptions::default()), &request);
+        (worst(&got, lens, sensor), worst(&got, lens, |_, _| 0.01 + 0.5 * READOUT_S))
+    };
+    let ((off, control), (plain, _)) = (fast(lens), fast([0.0; 2]));
+    eprintln!("fast: off by at most {off:.3} px, without lens {plain:.3}; without readout {control:.2} px");
+    assert!(off < 1.1 * plain + 0.1, "{off} px through the lens, {plain} px without");
+    assert!(control > 5.0 * off, "control: {control} px");
 }
 
 #[test]

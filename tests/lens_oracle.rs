@@ -120,18 +120,22 @@ fn lens_shutter_and_blur_hold_as_well_as_shutter_and_blur() {
         let mut request = request(&K, exposure_s, readout_s, order);
         let renders = 64;
         let plain = oracle(&scene, &request, &Distortion::None, [1.0; 2], renders);
+        let fast = || Method::Fast(FastOptions::default());
         let none = levels(&render(&watched, &scene, exact(), &request), &plain).0;
+        let none_fast = levels(&render(&watched, &scene, fast(), &request), &plain).0;
         for distortion in [PINCUSHION, BARREL, FISHEYE] {
             let want = oracle(&scene, &request, &distortion, [1.0; 2], renders);
             request.settings = settings(&distortion, [1.0; 2]);
             let got = render(&watched, &scene, exact(), &request);
             let (mean, ..) = levels(&got, &want);
             let by_reference = levels(&render(&watched, &scene, accumulation(renders), &request), &want).0;
+            let by_fast = levels(&render(&watched, &scene, fast(), &request), &want).0;
             request.settings = Settings::default();
             eprintln!(
-                "{exposure_s} s, {readout_s} s, {order}, {distortion:?}: exact {mean:.4} levels, accumulation \
-                 {by_reference:.4}; exact without lens {none:.4}"
+                "{exposure_s} s, {readout_s} s, {order}, {distortion:?}: exact {mean:.4} levels, without lens {none:.4}; \
+                 fast {by_fast:.4}, without lens {none_fast:.4}; accumulation {by_reference:.4}"
             );
+            assert!(by_fast < 1.5 * none_fast + 0.06, "fast: {by_fast} against {none_fast}");
             assert!(by_reference < 0.15, "accumulation: {by_reference}");
             // The lens stretches what is blurred, and with it the blur's own error.
             assert!(mean < 1.5 * none + 0.06, "{mean} against {none}");

@@ -55,7 +55,7 @@ pub(super) fn cut(
         let long = |a: &Vertex, b: &Vertex| {
             let group = a.object as usize;
             bound.is_long(&seen[group], a, b, allowed_px)
-                || stage.lens.as_ref().is_some_and(|l| l.chords.is_long(group, a, b, 0.5 * allowed_px))
+                || stage.lens.as_ref().is_some_and(|l| l.chords.is_long(group, a, b, allowed_px))
         };
         match mesh.split(long, most) {
             Some(cut) => return (cut, allowed_px),
