@@ -81,7 +81,7 @@ pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>
         let slope = color.map(|v| encoding.slope(v));
         let seen = camera.sensor_color(&inverse, color);
         let variance: [f64; 3] = std::array::from_fn(|k| {
-            seen[k] / camera.full_well_e + camera.read_sigma.powi(2) + camera.extra_variance[k]
+            seen[k] / camera.full_well_e + camera.read_sigma.powi(2)
         });
         // How sensor channel k reaches luma, and what of it picture channel i has beyond that.
         let gain = |i: usize, k: usize| slope[i] * camera.color_matrix[i][k] * camera.white_balance[k];

@@ -87,29 +87,7 @@ fn to_vector(camera: &IspCamera) -> [f64; FREE] {
     ]
 }
 
-/// What may be fitted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Freedom {
-    /// Sensor, gains and matrix behind it, smoothing of luma and chroma.
-    Full,
-    /// What the engine's chain can hold without changing the picture's colours: sensor with its own variance per channel,
-    /// one smoothing.
-    Chain,
-}
-
-fn from_vector(start: &IspCamera, v: &[f64; FREE], freedom: Freedom) -> IspCamera {
-    if freedom == Freedom::Chain {
-        let sigma = v[4].clamp(-4.0, 1.0).exp();
-        return IspCamera {
-            full_well_e: v[0].clamp(2.0, 16.0).exp(),
-            read_sigma: v[1].clamp(-12.0, -1.0).exp(),
-            extra_variance: [v[6], v[7], v[8]].map(|e| (4.0 * e).clamp(-24.0, -1.0).exp()),
-            luma_sigma_px: sigma,
-            chroma_sigma_px: sigma,
-            ..start.clone()
-        };
-    }
-
+fn from_vector(start: &IspCamera, v: &[f64; FREE]) -> IspCamera {
     let (r, b) = (v[2].clamp(-1.4, 1.4).exp(), v[3].clamp(-1.4, 1.4).exp());
     IspCamera {
         full_well_e: v[0].clamp(2.0, 16.0).exp(),
@@ -154,21 +132,17 @@ fn cost(camera: &IspCamera, targets: &[&Target], colors: &[[f64; 3]]) -> f64 {
 }
 
 /// The camera nearest to the targets, from `start`.
-pub fn fit(start: &IspCamera, targets: &HashMap<Key, Target>, freedom: Freedom) -> IspCamera {
+pub fn fit(start: &IspCamera, targets: &HashMap<Key, Target>) -> IspCamera {
     let mut keys: Vec<&Key> = targets.keys().collect();
     // A map has no order; the search must not depend on it.
     keys.sort();
     let list: Vec<&Target> = keys.iter().map(|k| &targets[*k]).collect();
     let colors: Vec<[f64; 3]> = list.iter().map(|t| t.mean).collect();
     let mut best = to_vector(start);
-    if freedom == Freedom::Chain {
-        // In quarters of the logarithm, so that the search's steps suit them too.
-        (0..3).for_each(|c| best[6 + c] = start.extra_variance[c].max(1e-7).ln() / 4.0);
-    }
     for scale in [0.5, 0.3, 0.15, 0.1] {
-        best = simplex(&best, scale, 1500, |v| cost(&from_vector(start, v, freedom), &list, &colors));
+        best = simplex(&best, scale, 1500, |v| cost(&from_vector(start, v), &list, &colors));
     }
-    from_vector(start, &best, freedom)
+    from_vector(start, &best)
 }
 
 /// Nelder and Mead (Computer Journal 7, 1965).

@@ -24,8 +24,6 @@ pub struct IspCamera {
     pub full_well_e: f64,
     /// Read noise, fraction of full scale on the sensor's scale.
     pub read_sigma: f64,
-    /// Variance added per sensor channel, whatever the light (the paper's colour noise).
-    pub extra_variance: [f64; 3],
     /// Noise that a row shares, fraction of full scale.
     pub row_sigma: f64,
     /// Whether a Bayer mosaic (RGGB) and a bilinear demosaic lie between.
@@ -61,7 +59,6 @@ impl IspCamera {
             full_well_e,
             read_sigma,
             row_sigma: 0.0,
-            extra_variance: [0.0; 3],
             bayer: false,
             white_balance: [1.0; 3],
             color_matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -93,7 +90,7 @@ impl IspCamera {
     fn sensor_noise(&self, seen: &mut Plane<f32>, frame: u32, seed: u64) {
         let (width, words) = (seen.width, seed_words(seed));
         let full_well = self.full_well_e;
-        let sigma = self.extra_variance.map(|v| (self.read_sigma.powi(2) + v).sqrt() as f32);
+        let sigma = self.read_sigma as f32;
         use rayon::prelude::*;
         seen.data.par_chunks_mut(width * 3).enumerate().for_each(|(y, row)| {
             let of_row = self.row_sigma as f32 * random_normal([0, y as u32], frame, STREAM_ROW, words)[0];
@@ -109,7 +106,7 @@ impl IspCamera {
                     } else {
                         mean + mean.sqrt() * f64::from(shot[c])
                     };
-                    *v = (electrons / full_well) as f32 + of_row + sigma[c] * read[c];
+                    *v = (electrons / full_well) as f32 + of_row + sigma * read[c];
                 }
             }
         });

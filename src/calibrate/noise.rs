@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
 use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
-use super::search::{Levelled, fit_camera, fit_chain, level};
+use super::search::{Levelled, fit_camera, level, of_chain, of_model, refit};
 use super::series::{Temporal, edge_variance, static_variance, temporal};
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
 use super::statics::{AlignedPair, Registration, align, difference};
@@ -95,6 +95,8 @@ pub struct Calibration {
     pub chain: Measured,
     /// The chain's frames beside the real ones.
     pub comparison_chain: Comparison,
+    /// As `comparison_held_out`, of the chain.
+    pub comparison_chain_held_out: Option<Comparison>,
     /// The fitted camera.
     pub camera: IspCamera,
     /// Variance (linear) of the paper's colour noise, R, G, B: mean over the usable pixels.
@@ -132,10 +134,16 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     }
     let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
     let Levelled { camera, simulated, shown, without, held_out } =
-        level(camera, &pairs, &real, step, options)?;
+        level(camera, &pairs, &real, step, options, of_model)?;
     let comparison = compare(&real, &simulated);
-    let (chain_camera, chain) = fit_chain(&camera, &pairs[0], step, options)?;
-    let comparison_chain = compare(&real, &chain);
+    // The chain delivers sRGB; a linear sensor is measured by its own model.
+    let maker = if encoding == Encoding::Srgb { of_chain } else { of_model };
+    let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
+    if chain_camera.bayer {
+        chain_camera = refit(&chain_camera, &pairs[0], options, maker)?;
+    }
+    let chain = level(chain_camera, &pairs, &real, step, options, maker)?;
+    let comparison_chain = compare(&real, &chain.simulated);
     let resting = pairs.iter().all(|p| !p.registration.moved);
     let usable = &pairs[0].usable;
     let mut calibration = Calibration {
@@ -150,8 +158,9 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
         simulated,
         comparison,
         comparison_chain,
-        chain_camera,
-        chain,
+        comparison_chain_held_out: chain.held_out,
+        chain_camera: chain.camera,
+        chain: chain.simulated,
         comparison_without_level_gain: without,
         comparison_held_out: held_out,
         camera,
@@ -323,10 +332,8 @@ fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
     if c.camera.bayer {
         let [r, g, b] = c.comparison_chain.mean_deviation.map(|d| 100.0 * d);
         notes.push(format!(
-            "camera.toml holds the nearest camera of the engine's chain, which has no colour matrix ahead of the sensor to \
-             undo, smooths luma and chroma alike and knows no level curve: its variance misses by {r:.0} {g:.0} {b:.0} % \
-             in the mean; the fuller camera is `camera` in report.json. Its smoothing blurs edges, which real noise \
-             reduction spares"
+            "camera.toml, put through the engine's chain, misses the variance by {r:.0} {g:.0} {b:.0} % in the mean; it \
+             keeps the picture's colours (sensor_color) and blurs edges, which real noise reduction spares"
         ));
         notes.push(
             "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour matrix \

@@ -1,7 +1,7 @@
 //! Fits a camera to a measured pair, and simulates the pair with it.
 
 use super::cells::cells;
-use super::fit::{self, Freedom};
+use super::fit;
 use super::frames::{Encoding, Frame};
 use super::model::{CameraModel, IspCamera, at_knots};
 use super::noise::{Comparison, Measured, NoiseOptions, compare, expected_sigma, mean_variance, measure};
@@ -50,57 +50,40 @@ pub(super) fn fit_camera(
         jpeg_quality: frame.jpeg.map(|j| j.quality),
         ..camera
     };
-    let mut goal = targets.clone();
+    refit(&camera, pair, options, of_model)
+}
+
+/// Makes the frames of a camera.
+pub(super) type Maker = fn(&IspCamera) -> Result<Box<dyn CameraModel>>;
+
+/// The calibration's own simulation.
+pub(super) fn of_model(camera: &IspCamera) -> Result<Box<dyn CameraModel>> {
+    Ok(Box::new(camera.clone()))
+}
+
+/// The engine's chain.
+pub(super) fn of_chain(camera: &IspCamera) -> Result<Box<dyn CameraModel>> {
+    Ok(Box::new(ChainCamera { settings: chain_settings(camera)? }))
+}
+
+/// Fits by the closed form, then corrects by what the simulation makes of it.
+pub(super) fn refit(
+    start: &IspCamera,
+    pair: &AlignedPair,
+    options: NoiseOptions,
+    maker: Maker,
+) -> Result<IspCamera> {
+    let measured = fit::targets(&cells(&pair.mean(), &pair.difference(|v| v), &pair.usable));
+    let (mut camera, mut goal) = (start.clone(), measured.clone());
     for round in 0..ROUNDS {
-        camera = fit::fit(&camera, &goal, Freedom::Full);
+        camera = fit::fit(&camera, &goal);
         if round + 1 < ROUNDS {
-            let frames = simulated_frames(&camera, pair, options, 0)?;
+            let frames = simulated_frames(&*maker(&camera)?, pair, options, 0)?;
             let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
-            goal = fit::correct(&camera, &targets, &cells(&pair.mean(), &d, &pair.usable));
+            goal = fit::correct(&camera, &measured, &cells(&pair.mean(), &d, &pair.usable));
         }
     }
     Ok(camera)
-}
-
-/// The camera for the engine's chain, and what the chain's CPU reference makes with it.
-pub(super) fn fit_chain(
-    full: &IspCamera,
-    pair: &AlignedPair,
-    step: f32,
-    options: NoiseOptions,
-) -> Result<(IspCamera, Measured)> {
-    let mut camera = full.clone();
-    if full.bayer {
-        let plain = IspCamera::sensor(full.full_well_e.max(300.0), 0.005, full.srgb, full.step);
-        camera = IspCamera {
-            bayer: true,
-            luma_sigma_px: 1.0,
-            chroma_sigma_px: 1.0,
-            chroma_step: full.chroma_step,
-            jpeg_quality: full.jpeg_quality,
-            row_sigma: full.row_sigma,
-            extra_variance: [1e-5; 3],
-            ..plain
-        };
-        let measured = fit::targets(&cells(&pair.mean(), &pair.difference(|v| v), &pair.usable));
-        let mut goal = measured.clone();
-        for round in 0..ROUNDS {
-            camera = fit::fit(&camera, &goal, Freedom::Chain);
-            if round + 1 < ROUNDS {
-                let chain = ChainCamera { settings: chain_settings(&camera)? };
-                let frames = simulated_frames(&chain, pair, options, 0)?;
-                let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
-                goal = fit::correct(&camera, &measured, &cells(&pair.mean(), &d, &pair.usable));
-            }
-        }
-    }
-    // The chain delivers sRGB; a linear sensor is measured by its own model.
-    let measured = if options.encoding == Encoding::Srgb {
-        simulate(&ChainCamera { settings: chain_settings(&camera)? }, pair, step, options)?.0
-    } else {
-        simulate(&camera, pair, step, options)?.0
-    };
-    Ok((camera, measured))
 }
 
 /// A camera with its level curve, and what it is worth.
@@ -119,9 +102,10 @@ pub(super) fn level(
     real: &Measured,
     step: f32,
     options: NoiseOptions,
+    maker: Maker,
 ) -> Result<Levelled> {
     let pair = &pairs[0];
-    let (simulated, shown) = simulate(&camera, pair, step, options)?;
+    let (simulated, shown) = simulate(&*maker(&camera)?, pair, step, options)?;
     let without = compare(real, &simulated);
     let good = without.within_10_percent_or_chance.iter().all(|share| *share > 0.95);
     if good || !camera.bayer {
@@ -141,11 +125,12 @@ pub(super) fn level(
         &measure(std::slice::from_ref(&seen), step, options.encoding),
         step,
         options,
+        maker,
     )?;
-    let (there, _) = simulate(&of_seen, &unseen, step, options)?;
+    let (there, _) = simulate(&*maker(&of_seen)?, &unseen, step, options)?;
     let held_out = compare(&measure(std::slice::from_ref(&unseen), step, options.encoding), &there);
-    let camera = with_level_gain(&camera, pair, real, step, options)?;
-    let (simulated, shown) = simulate(&camera, pair, step, options)?;
+    let camera = with_level_gain(&camera, pair, real, step, options, maker)?;
+    let (simulated, shown) = simulate(&*maker(&camera)?, pair, step, options)?;
     Ok(Levelled { camera, simulated, shown, without, held_out: Some(held_out) })
 }
 
@@ -154,17 +139,21 @@ const HELD_OUT_PX: usize = 64;
 /// Bins whose variance is known worse than this (95 %) give no knot.
 const MAX_KNOT_CHANCE: f64 = 0.4;
 
-/// The camera with the factors that bring its simulated curve to the real one; twice, as JPEG is not linear.
+/// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
+const LEVEL_ROUNDS: usize = 3;
+
+/// The camera with the factors that bring its simulated curve to the real one.
 pub(super) fn with_level_gain(
     camera: &IspCamera,
     pair: &AlignedPair,
     real: &Measured,
     step: f32,
     options: NoiseOptions,
+    maker: Maker,
 ) -> Result<IspCamera> {
     let mut levelled = camera.clone();
-    for _ in 0..2 {
-        let (simulated, _) = simulate(&levelled, pair, step, options)?;
+    for _ in 0..LEVEL_ROUNDS {
+        let (simulated, _) = simulate(&*maker(&levelled)?, pair, step, options)?;
         let ratios = compare(real, &simulated).variance_ratio;
         for (knots, ratios) in levelled.level_gain.iter_mut().zip(&ratios) {
             let known = ratios.iter().filter(|r| r[2] < MAX_KNOT_CHANCE);

@@ -4,7 +4,7 @@ use super::model::{CameraModel, IspCamera};
 use super::noise::Calibration;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::{Effect, Settings, Value, View};
-use crate::effects;
+use crate::effects::{self, ResponseCurve};
 use crate::error::Result;
 use crate::plane::Plane;
 use crate::reference::chain;
@@ -18,8 +18,8 @@ fn set(settings: &mut Settings, effect: &str, name: &str, value: Value) -> Resul
     settings.set(effect, name, value)
 }
 
-/// Settings of a camera that the chain can hold (of [`super::fit::Freedom::Chain`]): the picture's colours stay, luma and
-/// chroma are smoothed alike.
+/// Settings of a fitted camera. The picture's colours stay those of the scene: `sensor_color` takes the light through the
+/// inverse of what stands behind the sensor. The factors of [`IspCamera::level_gain`] become the response's steepness.
 ///
 /// # Errors
 /// A value outside the range that the chain allows.
@@ -31,19 +31,16 @@ pub fn chain_settings(camera: &IspCamera) -> Result<Settings> {
     if camera.row_sigma > 0.0 {
         set(&mut out, "row_noise", "sigma", number(camera.row_sigma))?;
     }
-    for (name, variance) in COLOR.into_iter().zip(camera.extra_variance) {
-        if variance > 0.0 {
-            set(&mut out, "paper_noise", name, number(variance))?;
-        }
-    }
     if camera.bayer {
         set(&mut out, "bayer_mosaic", "pattern", Value::Choice("RGGB"))?;
         set(&mut out, "bayer_mosaic", "demosaic", Value::Choice("bilinear"))?;
     }
+    isp_settings(camera, &mut out)?;
     if camera.luma_sigma_px > 0.0 {
-        // An unsharp mask of amount -1 is the Gaussian itself.
-        set(&mut out, "sharpening", "amount", number(-1.0))?;
-        set(&mut out, "sharpening", "radius_px", number(camera.luma_sigma_px))?;
+        set(&mut out, "noise_reduction", "luma_sigma_px", number(camera.luma_sigma_px))?;
+    }
+    if camera.chroma_sigma_px > 0.0 {
+        set(&mut out, "noise_reduction", "chroma_sigma_px", number(camera.chroma_sigma_px))?;
     }
     let scheme = match camera.chroma_step {
         [2, 2] => Some("4:2:0"),
@@ -57,6 +54,72 @@ pub fn chain_settings(camera: &IspCamera) -> Result<Settings> {
         set(&mut out, "jpeg", "quality", number(f64::from(quality)))?;
     }
     Ok(out)
+}
+
+/// Gains, matrix and response behind the sensor, and their inverse ahead of it.
+fn isp_settings(camera: &IspCamera, out: &mut Settings) -> Result<()> {
+    let number = Value::Number;
+    let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let bent = camera.level_gain.iter().any(|knots| !knots.is_empty());
+    if camera.white_balance != [1.0; 3] || camera.color_matrix != identity || bent {
+        set(out, "sensor_color", "match", Value::Choice("delivered"))?;
+        set(out, "white_balance", "r", number(camera.white_balance[0]))?;
+        set(out, "white_balance", "b", number(camera.white_balance[2]))?;
+        let names = [["rr", "rg", "rb"], ["gr", "gg", "gb"], ["br", "bg", "bb"]];
+        for (name, value) in names.iter().flatten().zip(camera.color_matrix.iter().flatten()) {
+            set(out, "color_matrix", name, number(*value))?;
+        }
+    }
+    for (names, knots) in ResponseCurve::NAMES.iter().zip(&camera.level_gain).filter(|(_, k)| !k.is_empty()) {
+        let (low, high) = ResponseCurve::RANGE;
+        for (name, steepness) in names.iter().zip(steepness(knots)) {
+            set(out, "response_curve", name, number(steepness.clamp(low, high)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Factors at the response's own knots, by least squares over the measured ones, with a slight pull towards straight
+/// lines, which decides where nothing was measured.
+fn steepness(measured: &[[f64; 2]]) -> [f64; N] {
+    /// Against one measured factor that stands on a knot.
+    const STIFFNESS: f64 = 0.02;
+    let (mut normal, mut right) = ([[0.0; N]; N], [0.0; N]);
+    let mut add = |terms: &[(usize, f64)], value: f64, weight: f64| {
+        for (i, a) in terms {
+            right[*i] += weight * a * value;
+            terms.iter().for_each(|(j, b)| normal[*i][*j] += weight * a * b);
+        }
+    };
+    for [at, factor] in measured {
+        let place = (at * (N - 1) as f64).clamp(0.0, (N - 1) as f64);
+        let before = (place as usize).min(N - 2);
+        let share = place - before as f64;
+        add(&[(before, 1.0 - share), (before + 1, share)], factor.ln(), 1.0);
+    }
+    (1..N - 1).for_each(|i| add(&[(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)], 0.0, STIFFNESS));
+    // One factor alone leaves the slope open.
+    (1..N).for_each(|i| add(&[(i - 1, -1.0), (i, 1.0)], 0.0, 0.01 * STIFFNESS));
+    solve(normal, right).map(f64::exp)
+}
+
+const N: usize = ResponseCurve::VALUES.len();
+
+/// Gauss's elimination of a symmetric positive definite system.
+fn solve(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
+    for i in 0..N {
+        for j in i + 1..N {
+            let factor = a[j][i] / a[i][i];
+            let row = a[i];
+            (i..N).for_each(|k| a[j][k] -= factor * row[k]);
+            b[j] -= factor * b[i];
+        }
+    }
+    for i in (0..N).rev() {
+        let known: f64 = (i + 1..N).map(|k| a[i][k] * b[k]).sum();
+        b[i] = (b[i] - known) / a[i][i];
+    }
+    b
 }
 
 const COLOR: [&str; 3] = ["color_variance_r", "color_variance_g", "color_variance_b"];
@@ -119,8 +182,9 @@ mod tests {
         let camera = IspCamera {
             bayer: true,
             luma_sigma_px: 0.8,
-            chroma_sigma_px: 0.8,
-            extra_variance: [1e-4, 0.0, 2e-4],
+            chroma_sigma_px: 1.6,
+            white_balance: [1.6, 1.0, 1.9],
+            color_matrix: [[1.5, -0.35, -0.15], [-0.2, 1.4, -0.2], [-0.05, -0.45, 1.5]],
             ..IspCamera::sensor(900.0, 0.004, true, 1.0 / 255.0)
         };
         let clean = Plane::from_fn(256, 256, |_, _| [0.3f32, 0.35, 0.25]);
@@ -139,5 +203,15 @@ mod tests {
         // Control: a sensor of half the full well is seen.
         let other = variances(&IspCamera { full_well_e: 450.0, ..camera });
         assert!((engine[1] / other[1] - 1.0).abs() > 0.25);
+    }
+
+    #[test]
+    fn steepness_is_found_where_it_was_measured_and_goes_on_straight() {
+        let line = |at: f64| (0.3 - 0.8 * at).exp();
+        let measured: Vec<[f64; 2]> = (6..20).map(|i| f64::from(i) / 32.0).map(|at| [at, line(at)]).collect();
+        for (got, at) in steepness(&measured).iter().zip(ResponseCurve::VALUES) {
+            assert!((got / line(at) - 1.0).abs() < 0.03, "{at}: {got} for {}", line(at));
+        }
+        assert!(steepness(&[[0.4, 1.7]]).iter().all(|s| (s / 1.7 - 1.0).abs() < 1e-6));
     }
 }

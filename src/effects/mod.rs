@@ -18,12 +18,16 @@ mod hot_pixels;
 mod jpeg;
 mod lens_distortion;
 mod motion_blur;
+mod noise_reduction;
 mod paper_noise;
 mod pose_offset;
 mod quantization;
 mod read_noise;
+mod response;
+mod response_curve;
 mod rolling_shutter;
 mod row_noise;
+mod sensor_color;
 mod sharpening;
 mod shot_noise;
 mod time_offset;
@@ -48,6 +52,7 @@ pub use hot_pixels::{HotPixels, STREAM_HOT_PIXELS};
 pub use jpeg::Jpeg;
 pub use lens_distortion::LensDistortion;
 pub use motion_blur::MotionBlur;
+pub use noise_reduction::NoiseReduction;
 pub use paper_noise::{
     PaperNoise, PaperNoiseSigma, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE,
     STREAM_PAPER_NOISE_STATIC, gradient_magnitude, paper_noise,
@@ -55,8 +60,10 @@ pub use paper_noise::{
 pub use pose_offset::PoseOffset;
 pub use quantization::Quantization;
 pub use read_noise::{ReadNoise, STREAM_READ_NOISE};
+pub use response_curve::ResponseCurve;
 pub use rolling_shutter::RollingShutter;
 pub use row_noise::{RowNoise, STREAM_COLUMN_NOISE, STREAM_ROW_NOISE};
+pub use sensor_color::SensorColor;
 pub use sharpening::Sharpening;
 pub use shot_noise::{STREAM_SHOT_NOISE, ShotNoise, poisson};
 pub use time_offset::TimeOffset;
@@ -80,6 +87,7 @@ pub const LIST: &[&dyn Effect] = &[
     &Glare,
     &ExposureGain,
     &Flicker,
+    &SensorColor,
     &DarkCurrent,
     &PaperNoise,
     &ShotNoise,
@@ -92,8 +100,10 @@ pub const LIST: &[&dyn Effect] = &[
     &BayerMosaic,
     &WhiteBalance,
     &ColorMatrix,
+    &ResponseCurve,
     &Gamma,
     &ToneCurve,
+    &NoiseReduction,
     &Sharpening,
     &ChromaSubsampling,
     &Jpeg,

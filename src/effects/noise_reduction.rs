@@ -1,0 +1,114 @@
+//! The ISP's smoothing against noise: a Gaussian on brightness and a wider one on colour (luma and both colour differences
+//! of ITU-R BT.601, as in JFIF), on encoded values. It makes the noise of neighbours alike. Clipped only when rounded.
+//!
+//! With `edge` above 0 edges are spared: a neighbour counts exp(-d^2 / (2 edge^2)) as much, where d is its difference in
+//! luma (Tomasi, Manduchi: "Bilateral filtering for gray and color images", ICCV 1998), along rows and then along columns
+//! (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
+
+use super::gaussian;
+use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
+use crate::plane::Plane;
+
+/// The effect; its values live in [`Settings`].
+pub struct NoiseReduction;
+
+const ID: &str = "noise_reduction";
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
+    ParamSpec::number("chroma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of the colours' Gaussian"),
+    ParamSpec::number("edge", "", (0.0, 1.0), 0.0, "difference in luma from which an edge is spared; 0: none is"),
+];
+
+fn sigmas_px(settings: &Settings) -> [f64; 2] {
+    ["luma_sigma_px", "chroma_sigma_px"].map(|name| settings.number(ID, name, 0.0))
+}
+
+fn edge(settings: &Settings) -> f64 {
+    settings.number(ID, "edge", 0.0)
+}
+
+/// Weights of luma and colours by distance, both to the wider one's radius.
+fn weights(settings: &Settings) -> [Vec<f32>; 2] {
+    let of = |sigma: f64| if sigma > 0.0 { gaussian::weights(sigma) } else { vec![1.0] };
+    let mut both = sigmas_px(settings).map(of);
+    let longest = both[0].len().max(both[1].len());
+    both.iter_mut().for_each(|w| w.resize(longest, 0.0));
+    both
+}
+
+/// Luma, and red and blue against it.
+fn to_luma([r, g, b]: [f32; 3]) -> [f32; 3] {
+    let y = 0.299 * r + 0.587 * g + 0.114 * b;
+    [y, r - y, b - y]
+}
+
+fn to_rgb([y, r, b]: [f32; 3]) -> [f32; 3] {
+    [y + r, y - (0.299 * r + 0.114 * b) / 0.587, y + b]
+}
+
+/// One direction, of luma and colours.
+fn along(source: &Plane<f32>, axis: usize, [luma, chroma]: &[Vec<f32>; 2], falloff: f32) -> Plane<f32> {
+    gaussian::filter(source, |x, y| {
+        let own = gaussian::clamped(source, [x as i64, y as i64]);
+        let (mut sum, mut total) = ([0.0f32; 3], [0.0f32; 2]);
+        let radius = luma.len() as i64 - 1;
+        for k in -radius..=radius {
+            let place = [x as i64 + if axis == 0 { k } else { 0 }, y as i64 + if axis == 1 { k } else { 0 }];
+            let value = gaussian::clamped(source, place);
+            let away = k.unsigned_abs() as usize;
+            let difference = value[0] - own[0];
+            let alike = if falloff > 0.0 { (-falloff * (difference * difference)).exp() } else { 1.0 };
+            let (l, c) = (luma[away] * alike, chroma[away] * alike);
+            sum = [sum[0] + l * value[0], sum[1] + c * value[1], sum[2] + c * value[2]];
+            total = [total[0] + l, total[1] + c];
+        }
+        if falloff > 0.0 { [sum[0] / total[0], sum[1] / total[1], sum[2] / total[1]] } else { sum }
+    })
+}
+
+/// Twin of `glsl/noise_reduction.comp`.
+fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<f32> {
+    let weights = weights(settings);
+    let rgb = |plane: &Plane<f32>, x: usize, y: usize| gaussian::clamped(plane, [x as i64, y as i64]);
+    let mut seen = gaussian::filter(source, |x, y| to_luma(rgb(source, x, y)));
+    for axis in 0..2 {
+        seen = along(&seen, axis, &weights, p.number(3));
+    }
+    gaussian::filter(&seen, |x, y| to_rgb(rgb(&seen, x, y)))
+}
+
+fn passes(settings: &Settings) -> Vec<Pass> {
+    let spared = u32::from(edge(settings) > 0.0);
+    [0, 1].map(|axis| Pass { file: "noise_reduction.comp", constants: [axis, spared], run: [1, 1] }).to_vec()
+}
+
+impl Effect for NoiseReduction {
+    fn id(&self) -> &'static str {
+        ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        // An edge is spared of nothing where nothing is smoothed.
+        u32::from(sigmas_px(settings).iter().any(|s| *s > 0.0))
+    }
+
+    fn work(&self) -> Work {
+        Work::Neighbourhood { passes, reference }
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        let [luma, chroma] = weights(settings);
+        packer.bits(luma.len() as u32 - 1);
+        packer.table(luma);
+        packer.table(chroma);
+        packer.number(if edge(settings) > 0.0 { 0.5 / edge(settings).powi(2) } else { 0.0 });
+    }
+}

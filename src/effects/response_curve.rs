@@ -1,0 +1,67 @@
+//! The camera's response beside that of sRGB: a monotone curve per channel on linear values behind the sensor's noise,
+//! given by its steepness over the delivered (encoded) value. Where it is steep, noise is large: cameras whose tone curve
+//! is not sRGB's, and whose processing damps noise in dark or bright parts, have another noise over intensity than shot
+//! and read noise give. Digital numbers before the tone curve.
+//!
+//! Alone it changes the picture as a tone curve does. With `sensor_color.match = "delivered"` the light is taken through
+//! the inverse ahead of the sensor, and only the noise changes. The curve delivers black for black; it is straight beyond
+//! 0 and 1.
+
+use super::response::{self, KNOTS, NAMES};
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct ResponseCurve;
+
+impl ResponseCurve {
+    /// Delivered (encoded) values, 0 to 1, at which the steepness is given.
+    pub const VALUES: [f64; KNOTS] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
+    /// Names of the steepness at these values, of red, green and blue.
+    pub const NAMES: [[&'static str; KNOTS]; 3] = NAMES;
+    /// Smallest and largest steepness.
+    pub const RANGE: (f64, f64) = (0.1, 10.0);
+}
+
+const fn steepness(channel: usize, knot: usize) -> ParamSpec {
+    let about = "delivered change over the sensor's at the encoded value of an eighth times the name's number";
+    ParamSpec::number(NAMES[channel][knot], "", ResponseCurve::RANGE, 1.0, about)
+}
+
+const SPECS: &[ParamSpec] = &{
+    let mut specs = [steepness(0, 0); 3 * KNOTS];
+    let mut i = 0;
+    while i < specs.len() {
+        specs[i] = steepness(i / KNOTS, i % KNOTS);
+        i += 1;
+    }
+    specs
+};
+
+/// The function of the same name in `glsl/include/effects/response_curve.glsl`.
+fn response_curve(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    [0, 1, 2].map(|c| response::from_sensor(value[c], c, p, 0))
+}
+
+impl Effect for ResponseCurve {
+    fn id(&self) -> &'static str {
+        response::ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(response_curve)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        if let Some(tables) = response::tables(settings) {
+            response::pack(&tables, packer);
+        }
+    }
+}

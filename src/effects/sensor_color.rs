@@ -1,0 +1,178 @@
+//! What the sensor sees of the scene's colours. A rendered scene has the colours that a camera is to deliver; behind a
+//! sensor stand `white_balance`, `color_matrix` and `response_curve`, which change them. With `match = "delivered"` the
+//! light is taken through their inverse first: the sensor sees what these turn back into the scene's colours (its colour
+//! filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise gets the ISP's
+//! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped.
+//! Linear radiance, ahead of the sensor.
+
+use glam::{DMat3, DVec3};
+
+use super::response;
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::error::{Error, Result};
+
+/// The effect; its values live in [`Settings`].
+pub struct SensorColor;
+
+const ID: &str = "sensor_color";
+const DELIVERED: &str = "delivered";
+/// Below this determinant a matrix has no inverse worth using.
+const SINGULAR: f64 = 1e-3;
+
+const SPECS: &[ParamSpec] = &[ParamSpec::choice(
+    "match",
+    &["radiance", DELIVERED],
+    "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix and \
+     response_curve turn back into them",
+)];
+
+const MATRIX: u32 = 1;
+const CURVE: u32 = 2;
+
+/// From the delivered linear colours to the sensor's: the inverse of matrix and gains. `None` if there is none.
+fn inverse(settings: &Settings) -> Option<DMat3> {
+    let entry = |name: &str| {
+        let diagonal = name.as_bytes()[0] == name.as_bytes()[1];
+        settings.number("color_matrix", name, if diagonal { 1.0 } else { 0.0 })
+    };
+    let rows = [["rr", "rg", "rb"], ["gr", "gg", "gb"], ["br", "bg", "bb"]].map(|row| row.map(entry));
+    let gains = DVec3::new(
+        settings.number("white_balance", "r", 1.0),
+        1.0,
+        settings.number("white_balance", "b", 1.0),
+    );
+    let forward = DMat3::from_cols_array_2d(&rows).transpose() * DMat3::from_diagonal(gains);
+    (forward.determinant().abs() > SINGULAR).then(|| forward.inverse())
+}
+
+/// The function of the same name in `glsl/include/effects/sensor_color.glsl`.
+fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
+    let mut seen = value;
+    if at.variant & CURVE != 0 {
+        seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
+    }
+    if at.variant & MATRIX != 0 {
+        let [r, g, b] = seen;
+        seen = [0, 3, 6].map(|i| p.number(i) * r + p.number(i + 1) * g + p.number(i + 2) * b);
+    }
+    seen.map(|v| v.max(0.0))
+}
+
+impl Effect for SensorColor {
+    fn id(&self) -> &'static str {
+        ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
+        if settings.choice(ID, "match") != Some(DELIVERED) {
+            return Ok(Vec::new());
+        }
+        if inverse(settings).is_none() {
+            let what = "color_matrix and white_balance have no inverse: match = \"delivered\" cannot be".to_owned();
+            return Err(Error::Contradiction { effect: ID, what });
+        }
+        let idle = self.variant(settings) == 0;
+        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix or response_curve";
+        Ok(idle.then(|| said.to_owned()).into_iter().collect())
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        if settings.choice(ID, "match") != Some(DELIVERED) {
+            return 0;
+        }
+        let straight = inverse(settings).is_none_or(|m| m == DMat3::IDENTITY);
+        let matrix = if straight { 0 } else { MATRIX };
+        matrix | if response::tables(settings).is_some() { CURVE } else { 0 }
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(sensor_color)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        let rows = inverse(settings).unwrap_or(DMat3::IDENTITY).transpose().to_cols_array();
+        rows.into_iter().for_each(|v| packer.number(v));
+        if let Some(tables) = response::tables(settings) {
+            response::pack(&tables, packer);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
+    use crate::chain::Value;
+    use crate::effects::{self, ColorMatrix, ResponseCurve, ShotNoise, WhiteBalance};
+    use crate::plane::Plane;
+    use crate::reference::chain::values;
+
+    fn isp() -> Settings {
+        let mut s = Settings::default();
+        let mut set = |e: &dyn Effect, name: &str, v: f64| s.set(e, name, Value::Number(v)).expect("in range");
+        set(&WhiteBalance, "r", 1.7);
+        set(&WhiteBalance, "b", 2.1);
+        for (name, v) in [("rr", 1.5), ("rg", -0.3), ("rb", -0.2), ("bg", -0.4), ("bb", 1.4)] {
+            set(&ColorMatrix, name, v);
+        }
+        for (i, name) in ResponseCurve::NAMES.iter().flatten().enumerate() {
+            set(&ResponseCurve, name, 0.5 + 0.07 * (i % 9) as f64);
+        }
+        s
+    }
+
+    fn developed(settings: &Settings, frame: u32) -> Plane<f32> {
+        let k = Intrinsics { width: 64, height: 64, fx: 64.0, fy: 64.0, cx: 32.0, cy: 32.0 };
+        let scan_order = ScanOrder::TopToBottom;
+        let shutter =
+            ShutterTiming { start_s: 0.0, exposure_time_s: 0.0, readout_time_s: 0.0, scan_order, line_count: 64 };
+        let view = View { intrinsics: k, shutter, frame, seed: 1 };
+        let radiance = Plane::from_fn(64, 64, |x, y| {
+            let v = 0.05 + 0.9 * y as f32 / 64.0;
+            [v, v * (0.8 + 0.003 * x as f32), v * 0.9, 1.0]
+        });
+        values(effects::LIST, settings, &view, &radiance)
+    }
+
+    #[test]
+    fn the_delivered_colours_are_the_scenes_and_only_the_noise_changes() {
+        let plain = developed(&Settings::default(), 0);
+        let far = |a: &Plane<f32>, b: &Plane<f32>| {
+            a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let mut matched = isp();
+        assert!(far(&developed(&matched, 0), &plain) > 0.1, "control: the ISP alone changes the picture");
+        matched.set(&SensorColor, "match", Value::Choice(DELIVERED)).expect("an option");
+        assert!(far(&developed(&matched, 0), &plain) < 2e-6, "{}", far(&developed(&matched, 0), &plain));
+        let noise = |settings: &Settings| {
+            let mut noisy = settings.clone();
+            noisy.set(&ShotNoise, "full_well_e", Value::Number(2000.0)).expect("in range");
+            let (a, b) = (developed(&noisy, 1), developed(&noisy, 2));
+            let d = |i: usize| f64::from(a.data[i] - b.data[i]);
+            let pixels = || (0..64 * 64).map(|i| 4 * i);
+            let variance = |c: usize| pixels().map(|i| d(i + c).powi(2)).sum::<f64>();
+            let cross: f64 = pixels().map(|i| d(i) * d(i + 1)).sum();
+            (variance(0), cross / (variance(0) * variance(1)).sqrt())
+        };
+        let ((white, none), (colored, cross)) = (noise(&Settings::default()), noise(&matched));
+        assert!(none.abs() < 0.05 && cross < -0.1, "red gets some of green's noise: {none} {cross}");
+        assert!((colored / white - 1.0).abs() > 0.2, "{colored} {white}");
+    }
+
+    #[test]
+    fn a_matrix_without_an_inverse_is_a_contradiction() {
+        let mut s = Settings::default();
+        s.set(&SensorColor, "match", Value::Choice(DELIVERED)).expect("an option");
+        assert!(SensorColor.check(&s, 0.1).expect("allowed")[0].contains("changes nothing"));
+        s.set(&ColorMatrix, "bb", Value::Number(0.0)).expect("in range");
+        assert!(SensorColor.check(&s, 0.1).expect_err("singular").to_string().contains("no inverse"));
+    }
+}
