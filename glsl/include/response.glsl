@@ -1,23 +1,15 @@
-// A monotone curve per channel on linear values, as a table, both ways. Twin: src/effects/response.rs. Needs chain.glsl.
+// A monotone curve per channel on encoded values, as a table, both ways. Twin: src/effects/response.rs. Needs chain.glsl.
 #ifndef RESPONSE_GLSL
 #define RESPONSE_GLSL
 
 const uint RESPONSE_PIECES = 64u;
 
-float response_begin(uint j) {
-    precise float root = float(j) / float(RESPONSE_PIECES);
-    precise float begin = root * root;
-    return begin;
-}
-
 // `first`: place of the channel's first value.
 float response_to_sensor(float delivered, uint first) {
-    float root = delivered > 0.0 ? sqrt(delivered) : 0.0;
-    uint j = min(uint(min(root, 2.0) * float(RESPONSE_PIECES)), RESPONSE_PIECES - 1u);
+    precise float place = delivered * float(RESPONSE_PIECES);
+    uint j = min(uint(max(place, 0.0)), RESPONSE_PIECES - 1u);
     float low = table(first + j);
-    float high = table(first + j + 1u);
-    precise float slope = (high - low) / (response_begin(j + 1u) - response_begin(j));
-    precise float value = low + (delivered - response_begin(j)) * slope;
+    precise float value = low + (place - float(j)) * (table(first + j + 1u) - low);
     return value;
 }
 
@@ -27,10 +19,8 @@ float response_from_sensor(float sensor, uint first) {
         j += table(first + j + next) <= sensor ? next : 0u;
     }
     float low = table(first + j);
-    float high = table(first + j + 1u);
-    float begin = response_begin(j);
-    precise float slope = (response_begin(j + 1u) - begin) / (high - low);
-    precise float value = begin + (sensor - low) * slope;
+    precise float share = (sensor - low) / (table(first + j + 1u) - low);
+    precise float value = (float(j) + share) / float(RESPONSE_PIECES);
     return value;
 }
 

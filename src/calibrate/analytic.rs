@@ -80,9 +80,8 @@ pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>
         let color: [f64; 3] = encoded.map(|v| f64::from(encoding.decode(v as f32)));
         let slope = color.map(|v| encoding.slope(v));
         let seen = camera.sensor_color(&inverse, color);
-        let variance: [f64; 3] = std::array::from_fn(|k| {
-            seen[k] / camera.full_well_e + camera.read_sigma.powi(2)
-        });
+        let variance: [f64; 3] =
+            std::array::from_fn(|k| seen[k] / camera.full_well_e + camera.read_sigma.powi(2));
         // How sensor channel k reaches luma, and what of it picture channel i has beyond that.
         let gain = |i: usize, k: usize| slope[i] * camera.color_matrix[i][k] * camera.white_balance[k];
         let to_luma: [f64; 3] = std::array::from_fn(|k| (0..3).map(|j| LUMA[j] * gain(j, k)).sum());

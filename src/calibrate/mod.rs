@@ -16,6 +16,7 @@ pub mod analytic;
 mod blocks;
 pub mod cells;
 pub mod chart;
+mod curve;
 pub mod figure;
 pub mod filter;
 pub mod fit;

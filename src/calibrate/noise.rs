@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
 use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
-use super::search::{Levelled, fit_camera, level, of_chain, of_model, refit};
+use super::search::{Levelled, fit_camera, level, of_chain, of_model, refit, with_level_gain};
 use super::series::{Temporal, edge_variance, static_variance, temporal};
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
 use super::statics::{AlignedPair, Registration, align, difference};
@@ -140,6 +140,9 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     let maker = if encoding == Encoding::Srgb { of_chain } else { of_model };
     let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
     if chain_camera.bayer {
+        chain_camera = refit(&chain_camera, &pairs[0], options, maker)?;
+        // The curve moves the light at which the sensor works: once more with it.
+        chain_camera = with_level_gain(&chain_camera, &pairs[0], &real, step, options, maker)?;
         chain_camera = refit(&chain_camera, &pairs[0], options, maker)?;
     }
     let chain = level(chain_camera, &pairs, &real, step, options, maker)?;

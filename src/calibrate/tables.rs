@@ -1,6 +1,6 @@
 //! The result as the chain's settings, which become tables of `camera.toml`, and the chain itself as a [`CameraModel`].
 
-use super::model::{CameraModel, IspCamera};
+use super::model::{CameraModel, IspCamera, at_knots};
 use super::noise::Calibration;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::{Effect, Settings, Value, View};
@@ -72,57 +72,13 @@ fn isp_settings(camera: &IspCamera, out: &mut Settings) -> Result<()> {
     }
     for (names, knots) in ResponseCurve::NAMES.iter().zip(&camera.level_gain).filter(|(_, k)| !k.is_empty()) {
         let (low, high) = ResponseCurve::RANGE;
-        for (name, steepness) in names.iter().zip(steepness(knots)) {
-            set(out, "response_curve", name, number(steepness.clamp(low, high)))?;
+        for (i, name) in names.iter().enumerate() {
+            let at = i as f64 / (names.len() - 1) as f64;
+            set(out, "response_curve", name, number(at_knots(knots, at).clamp(low, high)))?;
         }
     }
     Ok(())
 }
-
-/// Factors at the response's own knots, by least squares over the measured ones, with a slight pull towards straight
-/// lines, which decides where nothing was measured.
-fn steepness(measured: &[[f64; 2]]) -> [f64; N] {
-    /// Against one measured factor that stands on a knot.
-    const STIFFNESS: f64 = 0.02;
-    let (mut normal, mut right) = ([[0.0; N]; N], [0.0; N]);
-    let mut add = |terms: &[(usize, f64)], value: f64, weight: f64| {
-        for (i, a) in terms {
-            right[*i] += weight * a * value;
-            terms.iter().for_each(|(j, b)| normal[*i][*j] += weight * a * b);
-        }
-    };
-    for [at, factor] in measured {
-        let place = (at * (N - 1) as f64).clamp(0.0, (N - 1) as f64);
-        let before = (place as usize).min(N - 2);
-        let share = place - before as f64;
-        add(&[(before, 1.0 - share), (before + 1, share)], factor.ln(), 1.0);
-    }
-    (1..N - 1).for_each(|i| add(&[(i - 1, 1.0), (i, -2.0), (i + 1, 1.0)], 0.0, STIFFNESS));
-    // One factor alone leaves the slope open.
-    (1..N).for_each(|i| add(&[(i - 1, -1.0), (i, 1.0)], 0.0, 0.01 * STIFFNESS));
-    solve(normal, right).map(f64::exp)
-}
-
-const N: usize = ResponseCurve::VALUES.len();
-
-/// Gauss's elimination of a symmetric positive definite system.
-fn solve(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
-    for i in 0..N {
-        for j in i + 1..N {
-            let factor = a[j][i] / a[i][i];
-            let row = a[i];
-            (i..N).for_each(|k| a[j][k] -= factor * row[k]);
-            b[j] -= factor * b[i];
-        }
-    }
-    for i in (0..N).rev() {
-        let known: f64 = (i + 1..N).map(|k| a[i][k] * b[k]).sum();
-        b[i] = (b[i] - known) / a[i][i];
-    }
-    b
-}
-
-const COLOR: [&str; 3] = ["color_variance_r", "color_variance_g", "color_variance_b"];
 
 /// The paper's own noise, as an alternative to [`chain_settings`]: variances per channel of the delivered picture, white.
 ///
@@ -136,7 +92,7 @@ pub fn paper_settings(c: &Calibration) -> Result<Settings> {
     if let Some(fixed) = c.static_variance {
         add(["static_variance_r", "static_variance_g", "static_variance_b"], fixed)?;
     }
-    add(COLOR, c.color_variance)?;
+    add(["color_variance_r", "color_variance_g", "color_variance_b"], c.color_variance)?;
     if let Some(edge) = &c.edge_variance {
         // An edge part that is not there beyond chance is none.
         let sure = edge.each_ref().map(|e| if e.ci95[0] > 0.0 { e.value.min(1.0) } else { 0.0 });
@@ -203,15 +159,5 @@ mod tests {
         // Control: a sensor of half the full well is seen.
         let other = variances(&IspCamera { full_well_e: 450.0, ..camera });
         assert!((engine[1] / other[1] - 1.0).abs() > 0.25);
-    }
-
-    #[test]
-    fn steepness_is_found_where_it_was_measured_and_goes_on_straight() {
-        let line = |at: f64| (0.3 - 0.8 * at).exp();
-        let measured: Vec<[f64; 2]> = (6..20).map(|i| f64::from(i) / 32.0).map(|at| [at, line(at)]).collect();
-        for (got, at) in steepness(&measured).iter().zip(ResponseCurve::VALUES) {
-            assert!((got / line(at) - 1.0).abs() < 0.03, "{at}: {got} for {}", line(at));
-        }
-        assert!(steepness(&[[0.4, 1.7]]).iter().all(|s| (s / 1.7 - 1.0).abs() < 1e-6));
     }
 }

@@ -13,11 +13,12 @@ use super::args::{PlaneName, Simulate};
 use super::interrupt::Interrupt;
 use super::timings::Timings;
 use crate::capture::Capture;
+use crate::effects::ExposureControl;
 use crate::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use crate::error::{Error, Result};
 use crate::formats::{preset, read_capture};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
-use crate::plane::{write_atomic, write_exr_plane, write_png_atomic};
+use crate::plane::{read_rgb8, write_atomic, write_exr_plane, write_png_atomic};
 
 /// Frames that wait for the disk at most; more would only take memory.
 const WRITE_QUEUE: usize = 4;
@@ -115,7 +116,9 @@ fn render_all(
             Ok(written)
         });
         let mut progress = progress;
-        let rendered = feed(engine, requests, &interrupt, timings, (&to_disk, &mut progress));
+        let control =
+            ExposureControl::new(&requests[0].settings).map(|control| Exposure { control, args, stems });
+        let rendered = feed(engine, requests, &interrupt, timings, (&to_disk, &mut progress, control));
         drop(to_disk);
         let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         progress.finish();
@@ -130,23 +133,62 @@ fn feed(
     requests: &[FrameRequest],
     interrupt: &Interrupt,
     timings: &mut Timings,
-    (to_disk, progress): (&SyncSender<Frame>, &mut Progress),
+    (to_disk, progress, mut exposure): (&SyncSender<Frame>, &mut Progress, Option<Exposure<'_>>),
 ) -> Result<()> {
     let mut in_flight: VecDeque<Ticket> = VecDeque::new();
-    let mut next = requests.iter();
+    let mut next = requests.iter().peekable();
     loop {
         while in_flight.len() < engine.frames_in_flight() && !interrupt.requested() {
-            let Some(request) = next.next() else { break };
-            in_flight.push_back(engine.submit(request)?);
+            let Some(request) = next.peek() else { break };
+            let exposed = match &mut exposure {
+                Some(exposure) => {
+                    // What it answers to is in flight.
+                    let Some(exposed) = exposure.request(request, requests)? else { break };
+                    Some(exposed)
+                }
+                None => None,
+            };
+            in_flight.push_back(engine.submit(exposed.as_ref().unwrap_or(request))?);
+            next.next();
         }
         let Some(ticket) = in_flight.pop_front() else { return Ok(()) };
         let frame = engine.collect(ticket)?;
+        if let Some(exposure) = &mut exposure {
+            exposure.control.meter(frame.index as usize, &frame.picture);
+        }
         timings.add(&frame);
         progress.step();
         if to_disk.send(frame).is_err() {
             // The writer has stopped and will say why.
             return Ok(());
         }
+    }
+}
+
+/// Automatic exposure over the frames of a run.
+struct Exposure<'a> {
+    control: ExposureControl,
+    args: &'a Simulate,
+    stems: &'a [String],
+}
+
+impl Exposure<'_> {
+    /// The request with its gain; `None` until all frames that it answers to were metered. Those of an interrupted run are
+    /// read from the disk.
+    fn request(&mut self, request: &FrameRequest, requests: &[FrameRequest]) -> Result<Option<FrameRequest>> {
+        let index = request.index as usize;
+        for frame in self.control.needs(index).map_or(0..0, |last| 0..last + 1) {
+            if self.control.has(frame) {
+                continue;
+            }
+            if requests.iter().any(|r| r.index as usize == frame) {
+                return Ok(None);
+            }
+            let picture = read_rgb8(&self.args.out.join(format!("{}.png", self.stems[frame])))?;
+            self.control.meter(frame, &picture);
+        }
+        let settings = self.control.settings(index, &request.settings)?;
+        Ok(Some(FrameRequest { settings, ..request.clone() }))
     }
 }
 

@@ -1,5 +1,6 @@
 //! One physical effect a file, listed in light-path order.
 
+mod auto_exposure;
 mod bayer_mosaic;
 mod black_level;
 mod chroma_subsampling;
@@ -35,6 +36,7 @@ mod tone_curve;
 mod vignetting;
 mod white_balance;
 
+pub use auto_exposure::{AutoExposure, ExposureControl};
 pub use bayer_mosaic::BayerMosaic;
 pub use black_level::BlackLevel;
 pub use chroma_subsampling::ChromaSubsampling;
@@ -78,6 +80,7 @@ pub const LIST: &[&dyn Effect] = &[
     &FocalLengthError,
     &PoseOffset,
     &TimeOffset,
+    &AutoExposure,
     &LensDistortion,
     &ChromaticAberration,
     &RollingShutter,
@@ -100,10 +103,10 @@ pub const LIST: &[&dyn Effect] = &[
     &BayerMosaic,
     &WhiteBalance,
     &ColorMatrix,
-    &ResponseCurve,
     &Gamma,
     &ToneCurve,
     &NoiseReduction,
+    &ResponseCurve,
     &Sharpening,
     &ChromaSubsampling,
     &Jpeg,

@@ -15,8 +15,20 @@ pub struct NoiseReduction;
 const ID: &str = "noise_reduction";
 const SPECS: &[ParamSpec] = &[
     ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
-    ParamSpec::number("chroma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of the colours' Gaussian"),
-    ParamSpec::number("edge", "", (0.0, 1.0), 0.0, "difference in luma from which an edge is spared; 0: none is"),
+    ParamSpec::number(
+        "chroma_sigma_px",
+        "px",
+        (0.0, 10.0),
+        0.0,
+        "standard deviation of the colours' Gaussian",
+    ),
+    ParamSpec::number(
+        "edge",
+        "",
+        (0.0, 1.0),
+        0.0,
+        "difference in luma from which an edge is spared; 0: none is",
+    ),
 ];
 
 fn sigmas_px(settings: &Settings) -> [f64; 2] {

@@ -1,11 +1,10 @@
-//! The camera's response beside that of sRGB: a monotone curve per channel on linear values behind the sensor's noise,
-//! given by its steepness over the delivered (encoded) value. Where it is steep, noise is large: cameras whose tone curve
-//! is not sRGB's, and whose processing damps noise in dark or bright parts, have another noise over intensity than shot
-//! and read noise give. Digital numbers before the tone curve.
+//! The camera's response beside that of sRGB: a monotone curve per channel behind noise and smoothing, given by its relative
+//! steepness over the delivered value; black stays black and white white. Where it is steep, noise is large: cameras whose
+//! tone curve is not sRGB's, and whose processing damps noise in dark or bright parts, have another noise over intensity
+//! than shot and read noise give. Encoded values.
 //!
 //! Alone it changes the picture as a tone curve does. With `sensor_color.match = "delivered"` the light is taken through
-//! the inverse ahead of the sensor, and only the noise changes. The curve delivers black for black; it is straight beyond
-//! 0 and 1.
+//! the inverse ahead of the sensor, and only the noise changes.
 
 use super::response::{self, KNOTS, NAMES};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
@@ -14,16 +13,14 @@ use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, 
 pub struct ResponseCurve;
 
 impl ResponseCurve {
-    /// Delivered (encoded) values, 0 to 1, at which the steepness is given.
-    pub const VALUES: [f64; KNOTS] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
-    /// Names of the steepness at these values, of red, green and blue.
+    /// Names of the steepness of red, green and blue at the delivered (encoded) values 0, 1/16, ..., 1.
     pub const NAMES: [[&'static str; KNOTS]; 3] = NAMES;
     /// Smallest and largest steepness.
     pub const RANGE: (f64, f64) = (0.1, 10.0);
 }
 
 const fn steepness(channel: usize, knot: usize) -> ParamSpec {
-    let about = "delivered change over the sensor's at the encoded value of an eighth times the name's number";
+    let about = "relative steepness at the delivered value of a sixteenth times the name's number";
     ParamSpec::number(NAMES[channel][knot], "", ResponseCurve::RANGE, 1.0, about)
 }
 
@@ -52,7 +49,11 @@ impl Effect for ResponseCurve {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Pixel(Domain::RawDn, Domain::RawDn)
+        Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn variant(&self, settings: &Settings) -> u32 {
+        u32::from(response::tables(settings).is_some())
     }
 
     fn work(&self) -> Work {

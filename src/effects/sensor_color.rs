@@ -2,7 +2,8 @@
 //! sensor stand `white_balance`, `color_matrix` and `response_curve`, which change them. With `match = "delivered"` the
 //! light is taken through their inverse first: the sensor sees what these turn back into the scene's colours (its colour
 //! filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise gets the ISP's
-//! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped.
+//! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped; so is
+//! what is brighter than white, where a response is undone.
 //! Linear radiance, ahead of the sensor.
 
 use glam::{DMat3, DVec3};
@@ -10,6 +11,7 @@ use glam::{DMat3, DVec3};
 use super::response;
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::error::{Error, Result};
+use crate::plane::{srgb_decode, srgb_encode};
 
 /// The effect; its values live in [`Settings`].
 pub struct SensorColor;
@@ -49,7 +51,7 @@ fn inverse(settings: &Settings) -> Option<DMat3> {
 fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
     if at.variant & CURVE != 0 {
-        seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
+        seen = [0, 1, 2].map(|c| srgb_decode(response::to_sensor(srgb_encode(seen[c]), c, p, 9)));
     }
     if at.variant & MATRIX != 0 {
         let [r, g, b] = seen;
@@ -76,7 +78,8 @@ impl Effect for SensorColor {
             return Ok(Vec::new());
         }
         if inverse(settings).is_none() {
-            let what = "color_matrix and white_balance have no inverse: match = \"delivered\" cannot be".to_owned();
+            let what =
+                "color_matrix and white_balance have no inverse: match = \"delivered\" cannot be".to_owned();
             return Err(Error::Contradiction { effect: ID, what });
         }
         let idle = self.variant(settings) == 0;
@@ -117,14 +120,15 @@ mod tests {
 
     fn isp() -> Settings {
         let mut s = Settings::default();
-        let mut set = |e: &dyn Effect, name: &str, v: f64| s.set(e, name, Value::Number(v)).expect("in range");
+        let mut set =
+            |e: &dyn Effect, name: &str, v: f64| s.set(e, name, Value::Number(v)).expect("in range");
         set(&WhiteBalance, "r", 1.7);
         set(&WhiteBalance, "b", 2.1);
         for (name, v) in [("rr", 1.5), ("rg", -0.3), ("rb", -0.2), ("bg", -0.4), ("bb", 1.4)] {
             set(&ColorMatrix, name, v);
         }
         for (i, name) in ResponseCurve::NAMES.iter().flatten().enumerate() {
-            set(&ResponseCurve, name, 0.5 + 0.07 * (i % 9) as f64);
+            set(&ResponseCurve, name, 0.5 + 0.04 * (i % 17) as f64);
         }
         s
     }
@@ -132,8 +136,13 @@ mod tests {
     fn developed(settings: &Settings, frame: u32) -> Plane<f32> {
         let k = Intrinsics { width: 64, height: 64, fx: 64.0, fy: 64.0, cx: 32.0, cy: 32.0 };
         let scan_order = ScanOrder::TopToBottom;
-        let shutter =
-            ShutterTiming { start_s: 0.0, exposure_time_s: 0.0, readout_time_s: 0.0, scan_order, line_count: 64 };
+        let shutter = ShutterTiming {
+            start_s: 0.0,
+            exposure_time_s: 0.0,
+            readout_time_s: 0.0,
+            scan_order,
+            line_count: 64,
+        };
         let view = View { intrinsics: k, shutter, frame, seed: 1 };
         let radiance = Plane::from_fn(64, 64, |x, y| {
             let v = 0.05 + 0.9 * y as f32 / 64.0;

@@ -60,6 +60,15 @@ pub fn random_radiance(width: usize, height: usize) -> Plane<f32> {
 /// Typical values that make an effect visible, by its specs: every parameter is away from neutral.
 pub fn visible(effect: &dyn Effect) -> Settings {
     let mut settings = Settings::default();
+    if effect.id() == "sensor_color" {
+        // It undoes these; with noise between, that can be seen.
+        settings = self::settings(&[
+            ("white_balance", "r", 1.4),
+            ("color_matrix", "rg", -0.15),
+            ("response_curve", "r3", 1.5),
+            ("shot_noise", "full_well_e", 400.0),
+        ]);
+    }
     for spec in effect.specs() {
         let value = visible_value(effect.id(), spec.name, &spec.kind);
         settings.set(effect, spec.name, value).unwrap();
@@ -94,6 +103,10 @@ fn visible_value(effect: &str, name: &str, kind: &ParamKind) -> Value {
         ("tone_curve", _) => 0.5,
         ("defocus", "sigma_px") => 1.3,
         ("defocus", _) => 2.2,
+        ("noise_reduction", "edge") => 0.2,
+        ("noise_reduction", "luma_sigma_px") => 0.9,
+        ("noise_reduction", _) => 1.7,
+        ("response_curve", name) => 1.0 + 0.03 * (name.len() + name.as_bytes()[1] as usize % 7) as f64,
         ("sharpening", "amount") => 0.8,
         ("sharpening", _) => 1.2,
         ("jpeg", _) => 60.0,

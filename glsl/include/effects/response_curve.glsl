@@ -1,4 +1,4 @@
-// response_curve: from the sensor's linear values to the delivered ones, by a table. Twin: src/effects/response_curve.rs.
+// response_curve: from the values ahead of it to the delivered ones, by a table. Twin: src/effects/response_curve.rs.
 #ifndef RESPONSE_CURVE_GLSL
 #define RESPONSE_CURVE_GLSL
 

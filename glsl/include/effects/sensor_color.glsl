@@ -8,13 +8,18 @@
 const uint SENSOR_COLOR_MATRIX = 1u;
 const uint SENSOR_COLOR_CURVE = 2u;
 
+float sensor_color_bent(float linear, uint first) {
+    float v = response_to_sensor(srgb_encode(linear), first);
+    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+}
+
 vec3 sensor_color(vec3 value, uvec2 pixel, uint slot) {
     vec3 seen = value;
     if ((VARIANT_sensor_color & SENSOR_COLOR_CURVE) != 0u) {
         uint first = parameter_bits(slot, 9u);
         uint side = RESPONSE_PIECES + 1u;
-        seen = vec3(response_to_sensor(value.r, first), response_to_sensor(value.g, first + side),
-                    response_to_sensor(value.b, first + 2u * side));
+        seen = vec3(sensor_color_bent(value.r, first), sensor_color_bent(value.g, first + side),
+                    sensor_color_bent(value.b, first + 2u * side));
     }
     if ((VARIANT_sensor_color & SENSOR_COLOR_MATRIX) != 0u) {
         precise vec3 mixed = vec3(parameter(slot, 0u), parameter(slot, 3u), parameter(slot, 6u)) * seen.r +

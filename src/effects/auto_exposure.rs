@@ -1,0 +1,250 @@
+//! Automatic exposure: a controller that chooses each frame's gain from the frames before it, as cameras do. It acts where
+//! frames are asked for one after another, by the gain of [`super::ExposureGain`]; linear radiance.
+//!
+//! Model: frame k, taken with gain g_k, is metered as delivered: m_k is the mean of its linear luminance (ITU-R BT.709, from
+//! the 8-bit sRGB values, so what is clipped counts as white). Frame n answers to frame k = n - `delay_frames`, because a
+//! real one is metered, computed and set while others are on their way: the gain that was wanted is g_k target / m_k, and
+//! log g_n goes `speed` of the way from log g_(n-1) to it, at most `max_step_ev` (powers of two), within `min_gain` to
+//! `max_gain`. The first `delay_frames` frames have `initial_gain`. With a delay and a high speed it overshoots, as real
+//! ones do. No random number and no clock: the same frames give the same gains.
+
+use crate::chain::{Effect, ParamSpec, Settings, Stage, Value};
+use crate::effects::ExposureGain;
+use crate::error::{Error, Result};
+use crate::plane::{Plane, srgb_decode};
+
+/// The effect; its values live in [`Settings`].
+pub struct AutoExposure;
+
+const ID: &str = "auto_exposure";
+const GAIN: (f64, f64) = (1e-3, 100.0);
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("target", "", (0.0, 1.0), 0.0, "mean linear luminance that is wanted; 0: no control"),
+    ParamSpec::integer(
+        "delay_frames",
+        "",
+        (1.0, 60.0),
+        "frames from the one that is metered to the one that answers",
+    ),
+    ParamSpec::number(
+        "speed",
+        "",
+        (0.0, 1.0),
+        1.0,
+        "share of the way to the wanted gain, in its logarithm, a frame",
+    ),
+    ParamSpec::number(
+        "max_step_ev",
+        "powers of two",
+        (0.0, 10.0),
+        10.0,
+        "largest change of the gain, a frame",
+    ),
+    ParamSpec::number("min_gain", "", GAIN, 1e-3, "smallest gain"),
+    ParamSpec::number("max_gain", "", GAIN, 100.0, "largest gain"),
+    ParamSpec::number("initial_gain", "", GAIN, 1.0, "gain until the first frame that was metered counts"),
+];
+
+impl Effect for AutoExposure {
+    fn id(&self) -> &'static str {
+        ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::SetUp
+    }
+
+    fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
+        let number = |name: &str, neutral: f64| settings.number(ID, name, neutral);
+        let (low, high) = (number("min_gain", GAIN.0), number("max_gain", GAIN.1));
+        if low > high {
+            let what = format!("min_gain = {low} is above max_gain = {high}");
+            return Err(Error::Contradiction { effect: ID, what });
+        }
+        let idle = number("target", 0.0) > 0.0 && number("speed", 1.0) * number("max_step_ev", 10.0) == 0.0;
+        let said = format!("{ID} never changes the gain: speed or max_step_ev is 0");
+        Ok(idle.then_some(said).into_iter().collect())
+    }
+}
+
+/// The controller over one capture's frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExposureControl {
+    target: f64,
+    delay: usize,
+    speed: f64,
+    max_step: f64,
+    range: (f64, f64),
+    initial: f64,
+    /// Logarithms of the gains so far, by frame.
+    log_gains: Vec<f64>,
+    /// Metered means, by frame.
+    means: Vec<Option<f64>>,
+}
+
+impl ExposureControl {
+    /// `None` where the effect is off or has no target.
+    pub fn new(settings: &Settings) -> Option<Self> {
+        let number = |name: &str, neutral: f64| settings.number(ID, name, neutral);
+        let target = number("target", 0.0);
+        (target > 0.0).then(|| Self {
+            target,
+            delay: number("delay_frames", 1.0) as usize,
+            speed: number("speed", 1.0),
+            max_step: number("max_step_ev", 10.0) * std::f64::consts::LN_2,
+            range: (number("min_gain", GAIN.0).ln(), number("max_gain", GAIN.1).ln()),
+            initial: number("initial_gain", 1.0).ln(),
+            log_gains: Vec::new(),
+            means: Vec::new(),
+        })
+    }
+
+    /// The last frame that must have been metered, like all before it, before the gain of `frame` is asked for.
+    pub fn needs(&self, frame: usize) -> Option<usize> {
+        frame.checked_sub(self.delay)
+    }
+
+    /// Whether a frame was metered.
+    pub fn has(&self, frame: usize) -> bool {
+        self.means.get(frame).is_some_and(Option::is_some)
+    }
+
+    /// Meters a delivered picture, shape `[height, width, 3]`, 8-bit sRGB.
+    pub fn meter(&mut self, frame: usize, picture: &Plane<u8>) {
+        let linear: Vec<f64> = (0..256).map(|v| f64::from(srgb_decode(v as f32 / 255.0))).collect();
+        let mut counts = [[0u64; 256]; 3];
+        for (i, value) in picture.data.iter().enumerate() {
+            counts[i % 3][usize::from(*value)] += 1;
+        }
+        let mean = |c: usize| (0..256).map(|v| counts[c][v] as f64 * linear[v]).sum::<f64>();
+        let luminance = 0.2126 * mean(0) + 0.7152 * mean(1) + 0.0722 * mean(2);
+        self.meter_mean(frame, luminance / (picture.width * picture.height).max(1) as f64);
+    }
+
+    /// The same with a mean linear luminance that is known.
+    pub fn meter_mean(&mut self, frame: usize, mean: f64) {
+        self.means.resize(self.means.len().max(frame + 1), None);
+        self.means[frame] = Some(mean);
+    }
+
+    /// The gain of a frame.
+    ///
+    /// # Panics
+    /// If a frame up to [`Self::needs`] was not metered: a bug of the caller.
+    pub fn gain(&mut self, frame: usize) -> f64 {
+        /// A black frame asks for no more than this; the range decides.
+        const DARKEST: f64 = 1e-6;
+        while self.log_gains.len() <= frame {
+            let n = self.log_gains.len();
+            let inside = |log: f64| log.clamp(self.range.0, self.range.1);
+            let next = match self.needs(n) {
+                None => inside(self.initial),
+                Some(k) => {
+                    let mean = self.means[k].expect("frames are metered before they are answered");
+                    let wanted = inside(self.log_gains[k] + (self.target / mean.max(DARKEST)).ln());
+                    let before = self.log_gains[n - 1];
+                    let step = (self.speed * (wanted - before)).clamp(-self.max_step, self.max_step);
+                    inside(before + step)
+                }
+            };
+            self.log_gains.push(next);
+        }
+        self.log_gains[frame].exp()
+    }
+
+    /// The settings of a frame: its gain times that of `exposure_gain`.
+    ///
+    /// # Errors
+    /// A product beyond the range of `exposure_gain`.
+    ///
+    /// # Panics
+    /// As [`Self::gain`].
+    pub fn settings(&mut self, frame: usize, settings: &Settings) -> Result<Settings> {
+        let mut out = settings.clone();
+        let gain = self.gain(frame) * settings.number("exposure_gain", "gain", 1.0);
+        out.set(&ExposureGain, "gain", Value::Number(gain))?;
+        Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn control(of: &[(&str, f64)]) -> ExposureControl {
+        let mut settings = Settings::default();
+        for (name, value) in of {
+            settings.set(&AutoExposure, name, Value::Number(*value)).expect("in range");
+        }
+        ExposureControl::new(&settings).expect("a target")
+    }
+
+    /// Gains over a scene whose radiance has that mean in each frame, never clipped.
+    fn gains(mut c: ExposureControl, scene: impl Fn(usize) -> f64) -> Vec<f64> {
+        (0..40)
+            .map(|n| {
+                let gain = c.gain(n);
+                c.meter_mean(n, gain * scene(n));
+                gain
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_step_of_light_is_answered_after_the_delay_and_not_before() {
+        for delay in [1, 3] {
+            let light = |n: usize| if n < 10 { 0.18 } else { 0.72 };
+            let got = gains(control(&[("target", 0.18), ("delay_frames", delay as f64)]), light);
+            assert!(got[..10 + delay].iter().all(|g| (g - 1.0).abs() < 1e-12), "{got:?}");
+            assert!((got[10 + delay] - 0.25).abs() < 1e-12, "all at once: {got:?}");
+        }
+    }
+
+    #[test]
+    fn speed_and_step_limit_the_way_as_the_formula_says() {
+        let light = |_: usize| 0.18 * 16.0;
+        let slow = gains(control(&[("target", 0.18), ("speed", 0.5)]), light);
+        for (n, g) in slow.iter().enumerate().take(20) {
+            // log2 g_n = -4 (1 - 2^-n).
+            assert!((g.log2() + 4.0 * (1.0 - 0.5f64.powi(n as i32))).abs() < 1e-9, "{n}: {g}");
+        }
+        let stepped = gains(control(&[("target", 0.18), ("max_step_ev", 0.75)]), light);
+        for (n, g) in stepped.iter().enumerate() {
+            assert!((g.log2() + (0.75 * n as f64).min(4.0)).abs() < 1e-9, "{n}: {g}");
+        }
+        let limited = gains(control(&[("target", 0.18), ("min_gain", 0.2)]), light);
+        assert!((limited[39] - 0.2).abs() < 1e-12, "{limited:?}");
+        // A long delay at half speed overshoots; at once it does not.
+        let late = gains(control(&[("target", 0.18), ("speed", 0.5), ("delay_frames", 4.0)]), light);
+        let lowest = late.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!((late[39].log2() + 4.0).abs() < 0.2 && lowest.log2() >= -4.0 - 1e-9, "{late:?}");
+    }
+
+    #[test]
+    fn a_picture_is_metered_by_its_linear_luminance_and_settings_get_the_product() {
+        let mut c = control(&[("target", 0.2)]);
+        let gain = c.gain(0);
+        assert!((gain - 1.0).abs() < 1e-12);
+        c.meter(0, &Plane::from_fn(8, 4, |x, _| [if x < 4 { 255u8 } else { 0 }; 3]));
+        let mut settings = Settings::default();
+        settings.set(&ExposureGain, "gain", Value::Number(3.0)).expect("in range");
+        let got = c.settings(1, &settings).expect("in range").number("exposure_gain", "gain", 1.0);
+        assert!((got - 3.0 * 0.2 / 0.5).abs() < 1e-9, "half of the picture is white: {got}");
+        assert_eq!(ExposureControl::new(&Settings::default()), None);
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        let mut settings = Settings::default();
+        settings.set(&AutoExposure, "min_gain", Value::Number(4.0)).expect("in range");
+        settings.set(&AutoExposure, "max_gain", Value::Number(2.0)).expect("in range");
+        assert!(
+            AutoExposure.check(&settings, 0.1).expect_err("crossed").to_string().contains("min_gain = 4")
+        );
+    }
+}
