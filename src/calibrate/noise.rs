@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
 use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
-use super::search::{Levelled, fit_camera, level, of_chain, of_model, refit, with_level_gain};
+use super::search::{By, Levelled, fit_camera, level, refit};
 use super::series::{Temporal, edge_variance, static_variance, temporal};
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
 use super::statics::{AlignedPair, Registration, align, difference};
@@ -134,18 +134,15 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     }
     let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
     let Levelled { camera, simulated, shown, without, held_out } =
-        level(camera, &pairs, &real, step, options, of_model)?;
+        level(camera, &pairs, &real, step, options, By::Model)?;
     let comparison = compare(&real, &simulated);
     // The chain delivers sRGB; a linear sensor is measured by its own model.
-    let maker = if encoding == Encoding::Srgb { of_chain } else { of_model };
+    let by = if encoding == Encoding::Srgb { By::Chain } else { By::Model };
     let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
     if chain_camera.bayer {
-        chain_camera = refit(&chain_camera, &pairs[0], options, maker)?;
-        // The curve moves the light at which the sensor works: once more with it.
-        chain_camera = with_level_gain(&chain_camera, &pairs[0], &real, step, options, maker)?;
-        chain_camera = refit(&chain_camera, &pairs[0], options, maker)?;
+        chain_camera = refit(&chain_camera, &pairs[0], options, by)?;
     }
-    let chain = level(chain_camera, &pairs, &real, step, options, maker)?;
+    let chain = level(chain_camera, &pairs, &real, step, options, by)?;
     let comparison_chain = compare(&real, &chain.simulated);
     let resting = pairs.iter().all(|p| !p.registration.moved);
     let usable = &pairs[0].usable;

@@ -51,20 +51,25 @@ pub(super) fn fit_camera(
         jpeg_quality: frame.jpeg.map(|j| j.quality),
         ..camera
     };
-    refit(&camera, pair, options, of_model)
+    refit(&camera, pair, options, By::Model)
 }
 
-/// Makes the frames of a camera.
-pub(super) type Maker = fn(&IspCamera) -> Result<Box<dyn CameraModel>>;
-
-/// The calibration's own simulation.
-pub(super) fn of_model(camera: &IspCamera) -> Result<Box<dyn CameraModel>> {
-    Ok(Box::new(camera.clone()))
+/// What makes the frames of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum By {
+    /// The calibration's own simulation.
+    Model,
+    /// The engine's chain.
+    Chain,
 }
 
-/// The engine's chain.
-pub(super) fn of_chain(camera: &IspCamera) -> Result<Box<dyn CameraModel>> {
-    Ok(Box::new(ChainCamera { settings: chain_settings(camera)? }))
+impl By {
+    fn make(self, camera: &IspCamera) -> Result<Box<dyn CameraModel>> {
+        Ok(match self {
+            Self::Model => Box::new(camera.clone()),
+            Self::Chain => Box::new(ChainCamera { settings: chain_settings(camera)? }),
+        })
+    }
 }
 
 /// Fits by the closed form, then corrects by what the simulation makes of it.
@@ -72,21 +77,14 @@ pub(super) fn refit(
     start: &IspCamera,
     pair: &AlignedPair,
     options: NoiseOptions,
-    maker: Maker,
+    by: By,
 ) -> Result<IspCamera> {
     let measured = fit::targets(&cells(&pair.mean(), &pair.difference(|v| v), &pair.usable));
     let (mut camera, mut goal) = (start.clone(), measured.clone());
-    // The first fit of a camera that has its curve already is wrong by what the curve does.
-    let first = start.level_gain.iter().any(|k| !k.is_empty());
-    if first {
-        let frames = simulated_frames(&*maker(&camera)?, pair, options, 0)?;
-        let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
-        goal = fit::correct(&camera, &measured, &cells(&pair.mean(), &d, &pair.usable));
-    }
     for round in 0..ROUNDS {
         camera = fit::fit(&camera, &goal);
         if round + 1 < ROUNDS {
-            let frames = simulated_frames(&*maker(&camera)?, pair, options, 0)?;
+            let frames = simulated_frames(&*by.make(&camera)?, pair, options, 0)?;
             let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
             goal = fit::correct(&camera, &measured, &cells(&pair.mean(), &d, &pair.usable));
         }
@@ -110,10 +108,10 @@ pub(super) fn level(
     real: &Measured,
     step: f32,
     options: NoiseOptions,
-    maker: Maker,
+    by: By,
 ) -> Result<Levelled> {
     let pair = &pairs[0];
-    let (simulated, shown) = simulate(&*maker(&camera)?, pair, step, options)?;
+    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options)?;
     let without = compare(real, &simulated);
     let good = without.within_10_percent_or_chance.iter().all(|share| *share > 0.95);
     if good || !camera.bayer {
@@ -133,12 +131,12 @@ pub(super) fn level(
         &measure(std::slice::from_ref(&seen), step, options.encoding),
         step,
         options,
-        maker,
+        by,
     )?;
-    let (there, _) = simulate(&*maker(&of_seen)?, &unseen, step, options)?;
+    let (there, _) = simulate(&*by.make(&of_seen)?, &unseen, step, options)?;
     let held_out = compare(&measure(std::slice::from_ref(&unseen), step, options.encoding), &there);
-    let camera = with_level_gain(&camera, pair, real, step, options, maker)?;
-    let (simulated, shown) = simulate(&*maker(&camera)?, pair, step, options)?;
+    let camera = with_level_gain(&camera, pair, real, step, options, by)?;
+    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options)?;
     Ok(Levelled { camera, simulated, shown, without, held_out: Some(held_out) })
 }
 
@@ -150,7 +148,7 @@ const MAX_KNOT_CHANCE: f64 = 0.4;
 const SURFACES: f64 = 0.03;
 
 /// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
-const LEVEL_ROUNDS: usize = 4;
+const LEVEL_ROUNDS: usize = 5;
 
 /// The camera with the factors that bring its simulated curve to the real one.
 pub(super) fn with_level_gain(
@@ -159,12 +157,13 @@ pub(super) fn with_level_gain(
     real: &Measured,
     step: f32,
     options: NoiseOptions,
-    maker: Maker,
+    by: By,
 ) -> Result<IspCamera> {
     let mut levelled = camera.clone();
     for _ in 0..LEVEL_ROUNDS {
-        let (simulated, _) = simulate(&*maker(&levelled)?, pair, step, options)?;
+        let (simulated, _) = simulate(&*by.make(&levelled)?, pair, step, options)?;
         let ratios = compare(real, &simulated).variance_ratio;
+        let mut levels = Vec::new();
         for (knots, ratios) in levelled.level_gain.iter_mut().zip(&ratios) {
             let known = ratios.iter().filter(|r| r[2] < MAX_KNOT_CHANCE);
             // The factor is on the deviation, not on the variance.
@@ -175,6 +174,13 @@ pub(super) fn with_level_gain(
                     sigma: 0.25 * chance + SURFACES,
                 })
                 .collect();
+            let mut level = 0.0;
+            if by == By::Chain {
+                let weights: f64 = points.iter().map(|p| p.sigma.powi(-2)).sum();
+                level = points.iter().map(|p| p.value * p.sigma.powi(-2)).sum::<f64>() / weights.max(1e-12);
+            }
+            levels.push(level);
+            let points: Vec<Point> = points.iter().map(|p| Point { value: p.value - level, ..*p }).collect();
             let Some(change) = curve::through(&points) else { continue };
             let new = change.iter().enumerate().map(|(i, change)| {
                 let at = i as f64 / (curve::KNOTS - 1) as f64;
@@ -183,8 +189,25 @@ pub(super) fn with_level_gain(
             });
             *knots = new.collect();
         }
+        if by == By::Chain {
+            rescale(&mut levelled, &levels);
+        }
     }
     Ok(levelled)
+}
+
+/// In the chain the curve's factors are relative to each other: what all of a channel's have in common goes to the light
+/// that makes a white pixel, where shot noise is (its deviation grows as the root of the gain behind it).
+fn rescale(camera: &mut IspCamera, levels: &[f64]) {
+    for knots in camera.level_gain.iter_mut().filter(|k| !k.is_empty()) {
+        let mean = knots.iter().map(|k| 1.0 / k[1]).sum::<f64>() / knots.len() as f64;
+        knots.iter_mut().for_each(|k| k[1] *= mean);
+    }
+    let factor = |c: usize| (2.0 * levels[c]).exp();
+    camera.full_well_e = (camera.full_well_e / factor(1)).clamp(10.0, 1e6);
+    for c in [0, 2] {
+        camera.white_balance[c] = (camera.white_balance[c] * factor(c) / factor(1)).clamp(0.1, 10.0);
+    }
 }
 
 /// Two frames of the pair's mean.

@@ -2,6 +2,14 @@
 //! `disc_radius_px`, the uniform disc that an open round aperture makes of a point (geometric optics), whose rim cuts a
 //! pixel by its share. Both together apply one after the other. Linear radiance; what lies beyond the picture's border
 //! is taken to be like the border.
+//!
+//! By depth, as a thin lens does: a point at distance d is spread over a disc of diameter A fx |1/f - 1/d| px, for an
+//! aperture of diameter A m and a focus at f m, both small beside f (Potmesil, Chakravarty: "A lens and aperture camera
+//! model for synthetic image generation", SIGGRAPH 1981); `shape` is that disc, or the Gaussian of its standard deviation,
+//! a quarter of the diameter. Each pixel gathers from those whose disc reaches it; what lies behind it counts with no larger
+//! disc than its own, so that a blurred background does not spill over a sharp foreground. Distances are those of the
+//! middle of the frame, one a pixel; the part of the background that a blurred foreground would uncover is not known.
+//! Radii are cut at `max_radius_px`. One over the distance (1/m) stands in the picture's fourth channel then.
 
 use super::gaussian;
 use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
@@ -13,6 +21,10 @@ pub struct Defocus;
 const SPECS: &[ParamSpec] = &[
     ParamSpec::number("sigma_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian"),
     ParamSpec::number("disc_radius_px", "px", (0.0, 20.0), 0.0, "radius of the disc"),
+    ParamSpec::number("aperture_m", "m", (0.0, 0.2), 0.0, "diameter of the aperture; 0: not by depth"),
+    ParamSpec::number("focus_m", "m", (0.01, 1e6), 1e6, "distance that is sharp"),
+    ParamSpec::choice("shape", &["disc", "gaussian"], "by depth: what a point becomes"),
+    ParamSpec::number("max_radius_px", "px", (1.0, 20.0), 8.0, "by depth: larger discs are cut to this"),
 ];
 
 /// Steps a side in which a pixel's share of the disc is counted.
@@ -24,6 +36,55 @@ fn sigma_px(settings: &Settings) -> f64 {
 
 fn disc_radius_px(settings: &Settings) -> f64 {
     settings.number("defocus", "disc_radius_px", 0.0)
+}
+
+impl Defocus {
+    /// Whether the fourth channel of the radiance must hold one over the distance, 1/m.
+    pub fn needs_depth(settings: &Settings) -> bool {
+        settings.number("defocus", "aperture_m", 0.0) > 0.0
+    }
+}
+
+fn is_gaussian(settings: &Settings) -> bool {
+    settings.choice("defocus", "shape") == Some("gaussian")
+}
+
+/// What a pixel whose disc has that radius gives to another one so many px away; not normalised.
+fn share(radius_px: f32, away_px: f32, gaussian: bool) -> f32 {
+    if gaussian {
+        let sigma = (0.5 * radius_px).max(0.05);
+        return (-0.5 * away_px * away_px / (sigma * sigma)).exp() / (sigma * sigma);
+    }
+    let radius = radius_px.max(0.5);
+    (radius + 0.5 - away_px).clamp(0.0, 1.0) / (radius * radius)
+}
+
+/// The gather by depth; `numbers`: aperture times focal length (px m), 1 / focus (1/m), largest radius (px).
+fn by_depth(source: &Plane<f32>, [scale, focus, most]: [f32; 3], gaussian: bool) -> Plane<f32> {
+    let clamped = |x: i64, y: i64| {
+        source.pixel(
+            x.clamp(0, source.width as i64 - 1) as usize,
+            y.clamp(0, source.height as i64 - 1) as usize,
+        )
+    };
+    let radius_of = |nearness: f32| (0.5 * scale * (nearness - focus).abs()).min(most);
+    gaussian::filter(source, |x, y| {
+        let (x, y) = (x as i64, y as i64);
+        let own = clamped(x, y)[3];
+        let (mut sum, mut total) = ([0.0f32; 3], 0.0f32);
+        let reach = most.ceil() as i64;
+        for (dy, dx) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dy, dx))) {
+            let p = clamped(x + dx, y + dy);
+            let mut radius = radius_of(p[3]);
+            if p[3] < own {
+                radius = radius.min(radius_of(own));
+            }
+            let weight = share(radius, ((dx * dx + dy * dy) as f32).sqrt(), gaussian);
+            sum = [0, 1, 2].map(|c| sum[c] + weight * p[c]);
+            total += weight;
+        }
+        sum.map(|v| v / total)
+    })
 }
 
 /// Radius of the square that holds the disc, whole px, and the weights of its pixels, row by row; they add up to 1.
@@ -48,7 +109,7 @@ fn disc(radius_px: f64) -> (i32, Vec<f32>) {
 }
 
 /// Twin of `glsl/defocus.comp`.
-fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<f32> {
+fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<f32> {
     let mut seen = source.clone();
     if sigma_px(settings) > 0.0 {
         let weights = gaussian::weights(sigma_px(settings));
@@ -68,6 +129,9 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
             sum
         });
     }
+    if Defocus::needs_depth(settings) {
+        seen = by_depth(&seen, [0, 1, 2].map(|i| p.table(2, i)), is_gaussian(settings));
+    }
     seen
 }
 
@@ -78,6 +142,10 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     }
     if disc_radius_px(settings) > 0.0 {
         passes.push(Pass { file: "defocus.comp", constants: [2, 0], run: [1, 1] });
+    }
+    if Defocus::needs_depth(settings) {
+        let mode = if is_gaussian(settings) { 4 } else { 3 };
+        passes.push(Pass { file: "defocus.comp", constants: [mode, 0], run: [1, 1] });
     }
     passes
 }
@@ -99,13 +167,22 @@ impl Effect for Defocus {
         Work::Neighbourhood { passes, reference }
     }
 
-    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+    fn variant(&self, settings: &Settings) -> u32 {
+        let on = sigma_px(settings) > 0.0 || disc_radius_px(settings) > 0.0 || Self::needs_depth(settings);
+        u32::from(on)
+    }
+
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
+        let number = |name: &str, neutral: f64| settings.number("defocus", name, neutral);
         let (radius, weights) = match disc_radius_px(settings) {
             0.0 => (0, Vec::new()),
             radius_px => disc(radius_px),
         };
         packer.bits(radius as u32);
         packer.table(weights);
+        let scale = number("aperture_m", 0.0) * view.intrinsics.fx;
+        let depth = [scale, 1.0 / number("focus_m", 1e6), number("max_radius_px", 8.0)];
+        packer.table(depth.map(|v| v as f32));
         if sigma_px(settings) > 0.0 {
             gaussian::pack(sigma_px(settings), packer);
         }

@@ -10,7 +10,7 @@ use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
 use super::lens::Channel;
 use super::margin::reach_of;
-use super::planes::PlanesPass;
+use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::accumulation::{AccumulationPlan, WeightedInstant};
@@ -138,9 +138,7 @@ impl Accumulation {
                 slot.inputs.clear();
             }
             let rows = self.write_inputs(stage, slot, path, chunk);
-            let plane_row = planes
-                .filter(|_| request.planes && i == last)
-                .map(|p| p.write_inputs(stage, slot, request, path));
+            let ending = (i == last).then(|| Ending::new(planes, stage, slot, request, path));
             let mut recorder = slot.gpu.begin()?;
             if of_channel == 0 {
                 recorder.mark("clear");
@@ -151,9 +149,9 @@ impl Accumulation {
                 stage.merge(&mut recorder, channel);
             }
             if i == last {
-                finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
-                if let (Some(planes), Some(row)) = (planes, plane_row) {
-                    planes.record(stage, &mut recorder, slot.index, row);
+                let to = (&slot.picture, &slot.radiance);
+                if let Some(ending) = &ending {
+                    ending.record(stage, &mut recorder, slot.index, (finish, request), to);
                 }
             }
             recorder.finish();

@@ -14,7 +14,7 @@ use super::frame::FrameRequest;
 use super::lens::Channel;
 use super::margin::reach_of;
 use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger};
-use super::planes::PlanesPass;
+use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::Trajectory;
@@ -142,8 +142,7 @@ impl Fast {
             .map(|k| Instant { time_s: timing.reference_s, motion_from_s: k[0], motion_to_s: k[1] })
             .map(|instant| slot.inputs.add(stage, path, &camera, &instant))
             .collect();
-        let planes = planes.filter(|_| request.planes);
-        let plane_row = planes.map(|p| (p, p.write_inputs(stage, slot, request, path)));
+        let ending = Ending::new(planes, stage, slot, request, path);
         let index = slot.index;
         let mut recorder = slot.gpu.begin()?;
         for channel in stage.channels() {
@@ -155,10 +154,7 @@ impl Fast {
             warp.record(&mut recorder, binding, margin_px, &timing, self.options.max_samples);
             stage.merge(&mut recorder, channel);
         }
-        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
-        if let Some((planes, row)) = plane_row {
-            planes.record(stage, &mut recorder, index, row);
-        }
+        ending.record(stage, &mut recorder, index, (finish, request), (&slot.picture, &slot.radiance));
         recorder.finish();
         slot.gpu.submit()
     }

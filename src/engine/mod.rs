@@ -26,6 +26,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::camera::{Intrinsics, Trajectory};
+use crate::chain::Settings;
+use crate::effects::Defocus;
 use crate::error::{Error, Result};
 use crate::gpu::{Context, PassTime};
 use crate::raster::{SamplePlan, SceneBuffers};
@@ -159,11 +161,12 @@ impl Engine {
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
         let size = [intrinsics.width, intrinsics.height];
         let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
-        if let Some(key) = expected.first().and_then(|first| LensKey::of(&first.settings)) {
+        let first = expected.first().map(|first| &first.settings);
+        if let Some((key, settings)) = first.and_then(|s| Some((LensKey::of(s)?, s))) {
             check_lens(&options.method)?;
             let radiance = finish.radiance();
             let mut lens = LensStage::new(&stage, key, expected, &mut slots, radiance)?;
-            if needs_cut(&options) {
+            if needs_cut(&options, settings) {
                 lens.cut(&stage)?;
             }
             stage.lens = Some(lens);
@@ -183,7 +186,12 @@ impl Engine {
                 Renderer::Accumulation(Box::new(pass))
             }
         };
-        let planes = if options.planes { Some(PlanesPass::new(&stage, &mut slots)?) } else { None };
+        let by_depth = |r: &FrameRequest| Defocus::needs_depth(&r.settings);
+        let planes = if options.planes || expected.iter().any(by_depth) {
+            Some(PlanesPass::new(&stage, &mut slots, finish.radiance())?)
+        } else {
+            None
+        };
         Ok(Self { slots, next: 0, renderer, finish, planes, options, stage })
     }
 
@@ -231,6 +239,12 @@ impl Engine {
         let path = frame::camera_path(&self.stage, request);
         self.fit_lens(request)?;
         self.widen(request)?;
+        if self.planes.is_none() && Defocus::needs_depth(&request.settings) {
+            for slot in &mut self.slots {
+                slot.gpu.wait(self.options.time_limit)?;
+            }
+            self.planes = Some(PlanesPass::new(&self.stage, &mut self.slots, self.finish.radiance())?);
+        }
         let slot = &mut self.slots[index];
         let view = request.view(self.stage.intrinsics);
         self.finish.fit((&request.settings, &view), false, (&mut slot.gpu, slot.index))?;
@@ -270,7 +284,7 @@ impl Engine {
         let expected = std::slice::from_ref(request);
         let radiance = self.finish.radiance();
         let mut lens = LensStage::new(&self.stage, key, expected, &mut self.slots, radiance)?;
-        if needs_cut(&self.options) {
+        if needs_cut(&self.options, &request.settings) {
             lens.cut(&self.stage)?;
         }
         self.stage.lens = Some(lens);
@@ -330,8 +344,8 @@ impl Engine {
 }
 
 /// Whether triangles are drawn as they stand at an instant: `exact` cuts its own.
-fn needs_cut(options: &EngineOptions) -> bool {
-    options.planes || !matches!(options.method, Method::Exact(_))
+fn needs_cut(options: &EngineOptions, settings: &Settings) -> bool {
+    options.planes || Defocus::needs_depth(settings) || !matches!(options.method, Method::Exact(_))
 }
 
 /// Refuses a choice of method that knows only the pinhole.

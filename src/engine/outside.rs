@@ -10,6 +10,7 @@ use super::outside_kernels::{Groups, Kernels, Unpacked};
 use super::slots::FrameSlot;
 use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
+use crate::effects::Defocus;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Semaphore, Usage};
 use crate::plane::PixelFormat;
@@ -168,6 +169,12 @@ impl OutsideEngine {
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
         let index = self.next;
         assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        if Defocus::needs_depth(&frame.request.settings) {
+            let what =
+                "by distance needs a scene: frames from outside have a fixed sigma_px or disc_radius_px"
+                    .to_owned();
+            return Err(Error::Contradiction { effect: "defocus", what });
+        }
         let from_depth = match &frame.motion {
             OutsideMotion::Images { .. } => None,
             OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),

@@ -10,7 +10,7 @@ use super::finish::{Finish, prepare};
 use super::frame::{FrameRequest, covered_span_s};
 use super::lens::Channel;
 use super::margin::reach_of;
-use super::planes::PlanesPass;
+use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use super::taps::GatherTimes;
 use crate::assert_push_layout;
@@ -308,8 +308,7 @@ impl Paper {
             let own = Some(k) != in_picture || self.options.motion_source == MotionSource::Depth;
             motion_rows.push(own.then(|| slot.inputs.add(stage, path, &camera, instant)));
         }
-        let planes = planes.filter(|_| request.planes);
-        let plane_row = planes.map(|p| (p, p.write_inputs(stage, slot, request, path)));
+        let ending = Ending::new(planes, stage, slot, request, path);
         let index = slot.index;
         let mut recorder = slot.gpu.begin()?;
         let scale = in_picture.map_or(0.0, |k| plan.motions[k].1);
@@ -345,10 +344,7 @@ impl Paper {
             recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size);
             stage.merge(&mut recorder, channel);
         }
-        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
-        if let Some((planes, row)) = plane_row {
-            planes.record(stage, &mut recorder, index, row);
-        }
+        ending.record(stage, &mut recorder, index, (finish, request), (&slot.picture, &slot.radiance));
         recorder.finish();
         slot.gpu.submit()
     }

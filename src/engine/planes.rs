@@ -1,15 +1,23 @@
 //! The sharp planes beside a frame: what the camera sees through its lens (as green light) at the frame's timestamp.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::Stage;
 use super::accumulation::{Accumulate, WeightedLines};
-use super::finish::prepare;
+use super::finish::{Finish, prepare};
 use super::frame::{FrameRequest, Planes, covered_span_s};
 use super::lens::Channel;
 use super::paper::ResolveMotion;
 use super::slots::FrameSlot;
+use crate::assert_push_layout;
 use crate::camera::{ScanOrder, Trajectory};
+use crate::effects::Defocus;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Buffer, Format, Image, ImageSpec, Location, Recorder, RenderArea, Usage};
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
+    Usage,
+};
+use crate::kernels::kernel;
 use crate::plane::Plane;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
 
@@ -22,6 +30,67 @@ pub(super) struct PlanesPass {
     motion_group: BindGroup,
     target: RasterTarget,
     images: [Image; 3],
+    /// Nearness into the radiance's alpha, for effects that depend on distance.
+    nearness: (BindGroup, ComputePipeline),
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct NearnessPush {
+    size: [u32; 2],
+}
+assert_push_layout!("defocus_depth.comp", NearnessPush { size });
+
+/// The end of a frame: distances where the chain needs them, the chain, and the planes where they are delivered.
+pub(super) struct Ending<'a> {
+    pass: Option<&'a PlanesPass>,
+    delivered: Option<PlanesRow>,
+    nearness: Option<PlanesRow>,
+}
+
+impl<'a> Ending<'a> {
+    /// Writes what [`Self::record`] will draw; the rows belong to one submission.
+    pub(super) fn new(
+        pass: Option<&'a PlanesPass>,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        request: &FrameRequest,
+        path: &Trajectory,
+    ) -> Self {
+        let row = |wanted: bool, slot: &mut FrameSlot, at: &FrameRequest| {
+            pass.filter(|_| wanted).map(|p| p.write_inputs(stage, slot, at, path))
+        };
+        let delivered = row(request.planes, slot, request);
+        // What is seen is seen around the middle of the frame, not at its timestamp.
+        let mut middle = request.clone();
+        middle.shutter.start_s = request.shutter.middle_s();
+        let nearness = row(Defocus::needs_depth(&request.settings), slot, &middle);
+        Self { pass, delivered, nearness }
+    }
+
+    /// Records it behind what makes the radiance.
+    pub(super) fn record(
+        &self,
+        stage: &Stage,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        (finish, request): (&Finish, &FrameRequest),
+        to: (&Buffer, &Buffer),
+    ) {
+        if let (Some(pass), Some(row)) = (self.pass, self.nearness) {
+            pass.draw(stage, recorder, slot, row);
+            recorder.dispatch(
+                &pass.nearness.1,
+                &pass.nearness.0,
+                &NearnessPush { size: pass.target.size },
+                pass.target.size,
+            );
+        }
+        finish.record(recorder, request, to);
+        if let (Some(pass), Some(row)) = (self.pass, self.delivered) {
+            pass.record(stage, recorder, slot, row);
+        }
+    }
 }
 
 struct Readback {
@@ -39,7 +108,7 @@ pub(super) struct PlanesRow {
 }
 
 impl PlanesPass {
-    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot]) -> Result<Self> {
+    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let context = &stage.context;
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::ColorMotion, size, stage.plan)?;
@@ -68,8 +137,11 @@ impl PlanesPass {
             })
         };
         let readback = slots.iter().map(one).collect::<Result<Vec<_>>>()?;
-        let images = [color, motion, depth];
-        Ok(Self { readback, inputs, accumulate, resolve_motion, motion_group, target, images })
+        let kernel = ComputePipeline::new(context, const { kernel("defocus_depth.comp") })?;
+        let group =
+            kernel.bind(&[("depth", Bound::Storage(&depth)), ("radiance", Bound::Storage(radiance))])?;
+        let (images, nearness) = ([color, motion, depth], (group, kernel));
+        Ok(Self { readback, inputs, accumulate, resolve_motion, motion_group, target, images, nearness })
     }
 
     /// The instant is the timestamp; motion leads to the next frame's (or as far as there are poses, scaled).
@@ -94,8 +166,18 @@ impl PlanesPass {
         PlanesRow { row, scale, first_weight }
     }
 
-    pub(super) fn record(&self, stage: &Stage, recorder: &mut Recorder<'_>, slot: usize, row: PlanesRow) {
+    fn record(&self, stage: &Stage, recorder: &mut Recorder<'_>, slot: usize, row: PlanesRow) {
+        self.draw(stage, recorder, slot, row);
         let ([color, motion, depth], size) = (&self.images, self.target.size);
+        let to = &self.readback[slot];
+        for (image, buffer) in [(color, &to.color), (motion, &to.motion), (depth, &to.depth)] {
+            recorder.copy_image_to_buffer(image, [0, 0], size, buffer);
+        }
+        recorder.barrier();
+    }
+
+    fn draw(&self, stage: &Stage, recorder: &mut Recorder<'_>, slot: usize, row: PlanesRow) {
+        let ([color, ..], size) = (&self.images, self.target.size);
         let (input, group) = &self.inputs[slot];
         let area = RenderArea { x: 0, y: 0, width: size[0], height: size[1] };
         recorder.mark("planes");
@@ -104,11 +186,6 @@ impl PlanesPass {
         let lines = WeightedLines { first_line: 0, line_count: size[1], first_weight: row.first_weight };
         self.accumulate.record(recorder, group, &lines.push(ScanOrder::TopToBottom, size, stage.plan.grid));
         self.resolve_motion.record(recorder, &self.motion_group, &self.target, 0);
-        let to = &self.readback[slot];
-        for (image, buffer) in [(color, &to.color), (motion, &to.motion), (depth, &to.depth)] {
-            recorder.copy_image_to_buffer(image, [0, 0], size, buffer);
-        }
-        recorder.barrier();
     }
 
     /// The planes of a finished frame.

@@ -111,7 +111,9 @@ impl FrameSlot {
         let rgb = self.picture.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let mut picture = Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb };
         develop_on_host(effects::LIST, &request.settings, &mut picture);
-        let statistics = request.statistics.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
+        // Its alpha holds distances then.
+        let counted = request.statistics && !effects::Defocus::needs_depth(&request.settings);
+        let statistics = counted.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
         let radiance = request.statistics.then(|| Plane {
             width: size[0] as usize,
             height: size[1] as usize,

@@ -16,7 +16,7 @@ use super::Stage;
 use super::finish::Finish;
 use super::frame::{FrameRequest, covered_span_s};
 use super::lens::Channel;
-use super::planes::PlanesPass;
+use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
@@ -273,8 +273,7 @@ impl Exact {
         let camera = stage.intrinsics.with_margin(if blurs { self.margin_px() } else { [0; 2] });
         let view = View { camera: &camera, path };
         let (push, part) = self.write_inputs(stage, index, &view, &request.shutter, reach);
-        let plane_row =
-            planes.filter(|_| request.planes).map(|p| (p, p.write_inputs(stage, slot, request, path)));
+        let ending = Ending::new(planes, stage, slot, request, path);
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let placeable = match &self.cut {
@@ -301,10 +300,7 @@ impl Exact {
             }
             stage.merge(&mut recorder, channel);
         }
-        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
-        if let Some((planes, row)) = plane_row {
-            planes.record(stage, &mut recorder, index, row);
-        }
+        ending.record(stage, &mut recorder, index, (finish, request), (&slot.picture, &slot.radiance));
         recorder.finish();
         slot.gpu.submit()
     }

@@ -1,0 +1,171 @@
+//! Effects that need more than a frame's pixels: automatic exposure over frames, defocus by distance.
+#![allow(clippy::unwrap_used)]
+
+mod effects_support;
+mod gpu_support;
+
+use std::path::Path;
+use std::process::Command;
+
+use effects_support::{by_id, settings, view};
+use gpu_support::device;
+use gpu_support::frames::{accumulation, engine, linear, options, paper, still};
+use shutterbug::camera::{Intrinsics, Pose, Trajectory};
+use shutterbug::chain::{Settings, Value};
+use shutterbug::effects::{Defocus, ExposureControl, LIST};
+use shutterbug::engine::{ExactOptions, FastOptions, FrameRequest, Method, PixelChain};
+use shutterbug::plane::{Plane, read_rgb8};
+use shutterbug::reference::chain::picture;
+use shutterbug::scene::{Scene, SceneBuilder};
+
+const CONTROL: &[(&str, &str, f64)] = &[
+    ("auto_exposure", "target", 0.18),
+    ("auto_exposure", "delay_frames", 2.0),
+    ("auto_exposure", "speed", 0.6),
+];
+
+/// Gains of 20 frames of a scene that becomes four times brighter at frame 8.
+fn gains(of: &Settings, mut develop: impl FnMut(&Plane<f32>, &Settings, u32) -> Plane<u8>) -> Vec<f64> {
+    let mut control = ExposureControl::new(of).unwrap();
+    (0..20u32)
+        .map(|frame| {
+            let light = if frame < 8 { 0.1 } else { 0.4 };
+            let radiance = Plane::from_fn(32, 24, |x, y| {
+                let v = light * (0.3 + 1.4 * x as f32 / 32.0);
+                [v, v * (0.5 + y as f32 / 24.0), v, 1.0]
+            });
+            let own = control.settings(frame as usize, of).unwrap();
+            control.meter(frame as usize, &develop(&radiance, &own, frame));
+            control.gain(frame as usize)
+        })
+        .collect()
+}
+
+#[test]
+fn automatic_exposure_is_the_same_on_the_cpu_and_on_the_device() {
+    let mut of = settings(CONTROL);
+    of.set(by_id("shot_noise"), "full_well_e", Value::Number(3000.0)).unwrap();
+    let at = |frame: u32| shutterbug::chain::View { frame, ..view(32, 24) };
+    let by_reference = gains(&of, |radiance, own, frame| picture(LIST, own, &at(frame), radiance));
+    eprintln!("gains {by_reference:.3?}");
+    // Before and after the step the mean is where it is wanted, and the step is answered two frames later.
+    assert!((by_reference[7] / by_reference[19] / 4.0 - 1.0).abs() < 0.03, "{by_reference:?}");
+    assert!((by_reference[9] / by_reference[8] - 1.0).abs() < 0.05, "not before the delay: {by_reference:?}");
+    assert!(by_reference[10] < 0.7 * by_reference[9], "then: {by_reference:?}");
+    let Some(context) = device("automatic_exposure_is_the_same_on_the_cpu_and_on_the_device") else { return };
+    let mut chain = PixelChain::new(&context.0, [32, 24]).unwrap();
+    let by_device = gains(&of, |radiance, own, frame| {
+        chain.load(radiance).unwrap();
+        chain.picture(own, &at(frame)).unwrap()
+    });
+    let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    assert!(far(&by_reference, &by_device) < 1e-3, "{by_reference:?}\n{by_device:?}");
+    of.set(by_id("auto_exposure"), "delay_frames", Value::Number(3.0)).unwrap();
+    let later = gains(&of, |radiance, own, frame| picture(LIST, own, &at(frame), radiance));
+    assert!(far(&by_reference, &later) > 0.1, "control: another delay");
+}
+
+#[test]
+fn simulate_exposes_frame_after_frame_however_many_are_in_flight() {
+    if device("simulate_exposes_frame_after_frame_however_many_are_in_flight").is_none() {
+        return;
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("demo");
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera.toml");
+    let text = std::fs::read_to_string(root.join("capture/camera.toml")).unwrap();
+    let table = "\n[auto_exposure]\ntarget = 0.5\ndelay_frames = 2\nspeed = 0.7\n";
+    std::fs::write(&camera, format!("{text}{table}")).unwrap();
+    let run = |out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));
+        command.arg("simulate").arg(root.join("capture")).arg("--out").arg(&out);
+        command.arg("--camera").arg(&camera).args(["--samples", "1", "--method", "fast"]).args(more);
+        let done = command.output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let mut names: Vec<_> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
+        names.retain(|p| p.extension().is_some_and(|e| e == "png"));
+        names.sort();
+        (names.iter().map(|p| read_rgb8(p).unwrap()).collect::<Vec<_>>(), names)
+    };
+    let (one, names) = run("one", &["--frames-in-flight", "1"]);
+    let (four, _) = run("four", &["--frames-in-flight", "4"]);
+    assert_eq!(one, four);
+    let mean =
+        |p: &Plane<u8>| linear(p).data.iter().map(|v| f64::from(*v)).sum::<f64>() / p.data.len() as f64;
+    let means: Vec<f64> = one.iter().map(mean).collect();
+    eprintln!("means {means:.3?}");
+    assert!((means[0] / means[1] - 1.0).abs() < 0.1 && means[2] > 1.2 * means[1], "{means:?}");
+    // What an interrupted run has finished is metered from the disk.
+    for name in &names[3..] {
+        std::fs::remove_file(name).unwrap();
+    }
+    let (resumed, _) = run("one", &["--resume", "--frames-in-flight", "2"]);
+    assert_eq!(resumed, one);
+}
+
+const K: Intrinsics = Intrinsics { width: 160, height: 48, fx: 140.0, fy: 140.0, cx: 80.0, cy: 24.0 };
+
+/// Black and white side by side, at 1 m on the left half and at 4 m on the right one.
+fn two_distances() -> Scene {
+    let wall = |scene: SceneBuilder, x: [f32; 2], z: f32, kd: f32| {
+        let corners = [[x[0], -3.0, z], [x[0], 3.0, z], [x[1], 3.0, z], [x[1], -3.0, z]];
+        scene.material([kd; 3]).quad(corners)
+    };
+    let mut scene = SceneBuilder::new();
+    for (x, z, kd) in
+        [([-0.8, -0.3], 1.0, 0.1), ([-0.3, 0.0], 1.0, 0.8), ([0.0, 1.2], 4.0, 0.8), ([1.2, 4.0], 4.0, 0.1)]
+    {
+        scene = wall(scene, x, z, kd);
+    }
+    scene.build()
+}
+
+/// Standard deviation of the edge's derivative around a column, px.
+fn spread_px(picture: &Plane<u8>, column: usize) -> f64 {
+    let linear = linear(picture);
+    let value = |x: usize| f64::from(linear.pixel(x, 24)[1]);
+    let steps: Vec<(f64, f64)> =
+        (column - 8..column + 8).map(|x| (x as f64, (value(x + 1) - value(x)).abs())).collect();
+    let sum: f64 = steps.iter().map(|s| s.1).sum();
+    let mean = steps.iter().map(|s| s.0 * s.1).sum::<f64>() / sum;
+    (steps.iter().map(|s| (s.0 - mean).powi(2) * s.1).sum::<f64>() / sum).sqrt()
+}
+
+#[test]
+fn what_is_out_of_focus_is_blurred_by_the_thin_lens_formula() {
+    let Some(watched) = device("what_is_out_of_focus_is_blurred_by_the_thin_lens_formula") else { return };
+    let (scene, path) = (two_distances(), Trajectory::fixed(Pose::IDENTITY));
+    let (aperture_m, near, far) = (0.06, 80 - 42, 80 + 42);
+    for shape in ["disc", "gaussian"] {
+        for method in [
+            Method::Exact(ExactOptions::default()),
+            Method::Fast(FastOptions::default()),
+            accumulation(1),
+            paper(2),
+        ] {
+            let spread = |focus_m: f64| {
+                let mut s =
+                    settings(&[("defocus", "aperture_m", aperture_m), ("defocus", "focus_m", focus_m)]);
+                s.set(&Defocus, "shape", Value::Choice(shape)).unwrap();
+                let request = FrameRequest { settings: s, ..still(&K) };
+                let mut options = options(method.clone(), 16);
+                options.planes = false;
+                let mut engine = engine(&watched, &scene, &path, K, options, &[]);
+                let picture = engine.render(&request).unwrap().picture;
+                [spread_px(&picture, near), spread_px(&picture, far)]
+            };
+            let want = |focus_m: f64, d: f64| 0.25 * aperture_m * 140.0 * (1.0 / focus_m - 1.0f64 / d).abs();
+            for focus_m in [1.0, 4.0] {
+                let got = spread(focus_m);
+                let want = [want(focus_m, 1.0), want(focus_m, 4.0)];
+                eprintln!("{shape}, focus {focus_m} m: spread {got:.3?} px, thin lens {want:.3?} px");
+                for (got, want) in got.iter().zip(want) {
+                    // Pixels are squares: 1/12 px^2 of their own, and a disc is made of whole ones.
+                    let slack = if want == 0.0 { 0.35 } else { 0.12 * want + 0.1 };
+                    assert!((got - (want * want + 1.0 / 12.0).sqrt()).abs() < slack, "{got} for {want}");
+                }
+            }
+        }
+    }
+}
