@@ -1,4 +1,5 @@
-//! Effects that need more than a frame's pixels: automatic exposure over frames, defocus by distance.
+//! Effects that need more than one table and a frame's pixels: automatic exposure over frames, defocus by distance, the
+//! sensor's colours with the ISP behind them.
 #![allow(clippy::unwrap_used)]
 
 mod effects_support;
@@ -12,10 +13,10 @@ use gpu_support::device;
 use gpu_support::frames::{accumulation, engine, linear, options, paper, still};
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::chain::{Settings, Value};
-use shutterbug::effects::{Defocus, ExposureControl, LIST};
+use shutterbug::effects::{Defocus, ExposureControl, LIST, ResponseCurve};
 use shutterbug::engine::{ExactOptions, FastOptions, FrameRequest, Method, PixelChain};
 use shutterbug::plane::{Plane, read_rgb8};
-use shutterbug::reference::chain::picture;
+use shutterbug::reference::chain::{picture, values};
 use shutterbug::scene::{Scene, SceneBuilder};
 
 const CONTROL: &[(&str, &str, f64)] = &[
@@ -168,4 +169,58 @@ fn what_is_out_of_focus_is_blurred_by_the_thin_lens_formula() {
             }
         }
     }
+}
+
+/// An ISP with gains, matrix and a response of its own.
+fn isp() -> Settings {
+    let mut s = settings(&[
+        ("white_balance", "r", 1.7),
+        ("white_balance", "b", 2.1),
+        ("color_matrix", "rr", 1.5),
+        ("color_matrix", "rg", -0.3),
+        ("color_matrix", "rb", -0.2),
+        ("color_matrix", "bg", -0.4),
+        ("color_matrix", "bb", 1.4),
+    ]);
+    for (i, name) in ResponseCurve::NAMES.iter().flatten().enumerate() {
+        s.set(&ResponseCurve, name, Value::Number(0.5 + 0.04 * (i % 17) as f64)).unwrap();
+    }
+    s
+}
+
+#[test]
+fn matched_to_the_isp_the_sensor_changes_the_noise_and_not_the_colours() {
+    let developed = |of: &Settings, frame: u32| {
+        let at = shutterbug::chain::View { frame, ..view(64, 64) };
+        let radiance = Plane::from_fn(64, 64, |x, y| {
+            let v = 0.05 + 0.9 * y as f32 / 64.0;
+            [v, v * (0.8 + 0.003 * x as f32), v * 0.9, 1.0]
+        });
+        values(LIST, of, &at, &radiance)
+    };
+    let far = |a: &Plane<f32>, b: &Plane<f32>| {
+        a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    let plain = developed(&Settings::default(), 0);
+    let mut matched = isp();
+    assert!(far(&developed(&matched, 0), &plain) > 0.1, "control: the ISP alone changes the picture");
+    matched.set(by_id("sensor_color"), "match", Value::Choice("delivered")).unwrap();
+    let off = far(&developed(&matched, 0), &plain);
+    assert!(off < 5e-6, "{off}");
+    let noise = |of: &Settings| {
+        let mut noisy = of.clone();
+        noisy.set(by_id("shot_noise"), "full_well_e", Value::Number(2000.0)).unwrap();
+        let (a, b) = (developed(&noisy, 1), developed(&noisy, 2));
+        let d = |i: usize| f64::from(a.data[i] - b.data[i]);
+        let pixels = || (0..64 * 64).map(|i| 4 * i);
+        let variance = |c: usize| pixels().map(|i| d(i + c).powi(2)).sum::<f64>();
+        let cross: f64 = pixels().map(|i| d(i) * d(i + 1)).sum();
+        (variance(0), cross / (variance(0) * variance(1)).sqrt())
+    };
+    let ((white, none), (colored, cross)) = (noise(&Settings::default()), noise(&matched));
+    eprintln!(
+        "variance of red {white:.3e} and {colored:.3e}, correlation with green {none:.3} and {cross:.3}"
+    );
+    assert!(none.abs() < 0.05 && cross < -0.1, "red gets some of green's noise: {none} {cross}");
+    assert!((colored / white - 1.0).abs() > 0.2, "{colored} {white}");
 }

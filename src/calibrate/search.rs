@@ -148,7 +148,7 @@ const MAX_KNOT_CHANCE: f64 = 0.4;
 const SURFACES: f64 = 0.03;
 
 /// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
-const LEVEL_ROUNDS: usize = 5;
+const LEVEL_ROUNDS: usize = 6;
 
 /// The camera with the factors that bring its simulated curve to the real one.
 pub(super) fn with_level_gain(
@@ -160,41 +160,61 @@ pub(super) fn with_level_gain(
     by: By,
 ) -> Result<IspCamera> {
     let mut levelled = camera.clone();
-    for _ in 0..LEVEL_ROUNDS {
+    let mut best: Option<(f64, IspCamera)> = None;
+    for round in 0..=LEVEL_ROUNDS {
         let (simulated, _) = simulate(&*by.make(&levelled)?, pair, step, options)?;
-        let ratios = compare(real, &simulated).variance_ratio;
-        let mut levels = Vec::new();
-        for (knots, ratios) in levelled.level_gain.iter_mut().zip(&ratios) {
-            let known = ratios.iter().filter(|r| r[2] < MAX_KNOT_CHANCE);
-            // The factor is on the deviation, not on the variance.
-            let points: Vec<Point> = known
-                .map(|&[mean_dn, ratio, chance]| Point {
-                    at: mean_dn / 255.0,
-                    value: -0.5 * ratio.max(1e-3).ln(),
-                    sigma: 0.25 * chance + SURFACES,
-                })
-                .collect();
-            let mut level = 0.0;
-            if by == By::Chain {
-                let weights: f64 = points.iter().map(|p| p.sigma.powi(-2)).sum();
-                level = points.iter().map(|p| p.value * p.sigma.powi(-2)).sum::<f64>() / weights.max(1e-12);
-            }
-            levels.push(level);
-            let points: Vec<Point> = points.iter().map(|p| Point { value: p.value - level, ..*p }).collect();
-            let Some(change) = curve::through(&points) else { continue };
-            let new = change.iter().enumerate().map(|(i, change)| {
-                let at = i as f64 / (curve::KNOTS - 1) as f64;
-                let before = if knots.is_empty() { 1.0 } else { at_knots(knots, at) };
-                [at, (before * change.exp()).clamp(0.3, 3.0)]
-            });
-            *knots = new.collect();
+        let compared = compare(real, &simulated);
+        let off: f64 = compared.mean_deviation.iter().sum();
+        if best.as_ref().is_none_or(|(least, _)| off < *least) {
+            best = Some((off, levelled.clone()));
         }
-        if by == By::Chain {
-            rescale(&mut levelled, &levels);
+        if round < LEVEL_ROUNDS {
+            improve(&mut levelled, &compared.variance_ratio, by);
         }
     }
-    Ok(levelled)
+    Ok(best.map_or(levelled, |(_, camera)| camera))
 }
+
+/// One step of the curve towards the measured variances.
+fn improve(camera: &mut IspCamera, ratios: &[Vec<[f64; 3]>; 3], by: By) {
+    let mut levels = Vec::new();
+    let (low, high) = if by == By::Chain { CHAIN_RANGE } else { (0.3, 3.0) };
+    for (knots, ratios) in camera.level_gain.iter_mut().zip(ratios) {
+        let known = ratios.iter().filter(|r| r[2] < MAX_KNOT_CHANCE);
+        // The factor is on the deviation, not on the variance; in steps, as the variance follows it only nearly.
+        let points: Vec<Point> = known
+            .map(|&[mean_dn, ratio, chance]| Point {
+                at: mean_dn / 255.0,
+                value: (-0.5 * ratio.max(1e-3).ln()).clamp(-0.3, 0.3),
+                sigma: 0.25 * chance + SURFACES,
+            })
+            .collect();
+        let level = if by == By::Chain { median(points.iter().map(|p| p.value)) } else { 0.0 };
+        levels.push(level);
+        let points: Vec<Point> = points.iter().map(|p| Point { value: p.value - level, ..*p }).collect();
+        let Some(change) = curve::through(&points) else { continue };
+        let new = change.iter().enumerate().map(|(i, change)| {
+            let at = i as f64 / (curve::KNOTS - 1) as f64;
+            let before = if knots.is_empty() { 1.0 } else { at_knots(knots, at) };
+            [at, (before * change.exp()).clamp(low, high)]
+        });
+        *knots = new.collect();
+    }
+    if by == By::Chain {
+        rescale(camera, &levels);
+    }
+}
+
+/// 0 of nothing.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Steepness in the chain: a steeper curve works with less light, whose noise black clips, so that beyond this a larger
+/// factor makes less noise instead of more.
+const CHAIN_RANGE: (f64, f64) = (0.55, 1.8);
 
 /// In the chain the curve's factors are relative to each other: what all of a channel's have in common goes to the light
 /// that makes a white pixel, where shot noise is (its deviation grows as the root of the gain behind it).

@@ -39,9 +39,11 @@ impl Effect for MotionBlur {
         if exposure_s <= frame_period_s {
             return Ok(Vec::new());
         }
+        let global = settings.number("rolling_shutter", "readout_time_s", 0.0) == 0.0;
+        let shutter = if global { ", which no sensor with a global shutter can do" } else { "" };
         Ok(vec![format!(
             "motion_blur.exposure_time_s = {exposure_s} s is longer than frame_period_s = {frame_period_s} s: \
-             exposures overlap in time"
+             exposures overlap in time{shutter}"
         )])
     }
 }

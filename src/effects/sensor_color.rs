@@ -112,69 +112,8 @@ impl Effect for SensorColor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
     use crate::chain::Value;
-    use crate::effects::{self, ColorMatrix, ResponseCurve, ShotNoise, WhiteBalance};
-    use crate::plane::Plane;
-    use crate::reference::chain::values;
-
-    fn isp() -> Settings {
-        let mut s = Settings::default();
-        let mut set =
-            |e: &dyn Effect, name: &str, v: f64| s.set(e, name, Value::Number(v)).expect("in range");
-        set(&WhiteBalance, "r", 1.7);
-        set(&WhiteBalance, "b", 2.1);
-        for (name, v) in [("rr", 1.5), ("rg", -0.3), ("rb", -0.2), ("bg", -0.4), ("bb", 1.4)] {
-            set(&ColorMatrix, name, v);
-        }
-        for (i, name) in ResponseCurve::NAMES.iter().flatten().enumerate() {
-            set(&ResponseCurve, name, 0.5 + 0.04 * (i % 17) as f64);
-        }
-        s
-    }
-
-    fn developed(settings: &Settings, frame: u32) -> Plane<f32> {
-        let k = Intrinsics { width: 64, height: 64, fx: 64.0, fy: 64.0, cx: 32.0, cy: 32.0 };
-        let scan_order = ScanOrder::TopToBottom;
-        let shutter = ShutterTiming {
-            start_s: 0.0,
-            exposure_time_s: 0.0,
-            readout_time_s: 0.0,
-            scan_order,
-            line_count: 64,
-        };
-        let view = View { intrinsics: k, shutter, frame, seed: 1 };
-        let radiance = Plane::from_fn(64, 64, |x, y| {
-            let v = 0.05 + 0.9 * y as f32 / 64.0;
-            [v, v * (0.8 + 0.003 * x as f32), v * 0.9, 1.0]
-        });
-        values(effects::LIST, settings, &view, &radiance)
-    }
-
-    #[test]
-    fn the_delivered_colours_are_the_scenes_and_only_the_noise_changes() {
-        let plain = developed(&Settings::default(), 0);
-        let far = |a: &Plane<f32>, b: &Plane<f32>| {
-            a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
-        };
-        let mut matched = isp();
-        assert!(far(&developed(&matched, 0), &plain) > 0.1, "control: the ISP alone changes the picture");
-        matched.set(&SensorColor, "match", Value::Choice(DELIVERED)).expect("an option");
-        assert!(far(&developed(&matched, 0), &plain) < 2e-6, "{}", far(&developed(&matched, 0), &plain));
-        let noise = |settings: &Settings| {
-            let mut noisy = settings.clone();
-            noisy.set(&ShotNoise, "full_well_e", Value::Number(2000.0)).expect("in range");
-            let (a, b) = (developed(&noisy, 1), developed(&noisy, 2));
-            let d = |i: usize| f64::from(a.data[i] - b.data[i]);
-            let pixels = || (0..64 * 64).map(|i| 4 * i);
-            let variance = |c: usize| pixels().map(|i| d(i + c).powi(2)).sum::<f64>();
-            let cross: f64 = pixels().map(|i| d(i) * d(i + 1)).sum();
-            (variance(0), cross / (variance(0) * variance(1)).sqrt())
-        };
-        let ((white, none), (colored, cross)) = (noise(&Settings::default()), noise(&matched));
-        assert!(none.abs() < 0.05 && cross < -0.1, "red gets some of green's noise: {none} {cross}");
-        assert!((colored / white - 1.0).abs() > 0.2, "{colored} {white}");
-    }
+    use crate::effects::ColorMatrix;
 
     #[test]
     fn a_matrix_without_an_inverse_is_a_contradiction() {
