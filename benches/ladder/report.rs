@@ -8,10 +8,13 @@ use serde::Serialize;
 use shutterbug::gpu::PassTime;
 use shutterbug::plane::{Plane, write_png_atomic};
 
+use super::takes::Family;
+
 /// One method on one scene.
 #[derive(Serialize)]
 pub struct Row {
     pub scene: String,
+    pub family: Family,
     pub method: String,
     /// Levels of 255.
     pub rmse: f64,
@@ -23,6 +26,8 @@ pub struct Row {
     /// Time of all threads of the process a frame, which other work on the machine hardly changes; 0 where unknown.
     pub cpu_ms: f64,
     pub plain_cpu_ms: f64,
+    /// Least time of all passes but placing, rasterizing, resolving and reading the colour, ms: motion and warp.
+    pub post_ms: f64,
     #[serde(skip)]
     pub picture: Plane<u8>,
     #[serde(skip)]
@@ -33,7 +38,7 @@ impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} | {:.2} |",
+            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} | {:.2} | {:.1} |",
             self.scene,
             self.method,
             self.rmse,
@@ -43,7 +48,8 @@ impl fmt::Display for Row {
             self.ms_median,
             self.plain_render_ms_median,
             self.ms_median / self.plain_render_ms_median,
-            self.cpu_ms / self.plain_cpu_ms
+            self.cpu_ms / self.plain_cpu_ms,
+            self.post_ms
         )
     }
 }
@@ -64,6 +70,12 @@ pub fn keep_least(passes: &mut Vec<PassTime>, times: &[PassTime]) {
             None => passes.push(time.clone()),
         }
     }
+}
+
+/// See [`Row::post_ms`].
+pub fn post_ms(passes: &[PassTime]) -> f64 {
+    const PICTURE: [&str; 5] = ["exact_place", "raster", "resolve", "finish", "readback"];
+    passes.iter().filter(|p| !PICTURE.contains(&p.name.as_ref())).map(|p| p.ms).sum()
 }
 
 /// In words.
@@ -108,8 +120,8 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
     let mut table =
         format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
-    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio |\n";
-    table += "|---|---|---|---|---|---|---|---|---|---|\n";
+    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio | post ms |\n";
+    table += "|---|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {
         writeln!(table, "{row}").expect("strings grow");
     }
