@@ -32,11 +32,12 @@ const float SMOOTH_PX = 0.35;
 // A place belongs to the pixel at an instant if its path leads it this near, px.
 const float HIT_PX = 0.75;
 // Shorter paths are not seen.
+const float QOFF = 0.1443;
 const float SHORTEST_PX = 0.02;
 
 // Centres of the pixel's quarters, from its middle; a pixel that is one texel has no quarters.
 float quarter_px() {
-    return push.grid > 1.5 ? 0.25 : 0.0;
+    return push.grid > 1.5 ? QOFF : 0.0;
 }
 
 // Displacement at tau: the parabola through the three known points.
@@ -74,7 +75,7 @@ vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
 
 // Mean of the pixel's box around a place: bilinear samples at the centres of its quarters.
 vec3 box_at(vec2 at) {
-    float q = quarter_px();
+    float q = push.grid > 1.5 ? 0.25 : 0.0;
     return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
                    radiance_at(at + vec2(q, q)));
 }
