@@ -32,6 +32,7 @@ const float SMOOTH_PX = 0.35;
 // A place belongs to the pixel at an instant if its path leads it this near, px.
 const float HIT_PX = 0.75;
 // Shorter paths are not seen.
+const float RATE = 0.5;
 const float QOFF = 0.1443;
 const float SHORTEST_PX = 0.02;
 
@@ -90,15 +91,16 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     // Two samples a step of a px. Across the path they make up the pixel's box; along it they take turns, so that steps
     // are half as long, and the path itself is the wider filter.
     vec2 way = abs(end - begin);
-    vec2 side = quarter_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
-    vec2 ahead = quarter_px() - side;
-    int count = clamp(int(ceil(length(begin) + length(end))), 2, push.most);
+    float q = quarter_px();
+    int count = 4 * clamp(int(ceil(RATE * (length(begin) + length(end)))), 1, push.most / 4);
     vec3 sum = vec3(0.0);
-    for (int i = 0; i < count; ++i) {
-        float tau = (float(i) + 0.5) / float(count) - 0.5;
-        vec2 at = pixel + along(back, tau);
-        vec2 shift = (i & 1) == 0 ? ahead : -ahead;
-        sum += 0.5 * (radiance_at(at + side + shift) + radiance_at(at - side - shift));
+    float tau = 0.5 / float(count) - 0.5, step_tau = 1.0 / float(count);
+    for (int i = 0; i < count; i += 4) {
+        sum += radiance_at(pixel + along(back, tau) + vec2(-q, -q));
+        sum += radiance_at(pixel + along(back, tau + step_tau) + vec2(q, q));
+        sum += radiance_at(pixel + along(back, tau + 2.0 * step_tau) + vec2(q, -q));
+        sum += radiance_at(pixel + along(back, tau + 3.0 * step_tau) + vec2(-q, q));
+        tau += 4.0 * step_tau;
     }
     return vec4(sum / float(count), float(count));
 }
