@@ -14,6 +14,7 @@ mod finish;
 mod frame;
 mod margin;
 mod outside;
+mod outside_frame;
 mod outside_kernels;
 mod paper;
 mod pixel_chain;
@@ -36,9 +37,8 @@ pub use fast::FastOptions;
 pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
-pub use outside::{
-    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
-};
+pub use outside::OutsideEngine;
+pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use taps::GatherInputs;
