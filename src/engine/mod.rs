@@ -15,6 +15,7 @@ mod frame;
 mod lens;
 mod margin;
 mod outside;
+mod outside_frame;
 mod outside_kernels;
 mod paper;
 mod pixel_chain;
@@ -37,9 +38,8 @@ pub use fast::FastOptions;
 pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
-pub use outside::{
-    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
-};
+pub use outside::OutsideEngine;
+pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use taps::GatherInputs;
