@@ -16,7 +16,7 @@ const READOUT_S: f64 = 0.0273;
 const EXPOSURE_S: f64 = 0.0183;
 
 /// 60 degrees across.
-const CAMERA: Intrinsics =
+pub const CAMERA: Intrinsics =
     Intrinsics { width: 320, height: 240, fx: 277.0, fy: 277.0, cx: 160.0, cy: 120.0 };
 
 /// All takes; those whose data is absent are left out, loudly.
