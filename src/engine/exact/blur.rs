@@ -83,8 +83,10 @@ const WAYS: [(u32, &str); 3] = [(0, "resting"), (1, "smooth_tiles"), (2, "layere
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
     pub(super) inputs: Vec<Input>,
+    /// Without and with a lens; the bindings are the same.
+    paths: [ComputePipeline; 2],
     groups: [BindGroup; 3],
-    kernels: [ComputePipeline; 3],
+    kernels: [ComputePipeline; 2],
     /// By [`WAYS`].
     gathers: Vec<(ComputePipeline, BindGroup)>,
     _samplers: [Sampler; 2],
@@ -152,15 +154,18 @@ impl Blur {
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
+        let paths = |lens: u32| {
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa, lens])
+        };
+        let paths = [paths(0)?, paths(1)?];
         let kernels = [
-            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let groups = bind(&kernels, &target, &images, &sampler)?;
+        let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
         let gathers = WAYS.iter().zip(&images.lists).map(|((way, _), list)| {
             let kernel =
                 ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[*way])?;
@@ -168,7 +173,17 @@ impl Blur {
             Ok((kernel, group))
         });
         let gathers = gathers.collect::<Result<_>>()?;
-        Ok(Self { inputs, groups, kernels, gathers, _samplers: [sampler, linear], target, images, margin_px })
+        Ok(Self {
+            inputs,
+            paths,
+            groups,
+            kernels,
+            gathers,
+            _samplers: [sampler, linear],
+            target,
+            images,
+            margin_px,
+        })
     }
 
     /// Records everything after the raster.
@@ -187,11 +202,11 @@ impl Blur {
         let push = PathsPush { lens, ..self.paths_push(shutter, part) };
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
-        recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
+        recorder.dispatch(&self.paths[lens.index()], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
         let push =
             TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
-        recorder.dispatch(&self.kernels[1], &self.groups[1], &push, tiles);
+        recorder.dispatch(&self.kernels[0], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
         let delivered = [stage.intrinsics.width, stage.intrinsics.height];
@@ -205,7 +220,7 @@ impl Blur {
         for list in &self.images.lists {
             recorder.clear_buffer(list);
         }
-        recorder.dispatch(&self.kernels[2], &self.groups[2], &push, tiles);
+        recorder.dispatch(&self.kernels[1], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
         for ((kernel, group), list) in self.gathers.iter().zip(&self.images.lists) {
@@ -241,7 +256,8 @@ impl Blur {
 
 /// The resources of the kernels ahead of the gather.
 fn bind(
-    kernels: &[ComputePipeline; 3],
+    paths: &ComputePipeline,
+    kernels: &[ComputePipeline; 2],
     target: &RasterTarget,
     images: &Images,
     sampler: &Sampler,
@@ -249,21 +265,21 @@ fn bind(
     let fetched = |image| Bound::Sampled(image, sampler);
     let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
     Ok([
-        kernels[0].bind(&[
+        paths.bind(&[
             ("color_samples", fetched(&target.attachments.colors()[0])),
             ("depth_samples", fetched(target.attachments.depth())),
             ("texels", Bound::Storage(&images.texels)),
             ("paths", Bound::Storage(&images.paths)),
             ("relatives", fetched(&images.relatives)),
         ])?,
-        kernels[1].bind(&[
+        kernels[0].bind(&[
             ("texels", fetched(&images.texels)),
             ("paths", fetched(&images.paths)),
             ("tile_near", Bound::Storage(near)),
             ("tile_far", Bound::Storage(far)),
             ("tile_facts", Bound::Storage(facts)),
         ])?,
-        kernels[2].bind(&[
+        kernels[1].bind(&[
             ("tile_near", fetched(near)),
             ("tile_far", fetched(far)),
             ("tile_facts", fetched(facts)),
