@@ -157,7 +157,7 @@ fn what_is_behind_the_camera_does_not_smear_over_the_picture() {
             translation_m: DVec3::new(0.4 + pass_m_s * t, 2.5 - distance_m, 1.1),
         });
         let path = Arc::new(Trajectory::new(Path::new("near"), times.clone(), poses.collect()).unwrap());
-        let take = Take { path, scene: base.scene.clone(), ..base };
+        let take = Take { path, ..base.clone() };
         for exposure_s in [0.0, 0.01] {
             let (got, still) =
                 decibels_lax(&context, &take, &request(0.01, 0.02, exposure_s, ScanOrder::TopToBottom));

@@ -8,6 +8,7 @@ use serde::Serialize;
 use shutterbug::gpu::PassTime;
 use shutterbug::plane::{Plane, write_png_atomic};
 
+use super::picture;
 use super::takes::Family;
 
 /// One method on one scene.
@@ -113,7 +114,7 @@ pub fn worst_line_time_us(
     worst
 }
 
-/// Writes all three files.
+/// Writes all four files.
 pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::create_dir_all(folder).expect("target/bench can be made");
     let json = serde_json::to_string_pretty(rows).expect("numbers and names");
@@ -127,24 +128,19 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     }
     std::fs::write(folder.join("ladder.md"), table).expect("target/bench is writable");
     let shown: Vec<&Row> = rows.iter().filter(|r| r.method == "exact" || r.method == "fast").collect();
-    write_png_atomic(&folder.join("ladder.png"), &sheet(&shown)).expect("target/bench is writable");
+    write_png_atomic(&folder.join("ladder.png"), &picture::sheet(&shown)).expect("target/bench is writable");
+    let typical: Vec<&Row> = FAILURES
+        .iter()
+        .filter_map(|(method, scene)| rows.iter().find(|r| r.method == *method && r.scene == *scene))
+        .collect();
+    write_png_atomic(&folder.join("failures.png"), &picture::failures(&typical))
+        .expect("target/bench is writable");
 }
 
-/// Reference, method, difference times 8 about mid grey; one row each.
-fn sheet(rows: &[&Row]) -> Plane<u8> {
-    let Some(first) = rows.first() else { return Plane::new(1, 1, 3) };
-    let (w, h) = (first.picture.width, first.picture.height);
-    let mut sheet = Plane::new(3 * w, h * rows.len(), 3);
-    for (i, row) in rows.iter().enumerate() {
-        for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
-            let (want, got) = (row.reference.pixel(x, y), row.picture.pixel(x, y));
-            let difference: [u8; 3] = std::array::from_fn(|c| {
-                (128 + 8 * (i32::from(got[c]) - i32::from(want[c]))).clamp(0, 255) as u8
-            });
-            for (column, value) in [want, got, &difference].into_iter().enumerate() {
-                sheet.pixel_mut(column * w + x, i * h + y).copy_from_slice(value);
-            }
-        }
-    }
-    sheet
-}
+/// Where each method typically fails.
+const FAILURES: [(&str, &str); 4] = [
+    ("paper", "acceleration_both"),
+    ("fast", "checkers_parallax_both"),
+    ("exact", "object_blur"),
+    ("accumulation_6", "robot_both"),
+];

@@ -23,6 +23,7 @@ pub enum Family {
 }
 
 /// Something to film, and how the camera moves.
+#[derive(Clone)]
 pub struct Take {
     pub name: String,
     pub family: Family,
