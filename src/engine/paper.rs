@@ -194,7 +194,7 @@ struct Images {
     margin_px: [u32; 2],
     inputs: Vec<[RasterInput; 2]>,
     groups: Groups,
-    /// Colour with the motion of the same instant, in one pass.
+    /// Colour, with the motion of the same instant if that is wanted.
     picture: RasterTarget,
     /// Motion of the other instants, one sample a pixel.
     motion_only: RasterTarget,
@@ -244,7 +244,8 @@ impl Paper {
         let mut options = *options;
         options.motion_images = options.motion_images.clamp(1, MAX_MOTION_IMAGES);
         let margin_px = expected.iter().map(|r| needed_margin_px(stage, &options, r)).fold([0, 0], larger);
-        let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
+        let kind = picture_kind(&options);
+        let images = Images::new(stage, &kernels, slots, radiance, (kind, margin_px))?;
         Ok(Self { images, kernels, options })
     }
 
@@ -285,7 +286,8 @@ impl Paper {
         radiance: &Image,
         margin_px: [u32; 2],
     ) -> Result<()> {
-        self.images = Images::new(stage, &self.kernels, slots, radiance, margin_px)?;
+        let kind = picture_kind(&self.options);
+        self.images = Images::new(stage, &self.kernels, slots, radiance, (kind, margin_px))?;
         Ok(())
     }
 
@@ -299,7 +301,9 @@ impl Paper {
     ) -> Result<()> {
         let plan = plan(stage, &self.options, request, path);
         let camera = stage.intrinsics.with_margin(self.images.margin_px);
-        let in_picture = plan.motions.iter().position(|(i, _)| i.time_s == plan.reference_s);
+        // A still frame's motion coincides with a picture that may have been made to hold none.
+        let holds_motion = self.images.picture.kind == RasterKind::ColorMotion;
+        let in_picture = plan.motions.iter().position(|(i, _)| holds_motion && i.time_s == plan.reference_s);
         let picture = in_picture.map_or(Instant::still(plan.reference_s), |k| plan.motions[k].0);
         let row = slot.inputs.add(stage, path, &camera, &picture);
         let mut motion_rows = Vec::new();
@@ -355,6 +359,16 @@ impl Paper {
             max_samples: self.options.max_samples.max(1),
             pixel_time: self.options.pixel_time.into(),
         }
+    }
+}
+
+/// Motion is drawn with the picture only where an instant of motion is the picture's: a second attachment costs a fifth
+/// of the raster.
+fn picture_kind(options: &PaperOptions) -> RasterKind {
+    let shared = options.motion_images % 2 == 1 || options.shift == Shift::Start;
+    match shared && options.motion_source == MotionSource::Rasterized {
+        true => RasterKind::ColorMotion,
+        false => RasterKind::Color,
     }
 }
 
@@ -448,11 +462,11 @@ impl Images {
         kernels: &Kernels,
         slots: &mut [FrameSlot],
         radiance: &Image,
-        margin_px: [u32; 2],
+        (kind, margin_px): (RasterKind, [u32; 2]),
     ) -> Result<Self> {
         let (context, scene) = (&stage.context, &stage.buffers);
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
-        let picture = RasterTarget::new(context, scene, RasterKind::ColorMotion, size, stage.plan)?;
+        let picture = RasterTarget::new(context, scene, kind, size, stage.plan)?;
         let plain = SamplePlan { grid: 1, msaa: 1 };
         let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
         // Floats: a frame without motion is the still picture bit for bit, which half floats would round once more.

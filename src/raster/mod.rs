@@ -3,7 +3,9 @@
 mod geometry;
 mod instants;
 mod knots;
+mod order;
 mod place;
+mod placed;
 mod scene_buffers;
 mod target;
 mod tessellate;

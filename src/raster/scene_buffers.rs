@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::order::Ordered;
 use crate::assert_element_layout;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
@@ -45,6 +46,9 @@ pub struct SceneBuffers {
     pub(super) textures: Vec<Image>,
     pub(super) sampler: Sampler,
     pub(super) draws: Vec<Draw>,
+    /// Whether something of a draw has a specular colour.
+    pub(super) glossy: Vec<bool>,
+    pub(super) vertex_count: u32,
     pub(super) light_count: u32,
     pub(super) lit: bool,
 }
@@ -66,16 +70,19 @@ impl SceneBuffers {
         }
         let mut uploader = Uploader { context, staging: Vec::new() };
         let vertices: &[u8] = bytemuck::cast_slice(&scene.vertices);
-        let indices: &[u8] = bytemuck::cast_slice(&scene.indices);
+        let ordered = Ordered::new(scene);
+        let indices: &[u8] = bytemuck::cast_slice(&ordered.indices);
         let buffers = Self {
-            vertices: uploader.buffer("vertices", vertices, Usage::Vertex)?,
+            vertices: uploader.buffer("vertices", vertices, Usage::StorageVertex)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
             index_count: scene.indices.len() as u32,
             materials: uploader.buffer("materials", &material_bytes(scene), Usage::Storage)?,
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
             textures: uploader.textures(scene)?,
             sampler: Sampler::new(context, true)?,
-            draws: scene.draws.clone(),
+            draws: ordered.draws,
+            glossy: ordered.glossy,
+            vertex_count: scene.vertices.len() as u32,
             light_count: lights.len() as u32,
             lit: matches!(scene.shading, Shading::Lit(_)),
         };
