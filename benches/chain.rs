@@ -33,17 +33,18 @@ const SIZE: [usize; 2] = [640, 480];
 /// A peer whose picture is farther from the truth computes something else.
 const SAME_PICTURE_DB: f64 = 35.0;
 
-const VARIANTS: [Variant; 10] = [
-    variant("bilinear fixed 240, sampler", "paper_fast_sampler.comp", 1.0, 4, true),
-    variant("bilinear, sampler", "paper_fast_sampler.comp", 1.0, 1, false),
-    variant("bilinear, sampler x4", "paper_fast_sampler.comp", 1.0, 4, false),
-    variant("bilinear half taps, sampler", "paper_fast_sampler.comp", 0.5, 1, false),
-    variant("bilinear half taps, sampler x2", "paper_fast_sampler.comp", 0.5, 2, false),
-    variant("bilinear half taps, sampler x4", "paper_fast_sampler.comp", 0.5, 4, false),
-    variant("bilinear half taps, texels x2", "paper_fast_texels.comp", 0.5, 2, false),
-    variant("nearest, texels", "paper_fast_nearest.comp", 1.0, 1, false),
-    variant("nearest, texels x4", "paper_fast_nearest.comp", 1.0, 4, false),
-    variant("nearest, texels x8", "paper_fast_nearest.comp", 1.0, 8, false),
+const VARIANTS: [Variant; 11] = [
+    variant("bilinear fixed 240, sampler", "paper_fast_sampler.comp", 1.0, 4, true, true),
+    variant("bilinear, sampler", "paper_fast_sampler.comp", 1.0, 1, false, true),
+    variant("bilinear half taps, sampler", "paper_fast_sampler.comp", 0.5, 1, false, true),
+    variant("bilinear half taps, sampler x2", "paper_fast_sampler.comp", 0.5, 2, false, true),
+    variant("bilinear half taps, sampler x4", "paper_fast_sampler.comp", 0.5, 4, false, true),
+    variant("bilinear half taps, sampler x2, half floats", "paper_fast_sampler.comp", 0.5, 2, false, false),
+    variant("bilinear half taps, texels x2", "paper_fast_texels.comp", 0.5, 2, false, true),
+    variant("nearest, texels", "paper_fast_nearest.comp", 1.0, 1, false, true),
+    variant("nearest, texels x4", "paper_fast_nearest.comp", 1.0, 4, false, true),
+    variant("nearest, texels x8", "paper_fast_nearest.comp", 1.0, 8, false, true),
+    variant("nearest, texels x4, half floats", "paper_fast_nearest.comp", 1.0, 4, false, false),
 ];
 
 const fn variant(
@@ -52,8 +53,9 @@ const fn variant(
     taps_per_px: f32,
     unroll: u32,
     fixed: bool,
+    eight_bits: bool,
 ) -> Variant {
-    Variant { name, file, taps_per_px, unroll, fixed }
+    Variant { name, file, taps_per_px, unroll, fixed, eight_bits }
 }
 
 /// One implementation on one motion.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bytemuck::{NoUninit, Pod, Zeroable};
+use bytemuck::{Pod, Zeroable};
 use shutterbug::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Sampler, Slot,
     Usage,
@@ -26,6 +26,8 @@ pub struct Variant {
     pub taps_per_px: f32,
     pub unroll: u32,
     pub fixed: bool,
+    /// Colour of 8 bits a channel, as the peers have it, instead of half floats.
+    pub eight_bits: bool,
 }
 
 /// Push constants of `paper_fast`.
@@ -64,6 +66,7 @@ pub struct Device {
     linear: Sampler,
     nearest: Sampler,
     color: Image,
+    color8: Image,
     color32: Image,
     pub motions: Vec<Image>,
     radiance: Image,
@@ -84,6 +87,10 @@ impl Device {
         let motions: Vec<Image> = motions.collect();
         let color = input.color_plane();
         let color32 = upload(context, &mut slot, std::slice::from_ref(&color), Format::Rgba32f);
+        let color8 =
+            Image::new(context, "input", ImageSpec::storage(input.outer().map(|s| s as u32), Format::Rgba8))
+                .unwrap();
+        staged(context, &mut slot, &color8, &input.color);
         let color16 = upload_half(context, &mut slot, &color);
         let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f)).unwrap();
         let mut recorder = slot.begin().unwrap();
@@ -103,6 +110,7 @@ impl Device {
             linear: Sampler::in_texels(context).unwrap(),
             nearest: Sampler::new(context, false).unwrap(),
             color: color16,
+            color8,
             color32,
             motions,
             radiance,
@@ -118,7 +126,7 @@ impl Device {
     }
 
     fn constants(variant: &Variant, noise: bool) -> Vec<u32> {
-        let mut constants = vec![0u32; 44];
+        let mut constants = vec![0u32; 45];
         let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
         // Part 2 of the effect: white noise.
         constants[1 + place] = if noise { 2 } else { 0 };
@@ -126,13 +134,15 @@ impl Device {
         constants[41] = variant.unroll;
         constants[42] = 1;
         constants[43] = variant.fixed.into();
+        constants[44] = 2;
         constants
     }
 
-    fn bind(&self, pipeline: &ComputePipeline, motion: usize) -> BindGroup {
+    fn bind(&self, pipeline: &ComputePipeline, motion: usize, eight_bits: bool) -> BindGroup {
+        let color = if eight_bits { &self.color8 } else { &self.color };
         let sampler = if pipeline_is_linear(pipeline) { &self.linear } else { &self.nearest };
         let all = [
-            ("color", Bound::Sampled(&self.color, sampler)),
+            ("color", Bound::Sampled(color, sampler)),
             ("motion", Bound::Storage(&self.motions[motion])),
             ("radiance", Bound::Storage(&self.radiance)),
             ("source", Bound::Storage(&self.radiance)),
@@ -158,7 +168,7 @@ impl Device {
         let [quiet, noisy] = [false, true].map(|noise| {
             let constants = Self::constants(variant, noise);
             let pipeline = ComputePipeline::specialized(&self.context, kernel, &constants).unwrap();
-            let group = self.bind(&pipeline, motion);
+            let group = self.bind(&pipeline, motion, variant.eight_bits);
             (pipeline, group)
         });
         let picture = self.picture(|r, size| r.dispatch(&quiet.0, &quiet.1, &push, size));
@@ -182,7 +192,7 @@ impl Device {
             (constants[0], constants[1 + place]) = (1, noise);
             let pipeline =
                 ComputePipeline::specialized(&self.context, find("pointwise.comp"), &constants).unwrap();
-            let group = self.bind(&pipeline, motion);
+            let group = self.bind(&pipeline, motion, false);
             (pipeline, group)
         });
         let chain = PointwisePush { size: self.size, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
@@ -285,7 +295,3 @@ fn upload_half(context: &Arc<Context>, slot: &mut Slot, plane: &Plane<f32>) -> I
     staged(context, slot, &image, &bytes);
     image
 }
-
-/// Used so that push constants may be passed by reference.
-#[allow(dead_code)]
-fn is_push<P: NoUninit>(_: &P) {}

@@ -13,6 +13,8 @@ layout(constant_id = 41) const int UNROLL = 2;
 layout(constant_id = 42) const uint DEVELOP = 0u;
 // The count does not follow the path: the paper's other choice, to measure against.
 layout(constant_id = 43) const uint FIXED_COUNT = 0u;
+// Number of motion images where it is known: what there are fewer of is compiled out.
+layout(constant_id = 44) const int MOTION_COUNT = 0;
 
 #define CHAIN_PUSH
 layout(push_constant) uniform Push {
@@ -92,7 +94,7 @@ void main() {
         return;
     }
     ivec2 image_size = imageSize(motion).xy;
-    int motion_count = clamp(int(push.motion_count), 1, MAX_MOTION_IMAGES);
+    int motion_count = MOTION_COUNT != 0 ? MOTION_COUNT : clamp(int(push.motion_count), 1, MAX_MOTION_IMAGES);
     float step_s = motion_count > 1 ? push.motion_step_s : push.frame_interval_s;
     float fraction = readout_fraction(pixel, push.size, push.scan_order, push.pixel_time);
     float line_start_s = push.start_s + push.readout_time_s * fraction;
