@@ -91,6 +91,20 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
         return Ok(());
     }
     let threads = std::env::var("LP_NUM_THREADS").unwrap_or_default();
+    let mut extra = report::Extra::default();
+    for &size in &sizes[..sizes.len().min(2)] {
+        for in_flight in [1, 4, 16] {
+            let fps = bench.throughput(size, in_flight).map_err(|e| e.to_string())?;
+            println!(
+                "throughput {}x{} with {in_flight} in flight: {fps:.2} frames a second",
+                size[0], size[1]
+            );
+            extra.throughput.push((size, in_flight, fps));
+        }
+        let (ours, four) = bench.raster_16(size).map_err(|e| e.to_string())?;
+        println!("16 samples {}x{}: {ours:.2} ms; four passes of four: {four:.2} ms", size[0], size[1]);
+        extra.raster_16.push((size, ours, four));
+    }
     let result = report::Table {
         device: info.name.clone(),
         driver: info.driver.clone(),
@@ -99,6 +113,7 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
         load,
         quick,
         cells,
+        extra,
     };
     result.write(&output());
     println!("\n{}", result.markdown());

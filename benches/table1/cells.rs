@@ -8,7 +8,7 @@ use shutterbug::camera::Intrinsics;
 use shutterbug::capture::Capture;
 use shutterbug::chain::Settings;
 use shutterbug::engine::{
-    AccumulationOptions, Engine, EngineOptions, Frame, FrameRequest, Method, PaperOptions,
+    AccumulationOptions, Engine, EngineOptions, Frame, FrameRequest, Gather, Method, PaperOptions,
 };
 use shutterbug::error::Result;
 use shutterbug::gpu::{Context, PassTime};
@@ -111,16 +111,29 @@ impl Bench {
     }
 
     fn engine(&self, method: &str, samples: u32, size: [u32; 2]) -> Result<Engine> {
+        self.engine_with((method, samples, AA_SAMPLES), size, 1)
+    }
+
+    fn engine_with(
+        &self,
+        (method, samples, aa_samples): (&str, u32, u32),
+        size: [u32; 2],
+        frames_in_flight: u32,
+    ) -> Result<Engine> {
         let options = EngineOptions {
             method: match method {
                 "accumulation" => Method::Accumulation(AccumulationOptions {
                     renders: Some(samples),
                     ..AccumulationOptions::default()
                 }),
-                _ => Method::Paper(PaperOptions { max_samples: samples, ..PaperOptions::default() }),
+                _ => Method::Paper(PaperOptions {
+                    max_samples: samples,
+                    gather: Gather::Bilinear,
+                    ..PaperOptions::default()
+                }),
             },
-            samples: AA_SAMPLES,
-            frames_in_flight: 1,
+            samples: aa_samples,
+            frames_in_flight,
             planes: false,
             time_limit: LIMIT,
         };
@@ -171,21 +184,66 @@ impl Bench {
             wait_ms_median: quantile(&wait, 0.5),
             cpu_ms_mean,
             taps_mean: taps,
-            psnr_db: None,
+            psnr_db: self.quality_of(method, samples, size)?,
             frames,
             margin_px: engine.margin_px(),
             passes: passes(&runs),
         })
     }
 
+    /// Where it is worth its time: small pictures, the largest count.
+    fn quality_of(&self, method: &'static str, samples: u32, size: [u32; 2]) -> Result<Option<f64>> {
+        let wanted = method != "accumulation" && samples == 240 && size == SIZES[0];
+        wanted.then(|| self.quality(method, samples, size)).transpose()
+    }
+
     /// How close the velocity buffer and the generic model come to many renders of the same shutter (no noise), dB.
     pub fn quality(&self, method: &'static str, samples: u32, size: [u32; 2]) -> Result<f64> {
-        let plain = |m: &str| FrameRequest { settings: Settings::default(), ..self.request(m, size, 11) };
-        let request = plain(method);
-        let picture = |engine: &mut Engine, r: &FrameRequest| -> Result<Frame> { engine.render(r) };
-        let got = picture(&mut self.engine(method, samples, size)?, &request)?;
-        let truth = picture(&mut self.engine("accumulation", 240, size)?, &request)?;
+        let request = FrameRequest { settings: Settings::default(), ..self.request(method, size, 11) };
+        let picture = |mut engine: Engine| -> Result<Frame> { engine.render(&request) };
+        let got = picture(self.engine(method, samples, size)?)?;
+        let truth = picture(self.engine("accumulation", 240, size)?)?;
         Ok(psnr_db(&got.picture, &truth.picture))
+    }
+
+    /// Frames a second of the generic model at 240 samples with so many in flight.
+    pub fn throughput(&self, size: [u32; 2], in_flight: u32) -> Result<f64> {
+        let mut engine = self.engine_with(("generic", 240, AA_SAMPLES), size, in_flight)?;
+        engine.render(&self.request("generic", size, 0))?;
+        let start = Instant::now();
+        let mut tickets = std::collections::VecDeque::new();
+        let mut done = 0;
+        let mut asked = 0;
+        while done < asked || start.elapsed().as_secs_f64() < self.budget_s {
+            while tickets.len() < in_flight as usize && start.elapsed().as_secs_f64() < self.budget_s {
+                tickets.push_back(engine.submit(&self.request("generic", size, asked))?);
+                asked += 1;
+            }
+            let Some(ticket) = tickets.pop_front() else { break };
+            engine.collect(ticket)?;
+            done += 1;
+        }
+        Ok(done as f64 / start.elapsed().as_secs_f64())
+    }
+
+    /// The raster with 16 samples against four passes of four, ms by the host: least of several. Both by accumulation, so
+    /// both are resolved too. The peer has our shaders; with lights in a storage buffer it would take longer.
+    pub fn raster_16(&self, size: [u32; 2]) -> Result<(f64, f64)> {
+        let mut engines = [
+            self.engine_with(("accumulation", 1, 16), size, 1)?,
+            self.engine_with(("accumulation", 4, 4), size, 1)?,
+        ];
+        let mut least = [f64::INFINITY; 2];
+        for i in 0..8 {
+            for (engine, least) in engines.iter_mut().zip(&mut least) {
+                let start = Instant::now();
+                engine.render(&self.request("accumulation", size, i))?;
+                if i > 0 {
+                    *least = least.min(start.elapsed().as_secs_f64() * 1e3);
+                }
+            }
+        }
+        Ok((least[0], least[1]))
     }
 }
 

@@ -32,6 +32,16 @@ pub struct Table {
     pub load: String,
     pub quick: bool,
     pub cells: Vec<Cell>,
+    pub extra: Extra,
+}
+
+/// What stands beside the table.
+#[derive(Default, Serialize)]
+pub struct Extra {
+    /// Size, frames in flight, frames a second of the generic model.
+    pub throughput: Vec<([u32; 2], u32, f64)>,
+    /// Size; ms of one render with 16 samples, and of four passes of four.
+    pub raster_16: Vec<([u32; 2], f64, f64)>,
 }
 
 /// One cell in words.
@@ -112,6 +122,7 @@ impl Table {
         text += "\nIn brackets: the paper's, on a GeForce 8800 GTX.\n";
         self.ratios(&mut text);
         self.split(&mut text);
+        self.beside(&mut text);
         text
     }
 
@@ -152,6 +163,21 @@ impl Table {
             let quality = c.psnr_db.map_or(String::new(), |db| format!("; {db:.1} dB against 240 renders"));
             writeln!(text, "* {} {}x{}: {}{quality}", c.method, c.width, c.height, passes.join(", "))
                 .expect("strings grow");
+        }
+    }
+
+    fn beside(&self, text: &mut String) {
+        *text += "\n";
+        for (size, in_flight, fps) in &self.extra.throughput {
+            writeln!(
+                text,
+                "* generic model, {}x{}, {in_flight} in flight: {fps:.2} frames a second",
+                size[0], size[1]
+            )
+            .expect("strings grow");
+        }
+        for (size, ours, four) in &self.extra.raster_16 {
+            writeln!(text, "* raster with 16 samples, {}x{}: {ours:.2} ms; four passes of four samples with the same shaders: {four:.2} ms, {:.2} times as long (goal: 2.5, against lights in a storage buffer)", size[0], size[1], four / ours).expect("strings grow");
         }
     }
 

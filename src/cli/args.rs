@@ -198,8 +198,11 @@ pub struct Simulate {
     #[arg(long)]
     pub device: Option<String>,
     /// Frames in flight
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub frames_in_flight: u32,
+    /// So many frames in flight, and the number of frames a second when done
+    #[arg(long, conflicts_with = "frames_in_flight", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub batch: Option<u32>,
     /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub renders: Option<u32>,

@@ -70,6 +70,9 @@ pub enum Method {
     Accumulation(AccumulationOptions),
 }
 
+/// Most frames in flight.
+pub const MAX_IN_FLIGHT: u32 = 16;
+
 /// How to make an [`Engine`].
 #[derive(Clone, Debug)]
 pub struct EngineOptions {
@@ -77,7 +80,7 @@ pub struct EngineOptions {
     pub method: Method,
     /// Samples a pixel: 1, 4 or 16.
     pub samples: u32,
-    /// Frames in flight, 1 to 8.
+    /// Frames in flight, 1 to [`MAX_IN_FLIGHT`].
     pub frames_in_flight: u32,
     /// Whether frames may ask for sharp planes.
     pub planes: bool,
@@ -159,7 +162,7 @@ impl Engine {
             lens: None,
             context: context.clone(),
         };
-        let count = options.frames_in_flight.clamp(1, 8) as usize;
+        let count = options.frames_in_flight.clamp(1, MAX_IN_FLIGHT) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
         let size = [intrinsics.width, intrinsics.height];
         let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;

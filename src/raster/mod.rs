@@ -4,7 +4,6 @@ mod geometry;
 mod instants;
 mod knots;
 mod lens;
-mod order;
 mod place;
 mod placed;
 mod scene_buffers;

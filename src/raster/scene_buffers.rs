@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::order::Ordered;
 use crate::assert_element_layout;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
@@ -69,8 +68,7 @@ impl SceneBuffers {
         }
         let mut uploader = Uploader { context, staging: Vec::new() };
         let vertices: &[u8] = bytemuck::cast_slice(&scene.vertices);
-        let ordered = Ordered::new(scene);
-        let indices: &[u8] = bytemuck::cast_slice(&ordered.indices);
+        let indices: &[u8] = bytemuck::cast_slice(&scene.indices);
         let buffers = Self {
             vertices: uploader.buffer("vertices", vertices, Usage::StorageVertex)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
@@ -78,8 +76,8 @@ impl SceneBuffers {
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
             textures: uploader.textures(scene)?,
             sampler: Sampler::new(context, true)?,
-            draws: ordered.draws,
-            glossy: ordered.glossy,
+            draws: scene.draws.clone(),
+            glossy: scene.draws.iter().map(|draw| shines(scene, draw)).collect(),
             vertex_count: scene.vertices.len() as u32,
             light_count: lights.len() as u32,
             lit: matches!(scene.shading, Shading::Lit(_)),
@@ -146,6 +144,13 @@ impl Uploader<'_> {
         slot.submit()?;
         slot.wait(UPLOAD_LIMIT)
     }
+}
+
+/// Whether a material of a draw has a specular colour.
+fn shines(scene: &Scene, draw: &Draw) -> bool {
+    let range = draw.first_index as usize..(draw.first_index + draw.index_count) as usize;
+    let material = |i: &u32| &scene.materials[scene.vertices[*i as usize].material as usize];
+    scene.indices[range].iter().any(|i| material(i).ks != [0.0; 3])
 }
 
 fn material_bytes(scene: &Scene) -> Vec<u8> {
