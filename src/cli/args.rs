@@ -236,6 +236,9 @@ pub struct Diagnose {
     /// Leave these candidates out
     #[arg(long, value_delimiter = ',')]
     pub without: Vec<String>,
+    /// Come to an end after so many seconds; candidates that were not reached are undetermined
+    #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    pub time_limit_s: u64,
     /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
     #[arg(long)]
     pub device: Option<String>,

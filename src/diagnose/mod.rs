@@ -5,13 +5,19 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod ending;
 mod evidence;
 mod fit;
+mod flow;
 mod forward;
+mod hot;
 mod judge;
+mod linear;
 mod model;
 mod noise;
+mod normal;
 mod output;
+mod parts;
 mod photometric;
 mod places;
 mod report;
@@ -20,6 +26,7 @@ mod score;
 mod search;
 mod settings;
 mod starts;
+mod tone;
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

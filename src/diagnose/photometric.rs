@@ -1,12 +1,11 @@
 //! Linear radiance to the values that the camera would have delivered, on the CPU: the effects after the geometry, in
-//! light-path order, without noise. Values stay unrounded, so that derivatives exist.
+//! light-path order. The mean over the noise; unrounded, so that derivatives exist. `tests` holds it to the chain's own
+//! references.
 
 use super::model::{P, Theta};
+use super::tone::Tone;
 use crate::camera::{Intrinsics, ScanOrder};
-use crate::plane::{Plane, srgb_encode};
-
-/// Entries of the table of encoded values: linear interpolation is within 0.01 DN above linear 0.001.
-const TABLE: usize = 8192;
+use crate::plane::Plane;
 
 /// What a frame's lines see of a light that flickers.
 #[derive(Clone, Copy, Debug)]
@@ -19,73 +18,14 @@ pub(super) struct LineTimes {
     pub scan_order: ScanOrder,
 }
 
-/// Encoded picture and the slope of encoding.
-pub(super) struct Developed {
-    /// DN (0 to 255, unrounded), shape `[height, width, 3]`.
-    pub dn: Plane<f32>,
-}
-
-/// Everything that happens to a value on its own, as a table.
-pub(super) struct Tone {
-    table: Vec<f32>,
-    /// Gain per channel before the table.
-    gain: [f32; 3],
-    black: f32,
-    veil: f32,
-    veil_level: f32,
-}
-
-impl Tone {
-    pub(super) fn new(theta: &Theta) -> Self {
-        let exponent = theta.get(P::Gamma) as f32;
-        let encode = |i: usize| {
-            let value = srgb_encode(i as f32 / TABLE as f32);
-            255.0 * if exponent == 1.0 { value } else { value.powf(exponent) }
-        };
-        let gain = theta.get(P::Gain) as f32;
-        Self {
-            table: (0..=TABLE + 1).map(encode).collect(),
-            gain: [gain * theta.get(P::WbR) as f32, gain, gain * theta.get(P::WbB) as f32],
-            black: theta.get(P::Black) as f32,
-            veil: theta.get(P::Veil) as f32,
-            veil_level: (theta.get(P::Veil) * theta.get(P::Level)) as f32,
-        }
-    }
-
-    /// Linear value on the sensor, before encoding, of radiance `linear` that the lens let pass by `pass`.
-    fn sensor(&self, linear: f32, channel: usize, pass: f32) -> f32 {
-        let seen = (1.0 - self.veil) * linear * pass + self.veil_level;
-        // White balance stands after the black level, so a gain of a channel lifts the black too.
-        let wb = self.gain[channel] / self.gain[1];
-        wb * (self.black + (1.0 - self.black) * self.gain[1] * seen)
-    }
-
-    fn encode(&self, sensor: f32) -> f32 {
-        let at = sensor.clamp(0.0, 1.0) * TABLE as f32;
-        let i = at as usize;
-        let f = at - i as f32;
-        self.table[i] * (1.0 - f) + self.table[i + 1] * f
-    }
-
-    /// DN per unit of the sensor's linear value that encodes to `dn`; 0 where clipped.
-    pub(super) fn slope_at(&self, dn: f32) -> f32 {
-        if dn >= 254.9 {
-            return 0.0;
-        }
-        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
-        (self.table[i] - self.table[i - 1]) * TABLE as f32
-    }
-
-    /// The sensor's linear value (0 to 1) that encodes to `dn`.
-    pub(super) fn decode(&self, dn: f32) -> f32 {
-        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
-        let (a, b) = (self.table[i - 1], self.table[i]);
-        ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32
-    }
-}
-
-/// Develops a frame. `linear`: shape `[height, width, 3]`.
-pub(super) fn develop(linear: &Plane<f32>, theta: &Theta, k: &Intrinsics, lines: LineTimes) -> Developed {
+/// Develops a frame: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`: the same shape.
+pub(super) fn develop(
+    linear: &Plane<f32>,
+    theta: &Theta,
+    tone: &Tone,
+    k: &Intrinsics,
+    lines: LineTimes,
+) -> Plane<f32> {
     let blurred;
     let sigma = theta.get(P::Defocus) as f32;
     let linear = if sigma > 0.0 {
@@ -94,46 +34,56 @@ pub(super) fn develop(linear: &Plane<f32>, theta: &Theta, k: &Intrinsics, lines:
     } else {
         linear
     };
-    let tone = Tone::new(theta);
     let (w, h) = (linear.width, linear.height);
     let corner = 0.25 * ((w * w + h * h) as f32);
     let (a1, a2) = (theta.get(P::A1) as f32, theta.get(P::A2) as f32);
     let flicker = flicker_of(theta, lines, w, h);
     let mosaic = theta.get(P::Mosaic) as usize;
-    let mut sensor = Plane::new(w, h, 3);
+    let mut dn = Plane::new(w, h, 3);
     for y in 0..h {
         let dy = y as f32 + 0.5 - k.cy as f32;
         for x in 0..w {
             let dx = x as f32 + 0.5 - k.cx as f32;
             let q = (dx * dx + dy * dy) / corner;
-            let mut pass = 1.0 + a1 * q + a2 * q * q;
-            if let Some((by_line, rows)) = &flicker {
-                pass *= by_line[if *rows { y } else { x }];
-            }
-            let (from, to) = (linear.pixel(x, y), sensor.pixel_mut(x, y));
+            let pass = (1.0 + q * (a1 + q * a2)).max(0.0);
+            let (from, to) = (linear.pixel(x, y), dn.pixel_mut(x, y));
+            let light = flicker.as_ref().map(|(by_line, rows)| by_line[if *rows { y } else { x }]);
             for c in 0..3 {
-                to[c] = tone.sensor(from[c], c, pass);
+                let sensor = match light {
+                    None => tone.sensor(from[c], pass),
+                    Some(light) => tone.sensor_lit(from[c], pass, light),
+                };
+                to[c] = if mosaic > 0 { sensor } else { tone.encode(sensor, c) };
             }
         }
     }
     if mosaic > 0 {
-        sensor = demosaicked(&sensor, mosaic);
-    }
-    let mut dn = sensor;
-    dn.data.iter_mut().for_each(|v| *v = tone.encode(*v));
-    let amount = theta.get(P::Sharpen) as f32;
-    if amount != 0.0 {
-        let soft = gaussian(&dn, theta.get(P::Radius) as f32);
-        for (v, s) in dn.data.iter_mut().zip(&soft.data) {
-            *v = (*v + amount * (*v - s)).clamp(0.0, 255.0);
+        dn = demosaicked(&dn, mosaic);
+        for p in dn.data.chunks_exact_mut(3) {
+            (0..3).for_each(|c| p[c] = tone.encode(p[c], c));
         }
     }
-    let dn = match theta.get(P::Chroma) as usize {
-        0 => dn,
-        scheme => subsampled(&dn, scheme),
-    };
+    behind_encoding(dn, theta)
+}
+
+fn behind_encoding(mut dn: Plane<f32>, theta: &Theta) -> Plane<f32> {
+    let amount = theta.get(P::Sharpen) as f32;
+    let sharpened = amount != 0.0;
+    if sharpened {
+        let soft = gaussian(&dn, theta.get(P::Radius) as f32);
+        for (v, s) in dn.data.iter_mut().zip(&soft.data) {
+            *v += amount * (*v - s);
+        }
+    }
+    let scheme = theta.get(P::Chroma) as usize;
+    if scheme > 0 {
+        dn = subsampled(&dn, scheme);
+    }
+    if sharpened || scheme > 0 {
+        dn.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
+    }
     let quality = theta.get(P::Quality) as u8;
-    Developed { dn: if quality > 0 { compressed(&dn, quality) } else { dn } }
+    if quality > 0 { compressed(&dn, quality) } else { dn }
 }
 
 fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Vec<f32>, bool)> {
@@ -157,9 +107,9 @@ fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Ve
     Some((by_line, order.lines_are_rows()))
 }
 
-/// Gaussian of `sigma` px, truncated at 3.5 sigma; the border repeats outwards.
+/// Gaussian of `sigma` px, truncated at 4 sigma as in the chain; the border repeats outwards.
 pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
-    let radius = (3.5 * sigma).ceil().max(1.0) as usize;
+    let radius = (4.0 * sigma + 0.5).floor().max(1.0) as usize;
     let mut kernel: Vec<f32> = (0..=radius).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
     let sum = kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>();
     kernel.iter_mut().for_each(|v| *v /= sum);
@@ -194,7 +144,7 @@ pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
     out
 }
 
-/// One colour a pixel, then bilinear.
+/// One colour a pixel, then bilinear; the picture is mirrored about its outermost pixels.
 fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
     let (w, h) = (plane.width, plane.height);
     // Place of red in the 2x2 cell; blue lies diagonally opposite.
@@ -204,37 +154,26 @@ fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
         (1, 1) => 2,
         _ => 1,
     };
-    let mut out = Plane::new(w, h, 3);
-    for y in 0..h {
-        for x in 0..w {
-            let (mut sum, mut count) = ([0.0f32; 3], [0.0f32; 3]);
-            for dy in -1i64..=1 {
-                for dx in -1i64..=1 {
-                    let (u, v) = (x as i64 + dx, y as i64 + dy);
-                    if u < 0 || v < 0 || u >= w as i64 || v >= h as i64 {
-                        continue;
-                    }
-                    let (u, v) = (u as usize, v as usize);
-                    let c = channel(u, v);
-                    let own = channel(x, y) == c;
-                    if own && (dx != 0 || dy != 0) {
-                        continue;
-                    }
-                    // Green at a red or blue place comes from the four edge neighbours only.
-                    if c == 1 && dx != 0 && dy != 0 {
-                        continue;
-                    }
-                    sum[c] += plane.pixel(u, v)[c];
-                    count[c] += 1.0;
-                }
-            }
-            let to = out.pixel_mut(x, y);
-            for c in 0..3 {
-                to[c] = sum[c] / count[c].max(1.0);
-            }
+    let mirrored = |at: i64, side: usize| {
+        let last = side as i64 - 1;
+        (last - (last - at.abs()).abs()).clamp(0, last) as usize
+    };
+    Plane::from_fn(w, h, |x, y| {
+        let at = |dx: i64, dy: i64| {
+            let (u, v) = (mirrored(x as i64 + dx, w), mirrored(y as i64 + dy, h));
+            plane.data[3 * (v * w + u) + channel(u, v)]
+        };
+        let own = at(0, 0);
+        let (row, column) = (0.5 * (at(-1, 0) + at(1, 0)), 0.5 * (at(0, -1) + at(0, 1)));
+        let cross = 0.5 * (row + column);
+        let diagonal = 0.25 * (at(-1, -1) + at(1, -1) + at(-1, 1) + at(1, 1));
+        match channel(x, y) {
+            0 => [own, cross, diagonal],
+            2 => [diagonal, cross, own],
+            _ if (y + red.1) % 2 == 0 => [row, own, column],
+            _ => [column, own, row],
         }
-    }
-    out
+    })
 }
 
 /// Colour at half the resolution: 1 both ways, 2 along rows only.
@@ -257,7 +196,7 @@ fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
             for (x, y) in cell() {
                 let l = luma(dn.pixel(x, y));
                 let rgb = [l + 1.402 * cr, l - 0.344_136 * cb - 0.714_136 * cr, l + 1.772 * cb];
-                out.pixel_mut(x, y).copy_from_slice(&rgb.map(|v| v.clamp(0.0, 255.0)));
+                out.pixel_mut(x, y).copy_from_slice(&rgb);
             }
         }
     }
@@ -270,7 +209,7 @@ fn luma(p: &[f32]) -> f32 {
 
 /// Through a JPEG encoder and back.
 fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
-    let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5) as u8).collect();
+    let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
     let mut jpeg = Vec::new();
     let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, quality.clamp(1, 100));
     let size = (dn.width as u32, dn.height as u32);

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::evidence::Evidence;
-use super::forward::Forward;
+use super::forward::{Forward, Quality};
+use super::hot::HotMap;
 use super::judge::{Judge, Scores, closed_fraction};
 use super::model::{CandidateSpec, Theta, candidate_of};
 use super::output::Shown;
@@ -28,6 +29,8 @@ pub struct DiagnoseOptions {
     pub seed: u64,
     /// Candidates to leave out, by name: for checks that an effect outside the list is not sold as one inside it.
     pub without: Vec<String>,
+    /// When to come to an end with what is known by then; candidates that were not reached are `undetermined`.
+    pub time_limit: Option<Duration>,
 }
 
 /// Told where a diagnosis stands: the stage, the candidate, and which of how many steps of the stage it is.
@@ -89,16 +92,19 @@ pub fn diagnose(
     let motion_px = typical_motion_px(&forward, &evidence);
     let moving = motion_px >= LEAST_MOTION_PX && !capture.camera.static_camera;
     let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
-    let renderer_difference = renderer_difference(&mut forward, &evidence, &base)?;
+    let means = forward.simulate(&evidence.fit, &base, Quality::Fit)?;
+    let renderer_difference = renderer_difference(&means);
+    let hot = HotMap::find(&evidence, &evidence.fit, &means);
+    let fit_masks = fit_masks(&evidence, masks.as_deref(), &hot);
     let mut search = Search {
-        judge: Judge::new(&evidence, masks.as_deref(), options.seed),
+        judge: Judge::new(&evidence, masks.as_deref(), options.seed, hot),
         forward: &mut forward,
         evidence: &evidence,
-        masks: masks.as_deref(),
+        masks: &fit_masks,
         base,
         renderer_difference,
         names: tried,
-        intervals: false,
+        deadline: options.time_limit.map(|limit| clock + limit),
     };
     let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
     let found = search.run(&mut relay)?;
@@ -133,13 +139,11 @@ fn show(
         search.judge.scores_on(search.forward, &base, &all)?,
         search.judge.scores_on(search.forward, &found.fit.theta, &all)?,
     ];
-    search.forward.fine = true;
-    let simulated = search
-        .forward
-        .simulate(&all, &base)
-        .and_then(|before| Ok((before, search.forward.simulate(&all, &found.fit.theta)?)));
-    search.forward.fine = false;
-    let (before, after) = simulated?;
+    let before = search.forward.simulate(&all, &base, Quality::Fine)?;
+    let mut after = search.forward.simulate(&all, &found.fit.theta, Quality::Fine)?;
+    if found.fit.theta.get(super::model::P::Hot) > 0.0 {
+        after.iter_mut().for_each(|m| search.judge.hot.put(m));
+    }
     let held: Vec<Compared<'_>> = evidence
         .held_out
         .iter()
@@ -148,7 +152,7 @@ fn show(
             real: &evidence.frames[at].dn,
             before: &before[at],
             after: &after[at],
-            mask: search.masks.map(|m| &m[at]),
+            mask: search.judge.masks.map(|m| &m[at]),
             sharp: &search.forward.sharp[at],
         })
         .collect();
@@ -227,6 +231,17 @@ fn masks(forward: &Forward, capture: &Capture) -> Result<Vec<Plane<f32>>> {
     Ok(masks)
 }
 
+/// Where fits compare: where the judge does, less the stuck pixels.
+fn fit_masks(evidence: &Evidence, masks: Option<&[Plane<f32>]>, hot: &HotMap) -> Vec<Plane<f32>> {
+    let open = || {
+        let all = evidence.frames.iter().map(|f| Plane::from_fn(f.dn.width, f.dn.height, |_, _| [1.0]));
+        all.collect()
+    };
+    let mut fit_masks = masks.map_or_else(open, <[Plane<f32>]>::to_vec);
+    hot.close(&mut fit_masks);
+    fit_masks
+}
+
 /// How far the fastest tenth of the picture moves over one frame period, px.
 fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
     let mut speeds: Vec<f32> = Vec::new();
@@ -240,11 +255,9 @@ fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
 
 /// What two correct renderers may differ by, DN: a sampling error at edges. Measured on captures of an independent path
 /// tracer: 0.15 to 0.6 where the mean gradient is 3 to 9 DN a px.
-fn renderer_difference(forward: &mut Forward, evidence: &Evidence, base: &Theta) -> Result<f64> {
-    let frames: Vec<usize> = evidence.held_out.iter().copied().take(3).collect();
-    let means = forward.simulate(&frames, base)?;
+fn renderer_difference(means: &[Plane<f32>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for mean in &means {
+    for mean in means {
         for y in 1..mean.height {
             for x in 1..mean.width {
                 let here = mean.pixel(x, y);
@@ -256,7 +269,7 @@ fn renderer_difference(forward: &mut Forward, evidence: &Evidence, base: &Theta)
             }
         }
     }
-    Ok(0.1 + 0.06 * sum / f64::max(count, 1.0))
+    0.1 + 0.06 * sum / f64::max(count, 1.0)
 }
 
 fn without_motion(name: &str, motion_px: f64) -> Candidate {
@@ -318,7 +331,7 @@ fn describe(
             fit_frames: evidence.fit.iter().map(place_of).collect(),
             held_out_frames: evidence.held_out.iter().map(place_of).collect(),
             left_out: evidence.left_out.clone(),
-            compared_share: search.masks.map_or(1.0, |m| {
+            compared_share: search.judge.masks.map_or(1.0, |m| {
                 let open: f32 = m.iter().map(|p| p.data.iter().sum::<f32>() / p.data.len() as f32).sum();
                 f64::from(open) / m.len() as f64
             }),

@@ -1,14 +1,14 @@
 //! Where fits begin. Effects with more than one valley get several starts; the cheapest at a coarse size go on.
 
 use super::evidence::Evidence;
-use super::fit::{Target, cost_of};
-use super::forward::Forward;
+use super::fit::{Level, Target, cost_of, spread_out};
+use super::forward::{Forward, Quality};
 use super::model::{CandidateSpec, P, Theta};
 use crate::camera::ScanOrder;
 use crate::error::Result;
 
-/// Px a block at which starts are compared.
-const BLOCK: usize = 4;
+/// Where starts are compared: three frames from all over the evidence suffice to tell valleys apart.
+const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Coarse, frames: 3 };
 
 /// Starts for a candidate beside what `theta` already has.
 fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Theta> {
@@ -76,7 +76,7 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
 /// The best starts, at most `most`.
 pub(super) fn best_starts(
     forward: &mut Forward,
-    target: &Target<'_>,
+    target: Target<'_>,
     evidence: &Evidence,
     theta: &Theta,
     candidate: &CandidateSpec,
@@ -86,13 +86,10 @@ pub(super) fn best_starts(
     if all.len() <= most {
         return Ok(all);
     }
-    // Three frames from all over the evidence suffice to tell valleys apart.
-    let fit = &evidence.fit;
-    let some: Vec<usize> =
-        if fit.len() <= 3 { fit.clone() } else { [0, fit.len() / 2, fit.len() - 1].map(|i| fit[i]).to_vec() };
+    let some = spread_out(&evidence.fit, LOOK.frames);
     let mut costs = Vec::new();
     for (i, start) in all.iter().enumerate() {
-        costs.push((cost_of(forward, target, &some, start, BLOCK, 2.0)?, i));
+        costs.push((cost_of(forward, target, &some, start, &LOOK, 2.0)?, i));
     }
     costs.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(costs.iter().take(most).map(|&(_, i)| all[i].clone()).collect())

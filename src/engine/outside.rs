@@ -65,6 +65,7 @@ impl OutsideEngine {
             scene: Arc::new(scene),
             trajectory: Arc::new(Trajectory::fixed(Pose::IDENTITY)),
             intrinsics,
+            lens: None,
             context: context.clone(),
         };
         let count = frames_in_flight.clamp(1, 8) as usize;
