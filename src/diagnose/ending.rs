@@ -40,8 +40,7 @@ impl Search<'_> {
 
     /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.
     pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
-        let mut names: Vec<&'static str> =
-            NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let data = self.noise_data(&found.fit.theta.clone())?;
         let theta = self.noisy(&data, &found.fit.theta, &names);
         names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
@@ -55,7 +54,12 @@ impl Search<'_> {
                 let without = self.noisy(&data, &found.fit.theta, &rest);
                 let rest_scores = self.judge.scores(self.forward, &without)?;
                 let needed = self.noise_counts(gap, &rest_scores, &scores);
-                tracing::info!("without {}: {:.4}, with {:.4}: {needed}", names[i], rest_scores.mean(), scores.mean());
+                tracing::info!(
+                    "without {}: {:.4}, with {:.4}: {needed}",
+                    names[i],
+                    rest_scores.mean(),
+                    scores.mean()
+                );
                 if !needed && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean()) {
                     weakest = Some((i, without, rest_scores));
                 }
@@ -119,7 +123,9 @@ impl Search<'_> {
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
             let half = match p {
                 // Single pixels are found or not.
-                P::Hot => 0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt(),
+                P::Hot => {
+                    0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
+                }
                 // Bins of brightness and the flatness rule leave a per cent or two beyond what frames tell.
                 _ => 2.4 * variance.sqrt() + 0.02 * theta.get(p),
             };

@@ -166,7 +166,8 @@ impl NoiseData {
             theta.set(P::Shot, inverse);
         }
         // Less than a few hundredths of a DN is no noise but the arithmetic of rounding.
-        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)] {
+        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)]
+        {
             if theta.get(p) < least {
                 theta.set(p, 0.0);
             }

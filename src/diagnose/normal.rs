@@ -105,7 +105,8 @@ pub(super) fn linearise(
                     Column::Value(tone) => shared.develop(at, &radiance[i], changed, tone),
                 };
                 let unit = (p.spec().step / step) as f32;
-                let mut d: Vec<f32> = other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                let mut d: Vec<f32> =
+                    other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
                 hide(target, at, &mut d);
                 pooled(&d, base.width, base.height, level.block)
             };
@@ -161,8 +162,7 @@ fn assemble(
         e.clusters.extend(s.clusters);
     }
     for (i, reach) in e.reach.iter_mut().enumerate() {
-        let sum: f64 =
-            frames.iter().map(|(_, c)| c[i].iter().map(|d| f64::from(d.abs())).sum::<f64>()).sum();
+        let sum: f64 = frames.iter().map(|(_, c)| c[i].iter().map(|d| f64::from(d.abs())).sum::<f64>()).sum();
         *reach = sum / count;
     }
     e
