@@ -13,6 +13,9 @@ use crate::error::Result;
 
 /// Share of a family's own score that a kind of noise must be worth there, where its worth in the whole score is small.
 const FAMILY_SHARE: f64 = 0.03;
+/// Standard errors that read noise beside shot noise, and the reverse, must stand above none, on frames to fit as on
+/// held-out ones.
+const SIGNIFICANT: f64 = 3.5;
 
 impl Search<'_> {
     /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
@@ -42,19 +45,34 @@ impl Search<'_> {
     pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
         let mut names: Vec<&'static str> =
             NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
-        let data = self.noise_data(&found.fit.theta.clone())?;
+        let fitted = found.fit.theta.clone();
+        let data = self.noise_data(&fitted, &self.evidence.fit)?;
+        let held_out = self.noise_data(&fitted, &self.evidence.held_out)?;
+        tracing::debug!("noise {data:?}");
         let theta = self.noisy(&data, &found.fit.theta, &names);
         names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
         let mut theta = self.noisy(&data, &found.fit.theta, &names);
         let mut scores = self.judge.scores(self.forward, &theta)?;
-        let gap = (found.before.mean() - found.before.floor()).max(0.0);
+        // Of what the mean leaves: beside a rolling shutter's gap all noise is little.
+        let silent = self.noisy(&data, &found.fit.theta, &[]);
+        let gap = (self.judge.scores(self.forward, &silent)?.mean() - scores.floor()).max(0.0);
+        let clear = |theta: &Theta| {
+            let [a, b] = [data.significance(theta), held_out.significance(theta)];
+            [a[0].min(b[0]) > SIGNIFICANT, a[1].min(b[1]) > SIGNIFICANT]
+        };
         loop {
+            let [read, shot] = clear(&theta);
+            let both = names.contains(&"read_noise") && names.contains(&"shot_noise");
             let mut weakest: Option<(usize, Theta, Scores)> = None;
             for i in 0..names.len() {
                 let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
                 let without = self.noisy(&data, &found.fit.theta, &rest);
                 let rest_scores = self.judge.scores(self.forward, &without)?;
-                let needed = self.noise_counts(gap, &rest_scores, &scores);
+                let needed = match names[i] {
+                    "read_noise" if both => read,
+                    "shot_noise" if both => shot,
+                    _ => self.noise_counts(gap, &rest_scores, &scores),
+                };
                 tracing::info!("without {}: {:.4}, with {:.4}: {needed}", names[i], rest_scores.mean(), scores.mean());
                 if !needed && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean()) {
                     weakest = Some((i, without, rest_scores));

@@ -28,8 +28,8 @@ pub(super) struct Equations {
     clusters: Vec<Vec<f64>>,
     /// The same summed by frame.
     by_frame: Vec<Vec<f64>>,
-    /// Mean size of each column, DN per step.
-    reach: Vec<f64>,
+    /// Sum of the weights of all values, per DN^2.
+    weight: f64,
     /// Robust threshold, DN, and mean cost.
     pub delta: f64,
     pub cost: f64,
@@ -40,6 +40,7 @@ struct Share {
     a: Vec<Vec<f64>>,
     clusters: Vec<Vec<f64>>,
     cost: f64,
+    weight: f64,
 }
 
 /// How the derivative by a parameter is had.
@@ -144,7 +145,7 @@ fn assemble(
         b: vec![0.0; n],
         clusters: Vec::new(),
         by_frame: Vec::new(),
-        reach: vec![0.0; n],
+        weight: shares.iter().map(|s| s.weight).sum(),
         delta,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
     };
@@ -159,11 +160,6 @@ fn assemble(
         }
         e.by_frame.push(frame);
         e.clusters.extend(s.clusters);
-    }
-    for (i, reach) in e.reach.iter_mut().enumerate() {
-        let sum: f64 =
-            frames.iter().map(|(_, c)| c[i].iter().map(|d| f64::from(d.abs())).sum::<f64>()).sum();
-        *reach = sum / count;
     }
     e
 }
@@ -194,7 +190,8 @@ fn share(r: &[f32], columns: &[Vec<f32>], delta: f64, columns_px: usize, cluster
             clusters[(y / cluster) * across + x / cluster][i] += f64::from(w * e * d);
         }
     }
-    Share { a, clusters, cost }
+    let weight = weights.iter().map(|w| f64::from(*w)).sum();
+    Share { a, clusters, cost, weight }
 }
 
 /// How much each group of parameters would lower the mean cost beside `held`, by the linearised model: a ranking, not a
@@ -237,7 +234,10 @@ pub(super) fn half_widths(e: &Equations, free: &[P]) -> BTreeMap<P, f64> {
         .enumerate()
         .map(|(i, &p)| {
             let chance = 2.0 * blocks[i].max(frames[i]).sqrt();
-            let systematic = SYSTEMATIC_DN / e.reach[i].max(1e-9);
+            // What all frames share, were it to look like this parameter beside the others.
+            let mut unit = vec![0.0; n];
+            unit[i] = 1.0;
+            let systematic = SYSTEMATIC_DN * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             (p, chance.hypot(systematic) * p.spec().step)
         })
         .collect()

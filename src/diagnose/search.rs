@@ -117,8 +117,7 @@ impl<'a> Search<'a> {
     }
 
     /// What the differences that `theta` leaves tell of the noise.
-    pub(super) fn noise_data(&mut self, theta: &Theta) -> Result<NoiseData> {
-        let frames = self.fit_frames();
+    pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
         let means = self.forward.simulate(frames, theta, Quality::Fit)?;
         Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
     }
@@ -126,7 +125,7 @@ impl<'a> Search<'a> {
     /// `theta` with all noise that can be seen: values are judged against the spread that they have.
     pub(super) fn with_noise(&mut self, theta: &Theta) -> Result<Theta> {
         let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
-        let data = self.noise_data(theta)?;
+        let data = self.noise_data(theta, self.fit_frames())?;
         let mut noisy = data.fit(theta, &self.base, &names);
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());
@@ -252,7 +251,7 @@ impl<'a> Search<'a> {
             let clock = Instant::now();
             let candidate = candidate_of(name);
             let fit = if candidate.noise {
-                let data = self.noise_data(&self.base.clone())?;
+                let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
                 let mut theta = data.fit(&self.base.clone(), &self.base.clone(), &[name]);
                 if name == "hot_pixels" {
                     theta.set(P::Hot, self.judge.hot.fraction());
