@@ -7,6 +7,7 @@ use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
+use super::residue::residue;
 use super::score::FAMILIES;
 use super::search::{Found, LEAST_SHARE, Search};
 use crate::error::Result;
@@ -83,6 +84,12 @@ impl Search<'_> {
             (theta, scores) = (without, rest_scores);
         }
         self.noise_intervals(&names, &theta, found)?;
+        let held = &self.evidence.held_out;
+        let mut means = self.forward.simulate(held, &theta, Quality::Fine)?;
+        means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let left = self.noise_data(&theta, held)?;
+        found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
+        tracing::info!("left: {:?}", found.residue);
         found.fit.theta = theta;
         found.set.extend(names);
         Ok(())

@@ -5,6 +5,7 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod describe;
 mod ending;
 mod evidence;
 mod fit;
@@ -21,6 +22,7 @@ mod parts;
 mod photometric;
 mod places;
 mod report;
+mod residue;
 mod run;
 mod score;
 mod search;

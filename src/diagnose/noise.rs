@@ -29,11 +29,11 @@ pub(super) const NOISES: [&str; 5] =
 #[derive(Clone, Debug, Default)]
 pub(super) struct NoiseData {
     /// Of single values about what their neighbours say.
-    total: Vec<[f64; 3]>,
+    pub(super) total: Vec<[f64; 3]>,
     /// The part of it that is the same in every frame.
-    fixed: Vec<[f64; 3]>,
+    pub(super) fixed: Vec<[f64; 3]>,
     /// Of rows beyond that of their pixels.
-    row2: f64,
+    pub(super) row2: f64,
 }
 
 /// What is measured, before it is reduced.
@@ -49,7 +49,7 @@ struct Values {
 }
 
 /// Where the simulated picture is flat.
-fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
+pub(super) fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
     let (w, h) = (mean.width, mean.height);
     (0..w * h)
         .map(|i| {

@@ -10,6 +10,7 @@ use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
+use super::residue::Residue;
 use super::starts::best_starts;
 use crate::error::Result;
 use crate::plane::Plane;
@@ -51,6 +52,8 @@ pub(super) struct Found {
     pub after: Scores,
     /// Parameters that were freed besides those that every fit frees.
     pub more: Vec<P>,
+    /// What is left on held-out frames.
+    pub residue: Residue,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
 }
@@ -229,7 +232,7 @@ impl<'a> Search<'a> {
         }
         watch.stage("the set to the end", 3);
         watch.step("all parameters together");
-        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), late };
+        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), residue: Residue::default(), late };
         self.finish(&mut found, watch)?;
         Ok(found)
     }
