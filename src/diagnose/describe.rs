@@ -83,16 +83,32 @@ pub(super) fn describe(
     })
 }
 
+/// Mean difference of flat places that is no rounding, DN: solid colours are rounded by up to half a DN each, which leaves
+/// 0.25 at most.
+const MOST_BIAS_DN: f64 = 0.45;
+/// Mean logarithm of observed over modelled variance that two models of the same kind may have.
+const MOST_SPREAD: f64 = 0.35;
+/// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
+const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
+/// Share of the gap that must be closed for effects to be named at all, and for the rest to count as a remainder.
+const CLOSED: [f64; 2] = [0.5, 0.75];
+
 fn verdict(gap: &Gap, found: &Found) -> Verdict {
-    // Twice: the estimate is of the mean, and scenes differ.
-    let nothing = 2.0 * gap.renderer_difference;
-    let rest = gap.after - gap.floor;
+    let left = &found.residue;
+    let shaped = left.bias_dn > MOST_BIAS_DN
+        || left.spread > MOST_SPREAD
+        || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
+    let rest = (gap.after - gap.floor).abs();
+    let whole = found.before.mean() - found.before.floor();
     if found.set.is_empty() {
-        return if gap.before <= nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
+        let nothing = whole <= 1.2 * gap.renderer_difference && !shaped;
+        return if nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
     }
-    if rest <= nothing.max(0.1 * (gap.before - gap.floor)) {
+    let small = rest <= f64::max(0.5 * gap.renderer_difference, 0.03 * whole);
+    let explained = small || (rest <= gap.renderer_difference && gap.closed_fraction > 0.8);
+    if explained && !shaped && gap.closed_fraction >= CLOSED[0] {
         Verdict::Explained
-    } else if gap.closed_fraction < 0.1 {
+    } else if gap.closed_fraction < CLOSED[1] || (shaped && gap.closed_fraction < 0.9) {
         Verdict::UnknownEffect
     } else {
         Verdict::PartlyExplained

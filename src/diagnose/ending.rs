@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{FINE, Level};
+use super::fit::{FINE, LAST, Level};
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::residue::residue;
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search};
+use super::search::{Found, LEAST_SHARE, Search, is_discrete, restored};
 use crate::error::Result;
 
 /// Share of a family's own score that a kind of noise must be worth there, where its worth in the whole score is small.
@@ -38,6 +38,50 @@ impl Search<'_> {
             found.fit.theta = freed.theta;
             found.fit.half.extend(freed.half.into_iter().filter(|(p, _)| more.contains(p)));
             found.more = more;
+        }
+        Ok(())
+    }
+
+    /// Chooses anew among qualities and patterns, now that the rest fits.
+    pub(super) fn tune_choices(&mut self, found: &mut Found) -> Result<()> {
+        for name in found.set.clone() {
+            let candidate = candidate_of(name);
+            if is_discrete(candidate) {
+                found.fit.theta = self.add_discrete(candidate, &found.fit.theta.clone())?.theta;
+                found.fit.half.insert(candidate.parameters[0], 1.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out what only coarse renders made look useful.
+    pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
+        let gap = {
+            let before = self.judge.scores(self.forward, &self.base.clone())?;
+            (before.mean() - before.floor()).max(0.0)
+        };
+        while found.set.len() > 1 {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            let mut weakest: Option<(usize, Theta, f64)> = None;
+            for i in 0..found.set.len() {
+                let rest: Vec<_> =
+                    found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
+                let start = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+                let fit = self.refit(&rest, &start, FINE)?;
+                let scores = self.judge.scores(self.forward, &fit.theta)?;
+                let worse = scores.mean();
+                if !self.supports(gap, &scores, &now) && weakest.as_ref().is_none_or(|w| worse < w.2) {
+                    weakest = Some((i, fit.theta, worse));
+                }
+            }
+            let Some((i, theta, gap)) = weakest else { break };
+            tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
+            found.set.remove(i);
+            let mut free = Self::free(&found.set);
+            free.extend(&found.more);
+            let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+            let fit = super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, LAST)?;
+            (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
         }
         Ok(())
     }
@@ -106,7 +150,7 @@ impl Search<'_> {
     /// Whether a kind of noise is worth naming: in the whole score, or in a family of statistics that shows it best.
     fn noise_counts(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        if low > 0.0 && gain > LEAST_SHARE * gap && gain > 0.01 * worse.mean() {
+        if low > 0.0 && gain > LEAST_SHARE * gap && gain > (0.01 * worse.mean()).max(0.03) {
             return true;
         }
         let clear = |family: usize| {

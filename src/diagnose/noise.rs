@@ -152,7 +152,7 @@ impl NoiseData {
             read2 + shot + theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2)
         };
         let rest: Vec<[f64; 3]> =
-            self.total.iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
+            self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
             (true, true) => line(&rest, |l| [1.0, l]),
             (true, false) => line(&rest, |_| [1.0, 0.0]),
@@ -176,11 +176,18 @@ impl NoiseData {
 }
 
 impl NoiseData {
+    /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
+    pub(super) fn unclipped(&self) -> Vec<[f64; 3]> {
+        let free = self.total.iter().filter(|[l, v, _]| *l > 2.5 * v.sqrt() && *l < 1.0 - 2.5 * v.sqrt());
+        let free: Vec<_> = free.copied().collect();
+        if free.len() >= 4 { free } else { self.total[self.total.len().saturating_sub(4)..].to_vec() }
+    }
+
     /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
     /// spread grows with brightness. `theta` has the noise that is there besides.
     pub(super) fn significance(&self, theta: &Theta) -> [f64; 2] {
         let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
-        for &[l, v, n] in &self.total {
+        for [l, v, n] in self.unclipped() {
             let besides = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
             let error = (v * v * (BIN_ERROR * BIN_ERROR + 3.0 / n)).max(1e-18);
             let g = [1.0, l];

@@ -77,10 +77,10 @@ impl NoiseData {
     fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
-        for &[l, v, _] in &self.total {
+        for [l, v, _] in self.unclipped() {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            // A tenth of a DN at a usual slope: less cannot be told from rounding.
-            let least = 4e-7;
+            // A few tenths of a DN at a usual slope: less cannot be told from rounding.
+            let least = 2e-6;
             sum += ((v + least) / (model + least)).ln().abs();
             level += v;
             count += 1.0;
@@ -88,7 +88,7 @@ impl NoiseData {
         if count < 1.0 {
             return (0.0, [0.0; 2]);
         }
-        let level: f64 = (level / count).max(4e-7);
+        let level: f64 = (level / count).max(8e-6);
         let row2 = (self.row2 - theta.get(P::Row).powi(2)).abs();
         let fixed = self.fixed.iter().map(|&[l, v, _]| (v - dsnu2 - prnu2 * l * l).abs());
         let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
