@@ -46,6 +46,7 @@ layout(set = 0, binding = 2, std430) writeonly buffer PlacedVertices {
     Placed placed[];
 };
 
+#include "lens.glsl"
 layout(push_constant) uniform Push {
     uint vertex_count;
     // Rows a group, an odd number; 1: an instant, nothing is searched for.
@@ -57,16 +58,17 @@ layout(push_constant) uniform Push {
     vec2 place_from_ndc;
     float place_offset;
     float near_m;
+    Lens lens;
 } push;
 
 // Steps of the search. Each divides the error by the line's speed over the content's (10 and more), and the secant makes
 // it faster than linear: 3 leave less than a thousandth of a line at 0.3 of the readout's speed.
 const int STEPS = 3;
 
-// Where the lens puts a point of the ideal picture (clip space). The ideal lens is all there is so far; distortion
-// belongs here, where it moves the vertex and with it the line whose time it is seen at.
+// Where the lens puts a point of the ideal picture (clip space). It moves the vertex and with it the line whose time it
+// is seen at.
 vec4 sensor_from_ideal(vec4 ideal) {
-    return ideal;
+    return lens_sensor(push.lens, ideal);
 }
 
 uint knot_before(float place) {

@@ -103,6 +103,14 @@ pub enum Error {
         /// The value given.
         value: f64,
     },
+    /// Choices that contradict each other.
+    #[error("{effect}: {what}")]
+    Contradiction {
+        /// Stem of the effect.
+        effect: &'static str,
+        /// What does not go together.
+        what: String,
+    },
     /// A list of effects in an order that light cannot take.
     #[error("{effect} acts on {needs}, but stands where the picture is {reached} already")]
     ChainOrder {

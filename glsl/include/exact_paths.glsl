@@ -3,6 +3,7 @@
 // matrices: no attachment is spent on them, and they are exact for whatever moves as a rigid body.
 layout(local_size_x = 128, local_size_y = 1) in;
 #include "resolve.glsl"
+#include "lens.glsl"
 // Alpha: number of the motion group, 0 where nothing is.
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 // Near distance over distance; 0 where nothing was drawn.
@@ -27,15 +28,17 @@ layout(push_constant) uniform Push {
     // Lines are columns.
     uint columns;
     float near_m;
+    Lens lens;
 } push;
 
 // Where the matrix that begins at `row` puts a point, from where it is.
-vec2 moved_px(ivec2 row, vec4 point) {
+vec2 moved_px(ivec2 row, vec4 point, vec2 ndc) {
     float x = dot(texelFetch(relatives, row, 0), point);
     float y = dot(texelFetch(relatives, row + ivec2(1, 0), 0), point);
     // Behind the camera at that time: the path is long, not reversed.
     float w = max(dot(texelFetch(relatives, row + ivec2(2, 0), 0), point), 0.02);
-    return (vec2(x, y) / w - point.xy) * 0.5 * vec2(push.size);
+    vec4 seen = lens_sensor(push.lens, vec4(x, y, 0.0, w));
+    return (seen.xy / w - ndc) * 0.5 * vec2(push.size);
 }
 
 void main() {
@@ -68,13 +71,14 @@ void main() {
             imageStore(texels, texel, vec4(sum / float(COUNT), nearest / push.near_m));
         }
     }
-    vec4 point = vec4((vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0, depth, 1.0);
+    vec2 ndc = (vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0;
+    vec4 point = vec4(lens_ideal(push.lens, ndc), depth, 1.0);
     ivec2 row = ivec2(0, min(across, push.line_count - 1u));
-    vec4 path = vec4(moved_px(row, point), moved_px(row + ivec2(3, 0), point));
+    vec4 path = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
     // What moves by itself.
     for (uint g = 1u; g < push.group_count; ++g) {
         row.x += 6;
-        vec4 other = vec4(moved_px(row, point), moved_px(row + ivec2(3, 0), point));
+        vec4 other = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
         path = uint(group) == g + 1u ? other : path;
     }
     imageStore(paths, pixel, clamp(path, -4096.0, 4096.0));

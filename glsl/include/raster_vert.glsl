@@ -51,7 +51,7 @@ invariant gl_Position;
 void main() {
     ObjectAtInstant at = instants[push.instant * push.object_count + object];
     vec4 position = vec4(position_m, 1.0);
-    gl_Position = at.clip_from_object * position;
+    gl_Position = lens_sensor(push.lens, at.clip_from_object * position);
 #ifdef COLOR
     out_position_m = (at.camera_centred_from_object * position).xyz;
     out_normal = mat3(at.camera_centred_from_object) * normal;
@@ -60,8 +60,8 @@ void main() {
     out_ks_ns = materials[material].ks_ns;
 #endif
 #ifdef MOTION
-    out_clip_from = (at.clip_from_object_at_from * position).xyw;
-    out_clip_to = (at.clip_from_object_at_to * position).xyw;
+    out_clip_from = lens_sensor(push.lens, at.clip_from_object_at_from * position).xyw;
+    out_clip_to = lens_sensor(push.lens, at.clip_from_object_at_to * position).xyw;
 #endif
 #ifdef PATH
     out_clip_now = gl_Position.xyw;

@@ -9,7 +9,7 @@ mod stamp;
 mod timing;
 mod trajectory;
 
-pub use distortion::{Distortion, Lens};
+pub use distortion::{Distortion, ExtendedLens, Lens};
 pub use intrinsics::{Intrinsics, NEAR_M};
 pub use pose::Pose;
 pub use stamp::{Stamp, StampFault};

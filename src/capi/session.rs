@@ -9,8 +9,8 @@ use crate::camera::{Pose, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::{CameraFile, Capture};
 use crate::effects::{MotionBlur, RollingShutter};
 use crate::engine::{
-    AccumulationOptions, Engine, EngineOptions, Frame, FrameRequest, Method, OutsideEngine, OutsideFrame,
-    PaperOptions, Ticket,
+    AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, Frame, FrameRequest, Method,
+    OutsideEngine, OutsideFrame, PaperOptions, Ticket,
 };
 use crate::gpu::Context;
 use crate::scene::{Scene, Shading, load_obj};
@@ -39,8 +39,17 @@ pub struct Settings {
 /// Method numbers of the header.
 pub fn method_of(code: u32, motion_images: u32, max_samples: u32) -> Outcome<Method> {
     match code {
-        0 | 1 => Ok(Method::Accumulation(AccumulationOptions::default())),
-        2 => Ok(Method::Paper(PaperOptions { motion_images, max_samples, ..PaperOptions::default() })),
+        0 | 3 => Ok(Method::Exact(ExactOptions::default())),
+        1 => Ok(Method::Accumulation(AccumulationOptions::default())),
+        2 => {
+            let motion_images = if motion_images == 0 { 2 } else { motion_images };
+            Ok(Method::Paper(PaperOptions { motion_images, max_samples, ..PaperOptions::default() }))
+        }
+        4 => {
+            let motion_images =
+                if motion_images == 0 { FastOptions::default().motion_images } else { motion_images };
+            Ok(Method::Fast(FastOptions { motion_images, max_samples, ..FastOptions::default() }))
+        }
         other => Err(Fault::new(status::UNSUPPORTED, format!("this library has no method {other}"))),
     }
 }

@@ -13,8 +13,8 @@ pub use camera_toml::CameraFile;
 pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use lights::parse_lights;
 
-use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
-use crate::effects::{FocalLengthError, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
+use crate::camera::{Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
+use crate::effects::{FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading, load_obj};
 pub(crate) use text::read_text;
@@ -72,6 +72,7 @@ impl Capture {
     /// # Errors
     /// As [`Self::read`], for `frames.csv`, `trajectory.tum` and `objects/`.
     pub fn with_scene(root: &Path, mut camera: CameraFile, mut scene: Scene) -> Result<Self> {
+        check_lens(&camera)?;
         let path = root.join("frames.csv");
         let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
         let frames = parse_frames(&path, &text)?;
@@ -149,6 +150,19 @@ impl Capture {
         }
         Ok(())
     }
+}
+
+/// Refuses a lens that folds inside the picture: which pixel has no ray depends on the picture as well as on the lens.
+fn check_lens(camera: &CameraFile) -> Result<()> {
+    // The picture's rays are those of the camera that took it.
+    let intrinsics = FocalLengthError::apply(&camera.settings, &camera.intrinsics);
+    let lens = Lens::new(intrinsics, LensDistortion::distortion(&camera.settings));
+    lens.map(|_| ()).map_err(|problem| Error::At {
+        path: camera.path.clone(),
+        line: None,
+        problem: Box::new(problem),
+        hint: String::new(),
+    })
 }
 
 fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Result<()> {

@@ -34,6 +34,8 @@ pub enum Domain {
 pub enum Stage {
     /// Another camera, pose or time than the files say: acts where a frame is requested.
     SetUp,
+    /// Decides where on the sensor light falls; acts while the frame is rendered.
+    Geometry,
     /// Decides which instants a line sees; acts while the frame is rendered.
     Time,
     /// Changes pixel values, from the first domain to the second.

@@ -96,8 +96,10 @@ pub fn check_order(list: &[&dyn Effect]) -> Result<()> {
         match effect.stage() {
             Stage::Pixel(from, to) if from < reached || to < from => return wrong(format!("{from:?}")),
             Stage::Pixel(_, to) => (reached, last_of_pixels) = (to, Some(effect.id())),
-            Stage::Time if last_of_pixels.is_some() => return wrong("the scene".to_owned()),
-            Stage::Time | Stage::SetUp => {}
+            Stage::Geometry | Stage::Time if last_of_pixels.is_some() => {
+                return wrong("the scene".to_owned());
+            }
+            Stage::Geometry | Stage::Time | Stage::SetUp => {}
         }
     }
     match last_of_pixels {

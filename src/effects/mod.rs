@@ -3,6 +3,7 @@
 mod bayer_mosaic;
 mod black_level;
 mod chroma_subsampling;
+mod chromatic_aberration;
 mod color_matrix;
 mod dark_current;
 mod defocus;
@@ -15,6 +16,7 @@ mod gaussian;
 mod glare;
 mod hot_pixels;
 mod jpeg;
+mod lens_distortion;
 mod motion_blur;
 mod paper_noise;
 mod pose_offset;
@@ -32,6 +34,7 @@ mod white_balance;
 pub use bayer_mosaic::BayerMosaic;
 pub use black_level::BlackLevel;
 pub use chroma_subsampling::ChromaSubsampling;
+pub use chromatic_aberration::ChromaticAberration;
 pub use color_matrix::ColorMatrix;
 pub use dark_current::DarkCurrent;
 pub use defocus::Defocus;
@@ -43,6 +46,7 @@ pub use gamma::Gamma;
 pub use glare::Glare;
 pub use hot_pixels::{HotPixels, STREAM_HOT_PIXELS};
 pub use jpeg::Jpeg;
+pub use lens_distortion::LensDistortion;
 pub use motion_blur::MotionBlur;
 pub use paper_noise::{
     PaperNoise, PaperNoiseSigma, STREAM_PAPER_NOISE_COLOR, STREAM_PAPER_NOISE_EDGE,
@@ -67,6 +71,8 @@ pub const LIST: &[&dyn Effect] = &[
     &FocalLengthError,
     &PoseOffset,
     &TimeOffset,
+    &LensDistortion,
+    &ChromaticAberration,
     &RollingShutter,
     &MotionBlur,
     &Defocus,

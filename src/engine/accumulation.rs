@@ -8,7 +8,8 @@ use bytemuck::{Pod, Zeroable};
 use super::Stage;
 use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
-use super::margin::reach;
+use super::lens::Channel;
+use super::margin::reach_of;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
@@ -123,8 +124,14 @@ impl Accumulation {
         limit: Duration,
     ) -> Result<()> {
         let plan = AccumulationPlan::new(&request.shutter, self.renders(stage, path, &request.shutter));
-        let last = plan.instants.chunks(CHUNK).count() - 1;
-        for (i, chunk) in plan.instants.chunks(CHUNK).enumerate() {
+        let channels = stage.channels();
+        let parts: Vec<_> = channels
+            .iter()
+            .flat_map(|&channel| plan.instants.chunks(CHUNK).enumerate().map(move |(i, c)| (channel, i, c)))
+            .collect();
+        let per_channel = parts.len() / channels.len();
+        for (i, &(channel, of_channel, chunk)) in parts.iter().enumerate() {
+            let last = parts.len() - 1;
             if i > 0 {
                 slot.gpu.wait(limit)?;
                 slot.keep_times()?;
@@ -135,11 +142,14 @@ impl Accumulation {
                 .filter(|_| request.planes && i == last)
                 .map(|p| p.write_inputs(stage, slot, request, path));
             let mut recorder = slot.gpu.begin()?;
-            if i == 0 {
+            if of_channel == 0 {
                 recorder.mark("clear");
                 recorder.clear(finish.radiance());
             }
-            self.record(stage, &mut recorder, slot.index, &request.shutter, &rows);
+            self.record(stage, &mut recorder, slot.index, (&request.shutter, channel), &rows);
+            if of_channel + 1 == per_channel {
+                stage.merge(&mut recorder, channel);
+            }
             if i == last {
                 finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
                 if let (Some(planes), Some(row)) = (planes, plane_row) {
@@ -165,7 +175,7 @@ impl Accumulation {
         let speed = (0..4).map(|i| {
             let from_s = start_s + quarter_s * f64::from(i);
             let to_s = (from_s + quarter_s).min(end_s);
-            reach(&stage.scene, path, &stage.intrinsics, from_s, &[to_s]).largest_px / quarter_s
+            reach_of(stage, path, from_s, &[to_s]).largest_px / quarter_s
         });
         let speed_px_per_s = speed.fold(0.0, f64::max);
         AccumulationPlan::auto_renders(shutter, speed_px_per_s, self.options.step_px, self.options.most)
@@ -194,10 +204,11 @@ impl Accumulation {
         stage: &Stage,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        shutter: &ShutterTiming,
+        (shutter, channel): (&ShutterTiming, Channel),
         rows: &[((u32, u32), WeightedLines)],
     ) {
         let (input, group) = &self.inputs[slot];
+        let drawn = stage.drawn(channel);
         for (row, lines) in rows {
             let push = lines.push(shutter.scan_order, self.target.size, stage.plan.grid);
             let area = RenderArea {
@@ -207,7 +218,7 @@ impl Accumulation {
                 height: push.size[1],
             };
             recorder.mark("raster");
-            self.target.draw(recorder, &stage.buffers, input, *row, 0.0, area);
+            self.target.draw(recorder, &drawn, input, *row, 0.0, area);
             recorder.mark("accumulate");
             self.accumulate.record(recorder, group, &push);
         }

@@ -11,7 +11,8 @@ use super::Stage;
 use super::fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
-use super::margin::reach;
+use super::lens::Channel;
+use super::margin::reach_of;
 use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger};
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
@@ -145,12 +146,15 @@ impl Fast {
         let plane_row = planes.map(|p| (p, p.write_inputs(stage, slot, request, path)));
         let index = slot.index;
         let mut recorder = slot.gpu.begin()?;
-        self.images.draw_picture(stage, &self.kernels, &mut recorder, index, row);
-        recorder.mark("motion");
-        self.images.draw_paths(stage, &mut recorder, index, &pair_rows);
-        let warp = &self.kernels.warp;
-        let (binding, margin_px) = (&self.images.warp, self.images.margin_px);
-        warp.record(&mut recorder, binding, margin_px, &timing, self.options.max_samples);
+        for channel in stage.channels() {
+            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel));
+            recorder.mark("motion");
+            self.images.draw_paths(stage, &mut recorder, index, (&pair_rows, channel));
+            let warp = &self.kernels.warp;
+            let (binding, margin_px) = (&self.images.warp, self.images.margin_px);
+            warp.record(&mut recorder, binding, margin_px, &timing, self.options.max_samples);
+            stage.merge(&mut recorder, channel);
+        }
         finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
         if let Some((planes, row)) = plane_row {
             planes.record(stage, &mut recorder, index, row);
@@ -184,7 +188,7 @@ fn needed_margin_px(stage: &Stage, request: &FrameRequest) -> [u32; 2] {
     let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
     let times: Vec<_> =
         (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach(&stage.scene, &path, &stage.intrinsics, shutter.middle_s(), &times);
+    let reach = reach_of(stage, &path, shutter.middle_s(), &times);
     let size = [stage.intrinsics.width, stage.intrinsics.height];
     let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
     [needed[0].min(size[0]), needed[1].min(size[1])]
@@ -244,10 +248,11 @@ impl Images {
         kernels: &Kernels,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        row: (u32, u32),
+        (row, channel): ((u32, u32), Channel),
     ) {
         recorder.mark("raster");
-        self.picture.draw(recorder, &stage.buffers, &self.inputs[slot].0, row, 0.0, self.area());
+        let input = &self.inputs[slot].0;
+        self.picture.draw(recorder, &stage.drawn(channel), input, row, 0.0, self.area());
         recorder.mark("resolve");
         let size = self.color.spec().size;
         let grid = (self.picture.plan.grid / kernels.color_scale) as i32;
@@ -256,9 +261,16 @@ impl Images {
     }
 
     /// All path images show the reference instant; each holds the way to two others.
-    fn draw_paths(&self, stage: &Stage, recorder: &mut Recorder<'_>, slot: usize, rows: &[(u32, u32)]) {
+    fn draw_paths(
+        &self,
+        stage: &Stage,
+        recorder: &mut Recorder<'_>,
+        slot: usize,
+        (rows, channel): (&[(u32, u32)], Channel),
+    ) {
+        let drawn = stage.drawn(channel);
         for ((target, input), row) in self.paths.iter().zip(&self.inputs[slot].1).zip(rows) {
-            target.draw(recorder, &stage.buffers, input, *row, 1.0, self.area());
+            target.draw(recorder, &drawn, input, *row, 1.0, self.area());
         }
     }
 }

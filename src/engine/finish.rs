@@ -246,5 +246,10 @@ pub(super) fn prepare<'i>(slot: &mut Slot, images: impl IntoIterator<Item = &'i 
     recorder.prepare(images);
     recorder.finish();
     slot.submit()?;
-    slot.wait(std::time::Duration::from_secs(60))
+    let done = slot.wait(std::time::Duration::from_secs(60));
+    if done.is_err() {
+        // The caller drops the images now.
+        slot.let_go();
+    }
+    done
 }

@@ -57,7 +57,8 @@ pub struct FrameStatistics {
     pub invalid_share: f64,
 }
 
-/// The ideal camera's picture at the frame's timestamp: no shutter, no blur, no noise.
+/// The camera's picture at the frame's timestamp: through its lens (in the size of green), but no shutter, no blur, no
+/// noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planes {
     /// Linear RGB and coverage, shape `[height, width, 4]`.

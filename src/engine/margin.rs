@@ -7,7 +7,8 @@
 use glam::{DMat4, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::camera::{Intrinsics, NEAR_M, Trajectory};
+use super::Stage;
+use crate::camera::{ExtendedLens, Intrinsics, NEAR_M, Trajectory};
 use crate::scene::Scene;
 
 /// Result of [`reach`].
@@ -39,11 +40,55 @@ pub fn reach(
     reference_s: f64,
     times_s: &[f64],
 ) -> Reach {
-    let one = |&time_s: &f64| reach_at(scene, path, intrinsics, reference_s, time_s);
+    reach_through(scene, path, &Projection { intrinsics, lens: None }, reference_s, times_s)
+}
+
+/// The same for a stage, through its lens.
+pub(super) fn reach_of(stage: &Stage, path: &Trajectory, reference_s: f64, times_s: &[f64]) -> Reach {
+    let lens = stage.lens.as_ref().map(|l| &l.extended);
+    let projection = Projection { intrinsics: &stage.intrinsics, lens };
+    reach_through(&stage.scene, path, &projection, reference_s, times_s)
+}
+
+fn reach_through(
+    scene: &Scene,
+    path: &Trajectory,
+    projection: &Projection<'_>,
+    reference_s: f64,
+    times_s: &[f64],
+) -> Reach {
+    let one = |&time_s: &f64| reach_at(scene, path, projection, reference_s, time_s);
     times_s.par_iter().map(one).reduce(Reach::default, Reach::merge)
 }
 
-fn reach_at(scene: &Scene, path: &Trajectory, k: &Intrinsics, reference_s: f64, time_s: f64) -> Reach {
+/// Where a camera point falls on the sensor.
+struct Projection<'a> {
+    intrinsics: &'a Intrinsics,
+    lens: Option<&'a ExtendedLens>,
+}
+
+impl Projection<'_> {
+    /// px; the point lies in front of the camera.
+    fn of(&self, p: DVec3) -> DVec2 {
+        match self.lens {
+            Some(lens) => lens.project(p).expect("in front of the camera"),
+            None => {
+                let k = self.intrinsics;
+                DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy)
+            }
+        }
+    }
+
+    fn size(&self) -> DVec2 {
+        DVec2::new(f64::from(self.intrinsics.width), f64::from(self.intrinsics.height))
+    }
+
+    fn beyond(&self, at: DVec2) -> DVec2 {
+        (-at).max(at - self.size()).max(DVec2::ZERO)
+    }
+}
+
+fn reach_at(scene: &Scene, path: &Trajectory, k: &Projection<'_>, reference_s: f64, time_s: f64) -> Reach {
     let camera_at = |t: f64| path.pose_at(t).inverse().matrix();
     let (now, then) = (camera_at(time_s), camera_at(reference_s));
     // Per object: camera at `time_s` from object, and camera at the reference from camera at `time_s`.
@@ -66,37 +111,38 @@ fn reach_at(scene: &Scene, path: &Trajectory, k: &Intrinsics, reference_s: f64, 
             camera_from_object.transform_point3(DVec3::new(x, y, z))
         };
         let triangle = [point(corners[0]), point(corners[1]), point(corners[2])];
-        frustum.clip(&triangle, |seen| reach = reach.merge(reach_of(k, moved, seen)));
+        frustum.clip(&triangle, |seen| reach = reach.merge(reach_of_point(k, moved, seen)));
     }
     reach
 }
 
 /// Reach of one visible point, given in the camera's frame.
-fn reach_of(k: &Intrinsics, moved: &DMat4, seen: DVec3) -> Reach {
-    let size = DVec2::new(f64::from(k.width), f64::from(k.height));
+fn reach_of_point(k: &Projection<'_>, moved: &DMat4, seen: DVec3) -> Reach {
     let then = moved.transform_point3(seen);
     if then.z < NEAR_M {
-        return Reach { beyond_px: size.to_array(), largest_px: f64::INFINITY };
+        return Reach { beyond_px: k.size().to_array(), largest_px: f64::INFINITY };
     }
-    let project = |p: DVec3| DVec2::new(k.fx * p.x / p.z + k.cx, k.fy * p.y / p.z + k.cy);
-    let at = project(then);
-    let beyond = (-at).max(at - size).max(DVec2::ZERO);
-    Reach { beyond_px: beyond.to_array(), largest_px: (at - project(seen)).length() }
+    let (at, now) = (k.of(then), k.of(seen));
+    // Of what the lens shows, the frustum is only a bound: its corners may lie outside of the picture.
+    let beyond = (k.beyond(at) - k.beyond(now)).max(DVec2::ZERO);
+    Reach { beyond_px: beyond.to_array(), largest_px: (at - now).length() }
 }
 
 /// The visible pyramid in the camera's frame, as planes `dot(n, p) + d >= 0`.
 struct Frustum([(DVec3, f64); 5]);
 
 impl Frustum {
-    fn new(k: &Intrinsics) -> Self {
-        let (w, h) = (f64::from(k.width), f64::from(k.height));
-        // u = fx x/z + cx >= 0 is fx x + cx z >= 0, and so on.
+    fn new(projection: &Projection<'_>) -> Self {
+        let k = projection.intrinsics;
+        let (low, high) =
+            projection.lens.map_or((DVec2::ZERO, projection.size()), |l| l.lens().ideal_bounds_px());
+        // u = fx x/z + cx >= low is fx x + (cx - low) z >= 0, and so on.
         Self([
             (DVec3::Z, -NEAR_M),
-            (DVec3::new(k.fx, 0.0, k.cx), 0.0),
-            (DVec3::new(-k.fx, 0.0, w - k.cx), 0.0),
-            (DVec3::new(0.0, k.fy, k.cy), 0.0),
-            (DVec3::new(0.0, -k.fy, h - k.cy), 0.0),
+            (DVec3::new(k.fx, 0.0, k.cx - low.x), 0.0),
+            (DVec3::new(-k.fx, 0.0, high.x - k.cx), 0.0),
+            (DVec3::new(0.0, k.fy, k.cy - low.y), 0.0),
+            (DVec3::new(0.0, -k.fy, high.y - k.cy), 0.0),
         ])
     }
 

@@ -12,8 +12,10 @@ mod fast;
 mod fast_pass;
 mod finish;
 mod frame;
+mod lens;
 mod margin;
 mod outside;
+mod outside_frame;
 mod outside_kernels;
 mod paper;
 mod pixel_chain;
@@ -36,9 +38,8 @@ pub use fast::FastOptions;
 pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use margin::{Reach, reach};
-pub use outside::{
-    MAX_OUTSIDE_MOTIONS, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
-};
+pub use outside::OutsideEngine;
+pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use taps::GatherInputs;
@@ -47,6 +48,7 @@ use accumulation::Accumulation;
 use exact::Exact;
 use fast::Fast;
 use finish::Finish;
+use lens::{LensKey, LensStage};
 use paper::Paper;
 use planes::PlanesPass;
 use slots::FrameSlot;
@@ -109,6 +111,8 @@ pub(crate) struct Stage {
     pub(crate) trajectory: Arc<Trajectory>,
     pub(crate) intrinsics: Intrinsics,
     pub(crate) plan: SamplePlan,
+    /// The lens of the frame that is being made.
+    lens: Option<LensStage>,
     pub(crate) context: Arc<Context>,
 }
 
@@ -142,18 +146,28 @@ impl Engine {
         expected: &[FrameRequest],
     ) -> Result<Self> {
         check_size(&intrinsics)?;
-        let stage = Stage {
+        let mut stage = Stage {
             buffers: SceneBuffers::new(context, &scene)?,
             plan: SamplePlan::new(options.samples, &context.info().sample_counts)?,
             scene,
             trajectory,
             intrinsics,
+            lens: None,
             context: context.clone(),
         };
         let count = options.frames_in_flight.clamp(1, 8) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
         let size = [intrinsics.width, intrinsics.height];
         let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
+        if let Some(key) = expected.first().and_then(|first| LensKey::of(&first.settings)) {
+            check_lens(&options.method)?;
+            let radiance = finish.radiance();
+            let mut lens = LensStage::new(&stage, key, expected, &mut slots, radiance)?;
+            if needs_cut(&options) {
+                lens.cut(&stage)?;
+            }
+            stage.lens = Some(lens);
+        }
         let renderer = match &options.method {
             Method::Paper(paper) => {
                 Renderer::Paper(Box::new(Paper::new(&stage, paper, &mut slots, finish.radiance(), expected)?))
@@ -215,6 +229,7 @@ impl Engine {
         assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
+        self.fit_lens(request)?;
         self.widen(request)?;
         let slot = &mut self.slots[index];
         let view = request.view(self.stage.intrinsics);
@@ -235,6 +250,31 @@ impl Engine {
         }
         self.next = (index + 1) % self.slots.len();
         Ok(Ticket { slot: index })
+    }
+
+    /// Makes what depends on the lens anew where a frame has another one than the frame before it.
+    fn fit_lens(&mut self, request: &FrameRequest) -> Result<()> {
+        let key = LensKey::of(&request.settings);
+        if self.stage.lens.as_ref().map(|l| l.key) == key {
+            return Ok(());
+        }
+        for slot in &mut self.slots {
+            slot.gpu.wait(self.options.time_limit)?;
+        }
+        self.stage.lens = None;
+        if let Renderer::Exact(exact) = &mut self.renderer {
+            exact.forget_lens();
+        }
+        let Some(key) = key else { return Ok(()) };
+        check_lens(&self.options.method)?;
+        let expected = std::slice::from_ref(request);
+        let radiance = self.finish.radiance();
+        let mut lens = LensStage::new(&self.stage, key, expected, &mut self.slots, radiance)?;
+        if needs_cut(&self.options) {
+            lens.cut(&self.stage)?;
+        }
+        self.stage.lens = Some(lens);
+        Ok(())
     }
 
     /// Makes the images anew where a frame needs a wider margin than any before it.
@@ -286,6 +326,23 @@ impl Engine {
     pub fn render(&mut self, request: &FrameRequest) -> Result<Frame> {
         let ticket = self.submit(request)?;
         self.collect(ticket)
+    }
+}
+
+/// Whether triangles are drawn as they stand at an instant: `exact` cuts its own.
+fn needs_cut(options: &EngineOptions) -> bool {
+    options.planes || !matches!(options.method, Method::Exact(_))
+}
+
+/// Refuses a choice of method that knows only the pinhole.
+fn check_lens(method: &Method) -> Result<()> {
+    match method {
+        Method::Paper(PaperOptions { motion_source: MotionSource::Depth, .. }) => Err(Error::Contradiction {
+            effect: "lens_distortion",
+            what: "motion from depth (the paper's reconstruction) knows only the ideal pinhole; use rasterized motion"
+                .to_owned(),
+        }),
+        _ => Ok(()),
     }
 }
 

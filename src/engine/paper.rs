@@ -8,7 +8,8 @@
 use super::Stage;
 use super::finish::{Finish, prepare};
 use super::frame::{FrameRequest, covered_span_s};
-use super::margin::reach;
+use super::lens::Channel;
+use super::margin::reach_of;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use super::taps::GatherTimes;
@@ -312,25 +313,38 @@ impl Paper {
         let index = slot.index;
         let mut recorder = slot.gpu.begin()?;
         let scale = in_picture.map_or(0.0, |k| plan.motions[k].1);
-        self.images.draw_picture(stage, &self.kernels, &mut recorder, index, row, scale);
-        recorder.mark("motion");
-        if let Some(layer) = in_picture.filter(|_| self.options.motion_source == MotionSource::Rasterized) {
-            let (pass, group) = (&self.kernels.resolve_motion, &self.images.groups.resolve_picture_motion);
-            pass.record(&mut recorder, group, &self.images.picture, layer as u32);
-        }
-        for (layer, row) in motion_rows.iter().enumerate() {
-            let Some(row) = row else { continue };
-            let (instant, scale) = &plan.motions[layer];
-            self.images.draw_motion(stage, &self.kernels, &mut recorder, index, *row, (layer as u32, *scale));
-            if self.options.motion_source == MotionSource::Depth {
-                let push = depth_push(&camera, path, instant, layer as u32, *scale);
-                let group = &self.images.groups.motion_from_depth;
-                recorder.dispatch(&self.kernels.motion_from_depth, group, &push, push.size);
+        for channel in stage.channels() {
+            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel), scale);
+            recorder.mark("motion");
+            if let Some(layer) = in_picture.filter(|_| self.options.motion_source == MotionSource::Rasterized)
+            {
+                let (pass, group) =
+                    (&self.kernels.resolve_motion, &self.images.groups.resolve_picture_motion);
+                pass.record(&mut recorder, group, &self.images.picture, layer as u32);
             }
+            for (layer, row) in motion_rows.iter().enumerate() {
+                let Some(row) = row else { continue };
+                let (instant, scale) = &plan.motions[layer];
+                let row = (*row, channel);
+                self.images.draw_motion(
+                    stage,
+                    &self.kernels,
+                    &mut recorder,
+                    index,
+                    row,
+                    (layer as u32, *scale),
+                );
+                if self.options.motion_source == MotionSource::Depth {
+                    let push = depth_push(&camera, path, instant, layer as u32, *scale);
+                    let group = &self.images.groups.motion_from_depth;
+                    recorder.dispatch(&self.kernels.motion_from_depth, group, &push, push.size);
+                }
+            }
+            recorder.mark("paper_gather");
+            let push = self.gather_push(stage, request, &plan);
+            recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size);
+            stage.merge(&mut recorder, channel);
         }
-        recorder.mark("paper_gather");
-        let push = self.gather_push(stage, request, &plan);
-        recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size);
         finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
         if let Some((planes, row)) = plane_row {
             planes.record(stage, &mut recorder, index, row);
@@ -418,7 +432,7 @@ fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameReques
     let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
     let times: Vec<_> =
         (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach(&stage.scene, &path, &stage.intrinsics, reference_s, &times);
+    let reach = reach_of(stage, &path, reference_s, &times);
     let size = [stage.intrinsics.width, stage.intrinsics.height];
     let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
     [needed[0].min(size[0]), needed[1].min(size[1])]
@@ -497,11 +511,11 @@ impl Images {
         kernels: &Kernels,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        row: (u32, u32),
+        (row, channel): ((u32, u32), Channel),
         scale: f64,
     ) {
         recorder.mark("raster");
-        self.picture.draw(recorder, &stage.buffers, &self.inputs[slot][0], row, scale, self.area());
+        self.picture.draw(recorder, &stage.drawn(channel), &self.inputs[slot][0], row, scale, self.area());
         recorder.mark("resolve");
         let size = self.picture.size;
         let push = ResolveColorPush { size, grid: [self.picture.plan.grid as i32; 2] };
@@ -514,10 +528,11 @@ impl Images {
         kernels: &Kernels,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        row: (u32, u32),
+        (row, channel): ((u32, u32), Channel),
         (layer, scale): (u32, f64),
     ) {
-        self.motion_only.draw(recorder, &stage.buffers, &self.inputs[slot][1], row, scale, self.area());
+        let input = &self.inputs[slot][1];
+        self.motion_only.draw(recorder, &stage.drawn(channel), input, row, scale, self.area());
         kernels.resolve_motion_plain.record(recorder, &self.groups.resolve_motion, &self.motion_only, layer);
     }
 }

@@ -1,9 +1,10 @@
-//! The sharp planes beside a frame: what the ideal camera sees at the frame's timestamp.
+//! The sharp planes beside a frame: what the camera sees through its lens (as green light) at the frame's timestamp.
 
 use super::Stage;
 use super::accumulation::{Accumulate, WeightedLines};
 use super::finish::prepare;
 use super::frame::{FrameRequest, Planes, covered_span_s};
+use super::lens::Channel;
 use super::paper::ResolveMotion;
 use super::slots::FrameSlot;
 use crate::camera::{ScanOrder, Trajectory};
@@ -99,7 +100,7 @@ impl PlanesPass {
         let area = RenderArea { x: 0, y: 0, width: size[0], height: size[1] };
         recorder.mark("planes");
         recorder.clear(color);
-        self.target.draw(recorder, &stage.buffers, input, row.row, row.scale, area);
+        self.target.draw(recorder, &stage.drawn(Channel::GREEN), input, row.row, row.scale, area);
         let lines = WeightedLines { first_line: 0, line_count: size[1], first_weight: row.first_weight };
         self.accumulate.record(recorder, group, &lines.push(ScanOrder::TopToBottom, size, stage.plan.grid));
         self.resolve_motion.record(recorder, &self.motion_group, &self.target, 0);

@@ -41,7 +41,7 @@ impl Geometry {
             Buffer::new(context, name, bytes.len() as u64, usage, Location::Device)
         };
         let geometry = Self {
-            vertices: device("cut vertices", vertices, Usage::Storage)?,
+            vertices: device("cut vertices", vertices, Usage::StorageVertex)?,
             vertex_count: mesh.vertices.len() as u32,
             placed: Buffer::new(
                 context,

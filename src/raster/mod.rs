@@ -3,6 +3,7 @@
 mod geometry;
 mod instants;
 mod knots;
+mod lens;
 mod place;
 mod scene_buffers;
 mod target;
@@ -11,9 +12,10 @@ mod tessellate;
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
 pub use knots::{KnotRow, MotionGroups, RelativeRow, View, relative_rows, spaced};
+pub use lens::LensPush;
 pub use place::{Place, PlacePush};
 pub use scene_buffers::SceneBuffers;
-pub use target::{RasterInput, RasterKind, RasterTarget};
+pub use target::{Drawn, RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};

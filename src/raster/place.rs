@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Geometry, SceneBuffers};
+use super::{Geometry, LensPush, SceneBuffers};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Recorder, VertexFormat};
@@ -30,10 +30,12 @@ pub struct PlacePush {
     pub place_offset: f32,
     /// Nearest distance that is drawn, m.
     pub near_m: f32,
+    /// The lens.
+    pub lens: LensPush,
 }
 assert_push_layout!(
     "exact_place.comp",
-    PlacePush { vertex_count, knot_count, place_low, place_high, place_from_ndc, place_offset, near_m }
+    PlacePush { vertex_count, knot_count, place_low, place_high, place_from_ndc, place_offset, near_m, lens }
 );
 
 /// `Placed` of `exact_place.comp`.

@@ -38,7 +38,6 @@ assert_element_layout!("raster_color.frag", "Lights", LightRow { position_m, col
 pub struct SceneBuffers {
     pub(super) vertices: Buffer,
     pub(super) indices: Buffer,
-    pub(super) index_count: u32,
     pub(super) materials: Buffer,
     pub(super) lights: Buffer,
     /// The scene's textures, then a white one for what has none.
@@ -70,7 +69,6 @@ impl SceneBuffers {
         let buffers = Self {
             vertices: uploader.buffer("vertices", vertices, Usage::Vertex)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
-            index_count: scene.indices.len() as u32,
             materials: uploader.buffer("materials", &material_bytes(scene), Usage::Storage)?,
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
             textures: uploader.textures(scene)?,

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::place::PLACED_FORMAT;
-use super::{Geometry, SamplePlan, SceneBuffers};
+use super::{Geometry, LensPush, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
-use crate::camera::NEAR_M;
+use crate::camera::{ExtendedLens, NEAR_M};
 use crate::error::Result;
 use crate::gpu::{
     Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline,
@@ -66,10 +66,11 @@ struct Push {
     instant: u32,
     object_count: u32,
     motion_scale_px: [f32; 2],
+    lens: LensPush,
 }
-assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px });
-assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px });
-assert_push_layout!("raster_path.frag", Push { instant, object_count, motion_scale_px });
+assert_push_layout!("raster_color_motion.vert", Push { instant, object_count, motion_scale_px, lens });
+assert_push_layout!("raster_color_motion.frag", Push { instant, object_count, motion_scale_px, lens });
+assert_push_layout!("raster_path.frag", Push { instant, object_count, motion_scale_px, lens });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -103,6 +104,17 @@ pub struct RasterTarget {
     pipelines: Vec<GraphicsPipeline>,
     /// Set 1 by texture.
     textures: Vec<BindGroup>,
+}
+
+/// What is drawn, through which lens.
+#[derive(Clone, Copy)]
+pub struct Drawn<'a> {
+    /// The scene.
+    pub scene: &'a SceneBuffers,
+    /// Its triangles where they were cut; `object` of a vertex is the object's number.
+    pub geometry: Option<&'a Geometry>,
+    /// The lens and a magnification about (cx, cy); `None`: the pinhole.
+    pub lens: Option<(&'a ExtendedLens, f64)>,
 }
 
 /// Set 0 of a target: the instants of one frame in flight.
@@ -204,17 +216,22 @@ impl RasterTarget {
     pub fn draw(
         &self,
         recorder: &mut Recorder<'_>,
-        scene: &SceneBuffers,
+        drawn: &Drawn<'_>,
         input: &RasterInput,
         (instant, object_count): (u32, u32),
         motion_scale: f64,
         area: RenderArea,
     ) {
         let scale = |side: u32| (0.5 * f64::from(side) * motion_scale) as f32;
-        let push = Push { instant, object_count, motion_scale_px: self.size.map(scale) };
-        let draws = self.draw_calls(scene, input, &scene.draws);
-        let batch =
-            DrawBatch { vertices: &scene.vertices, indices: &scene.indices, push: &push, draws: &draws };
+        let lens = drawn.lens.map_or(LensPush::NONE, |(lens, by)| LensPush::new(lens, self.size, by));
+        let push = Push { instant, object_count, motion_scale_px: self.size.map(scale), lens };
+        let scene = drawn.scene;
+        let (vertices, indices, runs) = match drawn.geometry {
+            Some(cut) => (&cut.vertices, &cut.indices, &cut.draws),
+            None => (&scene.vertices, &scene.indices, &scene.draws),
+        };
+        let draws = self.draw_calls(scene, input, runs);
+        let batch = DrawBatch { vertices, indices, push: &push, draws: &draws };
         recorder.draw(&self.attachments, self.texels(area), &batch);
     }
 
@@ -226,7 +243,8 @@ impl RasterTarget {
     ) -> Vec<DrawCall<'a>> {
         if !self.kind.has_color() {
             let (pipeline, groups) = (&self.pipelines[0], vec![&input.0]);
-            return vec![DrawCall { pipeline, groups, first_index: 0, index_count: scene.index_count }];
+            let index_count = draws.iter().map(|d| d.index_count).sum();
+            return vec![DrawCall { pipeline, groups, first_index: 0, index_count }];
         }
         let calls = draws.iter().map(|draw| DrawCall {
             pipeline: &self.pipelines[usize::from(draw.texture.is_some())],

@@ -1,7 +1,9 @@
 //! Cutting triangles until their edges are short enough, without gaps: an edge is halved or not by a rule that depends
 //! on nothing but the edge, so both triangles that share it agree.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+
+use rayon::prelude::*;
 
 use crate::scene::{Draw, Vertex};
 
@@ -41,12 +43,14 @@ impl Mesh {
 
     /// Halves every edge for which `long` holds, again and again, until none is left; `None` where that takes more than
     /// `most` triangles. `long` must not depend on the order of its arguments.
-    pub fn split(&self, long: impl Fn(&Vertex, &Vertex) -> bool, most: usize) -> Option<Self> {
+    pub fn split(&self, long: impl Fn(&Vertex, &Vertex) -> bool + Sync, most: usize) -> Option<Self> {
         /// An edge of a kilometre in pieces of a millimetre.
         const MOST_LEVELS: u32 = 20;
         let mut mesh = self.clone();
+        // Vertices keep their numbers, so what is known of an edge holds in later rounds.
+        let mut short = HashSet::new();
         for _ in 0..MOST_LEVELS {
-            let next = mesh.split_once(&long);
+            let next = mesh.split_once(&long, &mut short);
             if next.triangle_count() == mesh.triangle_count() {
                 return Some(next);
             }
@@ -58,23 +62,33 @@ impl Mesh {
         Some(mesh)
     }
 
-    fn split_once(&self, long: &impl Fn(&Vertex, &Vertex) -> bool) -> Self {
+    fn split_once(
+        &self,
+        long: &(impl Fn(&Vertex, &Vertex) -> bool + Sync),
+        short: &mut HashSet<(u32, u32)>,
+    ) -> Self {
         let mut next = Self { vertices: self.vertices.clone(), indices: Vec::new(), draws: Vec::new() };
-        let mut middles: HashMap<(u32, u32), Option<u32>> = HashMap::new();
+        let ends = self.indices.chunks_exact(3).flat_map(|t| [0, 1, 2].map(|i| edge(t, i)));
+        let mut asked: Vec<(u32, u32)> = ends.filter(|ends| !short.contains(ends)).collect();
+        asked.sort_unstable();
+        asked.dedup();
+        let is_long = |&(a, b): &(u32, u32)| long(&self.vertices[a as usize], &self.vertices[b as usize]);
+        let verdicts: Vec<bool> = asked.par_iter().map(is_long).collect();
+        let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
+        for (&ends, is_long) in asked.iter().zip(verdicts) {
+            if is_long {
+                middles.insert(ends, next.vertices.len() as u32);
+                next.vertices
+                    .push(halfway(&self.vertices[ends.0 as usize], &self.vertices[ends.1 as usize]));
+            } else {
+                short.insert(ends);
+            }
+        }
         for draw in &self.draws {
             let first = next.indices.len() as u32;
             let range = draw.first_index as usize..(draw.first_index + draw.index_count) as usize;
             for corners in self.indices[range].chunks_exact(3) {
-                let middle = [0, 1, 2].map(|i| {
-                    let (a, b) = (corners[i], corners[(i + 1) % 3]);
-                    *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                        let (a, b) = (self.vertices[a as usize], self.vertices[b as usize]);
-                        long(&a, &b).then(|| {
-                            next.vertices.push(halfway(&a, &b));
-                            next.vertices.len() as u32 - 1
-                        })
-                    })
-                });
+                let middle = [0, 1, 2].map(|i| middles.get(&edge(corners, i)).copied());
                 push_pieces(&mut next.indices, [corners[0], corners[1], corners[2]], middle);
             }
             let index_count = next.indices.len() as u32 - first;
@@ -82,6 +96,12 @@ impl Mesh {
         }
         next
     }
+}
+
+/// Edge i of a triangle, the same for both triangles that share it.
+fn edge(corners: &[u32], i: usize) -> (u32, u32) {
+    let (a, b) = (corners[i], corners[(i + 1) % 3]);
+    (a.min(b), a.max(b))
 }
 
 /// The pieces of one triangle whose edge i, from corner i to the next, has a middle or not.

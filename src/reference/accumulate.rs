@@ -5,7 +5,8 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::raster::{MotionSpan, View, Window, render, render_window};
+use super::lens::LensGrid;
+use super::raster::{MotionSpan, View, Window, render, render_through, render_window};
 use crate::camera::accumulation::{AccumulationPlan, WeightedInstant};
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
 use crate::plane::Plane;
@@ -26,6 +27,35 @@ pub fn render_frame(
     plan: &AccumulationPlan,
     samples: &[[f32; 2]],
 ) -> Plane<f32> {
+    sum_up(trajectory, intrinsics, timing, plan, |view, window| {
+        render_window(scene, view, samples, None, window).color
+    })
+}
+
+/// The same behind a lens: the time of a line is that of the sensor's line. The lens's camera is `intrinsics`.
+///
+/// # Panics
+/// As [`render_frame`].
+pub fn render_frame_through(
+    scene: &Scene,
+    trajectory: &Trajectory,
+    intrinsics: &Intrinsics,
+    timing: &ShutterTiming,
+    plan: &AccumulationPlan,
+    grid: &LensGrid,
+) -> Plane<f32> {
+    sum_up(trajectory, intrinsics, timing, plan, |view, window| {
+        render_through(scene, view, grid, window).color
+    })
+}
+
+fn sum_up(
+    trajectory: &Trajectory,
+    intrinsics: &Intrinsics,
+    timing: &ShutterTiming,
+    plan: &AccumulationPlan,
+    picture_of: impl Fn(&View, Window) -> Plane<f32> + Sync,
+) -> Plane<f32> {
     /// Instants rendered at the same time; bounds the memory that their pictures take.
     const BATCH: usize = 32;
     let lines = timing.scan_order.line_count(intrinsics.width, intrinsics.height);
@@ -38,7 +68,7 @@ pub fn render_frame(
                 let window = lines_window(timing.scan_order, intrinsics, instant);
                 let world_from_camera = trajectory.pose_at(instant.time_s);
                 let view = View { intrinsics: *intrinsics, world_from_camera, time_s: instant.time_s };
-                (window, render_window(scene, &view, samples, None, window).color)
+                (window, picture_of(&view, window))
             })
             .collect();
         // Added in order of time, so that the result does not depend on the number of threads.

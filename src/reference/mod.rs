@@ -16,6 +16,7 @@ pub mod fast_gather;
 pub mod fast_push;
 pub mod fast_seeds;
 pub mod fast_silhouettes;
+pub mod lens;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;

@@ -12,6 +12,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::lens::{LensGrid, Places};
 use super::shade::{self, Shader};
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
 use crate::plane::Plane;
@@ -92,9 +93,28 @@ pub fn render_window(
     motion: Option<&MotionSpan<'_>>,
     window: Window,
 ) -> Rendered {
+    let place = |s: &[f32; 2]| DVec2::new(f64::from(s[0]), f64::from(s[1]));
+    render_places(scene, view, Places::Pinhole(samples.iter().map(place).collect()), motion, window)
+}
+
+/// Renders a part of the picture behind a lens, without motion.
+///
+/// # Panics
+/// As [`render_window`].
+pub fn render_through(scene: &Scene, view: &View, grid: &LensGrid, window: Window) -> Rendered {
+    render_places(scene, view, Places::Lens(grid), None, window)
+}
+
+fn render_places(
+    scene: &Scene,
+    view: &View,
+    places: Places<'_>,
+    motion: Option<&MotionSpan<'_>>,
+    window: Window,
+) -> Rendered {
     /// Rows that one task renders.
     const BAND: usize = 8;
-    assert!(!samples.is_empty(), "a pixel needs at least one sample");
+    assert!(places.count() > 0, "a pixel needs at least one sample");
     let k = &view.intrinsics;
     assert!(
         window.x + window.width <= k.width && window.y + window.height <= k.height,
@@ -106,8 +126,8 @@ pub fn render_window(
     let task = Task {
         scene,
         window,
-        samples: samples.iter().map(|s| DVec2::new(f64::from(s[0]), f64::from(s[1]))).collect(),
-        triangles: set_up(scene, view, window),
+        triangles: set_up(scene, view, &places, window),
+        places,
         shader: Shader::new(scene, view.time_s, view.world_from_camera.translation_m),
         motion: motion.map(|span| Motion::new(scene, k, span)),
     };
@@ -175,7 +195,7 @@ impl Triangle {
     }
 }
 
-fn set_up(scene: &Scene, view: &View, window: Window) -> Vec<Triangle> {
+fn set_up(scene: &Scene, view: &View, places: &Places<'_>, window: Window) -> Vec<Triangle> {
     let camera_from_world = view.world_from_camera.inverse();
     let camera_from_object: Vec<Pose> = scene
         .objects
@@ -190,13 +210,18 @@ fn set_up(scene: &Scene, view: &View, window: Window) -> Vec<Triangle> {
     let corners = scene.indices.chunks_exact(3).map(|i| [0, 1, 2].map(|c| points_m[i[c] as usize]));
     corners
         .enumerate()
-        .filter_map(|(index, corners)| triangle(index, corners, &view.intrinsics, window))
+        .filter_map(|(index, corners)| triangle(index, corners, (&view.intrinsics, places), window))
         .collect()
 }
 
 /// `None` for a triangle that no ray of the window can meet.
-fn triangle(index: usize, [a, b, c]: [DVec3; 3], k: &Intrinsics, window: Window) -> Option<Triangle> {
-    let (columns, rows) = touched_pixels([a, b, c], k, window)?;
+fn triangle(
+    index: usize,
+    [a, b, c]: [DVec3; 3],
+    (k, places): (&Intrinsics, &Places<'_>),
+    window: Window,
+) -> Option<Triangle> {
+    let (columns, rows) = touched_pixels([a, b, c], (k, places), window)?;
     let normals = [b.cross(c), c.cross(a), a.cross(b)];
     let determinant = a.dot(normals[0]);
     if determinant == 0.0 {
@@ -213,7 +238,11 @@ fn triangle(index: usize, [a, b, c]: [DVec3; 3], k: &Intrinsics, window: Window)
 }
 
 /// Columns and rows of the window that the part of a triangle beyond [`NEAR_M`] may touch.
-fn touched_pixels(corners: [DVec3; 3], k: &Intrinsics, window: Window) -> Option<(Range<u32>, Range<u32>)> {
+fn touched_pixels(
+    corners: [DVec3; 3],
+    (k, places): (&Intrinsics, &Places<'_>),
+    window: Window,
+) -> Option<(Range<u32>, Range<u32>)> {
     let mut low = DVec2::INFINITY;
     let mut high = DVec2::NEG_INFINITY;
     let mut include = |p: DVec3| {
@@ -230,6 +259,9 @@ fn touched_pixels(corners: [DVec3; 3], k: &Intrinsics, window: Window) -> Option
         if (p.z >= NEAR_M) != (q.z >= NEAR_M) {
             include(p.lerp(q, (NEAR_M - p.z) / (q.z - p.z)));
         }
+    }
+    if let Places::Lens(grid) = places {
+        return grid.touched(low, high, window);
     }
     // The margin covers rounding, so that a sample on the very edge is tested; casts saturate.
     let span = |low: f64, high: f64, first: u32, count: u32| {
@@ -272,7 +304,7 @@ impl Motion {
 struct Task<'a> {
     scene: &'a Scene,
     window: Window,
-    samples: Vec<DVec2>,
+    places: Places<'a>,
     triangles: Vec<Triangle>,
     shader: Shader<'a>,
     motion: Option<Motion>,
@@ -293,23 +325,19 @@ impl Task<'_> {
         let width = self.window.width as usize;
         let rows = first_row..first_row + (depth_m.len() / width) as u32;
         let hits = self.visible(rows.clone());
-        for (i, hits) in hits.chunks_exact(self.samples.len()).enumerate() {
-            let corner = self.corner(i % width, first_row, i / width);
-            let pixel = self.resolve(corner, hits);
+        for (i, hits) in hits.chunks_exact(self.places.count()).enumerate() {
+            let pixel =
+                self.resolve(self.window.x + (i % width) as u32, first_row + (i / width) as u32, hits);
             color[4 * i..4 * i + 4].copy_from_slice(&pixel.color);
             depth_m[i] = pixel.depth_m;
             motion_px[2 * i..2 * i + 2].copy_from_slice(&pixel.motion_px);
         }
     }
 
-    /// Top left corner of a pixel of the window, px of the picture.
-    fn corner(&self, column: usize, first_row: u32, row: usize) -> DVec2 {
-        DVec2::new(f64::from(self.window.x) + column as f64, f64::from(first_row) + row as f64)
-    }
-
     /// The nearest surface of every sample of these rows, `[rows, window width, samples]`.
     fn visible(&self, rows: Range<u32>) -> Vec<Hit> {
-        let (width, count) = (self.window.width as usize, self.samples.len());
+        let (width, count) = (self.window.width as usize, self.places.count());
+        let pinhole = matches!(self.places, Places::Pinhole(_));
         let mut hits = vec![Hit { inverse_depth: 0.0, triangle: 0 }; rows.len() * width * count];
         for (place, triangle) in self.triangles.iter().enumerate() {
             // Each edge's largest value in a pixel, over its value in the pixel's corner.
@@ -318,13 +346,13 @@ impl Task<'_> {
                 for x in triangle.columns.clone() {
                     let corner = DVec2::new(f64::from(x), f64::from(y));
                     let outside = |i: usize| triangle.edges[i].at(corner) + reach[i] < 0.0;
-                    if outside(0) || outside(1) || outside(2) {
+                    if pinhole && (outside(0) || outside(1) || outside(2)) {
                         continue;
                     }
                     let at = ((y - rows.start) as usize * width + (x - self.window.x) as usize) * count;
-                    for (hit, &sample) in hits[at..at + count].iter_mut().zip(&self.samples) {
-                        let px = corner + sample;
-                        if triangle.edges.iter().any(|e| e.at(px) < 0.0) {
+                    for (i, hit) in hits[at..at + count].iter_mut().enumerate() {
+                        let px = self.places.at(x, y, i);
+                        if px.is_nan() || triangle.edges.iter().any(|e| e.at(px) < 0.0) {
                             continue;
                         }
                         let inverse_depth = triangle.inverse_depth_at(px);
@@ -339,11 +367,11 @@ impl Task<'_> {
     }
 
     /// Box mean of the samples' radiance; depth and motion of the nearest sample.
-    fn resolve(&self, corner: DVec2, hits: &[Hit]) -> Pixel {
+    fn resolve(&self, x: u32, y: u32, hits: &[Hit]) -> Pixel {
         let mut pixel = Pixel { color: [0.0; 4], depth_m: f32::INFINITY, motion_px: [0.0; 2] };
         let mut nearest: Option<(Hit, DVec2)> = None;
-        for (hit, &sample) in hits.iter().zip(&self.samples).filter(|(hit, _)| hit.inverse_depth > 0.0) {
-            let px = corner + sample;
+        for (i, hit) in hits.iter().enumerate().filter(|(_, hit)| hit.inverse_depth > 0.0) {
+            let px = self.places.at(x, y, i);
             let triangle = &self.triangles[hit.triangle as usize];
             let [r, g, b] = self.shader.radiance(triangle.index, triangle.barycentric(px));
             for (sum, value) in pixel.color.iter_mut().zip([r, g, b, 1.0]) {

@@ -155,3 +155,21 @@ fn cameras_that_are_odd_but_possible_are_read_with_a_warning() {
     let warnings = fixture.read().expect("allowed").camera.warnings;
     assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in s?"]);
 }
+
+#[test]
+fn a_lens_that_folds_inside_the_picture_is_refused_with_the_pixel() {
+    let fixture = Fixture::new();
+    fixture.write("camera.toml", format!("{CAMERA}\n[lens_distortion]\nk1 = -0.1\n"));
+    fixture.read().expect("a lens that can be inverted");
+    fixture.write("camera.toml", format!("{CAMERA}\n[lens_distortion]\nk1 = -1.9\n"));
+    let refused = fixture.read().expect_err("folds");
+    for part in ["camera.toml", "k1 = -1.9", "no ray reaches pixel (", "turns back at"] {
+        assert!(refused.contains(part), "{part} in {refused}");
+    }
+    // The rays are the true camera's: the same lens folds in the wider picture of a shorter focal length.
+    let lens = "[lens_distortion]\nk1 = -0.2\n";
+    fixture.write("camera.toml", format!("{CAMERA}\n{lens}"));
+    fixture.read().expect("a lens that can be inverted");
+    fixture.write("camera.toml", format!("{CAMERA}\n[focal_length_error]\nratio = 0.5\n{lens}"));
+    assert!(fixture.read().expect_err("folds").contains("no ray reaches pixel ("));
+}

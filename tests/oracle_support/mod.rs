@@ -23,6 +23,8 @@ pub struct Answered {
     pub exposure_time_s: f64,
     pub readout_time_s: f64,
     pub scan_order: ScanOrder,
+    /// k1, k2 of the lens.
+    pub lens: [f64; 2],
 }
 
 impl Answered {
@@ -78,6 +80,7 @@ pub fn cycles(name: &str, test: &str) -> Option<Answered> {
         exposure_time_s: 0.0,
         readout_time_s: 0.0,
         scan_order: ScanOrder::default(),
+        lens: [0.0; 2],
         root,
     };
     let text = fs::read_to_string(answered.root.join("answer.json")).unwrap();
@@ -89,6 +92,7 @@ pub fn cycles(name: &str, test: &str) -> Option<Answered> {
                 answered.scan_order = ScanOrder::from_name(effect["direction"].as_str().unwrap()).unwrap();
             }
             "motion_blur" => answered.exposure_time_s = effect["exposure_s"].as_f64().unwrap(),
+            "lens_distortion" => answered.lens = ["k1", "k2"].map(|k| effect[k].as_f64().unwrap()),
             other => panic!("{name} has {other}, which the oracle does not render"),
         }
     }

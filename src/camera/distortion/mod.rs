@@ -10,11 +10,13 @@
 //! on a disc the potential is convex, so the mapping is one-to-one there, and Newton with a shrinking step finds the
 //! inverse from any start. [`Lens`] holds such a disc, as large as it can be.
 
+mod extended;
 mod fold;
 mod lens;
 #[cfg(test)]
 mod tests;
 
+pub use extended::ExtendedLens;
 pub use lens::Lens;
 
 use glam::{DMat2, DVec2};

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::super::Stage;
 use super::super::finish::prepare;
+use super::super::lens::Channel;
 use super::super::slots::FrameSlot;
 use super::Input;
 use crate::assert_push_layout;
@@ -12,7 +13,7 @@ use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
-use crate::raster::{RasterKind, RasterTarget};
+use crate::raster::{LensPush, RasterKind, RasterTarget};
 
 /// `EXACT_TILE` of `exact_tile.glsl`.
 const TILE: u32 = 8;
@@ -31,8 +32,12 @@ struct PathsPush {
     group_count: u32,
     columns: u32,
     near_m: f32,
+    lens: LensPush,
 }
-assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, group_count, columns, near_m });
+assert_push_layout!(
+    "exact_paths_ms.comp",
+    PathsPush { size, line_count, group_count, columns, near_m, lens }
+);
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -152,7 +157,8 @@ impl Blur {
         let picture = self.target.size;
         let tiles = self.images.tiles[0].spec().size;
         recorder.mark("exact_paths");
-        let push = self.paths_push(shutter, part);
+        let lens = stage.lens_push(part.channel, picture);
+        let push = PathsPush { lens, ..self.paths_push(shutter, part) };
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
         recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
@@ -176,6 +182,7 @@ impl Blur {
             group_count: part.group_count,
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
+            lens: LensPush::NONE,
         }
     }
 
@@ -247,6 +254,8 @@ pub(super) struct Part {
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
+    /// The colour that is drawn.
+    pub(super) channel: Channel,
 }
 
 /// Whether lines are rows, and whether the last one is read first.

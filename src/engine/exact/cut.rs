@@ -10,7 +10,8 @@
 use glam::{DVec2, DVec3};
 
 use super::super::Stage;
-use crate::camera::{Intrinsics, Pose, Trajectory};
+use super::super::lens::Cone;
+use crate::camera::{ExtendedLens, Intrinsics, Pose, Trajectory};
 use crate::raster::{Mesh, MotionGroups};
 use crate::scene::Vertex;
 
@@ -47,10 +48,15 @@ pub(super) fn cut(
     let seen: Vec<Vec<Seen>> = (0..groups.count())
         .map(|g| times.iter().filter_map(|&t| see(&stage.trajectory, groups, g, t, readout_time_s)).collect())
         .collect();
-    let bound = Bound::new(&stage.intrinsics, readout_time_s, lines_are_rows);
+    let lens = stage.lens.as_ref().map(|l| &l.extended);
+    let bound = Bound::new(&stage.intrinsics, lens, readout_time_s, lines_are_rows);
     let mut allowed_px = chord_px;
     loop {
-        let long = |a: &Vertex, b: &Vertex| bound.is_long(&seen[a.object as usize], a, b, allowed_px);
+        let long = |a: &Vertex, b: &Vertex| {
+            let group = a.object as usize;
+            bound.is_long(&seen[group], a, b, allowed_px)
+                || stage.lens.as_ref().is_some_and(|l| l.chords.is_long(group, a, b, 0.5 * allowed_px))
+        };
         match mesh.split(long, most) {
             Some(cut) => return (cut, allowed_px),
             None => allowed_px *= 2.0,
@@ -101,20 +107,24 @@ struct Bound {
     line_delay_s: f64,
     readout_time_s: f64,
     lines_are_rows: bool,
-    cone: f64,
+    cone: Cone,
 }
 
 impl Bound {
-    fn new(k: &Intrinsics, readout_time_s: f64, lines_are_rows: bool) -> Self {
+    fn new(k: &Intrinsics, lens: Option<&ExtendedLens>, readout_time_s: f64, lines_are_rows: bool) -> Self {
         let (w, h) = (f64::from(k.width), f64::from(k.height));
         let corners = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)];
         let widest = corners.map(|(x, y)| k.ray(DVec2::new(x, y)).angle_between(DVec3::Z));
+        let stretch = lens.map_or(1.0, ExtendedLens::stretch);
         Self {
-            camera: *k,
+            camera: Intrinsics { fx: stretch * k.fx, fy: stretch * k.fy, ..*k },
             line_delay_s: readout_time_s / if lines_are_rows { h } else { w },
             readout_time_s,
             lines_are_rows,
-            cone: widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+            cone: Cone::new(match lens {
+                Some(lens) => lens.radius().atan(),
+                None => widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+            }),
         }
     }
 
@@ -126,8 +136,7 @@ impl Bound {
             let middle = 0.5 * (a + b);
             let along = ((-a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
             let away_m = (a + along * (b - a)).length();
-            let inside = (0.5 * length_m / middle.length().max(1e-9)).min(1.0).asin();
-            if away_m > NEAREST_M && middle.angle_between(DVec3::Z) - inside > self.cone {
+            if away_m > NEAREST_M && self.cone.misses(middle, 0.5 * length_m) {
                 return false;
             }
             let away_m = away_m.max(NEAREST_M);

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use super::Stage;
 use super::finish::Finish;
 use super::frame::{FrameRequest, covered_span_s};
+use super::lens::Channel;
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
@@ -168,13 +169,19 @@ impl Exact {
 
     /// Whether something must be made for a frame: nothing may be in flight when [`Self::fit`] does so.
     pub(super) fn needs_fit(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
-        self.needs_cut(request) || self.needs_images(stage, request)
+        self.needs_cut(stage, request) || self.needs_images(stage, request)
     }
 
-    fn needs_cut(&self, request: &FrameRequest) -> bool {
+    /// What depends on the lens must be made anew.
+    pub(super) fn forget_lens(&mut self) {
+        self.cut = None;
+        self.known.clear();
+    }
+
+    fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
         let (readout_s, rows) = (readout_s(request), request.shutter.scan_order.lines_are_rows());
         let fits = |cut: &(f64, bool, Placeable)| readout_s <= cut.0 * (1.0 + 1e-9) && rows == cut.1;
-        readout_s > 0.0 && !self.cut.as_ref().is_some_and(fits)
+        (readout_s > 0.0 || stage.lens.is_some()) && !self.cut.as_ref().is_some_and(fits)
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -198,7 +205,7 @@ impl Exact {
             let needed = self.reach(stage, request).margin_px;
             self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
         }
-        if !self.needs_cut(request) {
+        if !self.needs_cut(stage, request) {
             return Ok(());
         }
         if self.frames.is_empty() {
@@ -271,23 +278,28 @@ impl Exact {
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let placeable = match &self.cut {
-            Some((_, _, cut)) if push.knot_count > 1 => cut,
+            Some((_, _, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
             _ => &self.whole,
         };
-        recorder.mark("exact_place");
-        self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
-        recorder.mark("raster");
         let scene = (&stage.buffers, &placeable.geometry);
-        match (&self.blur, &self.still) {
-            (Some(blur), _) if blurs => {
-                blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, area);
-                blur.record(stage, &mut recorder, index, &request.shutter, &part);
+        for channel in stage.channels() {
+            let push = PlacePush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            recorder.mark("exact_place");
+            self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
+            recorder.mark("raster");
+            match (&self.blur, &self.still) {
+                (Some(blur), _) if blurs => {
+                    blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, area);
+                    let part = Part { channel, ..part };
+                    blur.record(stage, &mut recorder, index, &request.shutter, &part);
+                }
+                (_, Some(still)) => {
+                    still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, area);
+                    still.record(stage, &mut recorder);
+                }
+                _ => unreachable!("`fit` made the images of this kind of frame"),
             }
-            (_, Some(still)) => {
-                still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, area);
-                still.record(stage, &mut recorder);
-            }
-            _ => unreachable!("`fit` made the images of this kind of frame"),
+            stage.merge(&mut recorder, channel);
         }
         finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
         if let Some((planes, row)) = plane_row {
@@ -333,6 +345,7 @@ impl Exact {
             group_count,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
+            channel: Channel::GREEN,
         };
         (place_push(view.camera, shutter, times.len()), part)
     }

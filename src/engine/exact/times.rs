@@ -2,10 +2,10 @@
 
 use super::super::Stage;
 use super::super::frame::{FrameRequest, camera_path, check_coverage};
-use super::super::margin::reach;
+use super::super::margin::reach_of;
 use super::blur::orientation;
 use crate::camera::{Intrinsics, NEAR_M, ShutterTiming};
-use crate::raster::{PlacePush, View, spaced};
+use crate::raster::{LensPush, PlacePush, View, spaced};
 
 /// Lines beyond the picture whose time is still extended, as a share of all: vertices there are ends of edges that
 /// cross the border, and a time that stopped at the border would bend those edges inside.
@@ -63,7 +63,7 @@ pub(super) fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach 
         let to_s = (from_s + 2.0 * half_s).min(shutter.end_s());
         // Where what is in view at the middle is at the ends, and what is in view at the ends at the middle: both bound
         // how far beyond the border the gather reads.
-        let seen = reach(&stage.scene, &path, &stage.intrinsics, from_s + half_s, &[from_s, to_s]);
+        let seen = reach_of(stage, &path, from_s + half_s, &[from_s, to_s]);
         let limit = [stage.intrinsics.width, stage.intrinsics.height];
         for (i, limit) in limit.into_iter().enumerate() {
             let needed = if seen.largest_px < UNSEEN_PX { 0.0 } else { seen.beyond_px[i] + MARGIN_GUARD_PX };
@@ -88,6 +88,7 @@ pub(super) fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_coun
             place_from_ndc: [0.0; 2],
             place_offset: 0.0,
             near_m: NEAR_M as f32,
+            lens: LensPush::NONE,
         };
     }
     let per_s = (knot_count - 1) as f64 / span_s;
@@ -107,5 +108,6 @@ pub(super) fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_coun
         // The margin is the same on both sides, so the middle of the attachment is that of the picture.
         place_offset: place(0.5 * lines) as f32,
         near_m: NEAR_M as f32,
+        lens: LensPush::NONE,
     }
 }

@@ -71,7 +71,7 @@ fn what_is_written_is_what_a_capture_reads() {
     let frames = crate::capture::parse_frames(Path::new("frames.csv"), &motion.frames_csv());
     let frames = frames.unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(frames.len(), 16);
-    let epoch_ns = frames[0].timestamp_ns;
+    let epoch_ns = crate::capture::clock_epoch_ns(frames[0].timestamp_ns);
     let path = Trajectory::parse(Path::new("t.tum"), &motion.trajectory_tum(), epoch_ns);
     let path = path.unwrap_or_else(|e| panic!("{e}"));
     assert!(path.covers(frames[15].start_s, frames[15].start_s + 0.05));

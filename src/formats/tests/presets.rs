@@ -57,6 +57,7 @@ fn presets_are_cameras_and_nothing_of_them_is_lost_silently() {
             );
             assert_eq!(effects::by_id(name).is_none(), missing.iter().any(|m| m == name));
         }
+        assert_eq!(missing, Vec::<String>::new(), "{}", preset.name);
         assert!(camera.warnings.is_empty(), "{}: {:?}", preset.name, camera.warnings);
         assert!(!preset.about().is_empty());
     }

@@ -1,0 +1,38 @@
+//! Lateral chromatic aberration: the lens draws red and blue in another size than green, about (cx, cy). Acts while the
+//! frame is rendered, behind the distortion: a colour's place on the sensor is
+//! (cx, cy) + scale (distorted place - (cx, cy)).
+
+use crate::chain::{Effect, ParamSpec, Settings, Stage};
+
+/// The effect; its values live in [`Settings`].
+pub struct ChromaticAberration;
+
+const ID: &str = "chromatic_aberration";
+/// Lenses have a few thousandths; a tenth is far beyond any.
+const SCALES: (f64, f64) = (0.9, 1.1);
+
+const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("scale_r", "", SCALES, 1.0, "radial magnification of red about (cx, cy), green = 1"),
+    ParamSpec::number("scale_b", "", SCALES, 1.0, "radial magnification of blue about (cx, cy), green = 1"),
+];
+
+impl ChromaticAberration {
+    /// Magnification of red, green and blue; 1 when the effect is off.
+    pub fn scales(settings: &Settings) -> [f64; 3] {
+        [settings.number(ID, "scale_r", 1.0), 1.0, settings.number(ID, "scale_b", 1.0)]
+    }
+}
+
+impl Effect for ChromaticAberration {
+    fn id(&self) -> &'static str {
+        ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Geometry
+    }
+}
