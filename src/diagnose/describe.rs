@@ -24,10 +24,15 @@ pub(super) fn without_motion(name: &str, motion_px: f64) -> Candidate {
 
 pub(super) fn describe(
     search: &mut Search<'_>,
-    found: &Found,
+    found: &mut Found,
     evidence: &Evidence,
     capture: &Capture,
 ) -> Result<Report> {
+    let verdict = verdict(search, found);
+    if verdict == Verdict::UnknownEffect {
+        dismiss(search, found);
+    }
+    let found = &*found;
     let (before, after) = (found.before.mean(), found.after.mean());
     let floor = found.after.floor();
     let fractions = search.judge.closed_fractions(&found.before, &found.after);
@@ -44,7 +49,6 @@ pub(super) fn describe(
         after_ci95: search.judge.interval(|i| found.after.0[i].score),
         renderer_difference: search.renderer_difference,
     };
-    let verdict = verdict(&gap, found);
     let effects = effects(search, found)?;
     let candidates = rejected(search, found);
     let place_of = |f: &usize| evidence.frames[*f].index;
@@ -78,9 +82,20 @@ pub(super) fn describe(
             ..Input::default()
         },
         bootstrap: Bootstrap { resamples: n, block: super::evidence::BLOCK, closed_fraction: fractions },
-        warnings: evidence.warnings.clone(),
+        warnings: warnings(evidence, found),
         next: Vec::new(),
     })
+}
+
+pub(super) fn without_time(name: &str) -> Candidate {
+    Candidate {
+        name: name.to_owned(),
+        state: CandidateState::Undetermined,
+        why: "the time limit was reached before it was looked at".to_owned(),
+        gap_with: None,
+        parameters: BTreeMap::new(),
+        footage: "none: the same frames with a longer --time-limit-s".to_owned(),
+    }
 }
 
 /// Mean difference of flat places that is no rounding, DN: solid colours are rounded by up to half a DN each, which leaves
@@ -93,22 +108,62 @@ const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
 /// Share of the gap that must be closed for effects to be named at all, and for the rest to count as a remainder.
 const CLOSED: [f64; 2] = [0.5, 0.75];
 
-fn verdict(gap: &Gap, found: &Found) -> Verdict {
+/// Correlation of real and simulated pictures below which they show another scene.
+const LEAST_LIKENESS: f64 = 0.3;
+
+/// Whether the frames are of this scene at all.
+fn another_scene(found: &Found) -> bool {
+    found.residue.likeness < LEAST_LIKENESS
+}
+
+/// A set that leaves most of the gap is none: its effects are candidates like all others.
+fn dismiss(search: &Search<'_>, found: &mut Found) {
+    let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
+    if closed < CLOSED[0] || another_scene(found) {
+        found.set.clear();
+        found.fit.theta = search.base.clone();
+        found.fit.half.clear();
+        found.after = found.before.clone();
+    }
+}
+
+fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
+    let mut warnings = evidence.warnings.clone();
+    if another_scene(found) {
+        warnings.push(format!(
+            "real and simulated frames hardly resemble each other (correlation {:.2}): these frames do not seem to \
+             show this scene, or the camera is far from where the trajectory says; that is no effect of the camera",
+            found.residue.likeness
+        ));
+    }
+    if !found.late.is_empty() {
+        warnings.push(format!("the time limit was reached: {} were not looked at", found.late.join(", ")));
+    }
+    warnings
+}
+
+fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let left = &found.residue;
+    if another_scene(found) {
+        return Verdict::UnknownEffect;
+    }
+    let (after, floor) = (found.after.mean(), found.after.floor());
+    let difference = search.renderer_difference;
+    let closed = closed_fraction(found.before.mean(), after, floor);
     let shaped = left.bias_dn > MOST_BIAS_DN
         || left.spread > MOST_SPREAD
         || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
-    let rest = (gap.after - gap.floor).abs();
+    let rest = (after - floor).abs();
     let whole = found.before.mean() - found.before.floor();
     if found.set.is_empty() {
-        let nothing = whole <= 1.2 * gap.renderer_difference && !shaped;
+        let nothing = whole <= 1.2 * difference && !shaped;
         return if nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
     }
-    let small = rest <= f64::max(0.5 * gap.renderer_difference, 0.03 * whole);
-    let explained = small || (rest <= gap.renderer_difference && gap.closed_fraction > 0.8);
-    if explained && !shaped && gap.closed_fraction >= CLOSED[0] {
+    let small = rest <= f64::max(0.5 * difference, 0.03 * whole);
+    let explained = small || (rest <= difference && closed > 0.8);
+    if explained && !shaped && closed >= CLOSED[0] {
         Verdict::Explained
-    } else if gap.closed_fraction < CLOSED[1] || (shaped && gap.closed_fraction < 0.9) {
+    } else if closed < CLOSED[1] || (shaped && closed < 0.9) {
         Verdict::UnknownEffect
     } else {
         Verdict::PartlyExplained
@@ -133,8 +188,13 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {
              a cause that is not among the candidates.",
             gap.before, gap.after
         ),
-        Verdict::UnknownEffect => format!(
+        Verdict::UnknownEffect if effects.is_empty() => format!(
             "The frames differ by {:.2} DN, and no known effect of the camera explains it.",
+            gap.before
+        ),
+        Verdict::UnknownEffect => format!(
+            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but leaves what none of the \
+             candidates explains: there is an effect that is not among them.",
             gap.before
         ),
     }

@@ -10,6 +10,9 @@ use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
 use super::normal::{Equations, half_widths, linearise};
+use super::settings::lens;
+use crate::camera::Lens;
+use crate::effects::LensDistortion;
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -126,7 +129,9 @@ fn advance(
         if moved < 1e-4 {
             return Ok(0.0);
         }
-        let now = cost_of(forward, target, frames, &trial, level, state.delta)?;
+        let folds = Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err();
+        let now =
+            if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, state.delta)? };
         if now < state.cost {
             (state.theta, state.cost) = (trial, now);
             state.damping = (state.damping * 0.1).max(1e-6);

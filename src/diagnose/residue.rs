@@ -21,6 +21,8 @@ pub(super) struct Residue {
     pub spread: f64,
     /// Standard deviations of rows and of the fixed pattern that the model does not have, over that of single values.
     pub structure: [f64; 2],
+    /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
+    pub likeness: f64,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -69,7 +71,28 @@ pub(super) fn residue(
         seen.iter().map(|b| b.sum.abs()).sum::<f64>() / total.max(1.0)
     };
     let (spread, structure) = noise.misfit(theta);
-    Residue { bias_dn: tables.iter().map(bias).fold(0.0, f64::max), spread, structure }
+    let mut likeness: Vec<f64> =
+        frames.iter().zip(means).map(|(&at, m)| correlation(&evidence.frames[at].dn, m)).collect();
+    likeness.sort_by(f64::total_cmp);
+    let likeness = likeness[likeness.len() / 2];
+    Residue { likeness, bias_dn: tables.iter().map(bias).fold(0.0, f64::max), spread, structure }
+}
+
+/// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.
+fn correlation(a: &Plane<f32>, b: &Plane<f32>) -> f64 {
+    let [a, b] = [a, b].map(|p| super::fit::pooled(&p.data, p.width, p.height, 4));
+    let mut sums = [0.0f64; 3];
+    for c in 0..3 {
+        let of = |v: &[f32]| -> Vec<f64> { v.iter().skip(c).step_by(3).map(|v| f64::from(*v)).collect() };
+        let (x, y) = (of(&a), of(&b));
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+        let (mx, my) = (mean(&x), mean(&y));
+        for (x, y) in x.iter().zip(&y) {
+            let (x, y) = (x - mx, y - my);
+            sums = [sums[0] + x * y, sums[1] + x * x, sums[2] + y * y];
+        }
+    }
+    sums[0] / (sums[1] * sums[2]).sqrt().max(1e-9)
 }
 
 impl NoiseData {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
-use super::describe::{describe, without_motion};
+use super::describe::{describe, without_motion, without_time};
 use super::judge::Judge;
 use super::model::candidate_of;
 use super::output::Shown;
@@ -107,10 +107,16 @@ pub fn diagnose(
         deadline: options.time_limit.map(|limit| clock + limit),
     };
     let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
-    let found = search.run(&mut relay)?;
-    let mut report = describe(&mut search, &found, &evidence, capture)?;
+    let mut found = search.run(&mut relay)?;
+    let mut report = describe(&mut search, &mut found, &evidence, capture)?;
     for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
         report.candidates.push(without_motion(name, motion_px));
+    }
+    for name in &found.late {
+        report.candidates.retain(|c| c.name != *name);
+        if !found.set.contains(name) {
+            report.candidates.push(without_time(name));
+        }
     }
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
