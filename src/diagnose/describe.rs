@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
-use super::judge::{Scores, closed_fraction};
+use super::forward::Quality;
+use super::judge::closed_fraction;
 use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
-use super::search::{Found, Search};
+use super::search::{Alone, Found, Search};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -148,7 +149,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         return Verdict::UnknownEffect;
     }
     let (after, floor) = (found.after.mean(), found.after.floor());
-    let difference = search.renderer_difference;
+    let difference = search.renderer_difference.max(1.5 * found.sampling_dn);
     let closed = closed_fraction(found.before.mean(), after, floor);
     let shaped = left.bias_dn > MOST_BIAS_DN
         || left.spread > MOST_SPREAD
@@ -203,20 +204,23 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {
 /// Supported effects with their Shapley shares.
 fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     let set = &found.set;
+    // As fits see it: what is compared here are differences.
+    search.forward.native = false;
+    search.judge.quality = Quality::Fit;
     let shares = shapley(search, found)?;
+    let with = search.judge.scores(search.forward, &found.fit.theta)?;
     let mut out = Vec::new();
     for (i, name) in set.iter().enumerate() {
-        let without =
-            if set.len() == 1 { found.before.clone() } else { search.leave_out(set, i, &found.fit)?.1 };
+        let without = search.leave_out(set, i, &found.fit)?.1;
         let alone = found.alone.iter().find(|a| a.name == *name);
-        let (_, gain_ci95) = search.judge.gain(&without, &found.after);
+        let (gain, gain_ci95) = search.judge.gain(&without, &with);
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
             parameters: found.fit.theta.report(candidate_of(name), &found.fit.half),
-            gap_without: without.mean(),
+            gap_without: if set.len() == 1 { found.before.mean() } else { found.after.mean() + gain },
             gap_with: found.after.mean(),
-            gap_alone: alone.map_or(found.before.mean(), |a| a.scores.mean()),
+            gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(search, found, a)),
             gain_ci95,
         });
     }
@@ -254,15 +258,19 @@ fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
     Ok(values)
 }
 
+/// The gap with a candidate alone: `before` less what it gains where it was tried.
+fn gap_alone(search: &Search<'_>, found: &Found, alone: &Alone) -> f64 {
+    found.before.mean() - search.judge.gain(&alone.against, &alone.scores).0
+}
+
 fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
-    let before = &found.before;
     let others = found.alone.iter().filter(|a| !found.set.contains(&a.name));
     others
         .map(|a| Candidate {
             name: a.name.to_owned(),
             state: CandidateState::Rejected,
-            why: why(search, before, &a.scores, candidate_of(a.name), found),
-            gap_with: Some(a.scores.mean()),
+            why: why(search, a, candidate_of(a.name), found),
+            gap_with: Some(gap_alone(search, found, a)),
             parameters: a.fit.theta.report(candidate_of(a.name), &a.fit.half),
             footage: String::new(),
         })
@@ -271,13 +279,12 @@ fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
 
 fn why(
     search: &Search<'_>,
-    before: &Scores,
-    with: &Scores,
+    alone: &Alone,
     candidate: &CandidateSpec,
     found: &Found,
 ) -> String {
-    let (gain, [low, _]) = search.judge.gain(before, with);
-    let share = 100.0 * gain / before.mean().max(1e-9);
+    let (gain, [low, _]) = search.judge.gain(&alone.against, &alone.scores);
+    let share = 100.0 * gain / found.before.mean().max(1e-9);
     if gain <= 0.0 || low <= 0.0 {
         return format!("alone it does not lower the gap beyond chance ({share:+.1} %)");
     }

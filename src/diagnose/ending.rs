@@ -9,8 +9,9 @@ use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::residue::residue;
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search, is_discrete, restored};
+use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, restored};
 use crate::error::Result;
+use crate::plane::Plane;
 
 /// Share of a family's own score that a kind of noise must be worth there, where its worth in the whole score is small.
 const FAMILY_SHARE: f64 = 0.03;
@@ -60,7 +61,7 @@ impl Search<'_> {
             let before = self.judge.scores(self.forward, &self.base.clone())?;
             (before.mean() - before.floor()).max(0.0)
         };
-        while found.set.len() > 1 {
+        while !found.set.is_empty() {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
             let mut weakest: Option<(usize, Theta, f64)> = None;
             for i in 0..found.set.len() {
@@ -70,7 +71,8 @@ impl Search<'_> {
                 let fit = self.refit(&rest, &start, FINE)?;
                 let scores = self.judge.scores(self.forward, &fit.theta)?;
                 let worse = scores.mean();
-                if !self.supports(gap, &scores, &now) && weakest.as_ref().is_none_or(|w| worse < w.2) {
+                let needed = self.supports(gap, &scores, &now) && !is_a_filter(found.set[i], &found.fit.theta);
+                if !needed && weakest.as_ref().is_none_or(|w| worse < w.2) {
                     weakest = Some((i, fit.theta, worse));
                 }
             }
@@ -80,6 +82,10 @@ impl Search<'_> {
             let mut free = Self::free(&found.set);
             free.extend(&found.more);
             let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+            if free.is_empty() {
+                (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
+                continue;
+            }
             let fit = super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, LAST)?;
             (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
         }
@@ -131,6 +137,8 @@ impl Search<'_> {
         let held = &self.evidence.held_out;
         let mut means = self.forward.simulate(held, &theta, Quality::Fine)?;
         means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let coarser = self.forward.simulate(held, &theta, Quality::Fit)?;
+        found.sampling_dn = difference(&means, &coarser);
         let left = self.noise_data(&theta, held)?;
         found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
         tracing::info!("left: {:?}", found.residue);
@@ -196,4 +204,17 @@ impl Search<'_> {
         }
         Ok(())
     }
+}
+
+/// Mean absolute difference of pictures, DN.
+fn difference(a: &[Plane<f32>], b: &[Plane<f32>]) -> f64 {
+    let sum: f64 = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| {
+            let pixels = a.data.iter().zip(&b.data).map(|(a, b)| f64::from((a - b).abs()));
+            pixels.sum::<f64>() / a.data.len() as f64
+        })
+        .sum();
+    sum / a.len().max(1) as f64
 }

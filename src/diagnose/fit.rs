@@ -2,6 +2,7 @@
 //! differently at edges, from coarse pictures to fine ones.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -83,6 +84,9 @@ pub(super) fn fit(
         let some = spread_out(frames, level.frames);
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, delta: 0.0, damping: 1e-4 };
         for _ in 0..level.iterations {
+            if forward.deadline.is_some_and(|d| Instant::now() >= d) {
+                break;
+            }
             let delta = (state.delta > 0.0).then_some(state.delta);
             let e = linearise(forward, target, &some, &state.theta, free, level, delta)?;
             // One threshold per level: costs must compare.

@@ -29,6 +29,7 @@ mod search;
 mod settings;
 mod starts;
 mod tone;
+mod wide;
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

@@ -95,9 +95,15 @@ impl NoiseData {
             rows: Vec::new(),
             row_own: [0.0; 2],
         };
-        // By whole DN: linear values per DN, from the tables.
+        // By whole DN: linear values, and their slope by DN.
+        let linear: Vec<[f32; 3]> =
+            (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
         let slopes: Vec<[f32; 3]> =
             (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
+        let decode = |dn: f32, c: usize| {
+            let i = dn as usize;
+            linear[i][c] + (linear[i + 1][c] - linear[i][c]) * (dn - i as f32)
+        };
         let error = |f: usize, i: usize| -> Option<(f32, f32)> {
             let (r, m) = (evidence.frames[frames[f]].dn.data[i], means[f].data[i]);
             // Values near the ends are clipped, and their spread with them.
@@ -105,7 +111,7 @@ impl NoiseData {
                 return None;
             }
             let slope = slopes[m as usize][i % 3];
-            (slope > 20.0).then(|| ((r - m) / slope, m))
+            (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
         };
         let apart = APART[usize::from(theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen))];
         for y in 0..h {

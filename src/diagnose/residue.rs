@@ -4,6 +4,7 @@
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::noise::{NoiseData, flat_map};
+use super::tone::Tone;
 use crate::plane::Plane;
 
 /// Values of a bin below which its mean says nothing.
@@ -70,12 +71,19 @@ pub(super) fn residue(
         let total: f64 = seen.iter().map(|b| b.count).sum();
         seen.iter().map(|b| b.sum.abs()).sum::<f64>() / total.max(1.0)
     };
-    let (spread, structure) = noise.misfit(theta);
+    let tone = Tone::new(theta);
+    let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
+    let row_dn = rows / means[0].data.len() as f64;
+    // Compression leaves differences of its own, which say nothing about noise.
+    let plain = !theta.is_on(P::Quality);
+    let (spread, structure) = if plain { noise.misfit(theta) } else { (0.0, [0.0; 2]) };
     let mut likeness: Vec<f64> =
         frames.iter().zip(means).map(|(&at, m)| correlation(&evidence.frames[at].dn, m)).collect();
     likeness.sort_by(f64::total_cmp);
     let likeness = likeness[likeness.len() / 2];
-    Residue { likeness, bias_dn: tables.iter().map(bias).fold(0.0, f64::max), spread, structure }
+    // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
+    let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
+    Residue { bias_dn, spread, structure, likeness }
 }
 
 /// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.
@@ -95,6 +103,11 @@ fn correlation(a: &Plane<f32>, b: &Plane<f32>) -> f64 {
     sums[0] / (sums[1] * sums[2]).sqrt().max(1e-9)
 }
 
+/// Slope of the sRGB curve, DN per unit.
+fn slope_dn(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
+}
+
 impl NoiseData {
     /// See [`Residue::spread`] and [`Residue::structure`].
     fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
@@ -102,8 +115,8 @@ impl NoiseData {
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
         for [l, v, _] in self.unclipped() {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            // A few tenths of a DN at a usual slope: less cannot be told from rounding.
-            let least = 2e-6;
+            // Half a DN: less cannot be told from rounding.
+            let least = 0.25 / slope_dn(l).powi(2);
             sum += ((v + least) / (model + least)).ln().abs();
             level += v;
             count += 1.0;
@@ -112,8 +125,10 @@ impl NoiseData {
             return (0.0, [0.0; 2]);
         }
         let level: f64 = (level / count).max(8e-6);
-        let row2 = (self.row2 - theta.get(P::Row).powi(2)).abs();
-        let fixed = self.fixed.iter().map(|&[l, v, _]| (v - dsnu2 - prnu2 * l * l).abs());
+        // What the model has of these it has to a third or so.
+        let beyond = |seen: f64, model: f64| ((seen - model).abs() - 0.3 * model).max(0.0);
+        let row2 = beyond(self.row2, theta.get(P::Row).powi(2));
+        let fixed = self.fixed.iter().map(|&[l, v, _]| beyond(v, dsnu2 + prnu2 * l * l));
         let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
         (sum / count, [(row2 / level).sqrt(), (fixed2 / level).sqrt()])
     }

@@ -96,6 +96,7 @@ pub fn diagnose(
     let renderer_difference = renderer_difference(&means);
     let hot = HotMap::find(&evidence, &evidence.fit, &means);
     let fit_masks = fit_masks(&evidence, masks.as_deref(), &hot);
+    forward.deadline = options.time_limit.map(|limit| clock + limit);
     let mut search = Search {
         judge: Judge::new(&evidence, masks.as_deref(), options.seed, hot),
         forward: &mut forward,

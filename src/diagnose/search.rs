@@ -42,6 +42,8 @@ pub(super) struct Alone {
     pub name: &'static str,
     pub fit: Fit,
     pub scores: Scores,
+    /// Without it: with the same noise, rendered as well.
+    pub against: Scores,
 }
 
 /// The outcome of a search.
@@ -56,6 +58,8 @@ pub(super) struct Found {
     pub more: Vec<P>,
     /// What is left on held-out frames.
     pub residue: Residue,
+    /// What renders of four and of sixteen samples differ by behind all effects, DN: compression widens it.
+    pub sampling_dn: f64,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
 }
@@ -237,7 +241,7 @@ impl<'a> Search<'a> {
         }
         watch.stage("the set to the end", 3);
         watch.step("all parameters together");
-        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), residue: Residue::default(), late };
+        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), residue: Residue::default(), sampling_dn: 0.0, late };
         self.finish(&mut found, watch)?;
         Ok(found)
     }
@@ -270,7 +274,9 @@ impl<'a> Search<'a> {
             };
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             self.log(name, &fit, &scores, clock);
-            alone.push(Alone { name, fit, scores });
+            let against = if candidate.noise { self.base.clone() } else { start.clone() };
+            let against = self.judge.scores(self.forward, &against)?;
+            alone.push(Alone { name, fit, scores, against });
         }
         Ok(alone)
     }
@@ -412,6 +418,7 @@ impl<'a> Search<'a> {
         watch.step("noise");
         self.judge.quality = Quality::Fine;
         self.prune_finely(found)?;
+        self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
         watch.step("scores");
@@ -434,7 +441,7 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
 
 /// Whether a filter is no stronger than what the pixel filters of two correct renderers differ by: the variance of a
 /// pixel's square is 1/12 px^2, and few samples a pixel gain from a blur a little wider (0.33 px, measured).
-fn is_a_filter(name: &str, theta: &Theta) -> bool {
+pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
     match name {
         "defocus" => theta.get(P::Defocus).powi(2) < 1.5 / 12.0,
         "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
