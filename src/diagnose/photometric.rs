@@ -3,7 +3,7 @@
 //! references.
 
 use super::model::{P, Theta};
-use super::tone::Tone;
+use super::tone::{Tone, Variances};
 use crate::camera::{Intrinsics, ScanOrder};
 use crate::plane::Plane;
 
@@ -63,16 +63,17 @@ pub(super) fn develop(
             (0..3).for_each(|c| p[c] = tone.encode(p[c], c));
         }
     }
-    behind_encoding(dn, theta)
+    behind_encoding(dn, theta, tone)
 }
 
-fn behind_encoding(mut dn: Plane<f32>, theta: &Theta) -> Plane<f32> {
+fn behind_encoding(mut dn: Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
     let amount = theta.get(P::Sharpen) as f32;
     let sharpened = amount != 0.0;
     if sharpened {
         let soft = gaussian(&dn, theta.get(P::Radius) as f32);
-        for (v, s) in dn.data.iter_mut().zip(&soft.data) {
-            *v += amount * (*v - s);
+        for (i, (v, s)) in dn.data.iter_mut().zip(&soft.data).enumerate() {
+            let spread = if tone.is_noisy() { tone.spread(*v, i % 3) } else { Variances::default() };
+            *v = clipped_mean(*v + amount * (*v - s), (spread.free + spread.fixed).sqrt());
         }
     }
     let scheme = theta.get(P::Chroma) as usize;
@@ -84,6 +85,20 @@ fn behind_encoding(mut dn: Plane<f32>, theta: &Theta) -> Plane<f32> {
     }
     let quality = theta.get(P::Quality) as u8;
     if quality > 0 { compressed(&dn, quality) } else { dn }
+}
+
+/// Mean of a normal value that is clipped to 0 and 255.
+fn clipped_mean(mean: f32, sigma: f32) -> f32 {
+    if sigma <= 0.05 || (mean > 4.0 * sigma && mean < 255.0 - 4.0 * sigma) {
+        return mean;
+    }
+    // What lies below 0 on average, and what lies above 255.
+    let beyond = |z: f32| {
+        let density = (-0.5 * z * z).exp() * 0.398_942_3;
+        let above = 0.5 * (1.0 - super::score::erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2)) as f32;
+        sigma * (density - z * above)
+    };
+    mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
 fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Vec<f32>, bool)> {

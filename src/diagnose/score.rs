@@ -58,7 +58,7 @@ fn density(z: f64) -> f64 {
 }
 
 /// Abramowitz and Stegun 7.1.26, to 1.5e-7.
-fn erf(x: f64) -> f64 {
+pub(super) fn erf(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
     let poly = t
         * (0.254_829_592
