@@ -109,7 +109,8 @@ fn main() {
     let mut rows = ours(&context, &input, &truths, repeats);
     rows.extend(by_hand(&input, &truths, repeats));
     rows.extend(peers(&folder, &truths));
-    let text = report(&context, &rows, repeats);
+    let mut text = report(&context, &rows, repeats);
+    text += &scaling(&arguments);
     println!("{text}");
     let json = serde_json::json!({ "device": context.info().name, "driver": context.info().driver, "threads": THREADS, "size": SIZE, "rows": rows });
     std::fs::write(
@@ -308,6 +309,49 @@ fn report(context: &Arc<Context>, rows: &[Row], repeats: usize) -> String {
     );
     ratio("ours at rest / pass-through", best("bilinear", "rest"), get("pass-through", "rest"), "<= 2");
     ratio("exact gather, then chain / ours", get("exact gather, then chain", "moving"), bilinear, "-");
+    text
+}
+
+/// The scaling of this bench run with one thread and with two, and what follows from it.
+fn scaling(arguments: &[String]) -> String {
+    let mut text = String::from("\nBilinear, half taps, over threads, sizes and nominal counts:\n\n");
+    let mut of_threads = Vec::new();
+    for threads in ["1", "2"] {
+        let program = std::env::current_exe().unwrap();
+        let done = Command::new(program)
+            .args(&arguments[1..])
+            .arg("--scaling")
+            .env("LP_NUM_THREADS", threads)
+            .output();
+        let printed = String::from_utf8_lossy(&done.unwrap().stdout).into_owned();
+        for line in printed.lines() {
+            writeln!(text, "* {line}").unwrap();
+        }
+        let ms = |what: &str| -> Option<f64> {
+            printed.lines().find_map(|l| l.strip_prefix(what)?.split(' ').next()?.parse().ok())
+        };
+        of_threads.push(ms("640x480 count 240: "));
+        if let (Some(few), Some(many)) = (ms("640x480 count 60: "), ms("640x480 count 1000: ")) {
+            writeln!(
+                text,
+                "* nominal count of 1000 over 60, {threads} threads: {:.2} (goal: flat)",
+                many / few
+            )
+            .unwrap();
+        }
+        if let (Some(small), Some(large)) = (ms("640x480 count 240: "), ms("1920x1080 count 240: ")) {
+            let pixels = 1920.0 * 1080.0 / (640.0 * 480.0);
+            writeln!(
+                text,
+                "* time a pixel, 1920x1080 over 640x480, {threads} threads: {:.2} (goal: linear)",
+                large / small / pixels
+            )
+            .unwrap();
+        }
+    }
+    if let [Some(one), Some(two)] = of_threads[..] {
+        writeln!(text, "* one thread over two, 640x480: {:.2} (goal: 1.8)", one / two).unwrap();
+    }
     text
 }
 

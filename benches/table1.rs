@@ -61,7 +61,7 @@ fn main() {
 fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), String> {
     let scene = std::env::var_os("TABLE1_SCENE").map_or(root().join("scenes/table1"), PathBuf::from);
     let capture = Capture::read(&scene, None).map_err(|e| e.to_string())?;
-    let bench = Bench::new(context, capture, if quick { 1.0 } else { 4.0 });
+    let bench = Bench::new(context, capture, if quick { 1.0 } else { 2.5 });
     let sizes = if quick { &SIZES[..1] } else { &SIZES[..] };
     let load = report::load_average();
     let mut cells: Vec<Cell> = Vec::new();

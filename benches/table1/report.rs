@@ -160,7 +160,7 @@ impl Table {
         {
             let passes: Vec<String> =
                 c.passes.iter().map(|p| format!("{} {:.2}", p.name, p.ms_median)).collect();
-            let quality = c.psnr_db.map_or(String::new(), |db| format!("; {db:.1} dB against 240 renders"));
+            let quality = c.psnr_db.map_or(String::new(), |db| format!("; {db:.1} dB against 64 renders"));
             writeln!(text, "* {} {}x{}: {}{quality}", c.method, c.width, c.height, passes.join(", "))
                 .expect("strings grow");
         }

@@ -96,8 +96,7 @@ impl NoiseData {
             row_own: [0.0; 2],
         };
         // By whole DN: linear values, and their slope by DN.
-        let linear: Vec<[f32; 3]> =
-            (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
+        let linear: Vec<[f32; 3]> = (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
         let slopes: Vec<[f32; 3]> =
             (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
         let decode = |dn: f32, c: usize| {

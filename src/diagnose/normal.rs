@@ -123,7 +123,8 @@ pub(super) fn linearise(
                     Column::Value(tone) => shared.develop(at, &radiance[i], changed, tone),
                 };
                 let unit = (p.spec().step / step) as f32;
-                let mut d: Vec<f32> = other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                let mut d: Vec<f32> =
+                    other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
                 hide(target, at, &mut d);
                 pooled(&d, base.width, base.height, level.block)
             };
@@ -169,8 +170,7 @@ fn assemble(
     let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
     let absolute: f64 = frames.iter().map(|f| f.0.iter().map(|e| f64::from(e.abs())).sum::<f64>()).sum();
     let delta = delta.unwrap_or_else(|| (1.5 * absolute / count).max(0.7));
-    let shares: Vec<Share> =
-        frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
+    let shares: Vec<Share> = frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
     let mut e = Equations {
         a: vec![vec![0.0; n]; n],
         b: vec![0.0; n],
@@ -277,8 +277,7 @@ pub(super) fn half_widths(e: &Equations, free: &[P]) -> BTreeMap<P, f64> {
             let mut unit = vec![0.0; n];
             unit[i] = 1.0;
             let edges_dn = if p.is_time() || p.is_remap() { SYSTEMATIC_PX * e.gradient_dn } else { 0.0 };
-            let systematic =
-                SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
+            let systematic = SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             (p, chance.hypot(systematic) * p.spec().step)
         })
         .collect()

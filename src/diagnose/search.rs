@@ -241,7 +241,17 @@ impl<'a> Search<'a> {
         }
         watch.stage("the set to the end", 3);
         watch.step("all parameters together");
-        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), residue: Residue::default(), sampling_dn: 0.0, late };
+        let mut found = Found {
+            set,
+            fit: current,
+            alone,
+            before,
+            after: scores,
+            more: Vec::new(),
+            residue: Residue::default(),
+            sampling_dn: 0.0,
+            late,
+        };
         self.finish(&mut found, watch)?;
         Ok(found)
     }
