@@ -277,12 +277,7 @@ fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
         .collect()
 }
 
-fn why(
-    search: &Search<'_>,
-    alone: &Alone,
-    candidate: &CandidateSpec,
-    found: &Found,
-) -> String {
+fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Found) -> String {
     let (gain, [low, _]) = search.judge.gain(&alone.against, &alone.scores);
     let share = 100.0 * gain / found.before.mean().max(1e-9);
     if gain <= 0.0 || low <= 0.0 {

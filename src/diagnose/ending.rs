@@ -65,13 +65,13 @@ impl Search<'_> {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
             let mut weakest: Option<(usize, Theta, f64)> = None;
             for i in 0..found.set.len() {
-                let rest: Vec<_> =
-                    found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
+                let rest: Vec<_> = found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
                 let start = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
                 let fit = self.refit(&rest, &start, FINE)?;
                 let scores = self.judge.scores(self.forward, &fit.theta)?;
                 let worse = scores.mean();
-                let needed = self.supports(gap, &scores, &now) && !is_a_filter(found.set[i], &found.fit.theta);
+                let needed =
+                    self.supports(gap, &scores, &now) && !is_a_filter(found.set[i], &found.fit.theta);
                 if !needed && weakest.as_ref().is_none_or(|w| worse < w.2) {
                     weakest = Some((i, fit.theta, worse));
                 }
@@ -86,7 +86,8 @@ impl Search<'_> {
                 (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
                 continue;
             }
-            let fit = super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
+            let fit =
+                super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
             (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
         }
         Ok(())
@@ -94,8 +95,7 @@ impl Search<'_> {
 
     /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.
     pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
-        let mut names: Vec<&'static str> =
-            NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let fitted = found.fit.theta.clone();
         let data = self.noise_data(&fitted, &self.evidence.fit)?;
         let held_out = self.noise_data(&fitted, &self.evidence.held_out)?;
@@ -124,7 +124,12 @@ impl Search<'_> {
                     "shot_noise" if both => shot,
                     _ => self.noise_counts(gap, &rest_scores, &scores),
                 };
-                tracing::info!("without {}: {:.4}, with {:.4}: {needed}", names[i], rest_scores.mean(), scores.mean());
+                tracing::info!(
+                    "without {}: {:.4}, with {:.4}: {needed}",
+                    names[i],
+                    rest_scores.mean(),
+                    scores.mean()
+                );
                 if !needed && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean()) {
                     weakest = Some((i, without, rest_scores));
                 }
@@ -196,7 +201,9 @@ impl Search<'_> {
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
             let half = match p {
                 // Single pixels are found or not.
-                P::Hot => 0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt(),
+                P::Hot => {
+                    0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
+                }
                 // Bins of brightness and the flatness rule leave a per cent or two beyond what frames tell.
                 _ => 2.4 * variance.sqrt() + 0.02 * theta.get(p),
             };

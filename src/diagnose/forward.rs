@@ -112,9 +112,8 @@ impl Forward {
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
         let (scene, path) = (forward.scene.clone(), forward.trajectory.clone());
         let mut engine = Engine::new(context, scene, path, forward.intrinsics, options, &[])?;
-        forward.sharp = (0..evidence.frames.len())
-            .map(|at| forward.measure(at, &mut engine))
-            .collect::<Result<_>>()?;
+        forward.sharp =
+            (0..evidence.frames.len()).map(|at| forward.measure(at, &mut engine)).collect::<Result<_>>()?;
         Ok(forward)
     }
 
@@ -354,13 +353,7 @@ impl Forward {
     }
 
     /// Develops the radiance of a frame.
-    pub(super) fn develop(
-        &self,
-        at: usize,
-        radiance: &Plane<f32>,
-        theta: &Theta,
-        tone: &Tone,
-    ) -> Plane<f32> {
+    pub(super) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
         let shutter = self.shutter(at, theta);
         let lines = LineTimes {
             start_s: shutter.start_s,

@@ -39,7 +39,8 @@ impl HotMap {
                             let real = &evidence.frames[at].dn;
                             let v = real.data[3 * i + c];
                             v > LEAST_DN
-                                && v > around(real, x, y, c) + ABOVE_DN && v > mean.data[3 * i + c] + ABOVE_DN
+                                && v > around(real, x, y, c) + ABOVE_DN
+                                && v > mean.data[3 * i + c] + ABOVE_DN
                         })
                 };
                 if (0..3).any(stands_out) {

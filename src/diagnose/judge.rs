@@ -149,7 +149,11 @@ impl<'a> Judge<'a> {
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
     // A floor above `after` is a model that expects more spread than there is: as wrong as one that expects less.
-    if before - floor <= 1e-9 { 0.0 } else { (1.0 - (after - floor).abs() / (before - floor)).clamp(0.0, 1.0) }
+    if before - floor <= 1e-9 {
+        0.0
+    } else {
+        (1.0 - (after - floor).abs() / (before - floor)).clamp(0.0, 1.0)
+    }
 }
 
 fn mean(indices: &[usize], f: impl Fn(usize) -> f64) -> f64 {

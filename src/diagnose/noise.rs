@@ -96,8 +96,7 @@ impl NoiseData {
             row_own: [0.0; 2],
         };
         // By whole DN: linear values, and their slope by DN.
-        let linear: Vec<[f32; 3]> =
-            (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
+        let linear: Vec<[f32; 3]> = (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
         let slopes: Vec<[f32; 3]> =
             (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
         let decode = |dn: f32, c: usize| {
@@ -172,7 +171,8 @@ impl NoiseData {
             theta.set(P::Shot, inverse);
         }
         // Less than a few hundredths of a DN is no noise but the arithmetic of rounding.
-        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)] {
+        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)]
+        {
             if theta.get(p) < least {
                 theta.set(p, 0.0);
             }

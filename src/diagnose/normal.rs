@@ -18,7 +18,7 @@ use crate::plane::Plane;
 /// (measured against an independent path tracer: readouts, vignetting and gamma were off by 0.1 to 1 % so).
 const SYSTEMATIC_DN: f64 = 0.025;
 /// How far two correct renderers place an edge apart, px: what an exposure of a slow motion was off by.
-const SYSTEMATIC_PX: f64 = 0.02;
+const SYSTEMATIC_PX: f64 = 0.01;
 /// Keys of values: whole DN by channel.
 const VALUES: usize = 3 * 256;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
@@ -41,6 +41,8 @@ pub(super) struct Equations {
     /// Robust threshold, DN, and mean cost.
     pub delta: f64,
     pub cost: f64,
+    /// Number of values.
+    pub count: f64,
 }
 
 /// What one frame contributes.
@@ -123,7 +125,8 @@ pub(super) fn linearise(
                     Column::Value(tone) => shared.develop(at, &radiance[i], changed, tone),
                 };
                 let unit = (p.spec().step / step) as f32;
-                let mut d: Vec<f32> = other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                let mut d: Vec<f32> =
+                    other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
                 hide(target, at, &mut d);
                 pooled(&d, base.width, base.height, level.block)
             };
@@ -169,8 +172,7 @@ fn assemble(
     let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
     let absolute: f64 = frames.iter().map(|f| f.0.iter().map(|e| f64::from(e.abs())).sum::<f64>()).sum();
     let delta = delta.unwrap_or_else(|| (1.5 * absolute / count).max(0.7));
-    let shares: Vec<Share> =
-        frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
+    let shares: Vec<Share> = frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
     let mut e = Equations {
         a: vec![vec![0.0; n]; n],
         b: vec![0.0; n],
@@ -181,6 +183,7 @@ fn assemble(
         gradient_dn: 0.0,
         delta,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
+        count,
     };
     for s in shares {
         let mut frame = vec![0.0; n];
@@ -233,7 +236,7 @@ fn share((r, columns, keys): &FrameValues, delta: f64, columns_px: usize, cluste
     Share { a, clusters, by_value, cost, weight }
 }
 
-/// How much each group of parameters would lower the mean cost beside `held`, by the linearised model: a ranking, not a
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
 /// fit.
 pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
     let gain = |members: &[P]| -> f64 {
@@ -248,7 +251,7 @@ pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) 
     let alone = gain(held);
     let beside = groups.iter().map(|g| {
         let members: Vec<P> = held.iter().chain(g).copied().collect();
-        gain(&members) - alone
+        (gain(&members) - alone) / (e.cost * e.count).max(1e-9)
     });
     beside.collect()
 }
@@ -277,8 +280,7 @@ pub(super) fn half_widths(e: &Equations, free: &[P]) -> BTreeMap<P, f64> {
             let mut unit = vec![0.0; n];
             unit[i] = 1.0;
             let edges_dn = if p.is_time() || p.is_remap() { SYSTEMATIC_PX * e.gradient_dn } else { 0.0 };
-            let systematic =
-                SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
+            let systematic = SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             (p, chance.hypot(systematic) * p.spec().step)
         })
         .collect()

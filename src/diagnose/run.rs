@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::describe::{describe, without_motion, without_time};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
-use super::describe::{describe, without_motion, without_time};
 use super::judge::Judge;
 use super::model::candidate_of;
 use super::output::Shown;

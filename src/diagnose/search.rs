@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::evidence::Evidence;
-use super::fit::{COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out};
+use super::fit::{
+    COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+};
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
@@ -243,7 +245,17 @@ impl<'a> Search<'a> {
         }
         watch.stage("the set to the end", 3);
         watch.step("all parameters together");
-        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), residue: Residue::default(), sampling_dn: 0.0, late };
+        let mut found = Found {
+            set,
+            fit: current,
+            alone,
+            before,
+            after: scores,
+            more: Vec::new(),
+            residue: Residue::default(),
+            sampling_dn: 0.0,
+            late,
+        };
         self.finish(&mut found, watch)?;
         Ok(found)
     }
@@ -346,7 +358,9 @@ impl<'a> Search<'a> {
         let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        Ok(ranked.into_iter().take(SHORTLIST).map(|r| r.0).collect())
+        // Where the model is linear enough to be asked: what promises nothing is not rendered for.
+        let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
+        Ok(worth.map(|r| r.0).collect())
     }
 
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.

@@ -128,7 +128,9 @@ pub(super) fn lens(theta: &Theta) -> Settings {
     let Some(effect) = effects::by_id("lens_distortion") else { return settings };
     for p in [P::K1, P::K2, P::P1, P::P2, P::K3] {
         if theta.is_on(p) {
-            settings.set(effect, p.spec().name, Value::Number(theta.get(p))).expect("in the range of any lens");
+            settings
+                .set(effect, p.spec().name, Value::Number(theta.get(p)))
+                .expect("in the range of any lens");
         }
     }
     settings

@@ -138,9 +138,9 @@ impl Tone {
 
     /// Spread about a mean of so many DN, whatever comes behind the encoding left aside.
     pub(super) fn spread(&self, mean_dn: f32, channel: usize) -> Variances {
-        self.by_dn.as_ref().map_or_else(Variances::default, |t| {
-            t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize]
-        })
+        self.by_dn
+            .as_ref()
+            .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
     }
 
     /// Whether there is any noise.
@@ -212,11 +212,7 @@ impl Tone {
                 let (mb, ma) = (mean(at), mean(at.saturating_sub(1)));
                 let f = if mb > ma { ((dn as f32 - ma) / (mb - ma)).clamp(0.0, 1.0) } else { 1.0 };
                 let mix = |a: f32, b: f32| a * (1.0 - f) + b * f;
-                Variances {
-                    free: mix(a.free, b.free),
-                    row: mix(a.row, b.row),
-                    fixed: mix(a.fixed, b.fixed),
-                }
+                Variances { free: mix(a.free, b.free), row: mix(a.row, b.row), fixed: mix(a.fixed, b.fixed) }
             })
             .collect()
     }

@@ -78,8 +78,7 @@ impl Mesh {
         for (&ends, is_long) in asked.iter().zip(verdicts) {
             if is_long {
                 middles.insert(ends, next.vertices.len() as u32);
-                next.vertices
-                    .push(halfway(&self.vertices[ends.0 as usize], &self.vertices[ends.1 as usize]));
+                next.vertices.push(halfway(&self.vertices[ends.0 as usize], &self.vertices[ends.1 as usize]));
             } else {
                 short.insert(ends);
             }
