@@ -109,10 +109,12 @@ enum {                                /* shutterbug_engine_options.flags */
     SHUTTERBUG_ENGINE_VALIDATION = 1, /* load the Khronos validation layer; its absence is an error */
     SHUTTERBUG_ENGINE_PLANES = 2      /* frames may ask for sharp planes */
 };
-enum {                              /* shutterbug_engine_options.method: how frames of a scene are made */
-    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice */
+enum {                              /* shutterbug_engine_options.method: how frames of a scene are made (docs/methods.md) */
+    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice: exact in this version */
     SHUTTERBUG_METHOD_ACCUMULATION = 1, /* many renders a frame: the reference */
-    SHUTTERBUG_METHOD_PAPER = 2     /* one render, motion images, remap and blur as a gather */
+    SHUTTERBUG_METHOD_PAPER = 2,    /* one render, motion images, remap and blur as a gather */
+    SHUTTERBUG_METHOD_EXACT = 3,    /* one render with every line at its own time, blurred along true paths */
+    SHUTTERBUG_METHOD_FAST = 4      /* one render and a warp along true paths */
 };
 
 typedef struct shutterbug_engine_options {
@@ -121,8 +123,8 @@ typedef struct shutterbug_engine_options {
     uint32_t method;           /* SHUTTERBUG_METHOD_* */
     uint32_t samples;          /* a pixel: 1, 4 or 16 (0: 16) */
     uint32_t frames_in_flight; /* 1 to 8 (0: 2) */
-    uint32_t motion_images;    /* of the paper's method, 1 to 6 (0: 2) */
-    uint32_t max_blur_samples; /* 1 to 4096 (0: 240) */
+    uint32_t motion_images;    /* of methods paper (1 to 6, 0: 2) and fast (2, 4 or 6, 0: 4) */
+    uint32_t max_blur_samples; /* of paper, fast and frames from outside: 1 to 4096 (0: 240) */
     uint32_t max_side_px;      /* larger cameras are refused (0: 16384) */
     double time_limit_s;       /* longest wait for the device (0: 600) */
     uint64_t seed;             /* of all noise: same seed and frame_index, same picture */

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicI32, AtomicI64, Ordering};
 use ash::vk;
 use capi_support::*;
 use shutterbug::capi::*;
+use shutterbug::plane::PixelFormat;
 
 /// Calls until one fails; negative: never.
 static FUSE: AtomicI64 = AtomicI64::new(-1);
@@ -124,6 +125,11 @@ table! {
         vkAllocateCommandBuffers(device: H, info: P, out: P) makes "";
         vkCreateFence(device: H, info: P, alloc: P, out: P) makes "fence";
         vkCreateQueryPool(device: H, info: P, alloc: P, out: P) makes "query pool";
+        vkGetFenceStatus(device: H, fence: H) makes "";
+        vkCreateSemaphore(device: H, info: P, alloc: P, out: P) makes "semaphore";
+        vkGetMemoryFdKHR(device: H, info: P, out: P) makes "";
+        vkGetSemaphoreFdKHR(device: H, info: P, out: P) makes "";
+        vkGetMemoryHostPointerPropertiesEXT(device: H, kind: u32, pointer: P, out: P) makes "";
         vkBeginCommandBuffer(commands: H, info: P) makes "";
         vkEndCommandBuffer(commands: H) makes "";
         vkResetFences(device: H, count: u32, fences: P) makes "";
@@ -150,6 +156,7 @@ table! {
         vkDestroyCommandPool(device: H, it: H, alloc: P) ends "command pool" by it;
         vkDestroyFence(device: H, it: H, alloc: P) ends "fence" by it;
         vkDestroyQueryPool(device: H, it: H, alloc: P) ends "query pool" by it;
+        vkDestroySemaphore(device: H, it: H, alloc: P) ends "semaphore" by it;
     }
 }
 
@@ -193,33 +200,134 @@ fn loader() -> vk::PFN_vkGetInstanceProcAddr {
     entry.as_ref().expect("checked by the test").static_fn().get_instance_proc_addr
 }
 
-/// What a host does with one engine: outside frames, a scene, reading back.
-fn use_an_engine(method: u32) -> Result<Vec<u8>, (Status, String)> {
-    let mut o = options(method, 0);
+/// What a host does with one engine.
+#[derive(Clone, Copy)]
+enum Work {
+    /// Two frames from outside.
+    Outside,
+    /// One frame of the demo scene by a method of the header, with sharp planes, and these effects besides the shutter.
+    Scene(u32, &'static str),
+    /// Frames from memory that is shared with the device, polled, with depth; semaphores where there are any.
+    Shared,
+}
+
+/// A frame of the demo scene: the picture and its motion plane.
+fn scene_frame(engine: Handle, method_camera: &str) -> Result<Vec<u8>, (Status, String)> {
+    let check =
+        |code: Status, handle: Handle| if code == OK { Ok(()) } else { Err((code, error_of(handle))) };
+    check(unsafe { shutterbug_engine_load_capture(engine, text("demo/capture").as_ptr()) }, engine)?;
+    let camera = text(&format!("{CAMERA}{method_camera}"));
+    check(unsafe { shutterbug_engine_set_camera_text(engine, camera.as_ptr()) }, engine)?;
+    let mut request: shutterbug_request = sized();
+    (request.time_s, request.flags) = (10.05, 1);
+    let mut frame = std::ptr::null_mut();
+    check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) }, engine)?;
+    let mut rgb = vec![0; 16 * 12 * 3];
+    let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
+    let done = check(shutterbug_frame_wait(frame, -1.0), frame)
+        .and_then(|()| check(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame));
+    assert_eq!(shutterbug_frame_destroy(frame), OK);
+    done.map(|()| rgb)
+}
+
+/// A frame whose colour lies in exported memory, polled until it is done; the memory goes last.
+fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
+    let check =
+        |code: Status, handle: Handle| if code == OK { Ok(()) } else { Err((code, error_of(handle))) };
+    assert_eq!(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) }, OK, "needs no device");
+    let (small, can) = (Small::new(16, 12), info(engine).capabilities);
+    let (mut o, mut made) = (small.outside, Vec::new());
+    let mut color = unsafe { *small.outside.color };
+    let pages = Pages::new(16 * 12 * 16);
+    let done = (|| {
+        if can & 1 != 0 {
+            unsafe { std::ptr::copy_nonoverlapping(color.pixels.cast::<u8>(), pages.0, 16 * 12 * 16) };
+            let mut memory = std::ptr::null_mut();
+            let code = unsafe {
+                shutterbug_memory_import_host(engine, pages.0.cast(), pages.1.size() as u64, &mut memory)
+            };
+            check(code, engine)?;
+            made.push((memory, shutterbug_memory_destroy as extern "C" fn(Handle) -> Status));
+            (color.pixels, color.memory) = (std::ptr::null_mut(), memory);
+            o.color = &color;
+        }
+        let mut fd = -1;
+        if can & 2 != 0 {
+            check(
+                unsafe { shutterbug_memory_export_fd(engine, 4096, &mut o.picture_memory, &mut fd) },
+                engine,
+            )?;
+            made.push((o.picture_memory, shutterbug_memory_destroy));
+            close(fd);
+        }
+        if can & 4 != 0 {
+            check(unsafe { shutterbug_semaphore_export_fd(engine, &mut o.signal, &mut fd) }, engine)?;
+            made.push((o.signal, shutterbug_semaphore_destroy));
+            close(fd);
+        }
+        let (mut frame, mut ready) = (std::ptr::null_mut(), 0);
+        check(unsafe { shutterbug_engine_submit_outside(engine, &o, &mut frame) }, engine)?;
+        let mut rgb = vec![0; 16 * 12 * 3];
+        let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
+        // A few polls only: how many there are until it is done is chance, and calls are counted.
+        let done = (0..3)
+            .try_for_each(|_| check(unsafe { shutterbug_frame_poll(frame, &mut ready) }, frame))
+            .and_then(|()| check(shutterbug_frame_wait(frame, -1.0), frame))
+            .and_then(|()| check(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame));
+        assert_eq!(shutterbug_frame_destroy(frame), OK);
+        done.map(|()| rgb)
+    })();
+    for (handle, destroy) in made {
+        assert_eq!(destroy(handle), OK);
+    }
+    done
+}
+
+fn close(fd: i32) {
+    use std::os::fd::FromRawFd as _;
+    drop(unsafe { std::os::fd::OwnedFd::from_raw_fd(fd) });
+}
+
+/// Whole pages.
+struct Pages(*mut u8, std::alloc::Layout);
+
+impl Pages {
+    fn new(bytes: usize) -> Self {
+        let layout = std::alloc::Layout::from_size_align(bytes.next_multiple_of(4096), 4096).unwrap();
+        Self(unsafe { std::alloc::alloc_zeroed(layout) }, layout)
+    }
+}
+
+impl Drop for Pages {
+    fn drop(&mut self) {
+        unsafe { std::alloc::dealloc(self.0, self.1) };
+    }
+}
+
+const LENS: &str = "[lens_distortion]\nk1 = -0.1\n[chromatic_aberration]\nscale_r = 1.01\nscale_b = 0.99\n";
+
+const CAMERA: &str = "width = 16\nheight = 12\nfx = 8\nfy = 8\ncx = 8\ncy = 6\nframe_period_s = 0.04\n\
+                      [rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.008\n";
+
+/// Makes an engine, uses it, destroys it.
+fn use_an_engine(work: Work) -> Result<Vec<u8>, (Status, String)> {
+    let mut o = match work {
+        Work::Outside | Work::Shared => options(0, 0),
+        Work::Scene(method, _) => options(method, 2),
+    };
     o.get_instance_proc_addr = instance_proc as *const c_void;
     let engine = create(o)?;
-    let done = (|| {
-        let check = |code: Status| if code == OK { Ok(()) } else { Err((code, error_of(engine))) };
-        let capture = text("demo/capture");
-        let mut picture = Vec::new();
-        if method != 0 {
-            check(unsafe { shutterbug_engine_load_capture(engine, capture.as_ptr()) })?;
-        }
-        check(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) })?;
-        let small = Small::new(16, 12);
-        if method == 0 {
+    let done = (|| match work {
+        Work::Scene(_, effects) => scene_frame(engine, effects),
+        Work::Shared => shared_frame(engine),
+        Work::Outside => {
+            let code = unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) };
+            assert_eq!(code, OK, "needs no device");
+            let small = Small::new(16, 12);
+            let mut picture = process(engine, &small.outside, [16, 12])?;
             picture.extend(process(engine, &small.outside, [16, 12])?);
-            picture.extend(process(engine, &small.outside, [16, 12])?);
-            return Ok(picture);
+            Ok(picture)
         }
-        let mut request: shutterbug_request = sized();
-        request.time_s = 0.05;
-        let mut frame = std::ptr::null_mut();
-        check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) })?;
-        let code = shutterbug_frame_wait(frame, -1.0);
-        let text = error_of(frame);
-        assert_eq!(shutterbug_frame_destroy(frame), OK);
-        if code == OK { Ok(picture) } else { Err((code, text)) }
     })();
     // A failed engine answers, and is destroyed.
     if let Err((code, _)) = &done
@@ -240,97 +348,124 @@ fn nothing_is_left(after: &str) {
 
 /// Whether Vulkan allows this result of this call.
 fn can_return(name: &str, result: vk::Result) -> bool {
-    let may_lose_the_device = ["vkCreateDevice", "vkQueueSubmit", "vkWaitForFences", "vkGetQueryPoolResults"];
+    let may_lose_the_device =
+        ["vkCreateDevice", "vkQueueSubmit", "vkWaitForFences", "vkGetFenceStatus", "vkGetQueryPoolResults"];
     // The allocator tells only whether memory ran out; other results of its calls are lost in it.
     result != vk::Result::ERROR_DEVICE_LOST || may_lose_the_device.contains(&name)
 }
 
-/// Fails each call in turn with one result; `want` is the picture without failure. Returns how many there were and the names of those that failed.
-fn fail_each(method: u32, want: &[u8], result: vk::Result, expected: &str) -> (usize, Vec<&'static str>) {
+/// A result to inject, and the status that must come of it.
+type Fault = (vk::Result, &'static str);
+const LOST: Fault = (vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST");
+const DEVICE_MEMORY: Fault = (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY");
+const HOST_MEMORY: Fault = (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "OUT_OF_MEMORY");
+
+/// Fails each call in turn, the n-th with the n-th of `faults` (around and around); `want` is the picture without failure.
+/// Returns how many calls there were and the names of those that failed.
+fn fail_each(work: Work, want: &[u8], faults: &[Fault]) -> (usize, Vec<&'static str>) {
     let mut names = Vec::new();
     for n in 0.. {
+        let (result, expected) = faults[n % faults.len()];
         RESULT.store(result.as_raw(), Ordering::Relaxed);
         state().failed = None;
-        FUSE.store(n, Ordering::Relaxed);
-        let done = use_an_engine(method);
+        FUSE.store(n as i64, Ordering::Relaxed);
+        let done = use_an_engine(work);
         FUSE.store(-1, Ordering::Relaxed);
         let failed = state().failed;
         let Some(name) = failed else {
             assert!(done.is_ok(), "nothing failed, but: {done:?}");
-            return (n as usize, names);
+            return (n, names);
         };
-        match done {
-            Err((code, text)) if can_return(name, result) => {
-                assert_eq!(code, status(expected), "call {n}, {name}: {text}");
-            }
-            // Vulkan does not allow this result of this call; any error will do.
-            Err((code, text)) => {
-                assert!(code != status("PANIC") && !text.is_empty(), "call {n}, {name}: {text}")
-            }
-            // The allocator tries other kinds of memory when one runs out.
-            Ok(picture) => {
-                let tried_again = ["vkAllocateMemory", "vkMapMemory"].contains(&name);
-                assert!(tried_again, "call {n}, {name}, failed and nobody noticed");
-                assert!(picture == want, "call {n}, {name}: another picture");
-            }
-        }
+        check(done, want, (n, name, result), expected);
         nothing_is_left(name);
         if !names.contains(&name) {
             names.push(name);
             // The next engine in the process works.
-            assert!(use_an_engine(0).is_ok(), "the engine after a failed {name}");
+            assert!(use_an_engine(Work::Outside).is_ok(), "the engine after a failed {name}");
             nothing_is_left("the next engine");
         }
     }
     unreachable!("a run has an end")
 }
 
+/// What came of a call that failed.
+fn check(
+    done: Result<Vec<u8>, (Status, String)>,
+    want: &[u8],
+    (n, name, result): (usize, &str, vk::Result),
+    expected: &str,
+) {
+    match done {
+        Err((code, text)) if can_return(name, result) => {
+            assert_eq!(code, status(expected), "call {n}, {name}: {text}");
+        }
+        // Vulkan does not allow this result of this call; any error will do.
+        Err((code, text)) => {
+            assert!(code != status("PANIC") && !text.is_empty(), "call {n}, {name}: {text}")
+        }
+        // The allocator tries other kinds of memory when one runs out.
+        Ok(picture) => {
+            let tried_again = ["vkAllocateMemory", "vkMapMemory"].contains(&name);
+            assert!(tried_again, "call {n}, {name}, failed and nobody noticed");
+            assert!(picture == want, "call {n}, {name}: another picture");
+        }
+    }
+}
+
+/// Whether there is a device; clears what a failed test has left in the counters.
 fn ready(test: &str) -> bool {
     if unsafe { ash::Entry::load() }.is_err() {
         eprintln!("SKIPPED {test}: no Vulkan loader");
         return false;
     }
+    FUSE.store(-1, Ordering::Relaxed);
+    state().live.clear();
     let Some(engine) = engine(test, options(2, 0)) else { return false };
     shutterbug_engine_destroy(engine) == OK
 }
 
-#[test]
-#[ignore = "crashes on some injected faults since the methods exact and fast came in"]
-fn device_lost_and_out_of_memory_at_every_call_of_an_outside_frame() {
+/// Every call of some work fails in turn, with the device lost at one call and memory out at the next; under
+/// SHUTTERBUG_LONG=1, with each of three results at every call.
+fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if !ready("device_lost_and_out_of_memory_at_every_call_of_an_outside_frame") {
+    if !ready(test) {
         return;
     }
-    let first = use_an_engine(0).unwrap();
+    let first = use_an_engine(work).unwrap();
+    assert!(first.iter().any(|v| *v != first[0]), "control: a picture of something");
     nothing_is_left("a run without failure");
-    // Host memory takes the same ways as the device's, and a third run half a minute: with SHUTTERBUG_LONG=1.
-    let kinds = if std::env::var_os("SHUTTERBUG_LONG").is_some() { 3 } else { 2 };
-    let all = [
-        (vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST"),
-        (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY"),
-        (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "OUT_OF_MEMORY"),
-    ];
-    for (result, expected) in all.into_iter().take(kinds) {
-        let (calls, names) = fail_each(0, &first, result, expected);
-        eprintln!("{expected}: {calls} calls, {} kinds: {}", names.len(), names.join(" "));
+    let rounds: &[&[Fault]] = match std::env::var_os("SHUTTERBUG_LONG") {
+        Some(_) => &[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]],
+        None => &[&[LOST, DEVICE_MEMORY]],
+    };
+    for faults in rounds {
+        let (calls, names) = fail_each(work, &first, faults);
+        eprintln!("{test}, {faults:?}: {calls} calls, {} kinds: {}", names.len(), names.join(" "));
         assert!(calls > 100 && names.len() > 20, "control: the table wraps what is called");
+        for kind in kinds {
+            assert!(names.contains(kind), "control: {kind} is called");
+        }
     }
-    assert!(use_an_engine(0).unwrap() == first, "after all that, the same picture");
+    assert!(use_an_engine(work).unwrap() == first, "after all that, the same picture");
 }
 
-#[test]
-#[ignore = "crashes on some injected faults since the methods exact and fast came in"]
-fn device_lost_and_out_of_memory_at_every_call_of_a_scene() {
-    let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if !ready("device_lost_and_out_of_memory_at_every_call_of_a_scene") {
-        return;
-    }
-    for (method, result, expected) in [
-        (2, vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY"),
-        (2, vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST"),
-    ] {
-        let (calls, names) = fail_each(method, &[], result, expected);
-        eprintln!("method {method}, {expected}: {calls} calls, {} kinds", names.len());
-        assert!(names.contains(&"vkCreateGraphicsPipelines"), "control: the scene is drawn");
-    }
+macro_rules! every_call {
+    ($($name:ident: $work:expr, $kinds:expr;)+) => {$(
+        #[test]
+        fn $name() {
+            fail_all(stringify!($name), $work, &$kinds);
+        }
+    )+};
+}
+
+const DRAWN: [&str; 2] = ["vkCreateGraphicsPipelines", "vkCreateFramebuffer"];
+
+every_call! {
+    device_lost_and_out_of_memory_at_every_call_of_an_outside_frame: Work::Outside, ["vkCreateComputePipelines"];
+    device_lost_and_out_of_memory_at_every_call_of_method_accumulation: Work::Scene(1, ""), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_method_paper: Work::Scene(2, ""), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
 }

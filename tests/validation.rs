@@ -7,7 +7,7 @@ mod gpu_support;
 use std::sync::Arc;
 use std::time::Duration;
 
-use gpu_support::device;
+use gpu_support::{Turn, device};
 use shutterbug::gpu::{
     Bound, Buffer, ComputePipeline, Context, ContextOptions, DeviceChoice, Format, Image, ImageSpec,
     Location, Slot, Usage, Validation,
@@ -27,6 +27,7 @@ fn storage(context: &Arc<Context>, format: Format) -> Image {
 
 #[test]
 fn a_wrong_usage_is_reported() {
+    let _turn = Turn::take();
     let Some(context) = unwatched("a_wrong_usage_is_reported") else { return };
     let kernel = ComputePipeline::new(&context, const { kernel("motion_from_depth.comp") }).unwrap();
     let array = ImageSpec { array: true, ..ImageSpec::storage([8, 8], Format::Rg32f) };
@@ -44,6 +45,7 @@ fn a_wrong_usage_is_reported() {
 
 #[test]
 fn a_missing_barrier_is_reported() {
+    let _turn = Turn::take();
     let Some(context) = unwatched("a_missing_barrier_is_reported") else { return };
     let image = storage(&context, Format::R32f);
     let staging = Buffer::new(&context, "staging", 256, Usage::Transfer, Location::Upload).unwrap();

@@ -113,7 +113,7 @@ fn settings(o: &shutterbug_engine_options) -> Outcome<Settings> {
         return Err(Fault::argument(format!("time_limit_s is {}, not 0 to 1e9", o.time_limit_s)));
     }
     let max_samples = within("max_blur_samples", or(o.max_blur_samples, 240), 4096)?;
-    let motion_images = within("motion_images", or(o.motion_images, 2), 6)?;
+    let motion_images = within("motion_images", o.motion_images, 6)?;
     Ok(Settings {
         method: method_of(o.method, motion_images, max_samples)?,
         samples,

@@ -18,7 +18,11 @@ pub fn run(args: &Diagnose) -> Result<()> {
     fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
-    let options = DiagnoseOptions { seed: args.seed, without: args.without.clone() };
+    let options = DiagnoseOptions {
+        seed: args.seed,
+        without: args.without.clone(),
+        time_limit: Some(Duration::from_secs(args.time_limit_s)),
+    };
     let mut lines =
         Lines { stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL };
     let diagnosis = diagnose(&context, &capture, &options, &mut lines)?;

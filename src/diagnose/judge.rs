@@ -5,9 +5,11 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::evidence::{BLOCK, Evidence};
-use super::forward::Forward;
-use super::model::Theta;
-use super::score::{FrameScore, Scored, Spread, score_frame};
+use super::forward::{Forward, Quality};
+use super::hot::HotMap;
+use super::model::{P, Theta};
+use super::score::{FrameScore, Scored, score_frame};
+use super::tone::Tone;
 use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
 use crate::plane::Plane;
@@ -37,17 +39,26 @@ pub(super) struct Judge<'a> {
     pub evidence: &'a Evidence,
     pub masks: Option<&'a [Plane<f32>]>,
     pub seed: u64,
+    /// Pixels that are stuck, for models that have such.
+    pub hot: HotMap,
+    /// How well the frames to be judged are rendered.
+    pub quality: Quality,
     known: HashMap<String, Scores>,
 }
 
 impl<'a> Judge<'a> {
-    pub(super) fn new(evidence: &'a Evidence, masks: Option<&'a [Plane<f32>]>, seed: u64) -> Self {
-        Self { evidence, masks, seed, known: HashMap::new() }
+    pub(super) fn new(
+        evidence: &'a Evidence,
+        masks: Option<&'a [Plane<f32>]>,
+        seed: u64,
+        hot: HotMap,
+    ) -> Self {
+        Self { evidence, masks, seed, hot, quality: Quality::Fit, known: HashMap::new() }
     }
 
     /// Scores of `theta` on the held-out frames.
     pub(super) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
-        let key = format!("{theta:?}");
+        let key = format!("{:?} {theta:?}", self.quality);
         if let Some(known) = self.known.get(&key) {
             return Ok(known.clone());
         }
@@ -58,11 +69,11 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
-        forward.fine = true;
-        let means = forward.simulate(frames, theta);
-        forward.fine = false;
-        let means = means?;
-        let spread = Spread::new(theta);
+        let mut means = forward.simulate(frames, theta, self.quality)?;
+        if theta.get(P::Hot) > 0.0 {
+            means.iter_mut().for_each(|m| self.hot.put(m));
+        }
+        let tone = Tone::new(theta);
         let scored: Vec<_> = frames
             .iter()
             .zip(&means)
@@ -77,7 +88,7 @@ impl<'a> Judge<'a> {
             .map(|i| {
                 let follows = i > 0
                     && self.evidence.frames[frames[i]].index == self.evidence.frames[frames[i - 1]].index + 1;
-                score_frame(&scored[i], follows.then(|| &scored[i - 1]), &spread)
+                score_frame(&scored[i], follows.then(|| &scored[i - 1]), &tone)
             })
             .collect();
         Ok(Scores(scores))
@@ -120,6 +131,14 @@ impl<'a> Judge<'a> {
         all
     }
 
+    /// Gain of one family of statistics, and its interval.
+    pub(super) fn family_gain(&self, worse: &Scores, better: &Scores, family: usize) -> (f64, [f64; 2]) {
+        let of = |s: &Scores, i: usize| s.0[i].families[family].map_or(0.0, |f| f[0]);
+        let all: Vec<usize> = (0..worse.0.len()).collect();
+        let gain = |i: usize| of(worse, i) - of(better, i);
+        (mean(&all, gain), self.interval(gain))
+    }
+
     /// Gain from `worse` to `better` and its interval.
     pub(super) fn gain(&self, worse: &Scores, better: &Scores) -> (f64, [f64; 2]) {
         let gain = |i: usize| worse.0[i].score - better.0[i].score;
@@ -129,7 +148,12 @@ impl<'a> Judge<'a> {
 
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
-    if before - floor <= 1e-9 { 0.0 } else { ((before - after) / (before - floor)).clamp(0.0, 1.0) }
+    // A floor above `after` is a model that expects more spread than there is: as wrong as one that expects less.
+    if before - floor <= 1e-9 {
+        0.0
+    } else {
+        (1.0 - (after - floor).abs() / (before - floor)).clamp(0.0, 1.0)
+    }
 }
 
 fn mean(indices: &[usize], f: impl Fn(usize) -> f64) -> f64 {

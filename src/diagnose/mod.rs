@@ -5,21 +5,31 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod describe;
+mod ending;
 mod evidence;
 mod fit;
+mod flow;
 mod forward;
+mod hot;
 mod judge;
+mod linear;
 mod model;
 mod noise;
+mod normal;
 mod output;
+mod parts;
 mod photometric;
 mod places;
 mod report;
+mod residue;
 mod run;
 mod score;
 mod search;
 mod settings;
 mod starts;
+mod tone;
+mod wide;
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

@@ -33,8 +33,6 @@ macro_rules! parameters {
         pub(super) const PARAMETERS: &[ParameterSpec] = &[$(ParameterSpec {
             effect: $effect, name: $name, unit: $unit, neutral: $neutral, step: $step, range: [$lo, $hi],
         },)*];
-        /// All places.
-        pub(super) const ALL: &[P] = &[$(P::$index,)*];
     };
 }
 
@@ -50,6 +48,7 @@ parameters! {
     K2: "lens_distortion" "k2" "", 0.0, 6e-3, -0.4, 0.8;
     P1: "lens_distortion" "p1" "", 0.0, 1e-3, -0.05, 0.05;
     P2: "lens_distortion" "p2" "", 0.0, 1e-3, -0.05, 0.05;
+    K3: "lens_distortion" "k3" "", 0.0, 1e-2, -0.6, 0.8;
     ScaleR: "chromatic_aberration" "scale_r" "", 1.0, 1e-3, 0.97, 1.03;
     ScaleB: "chromatic_aberration" "scale_b" "", 1.0, 1e-3, 0.97, 1.03;
     Defocus: "defocus" "sigma_px" "px", 0.0, 0.1, 0.0, 8.0;
@@ -88,8 +87,10 @@ pub(super) const PATTERNS: [&str; 5] = ["", "RGGB", "BGGR", "GRBG", "GBRG"];
 pub(super) struct CandidateSpec {
     /// Name of the contract.
     pub name: &'static str,
-    /// Its parameters; the first ones are those that a fit starts with, `more` are freed at the end.
+    /// Its parameters that every fit frees.
     pub parameters: &'static [P],
+    /// Those that are freed at the end, if that helps.
+    pub more: &'static [P],
     /// Needs motion to be seen.
     pub needs_motion: bool,
     /// Changes the spread of values, not their mean.
@@ -97,20 +98,20 @@ pub(super) struct CandidateSpec {
 }
 
 const fn candidate(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, needs_motion: false, noise: false }
+    CandidateSpec { name, parameters, more: &[], needs_motion: false, noise: false }
 }
 
 const fn moving(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, needs_motion: true, noise: false }
+    CandidateSpec { name, parameters, more: &[], needs_motion: true, noise: false }
 }
 
 const fn noise(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, needs_motion: false, noise: true }
+    CandidateSpec { name, parameters, more: &[], needs_motion: false, noise: true }
 }
 
 /// All candidates, in light-path order; set-up errors last.
 pub(super) const CANDIDATES: &[CandidateSpec] = &[
-    candidate("lens_distortion", &[P::K1, P::K2]),
+    CandidateSpec { more: &[P::P1, P::P2, P::K3], ..candidate("lens_distortion", &[P::K1, P::K2]) },
     candidate("chromatic_aberration", &[P::ScaleR, P::ScaleB]),
     moving("rolling_shutter", &[P::Readout]),
     moving("motion_blur", &[P::Exposure]),
@@ -199,12 +200,8 @@ impl Theta {
     /// The same with an effect taken out.
     pub(super) fn without(&self, candidate: &CandidateSpec) -> Self {
         let mut changed = self.clone();
-        for &p in candidate.parameters {
+        for &p in candidate.parameters.iter().chain(candidate.more) {
             changed.values[p as usize] = p.spec().neutral;
-        }
-        if candidate.name == "lens_distortion" {
-            changed.values[P::P1 as usize] = 0.0;
-            changed.values[P::P2 as usize] = 0.0;
         }
         changed
     }
@@ -262,10 +259,8 @@ impl Theta {
                 for &p in candidate.parameters {
                     number(p.spec().name, self.get(p), around(p), p.spec().unit);
                 }
-                for p in [P::P1, P::P2] {
-                    if candidate.name == "lens_distortion" && self.is_on(p) {
-                        number(p.spec().name, self.get(p), around(p), p.spec().unit);
-                    }
+                for &p in candidate.more.iter().filter(|&&p| self.is_on(p)) {
+                    number(p.spec().name, self.get(p), around(p), p.spec().unit);
                 }
                 if candidate.name == "rolling_shutter" {
                     out.insert("scan_order".to_owned(), word(self.scan_order.name()));

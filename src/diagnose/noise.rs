@@ -1,37 +1,69 @@
-//! The spread of the real values about the simulated ones, where the picture is flat: which noise the sensor has.
+//! The spread of the real values about the simulated ones: which noise the sensor has.
+//!
+//! Differences are high-passed over [`APART`] px along the row, so that a mean that is a little wrong counts little, and a
+//! row's common value not at all; what a pixel keeps over the frames is told from what is new in each.
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
-use super::photometric::Tone;
+use super::tone::{Tone, noise_gain};
 use crate::plane::Plane;
 
-/// Steepest slope of the simulated picture where noise is measured, DN a px: beyond it renderers differ.
-const FLAT_DN: f32 = 4.0;
+/// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
+const FLAT_DN: f32 = 10.0;
+/// Distance over which differences are taken, px; the second where demosaicking and sharpening mix pixels.
+const APART: [usize; 2] = [2, 4];
+/// Variance of a difference to the mean of two others.
+const HIGH_PASS: f64 = 1.5;
 /// Fewest values of a bin of brightness.
 const FEWEST: usize = 200;
+/// Bins of brightness.
+const BINS: usize = 32;
+/// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
+const BIN_ERROR: f64 = 0.05;
 
-/// Moments of the differences, in linear values of the sensor.
+/// Names of the candidates that change the spread.
+pub(super) const NOISES: [&str; 5] =
+    ["shot_noise", "fixed_pattern_noise", "row_noise", "read_noise", "hot_pixels"];
+
+/// Variances in linear values of the sensor before the black level. Per bin: linear value, variance, number.
+#[derive(Clone, Debug, Default)]
 pub(super) struct NoiseData {
-    /// Per bin of brightness: linear value, variance, number.
-    bins: Vec<[f64; 3]>,
-    /// Variance of row means beyond that of their values.
-    row2: f64,
-    /// Per bin: linear value, variance of what stays the same over the frames, number.
-    fixed: Vec<[f64; 3]>,
-    /// Share of pixels that are white in every frame and are not so in the simulation.
-    pub hot: f64,
+    /// Of single values about what their neighbours say.
+    pub(super) total: Vec<[f64; 3]>,
+    /// The part of it that is the same in every frame.
+    pub(super) fixed: Vec<[f64; 3]>,
+    /// Of rows beyond that of their pixels.
+    pub(super) row2: f64,
 }
 
-fn flat(mean: &Plane<f32>, x: usize, y: usize) -> bool {
+/// What is measured, before it is reduced.
+struct Values {
+    total: Vec<Vec<f32>>,
+    /// Sum of the simulated values, DN.
+    dn: Vec<f64>,
+    /// Mean over the frames and the number of frames.
+    fixed: Vec<Vec<(f32, f32)>>,
+    rows: Vec<f64>,
+    /// Variance that a row's mean has from its pixels, sum and number.
+    row_own: [f64; 2],
+}
+
+/// Where the simulated picture is flat.
+pub(super) fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
     let (w, h) = (mean.width, mean.height);
-    if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
-        return false;
-    }
-    let here = mean.pixel(x, y);
-    [(-2i64, 0i64), (2, 0), (0, -2), (0, 2), (-1, -1), (1, 1), (1, -1), (-1, 1)].iter().all(|(dx, dy)| {
-        let there = mean.pixel((x as i64 + dx) as usize, (y as i64 + dy) as usize);
-        (0..3).all(|c| (there[c] - here[c]).abs() < FLAT_DN)
-    })
+    (0..w * h)
+        .map(|i| {
+            let (x, y) = (i % w, i / w);
+            if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
+                return false;
+            }
+            let here = &mean.data[3 * i..3 * i + 3];
+            [-2, 2, -2 * w as i64, 2 * w as i64, -1 - w as i64, 1 + w as i64].iter().all(|d| {
+                let there = 3 * (i as i64 + d) as usize;
+                (0..3).all(|c| (mean.data[there + c] - here[c]).abs() < FLAT_DN)
+            })
+        })
+        .collect()
 }
 
 impl NoiseData {
@@ -44,125 +76,226 @@ impl NoiseData {
         masks: Option<&[Plane<f32>]>,
     ) -> Self {
         let tone = Tone::new(theta);
-        let gain = [theta.get(P::WbR) as f32, 1.0, theta.get(P::WbB) as f32];
         let (w, h) = (means[0].width, means[0].height);
-        let mut by_bin: Vec<Vec<f32>> = vec![Vec::new(); 32];
-        let mut row2 = (0.0, 0.0);
-        let mut sums = vec![[0.0f32; 4]; w * h * 3];
-        let mut white = vec![true; w * h];
-        for (&at, mean) in frames.iter().zip(means) {
-            let real = &evidence.frames[at].dn;
-            for y in 0..h {
-                let mut row = [[0.0f64; 3]; 3];
-                for x in 0..w {
-                    let i = y * w + x;
-                    let (r, m) = (real.pixel(x, y), mean.pixel(x, y));
-                    white[i] &= (0..3).all(|c| r[c] >= 253.0) && (0..3).any(|c| m[c] < 235.0);
-                    if masks.is_some_and(|k| k[at].data[i] <= 0.5) || !flat(mean, x, y) {
-                        continue;
-                    }
-                    for c in 0..3 {
-                        let slope = tone.slope_at(m[c]) * gain[c];
-                        // Values near the ends are clipped, and their spread with them.
-                        if m[c] < 12.0 || m[c] > 240.0 || slope < 20.0 || r[c] <= 0.0 || r[c] >= 255.0 {
-                            continue;
-                        }
-                        let error = (r[c] - m[c]) / slope;
-                        let linear = tone.decode(m[c]) / gain[c];
-                        let bin = ((m[c] / 8.0) as usize).min(31);
-                        by_bin[bin].push(error);
-                        let s = &mut sums[3 * i + c];
-                        *s = [s[0] + error, s[1] + error * error, s[2] + 1.0, s[3] + linear];
-                        let e = f64::from(error);
-                        row[c] = [row[c][0] + e, row[c][1] + e * e, row[c][2] + 1.0];
-                    }
+        let flats: Vec<Vec<bool>> = frames
+            .iter()
+            .zip(means)
+            .map(|(&at, mean)| {
+                let mut flat = flat_map(mean);
+                if let Some(m) = masks.map(|m| &m[at]) {
+                    flat.iter_mut().zip(&m.data).for_each(|(f, m)| *f &= *m > 0.5);
                 }
-                for [sum, square, n] in row.into_iter().filter(|r| r[2] > 40.0) {
-                    let mean = sum / n;
-                    // What is left of the variance of the mean when that of its values is taken off.
-                    row2.0 += mean * mean - (square / n - mean * mean) / (n - 1.0);
-                    row2.1 += 1.0;
+                flat
+            })
+            .collect();
+        let mut values = Values {
+            total: vec![Vec::new(); BINS],
+            dn: vec![0.0; BINS],
+            fixed: vec![Vec::new(); BINS],
+            rows: Vec::new(),
+            row_own: [0.0; 2],
+        };
+        // By whole DN: linear values, and their slope by DN.
+        let linear: Vec<[f32; 3]> = (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
+        let slopes: Vec<[f32; 3]> =
+            (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
+        let decode = |dn: f32, c: usize| {
+            let i = dn as usize;
+            linear[i][c] + (linear[i + 1][c] - linear[i][c]) * (dn - i as f32)
+        };
+        let error = |f: usize, i: usize| -> Option<(f32, f32)> {
+            let (r, m) = (evidence.frames[frames[f]].dn.data[i], means[f].data[i]);
+            // Values near the ends are clipped, and their spread with them.
+            if !flats[f][i / 3] || !(12.0..=240.0).contains(&m) || r <= 0.0 || r >= 255.0 {
+                return None;
+            }
+            let slope = slopes[m as usize][i % 3];
+            (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
+        };
+        let apart = APART[usize::from(theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen))];
+        for y in 0..h {
+            for x in apart..w.saturating_sub(apart) {
+                for c in 0..3 {
+                    let i = 3 * (y * w + x) + c;
+                    let mut seen: Vec<(f32, f32)> = Vec::with_capacity(frames.len());
+                    for f in 0..frames.len() {
+                        let (a, b) = (error(f, i - 3 * apart), error(f, i + 3 * apart));
+                        if let (Some((e, m)), Some((a, _)), Some((b, _))) = (error(f, i), a, b) {
+                            seen.push((e - 0.5 * (a + b), m));
+                        }
+                    }
+                    values.add(&seen);
                 }
             }
         }
-        let quantum = |bin: usize| {
-            let slope = f64::from(tone.slope_at(8.0 * bin as f32 + 4.0));
-            1.0 / 12.0 / (slope * slope).max(1e-9)
-        };
-        let bins = by_bin
-            .iter_mut()
-            .enumerate()
-            .filter(|(_, v)| v.len() >= FEWEST)
-            .map(|(bin, v)| {
-                let linear = f64::from(tone.decode(8.0 * bin as f32 + 4.0));
-                [linear, (robust_variance(v) - quantum(bin)).max(0.0), v.len() as f64]
-            })
-            .collect();
-        let fixed = fixed_part(&sums, frames.len());
-        let hot = white.iter().filter(|w| **w).count() as f64 / (w * h) as f64;
-        let row2 = if row2.1 > 0.0 { (row2.0 / row2.1).max(0.0) } else { 0.0 };
-        Self { bins, row2, fixed, hot: if frames.len() >= 3 { hot } else { 0.0 } }
+        for f in 0..frames.len() {
+            values.add_rows(w, h, |i| error(f, i).map(|e| e.0));
+        }
+        values.reduce(&tone, theta)
     }
 
-    /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative.
-    pub(super) fn fit(&self, theta: &Theta, names: &[&str]) -> Theta {
+    /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of the
+    /// others are as in `base`.
+    pub(super) fn fit(&self, theta: &Theta, base: &Theta, names: &[&str]) -> Theta {
         let on = |name: &str| names.contains(&name);
         let mut theta = theta.clone();
         for p in [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu, P::Hot] {
-            theta.set(p, 0.0);
+            theta.set(p, base.get(p));
         }
-        let row2 = if on("row_noise") { self.row2 } else { 0.0 };
-        theta.set(P::Row, row2.sqrt());
+        if on("row_noise") {
+            theta.set(P::Row, self.row2.sqrt());
+        }
         if on("fixed_pattern_noise") {
             let [dsnu2, prnu2] = line(&self.fixed, |l| [1.0, l * l]);
             theta.set(P::Dsnu, dsnu2.sqrt());
             theta.set(P::Prnu, prnu2.sqrt());
         }
-        let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
+        let known = |l: f64| {
+            let read2 = if on("read_noise") { 0.0 } else { base.get(P::Read).powi(2) };
+            let shot = if on("shot_noise") { 0.0 } else { l * base.get(P::Shot) };
+            // A model without a pattern takes its spread for noise that is new in every frame.
+            read2 + shot + theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2)
+        };
         let rest: Vec<[f64; 3]> =
-            self.bins.iter().map(|&[l, v, n]| [l, (v - row2 - dsnu2 - prnu2 * l * l).max(0.0), n]).collect();
+            self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
             (true, true) => line(&rest, |l| [1.0, l]),
             (true, false) => line(&rest, |_| [1.0, 0.0]),
             (false, true) => line(&rest, |l| [0.0, l]),
             (false, false) => [0.0, 0.0],
         };
-        theta.set(P::Read, read2.sqrt());
-        theta.set(P::Shot, inverse);
-        if on("hot_pixels") {
-            theta.set(P::Hot, self.hot);
+        if on("read_noise") {
+            theta.set(P::Read, read2.sqrt());
+        }
+        if on("shot_noise") {
+            theta.set(P::Shot, inverse);
+        }
+        // Less than a few hundredths of a DN is no noise but the arithmetic of rounding.
+        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)]
+        {
+            if theta.get(p) < least {
+                theta.set(p, 0.0);
+            }
         }
         theta
     }
 }
 
-/// Variance from the middle half of the values: edges of renderers and stuck pixels have no say.
+impl NoiseData {
+    /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
+    pub(super) fn unclipped(&self) -> Vec<[f64; 3]> {
+        let free = self.total.iter().filter(|[l, v, _]| *l > 2.5 * v.sqrt() && *l < 1.0 - 2.5 * v.sqrt());
+        let free: Vec<_> = free.copied().collect();
+        if free.len() >= 4 { free } else { self.total[self.total.len().saturating_sub(4)..].to_vec() }
+    }
+
+    /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
+    /// spread grows with brightness. `theta` has the noise that is there besides.
+    pub(super) fn significance(&self, theta: &Theta) -> [f64; 2] {
+        let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
+        for [l, v, n] in self.unclipped() {
+            let besides = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
+            let error = (v * v * (BIN_ERROR * BIN_ERROR + 3.0 / n)).max(1e-18);
+            let g = [1.0, l];
+            for i in 0..2 {
+                b[i] += g[i] * (v - besides) / error;
+                (0..2).for_each(|j| a[i][j] += g[i] * g[j] / error);
+            }
+        }
+        let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+        if det <= 1e-9 * a[0][0] * a[1][1] {
+            return [0.0; 2];
+        }
+        [0, 1].map(|i| {
+            let j = 1 - i;
+            let x = (b[i] * a[j][j] - b[j] * a[i][j]) / det;
+            x / (a[j][j] / det).sqrt()
+        })
+    }
+}
+
+impl Values {
+    /// The differences of one value in all frames, with the mean of each.
+    fn add(&mut self, seen: &[(f32, f32)]) {
+        let bin = |m: f32| ((m / 8.0) as usize).min(BINS - 1);
+        for (e, m) in seen {
+            self.total[bin(*m)].push(*e);
+            self.dn[bin(*m)] += f64::from(*m);
+        }
+        if seen.len() >= 3 {
+            let n = seen.len() as f32;
+            let mean = seen.iter().map(|s| s.0).sum::<f32>() / n;
+            self.fixed[bin(seen[0].1)].push((mean, n));
+        }
+    }
+
+    /// Means of rows, high-passed from row to row.
+    fn add_rows(&mut self, w: usize, h: usize, error: impl Fn(usize) -> Option<f32>) {
+        let rows: Vec<Option<[f64; 2]>> = (0..h)
+            .map(|y| {
+                let (mut sum, mut square, mut n) = (0.0, 0.0, 0.0);
+                for i in 3 * y * w..3 * (y + 1) * w {
+                    if let Some(e) = error(i) {
+                        let e = f64::from(e);
+                        (sum, square, n) = (sum + e, square + e * e, n + 1.0);
+                    }
+                }
+                let mean = sum / f64::max(n, 1.0);
+                (n > 60.0).then(|| [mean, (square / n - mean * mean) / n])
+            })
+            .collect();
+        for y in 1..h.saturating_sub(1) {
+            if let (Some(a), Some(b), Some(c)) = (rows[y - 1], rows[y], rows[y + 1]) {
+                self.rows.push(b[0] - 0.5 * (a[0] + c[0]));
+                self.row_own[0] += b[1] + 0.25 * (a[1] + c[1]);
+                self.row_own[1] += 1.0;
+            }
+        }
+    }
+
+    fn reduce(mut self, tone: &Tone, theta: &Theta) -> NoiseData {
+        let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
+        let mean_dn: Vec<f32> =
+            self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
+        let linear = |bin: usize| f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);
+        let quantum = |bin: usize| {
+            let slope = f64::from(tone.slope_at(mean_dn[bin], 1));
+            1.0 / 12.0 / (slope * slope).max(1e-9)
+        };
+        let mut total = vec![0.0; BINS];
+        let mut data = NoiseData::default();
+        for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
+            total[bin] = robust_variance(v) / HIGH_PASS;
+            let variance = (total[bin] - quantum(bin)).max(0.0) / gain;
+            data.total.push([linear(bin), variance, v.len() as f64]);
+        }
+        for (bin, v) in self.fixed.iter().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
+            let n = f64::from(v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32);
+            let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
+            // total = free + fixed, and the mean of n keeps fixed + free / n.
+            let of_mean = robust_variance(&mut means) / HIGH_PASS;
+            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) / gain;
+            data.fixed.push([linear(bin), variance, v.len() as f64]);
+        }
+        if self.rows.len() >= 20 {
+            let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
+            let own = self.row_own[0] / self.row_own[1];
+            data.row2 = ((robust_variance(&mut rows) - own) / HIGH_PASS).max(0.0);
+        }
+        data
+    }
+}
+
+/// Variance from the middle of the values, half a standard deviation to each side: edges of renderers and stuck pixels
+/// have no say.
 fn robust_variance(values: &mut [f32]) -> f64 {
     let n = values.len();
     let mut at = |share: f64| {
         let i = ((n as f64 * share) as usize).min(n - 1);
         *values.select_nth_unstable_by(i, f32::total_cmp).1
     };
-    let (low, high) = (at(0.1587), at(0.8413));
-    (0.5 * f64::from(high - low)).powi(2)
-}
-
-/// Variance between pixels of what their frames have in common, by brightness.
-fn fixed_part(sums: &[[f32; 4]], frames: usize) -> Vec<[f64; 3]> {
-    let mut bins = [[0.0f64; 3]; 12];
-    for s in sums.iter().filter(|s| s[2] >= 3.0 && s[2] as usize * 2 >= frames) {
-        let n = f64::from(s[2]);
-        let (mean, square) = (f64::from(s[0]) / n, f64::from(s[1]) / n);
-        let own = (square - mean * mean) / (n - 1.0);
-        let linear = f64::from(s[3]) / n;
-        let bin = &mut bins[((linear.sqrt() * 12.0) as usize).min(11)];
-        // Stuck pixels have a variance of their own.
-        if mean.abs() < 0.25 {
-            *bin = [bin[0] + linear, bin[1] + mean * mean - own, bin[2] + 1.0];
-        }
-    }
-    let enough = bins.into_iter().filter(|b| b[2] >= FEWEST as f64);
-    enough.map(|[l, v, n]| [l / n, (v / n).max(0.0), n]).collect()
+    let (low, high) = (at(0.308_538), at(0.691_462));
+    f64::from(high - low).powi(2)
 }
 
 /// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance.
@@ -172,7 +305,7 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         for &[l, v, n] in bins {
             let g = f(l);
             let model = (previous[0] * g[0] + previous[1] * g[1]).max(0.1 * v).max(1e-9);
-            let weight = n / (model * model);
+            let weight = 1.0 / (model * model * (BIN_ERROR * BIN_ERROR + 3.0 / n));
             for i in 0..2 {
                 b[i] += weight * g[i] * v;
                 (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);

@@ -1,12 +1,11 @@
 //! Linear radiance to the values that the camera would have delivered, on the CPU: the effects after the geometry, in
-//! light-path order, without noise. Values stay unrounded, so that derivatives exist.
+//! light-path order. The mean over the noise; unrounded, so that derivatives exist. `tests` holds it to the chain's own
+//! references.
 
 use super::model::{P, Theta};
+use super::tone::{Tone, Variances};
 use crate::camera::{Intrinsics, ScanOrder};
-use crate::plane::{Plane, srgb_encode};
-
-/// Entries of the table of encoded values: linear interpolation is within 0.01 DN above linear 0.001.
-const TABLE: usize = 8192;
+use crate::plane::Plane;
 
 /// What a frame's lines see of a light that flickers.
 #[derive(Clone, Copy, Debug)]
@@ -19,73 +18,14 @@ pub(super) struct LineTimes {
     pub scan_order: ScanOrder,
 }
 
-/// Encoded picture and the slope of encoding.
-pub(super) struct Developed {
-    /// DN (0 to 255, unrounded), shape `[height, width, 3]`.
-    pub dn: Plane<f32>,
-}
-
-/// Everything that happens to a value on its own, as a table.
-pub(super) struct Tone {
-    table: Vec<f32>,
-    /// Gain per channel before the table.
-    gain: [f32; 3],
-    black: f32,
-    veil: f32,
-    veil_level: f32,
-}
-
-impl Tone {
-    pub(super) fn new(theta: &Theta) -> Self {
-        let exponent = theta.get(P::Gamma) as f32;
-        let encode = |i: usize| {
-            let value = srgb_encode(i as f32 / TABLE as f32);
-            255.0 * if exponent == 1.0 { value } else { value.powf(exponent) }
-        };
-        let gain = theta.get(P::Gain) as f32;
-        Self {
-            table: (0..=TABLE + 1).map(encode).collect(),
-            gain: [gain * theta.get(P::WbR) as f32, gain, gain * theta.get(P::WbB) as f32],
-            black: theta.get(P::Black) as f32,
-            veil: theta.get(P::Veil) as f32,
-            veil_level: (theta.get(P::Veil) * theta.get(P::Level)) as f32,
-        }
-    }
-
-    /// Linear value on the sensor, before encoding, of radiance `linear` that the lens let pass by `pass`.
-    fn sensor(&self, linear: f32, channel: usize, pass: f32) -> f32 {
-        let seen = (1.0 - self.veil) * linear * pass + self.veil_level;
-        // White balance stands after the black level, so a gain of a channel lifts the black too.
-        let wb = self.gain[channel] / self.gain[1];
-        wb * (self.black + (1.0 - self.black) * self.gain[1] * seen)
-    }
-
-    fn encode(&self, sensor: f32) -> f32 {
-        let at = sensor.clamp(0.0, 1.0) * TABLE as f32;
-        let i = at as usize;
-        let f = at - i as f32;
-        self.table[i] * (1.0 - f) + self.table[i + 1] * f
-    }
-
-    /// DN per unit of the sensor's linear value that encodes to `dn`; 0 where clipped.
-    pub(super) fn slope_at(&self, dn: f32) -> f32 {
-        if dn >= 254.9 {
-            return 0.0;
-        }
-        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
-        (self.table[i] - self.table[i - 1]) * TABLE as f32
-    }
-
-    /// The sensor's linear value (0 to 1) that encodes to `dn`.
-    pub(super) fn decode(&self, dn: f32) -> f32 {
-        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
-        let (a, b) = (self.table[i - 1], self.table[i]);
-        ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32
-    }
-}
-
-/// Develops a frame. `linear`: shape `[height, width, 3]`.
-pub(super) fn develop(linear: &Plane<f32>, theta: &Theta, k: &Intrinsics, lines: LineTimes) -> Developed {
+/// Develops a frame: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`: the same shape.
+pub(super) fn develop(
+    linear: &Plane<f32>,
+    theta: &Theta,
+    tone: &Tone,
+    k: &Intrinsics,
+    lines: LineTimes,
+) -> Plane<f32> {
     let blurred;
     let sigma = theta.get(P::Defocus) as f32;
     let linear = if sigma > 0.0 {
@@ -94,46 +34,71 @@ pub(super) fn develop(linear: &Plane<f32>, theta: &Theta, k: &Intrinsics, lines:
     } else {
         linear
     };
-    let tone = Tone::new(theta);
     let (w, h) = (linear.width, linear.height);
     let corner = 0.25 * ((w * w + h * h) as f32);
     let (a1, a2) = (theta.get(P::A1) as f32, theta.get(P::A2) as f32);
     let flicker = flicker_of(theta, lines, w, h);
     let mosaic = theta.get(P::Mosaic) as usize;
-    let mut sensor = Plane::new(w, h, 3);
+    let mut dn = Plane::new(w, h, 3);
     for y in 0..h {
         let dy = y as f32 + 0.5 - k.cy as f32;
         for x in 0..w {
             let dx = x as f32 + 0.5 - k.cx as f32;
             let q = (dx * dx + dy * dy) / corner;
-            let mut pass = 1.0 + a1 * q + a2 * q * q;
-            if let Some((by_line, rows)) = &flicker {
-                pass *= by_line[if *rows { y } else { x }];
-            }
-            let (from, to) = (linear.pixel(x, y), sensor.pixel_mut(x, y));
+            let pass = (1.0 + q * (a1 + q * a2)).max(0.0);
+            let (from, to) = (linear.pixel(x, y), dn.pixel_mut(x, y));
+            let light = flicker.as_ref().map(|(by_line, rows)| by_line[if *rows { y } else { x }]);
             for c in 0..3 {
-                to[c] = tone.sensor(from[c], c, pass);
+                let sensor = match light {
+                    None => tone.sensor(from[c], pass),
+                    Some(light) => tone.sensor_lit(from[c], pass, light),
+                };
+                to[c] = if mosaic > 0 { sensor } else { tone.encode(sensor, c) };
             }
         }
     }
     if mosaic > 0 {
-        sensor = demosaicked(&sensor, mosaic);
-    }
-    let mut dn = sensor;
-    dn.data.iter_mut().for_each(|v| *v = tone.encode(*v));
-    let amount = theta.get(P::Sharpen) as f32;
-    if amount != 0.0 {
-        let soft = gaussian(&dn, theta.get(P::Radius) as f32);
-        for (v, s) in dn.data.iter_mut().zip(&soft.data) {
-            *v = (*v + amount * (*v - s)).clamp(0.0, 255.0);
+        dn = demosaicked(&dn, mosaic);
+        for p in dn.data.chunks_exact_mut(3) {
+            (0..3).for_each(|c| p[c] = tone.encode(p[c], c));
         }
     }
-    let dn = match theta.get(P::Chroma) as usize {
-        0 => dn,
-        scheme => subsampled(&dn, scheme),
-    };
+    behind_encoding(dn, theta, tone)
+}
+
+fn behind_encoding(mut dn: Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
+    let amount = theta.get(P::Sharpen) as f32;
+    let sharpened = amount != 0.0;
+    if sharpened {
+        let soft = gaussian(&dn, theta.get(P::Radius) as f32);
+        for (i, (v, s)) in dn.data.iter_mut().zip(&soft.data).enumerate() {
+            let spread = if tone.is_noisy() { tone.spread(*v, i % 3) } else { Variances::default() };
+            *v = clipped_mean(*v + amount * (*v - s), (spread.free + spread.fixed).sqrt());
+        }
+    }
+    let scheme = theta.get(P::Chroma) as usize;
+    if scheme > 0 {
+        dn = subsampled(&dn, scheme);
+    }
+    if sharpened || scheme > 0 {
+        dn.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
+    }
     let quality = theta.get(P::Quality) as u8;
-    Developed { dn: if quality > 0 { compressed(&dn, quality) } else { dn } }
+    if quality > 0 { compressed(&dn, quality) } else { dn }
+}
+
+/// Mean of a normal value that is clipped to 0 and 255.
+fn clipped_mean(mean: f32, sigma: f32) -> f32 {
+    if sigma <= 0.05 || (mean > 4.0 * sigma && mean < 255.0 - 4.0 * sigma) {
+        return mean;
+    }
+    // What lies below 0 on average, and what lies above 255.
+    let beyond = |z: f32| {
+        let density = (-0.5 * z * z).exp() * 0.398_942_3;
+        let above = 0.5 * (1.0 - super::score::erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2)) as f32;
+        sigma * (density - z * above)
+    };
+    mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
 fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Vec<f32>, bool)> {
@@ -157,9 +122,9 @@ fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Ve
     Some((by_line, order.lines_are_rows()))
 }
 
-/// Gaussian of `sigma` px, truncated at 3.5 sigma; the border repeats outwards.
+/// Gaussian of `sigma` px, truncated at 4 sigma as in the chain; the border repeats outwards.
 pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
-    let radius = (3.5 * sigma).ceil().max(1.0) as usize;
+    let radius = (4.0 * sigma + 0.5).floor().max(1.0) as usize;
     let mut kernel: Vec<f32> = (0..=radius).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
     let sum = kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>();
     kernel.iter_mut().for_each(|v| *v /= sum);
@@ -194,7 +159,7 @@ pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
     out
 }
 
-/// One colour a pixel, then bilinear.
+/// One colour a pixel, then bilinear; the picture is mirrored about its outermost pixels.
 fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
     let (w, h) = (plane.width, plane.height);
     // Place of red in the 2x2 cell; blue lies diagonally opposite.
@@ -204,37 +169,26 @@ fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
         (1, 1) => 2,
         _ => 1,
     };
-    let mut out = Plane::new(w, h, 3);
-    for y in 0..h {
-        for x in 0..w {
-            let (mut sum, mut count) = ([0.0f32; 3], [0.0f32; 3]);
-            for dy in -1i64..=1 {
-                for dx in -1i64..=1 {
-                    let (u, v) = (x as i64 + dx, y as i64 + dy);
-                    if u < 0 || v < 0 || u >= w as i64 || v >= h as i64 {
-                        continue;
-                    }
-                    let (u, v) = (u as usize, v as usize);
-                    let c = channel(u, v);
-                    let own = channel(x, y) == c;
-                    if own && (dx != 0 || dy != 0) {
-                        continue;
-                    }
-                    // Green at a red or blue place comes from the four edge neighbours only.
-                    if c == 1 && dx != 0 && dy != 0 {
-                        continue;
-                    }
-                    sum[c] += plane.pixel(u, v)[c];
-                    count[c] += 1.0;
-                }
-            }
-            let to = out.pixel_mut(x, y);
-            for c in 0..3 {
-                to[c] = sum[c] / count[c].max(1.0);
-            }
+    let mirrored = |at: i64, side: usize| {
+        let last = side as i64 - 1;
+        (last - (last - at.abs()).abs()).clamp(0, last) as usize
+    };
+    Plane::from_fn(w, h, |x, y| {
+        let at = |dx: i64, dy: i64| {
+            let (u, v) = (mirrored(x as i64 + dx, w), mirrored(y as i64 + dy, h));
+            plane.data[3 * (v * w + u) + channel(u, v)]
+        };
+        let own = at(0, 0);
+        let (row, column) = (0.5 * (at(-1, 0) + at(1, 0)), 0.5 * (at(0, -1) + at(0, 1)));
+        let cross = 0.5 * (row + column);
+        let diagonal = 0.25 * (at(-1, -1) + at(1, -1) + at(-1, 1) + at(1, 1));
+        match channel(x, y) {
+            0 => [own, cross, diagonal],
+            2 => [diagonal, cross, own],
+            _ if (y + red.1) % 2 == 0 => [row, own, column],
+            _ => [column, own, row],
         }
-    }
-    out
+    })
 }
 
 /// Colour at half the resolution: 1 both ways, 2 along rows only.
@@ -257,7 +211,7 @@ fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
             for (x, y) in cell() {
                 let l = luma(dn.pixel(x, y));
                 let rgb = [l + 1.402 * cr, l - 0.344_136 * cb - 0.714_136 * cr, l + 1.772 * cb];
-                out.pixel_mut(x, y).copy_from_slice(&rgb.map(|v| v.clamp(0.0, 255.0)));
+                out.pixel_mut(x, y).copy_from_slice(&rgb);
             }
         }
     }
@@ -270,7 +224,7 @@ fn luma(p: &[f32]) -> f32 {
 
 /// Through a JPEG encoder and back.
 fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
-    let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5) as u8).collect();
+    let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
     let mut jpeg = Vec::new();
     let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, quality.clamp(1, 100));
     let size = (dn.width as u32, dn.height as u32);
@@ -280,4 +234,177 @@ fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
         .expect("what was just encoded in memory can be decoded");
     let data = decoded.into_rgb8().into_raw().into_iter().map(f32::from).collect();
     Plane { width: dn.width, height: dn.height, channels: 3, data }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::candidate_of;
+    use super::super::settings::apply;
+    use super::*;
+    use crate::camera::ShutterTiming;
+    use crate::chain::{Settings, View};
+    use crate::effects;
+    use crate::reference::chain;
+
+    const INTRINSICS: Intrinsics =
+        Intrinsics { width: 42, height: 31, fx: 40.0, fy: 41.0, cx: 20.7, cy: 15.9 };
+
+    /// Patches with hard edges, dark to beyond white.
+    fn radiance() -> Plane<f32> {
+        Plane::from_fn(42, 31, |x, y| {
+            let v = |c: usize| ((x / 5 * 7 + y / 4 * 13 + c * 5) % 23) as f32 / 20.0;
+            [v(0), v(1) * 0.6, v(2) * 0.3, 1.0]
+        })
+    }
+
+    /// Largest difference of one effect, or several, to the chain's own reference, DN.
+    fn difference(names: &[&'static str], theta: &Theta) -> f32 {
+        let mut settings = Settings::default();
+        assert!(apply(&mut settings, theta, names).expect("in range").is_empty());
+        let shutter = ShutterTiming {
+            start_s: 12.345,
+            exposure_time_s: 0.0,
+            readout_time_s: theta.get(P::Readout),
+            scan_order: theta.scan_order,
+            line_count: 31,
+        };
+        let view = View { intrinsics: INTRINSICS, shutter, frame: 3, seed: 1 };
+        let radiance = radiance();
+        let packed = theta.is_on(P::Quality);
+        let expected: Vec<f32> = if packed {
+            let picture = chain::picture(effects::LIST, &settings, &view, &radiance);
+            picture.data.iter().map(|v| f32::from(*v)).collect()
+        } else {
+            let values = chain::values(effects::LIST, &settings, &view, &radiance);
+            let pixels = values.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]);
+            pixels.map(|v| 255.0 * v.clamp(0.0, 1.0)).collect()
+        };
+        let rgb = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let linear = Plane { width: 42, height: 31, channels: 3, data: rgb };
+        let lines = LineTimes {
+            start_s: shutter.start_s,
+            readout_s: shutter.readout_time_s,
+            scan_order: theta.scan_order,
+        };
+        let dn = develop(&linear, theta, &Tone::new(theta), &INTRINSICS, lines);
+        dn.data.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn every_effect_on_values_is_the_chain_s_own() {
+        let cases: &[(&'static str, &[(P, f64)])] = &[
+            ("defocus", &[(P::Defocus, 1.3)]),
+            ("vignetting", &[(P::A1, -0.5), (P::A2, 0.1)]),
+            ("glare", &[(P::Veil, 0.2), (P::Level, 0.4)]),
+            ("exposure_gain", &[(P::Gain, 0.7)]),
+            ("flicker", &[(P::FlickerF, 103.0), (P::FlickerC, 0.12), (P::FlickerS, -0.1)]),
+            ("bayer_mosaic", &[(P::Mosaic, 1.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 2.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 3.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 4.0)]),
+            ("black_level", &[(P::Black, 0.06)]),
+            ("white_balance", &[(P::WbR, 1.3), (P::WbB, 0.8)]),
+            ("gamma", &[(P::Gamma, 1.15)]),
+            ("sharpening", &[(P::Sharpen, 0.8), (P::Radius, 1.1)]),
+            ("chroma_subsampling", &[(P::Chroma, 1.0)]),
+            ("chroma_subsampling", &[(P::Chroma, 2.0)]),
+            ("jpeg", &[(P::Quality, 60.0)]),
+        ];
+        for (name, values) in cases {
+            let mut theta = Theta::neutral();
+            values.iter().for_each(|&(p, v)| theta.set(p, v));
+            let off = difference(&[name], &theta);
+            assert!(off < 0.06, "{name} {values:?}: off by {off} DN");
+            // Control: a value a little off is seen.
+            if candidate_of(name).parameters.len() == 1 && !theta.is_on(P::Mosaic) {
+                let p = values[0].0;
+                let wrong = theta.with(p, values[0].1 * 0.9);
+                assert!(wrong == theta || difference_of(&wrong, &theta) > 0.3, "{name}: the control passes");
+            }
+        }
+    }
+
+    fn difference_of(a: &Theta, b: &Theta) -> f32 {
+        let rgb = radiance().data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let linear = Plane { width: 42, height: 31, channels: 3, data: rgb };
+        let lines = LineTimes { start_s: 1.0, readout_s: 0.0, scan_order: ScanOrder::TopToBottom };
+        let [a, b] = [a, b].map(|t| develop(&linear, t, &Tone::new(t), &INTRINSICS, lines));
+        a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn effects_together_stand_in_the_chain_s_order() {
+        let mut theta = Theta::neutral().with(P::Readout, 0.02);
+        theta.scan_order = ScanOrder::BottomToTop;
+        for (p, v) in [
+            (P::Defocus, 0.8),
+            (P::A1, -0.3),
+            (P::Veil, 0.1),
+            (P::Level, 0.3),
+            (P::Gain, 1.2),
+            (P::FlickerF, 100.0),
+            (P::FlickerC, 0.1),
+            (P::Black, 0.03),
+            (P::Mosaic, 3.0),
+            (P::WbR, 1.2),
+            (P::WbB, 0.9),
+            (P::Gamma, 0.9),
+            (P::Chroma, 1.0),
+        ] {
+            theta.set(p, v);
+        }
+        let names = [
+            "defocus",
+            "vignetting",
+            "glare",
+            "exposure_gain",
+            "flicker",
+            "bayer_mosaic",
+            "black_level",
+            "white_balance",
+            "gamma",
+            "chroma_subsampling",
+        ];
+        let off = difference(&names, &theta);
+        assert!(off < 0.1, "off by {off} DN");
+    }
+
+    #[test]
+    fn the_mean_under_noise_is_that_of_many_frames() {
+        use crate::chain::Value;
+        // A dark grey under noise that reaches below black: the mean moves by several DN.
+        let theta = Theta::neutral().with(P::Read, 0.03).with(P::Shot, 1.0 / 500.0);
+        let tone = Tone::new(&theta);
+        let mut settings = Settings::default();
+        apply(&mut settings, &theta, &["read_noise", "shot_noise"]).expect("in range");
+        assert_eq!(settings.get("read_noise", "sigma"), Some(Value::Number(0.03)));
+        let shutter = ShutterTiming {
+            start_s: 0.0,
+            exposure_time_s: 0.0,
+            readout_time_s: 0.0,
+            scan_order: ScanOrder::TopToBottom,
+            line_count: 64,
+        };
+        let intrinsics = Intrinsics { width: 64, height: 64, ..INTRINSICS };
+        for linear in [0.005f32, 0.02, 0.2, 0.9] {
+            let flat = Plane::from_fn(64, 64, |_, _| [linear, linear, linear, 1.0]);
+            let (mut sum, mut square, mut n) = (0.0f64, 0.0, 0.0);
+            for frame in 0..4 {
+                let view = View { intrinsics, shutter, frame, seed: 5 };
+                let picture = chain::picture(effects::LIST, &settings, &view, &flat);
+                for v in picture.data.iter().map(|v| f64::from(*v)) {
+                    (sum, square, n) = (sum + v, square + v * v, n + 1.0);
+                }
+            }
+            let (mean, variance) = (sum / n, square / n - (sum / n).powi(2));
+            let expected = f64::from(tone.encode(linear, 1));
+            // The standard error of the mean of 49152 values is a 220th of their spread.
+            assert!((mean - expected).abs() < 0.25 + variance.sqrt() / 100.0, "{linear}: {mean} {expected}");
+            let spread = f64::from(tone.spread(expected as f32, 1).free);
+            assert!((variance / spread - 1.0).abs() < 0.12, "{linear}: {variance} {spread}");
+        }
+        let silent = f64::from(Tone::new(&Theta::neutral()).encode(0.005, 1));
+        let shift = f64::from(tone.encode(0.005, 1)) - silent;
+        assert!(shift > 3.0, "control: without noise the mean is elsewhere, by {shift} DN");
+    }
 }

@@ -1,27 +1,34 @@
 //! Which candidates explain the gap: each alone, then sets by forward selection with pruning, refitted jointly.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use super::evidence::Evidence;
-use super::fit::{Fit, Schedule, Target, fit};
-use super::forward::Forward;
+use super::fit::{
+    COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+};
+use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
-use super::noise::NoiseData;
+use super::noise::{NOISES, NoiseData};
+use super::normal::{linearise, screened};
+use super::residue::Residue;
 use super::starts::best_starts;
 use crate::error::Result;
 use crate::plane::Plane;
 
 /// Least share of the gap that an effect must be worth.
-const LEAST_SHARE: f64 = 0.01;
-/// Least share of what would remain unexplained: a cause that leaves nearly everything unexplained is none.
-const LEAST_OF_REST: f64 = 0.05;
+pub(super) const LEAST_SHARE: f64 = 0.01;
+/// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
+const CLEAR_SHARE: f64 = 0.4;
 /// A simpler candidate is preferred to one that gains less than this share more.
 const PARSIMONY: f64 = 0.02;
-/// Most effects of a set.
-const MOST_EFFECTS: usize = 7;
+/// Most effects of a set that change the mean.
+const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
 const SHORTLIST: usize = 4;
+/// Where costs of discrete candidates are compared.
+const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 4 };
 
 /// Where the search stands, for people who wait.
 pub(super) trait Watch {
@@ -37,6 +44,8 @@ pub(super) struct Alone {
     pub name: &'static str,
     pub fit: Fit,
     pub scores: Scores,
+    /// Without it: with the same noise, rendered as well.
+    pub against: Scores,
 }
 
 /// The outcome of a search.
@@ -47,6 +56,14 @@ pub(super) struct Found {
     pub alone: Vec<Alone>,
     pub before: Scores,
     pub after: Scores,
+    /// Parameters that were freed besides those that every fit frees.
+    pub more: Vec<P>,
+    /// What is left on held-out frames.
+    pub residue: Residue,
+    /// What renders of four and of sixteen samples differ by behind all effects, DN: compression widens it.
+    pub sampling_dn: f64,
+    /// Candidates for which there was no time.
+    pub late: Vec<&'static str>,
 }
 
 /// All that a search works on.
@@ -54,20 +71,23 @@ pub(super) struct Search<'a> {
     pub forward: &'a mut Forward,
     pub judge: Judge<'a>,
     pub evidence: &'a Evidence,
-    pub masks: Option<&'a [Plane<f32>]>,
+    /// Where fits compare: as the judge does, but for stuck pixels.
+    pub masks: &'a [Plane<f32>],
     /// The camera as given.
     pub base: Theta,
     /// What two correct renderers may differ by, DN.
     pub renderer_difference: f64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
-    /// Whether intervals of noise parameters are wanted: they cost time.
-    pub intervals: bool,
+    /// When to come to an end.
+    pub deadline: Option<Instant>,
 }
 
-impl Search<'_> {
+type Tried = (&'static str, Fit, Scores);
+
+impl<'a> Search<'a> {
     /// Continuous parameters of a set that change the mean.
-    fn free(set: &[&'static str]) -> Vec<P> {
+    pub(super) fn free(set: &[&'static str]) -> Vec<P> {
         let discrete = |p: &P| matches!(p, P::Quality | P::Chroma | P::Mosaic);
         set.iter()
             .map(|n| candidate_of(n))
@@ -77,257 +97,279 @@ impl Search<'_> {
             .collect()
     }
 
+    fn target(&self) -> Target<'a> {
+        Target { evidence: self.evidence, masks: Some(self.masks) }
+    }
+
+    fn fit_frames(&self) -> &'a [usize] {
+        &self.evidence.fit
+    }
+
+    /// Whether there is no more time.
+    pub(super) fn late(&self) -> bool {
+        self.deadline.is_some_and(|d| Instant::now() >= d)
+    }
+
     /// Fits a set jointly from a start.
     pub(super) fn refit(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
         let free = Self::free(set);
-        let mut found = if free.is_empty() {
-            Fit { theta: start.clone(), cost: 0.0, half: BTreeMap::new() }
-        } else {
-            let target = Target { evidence: self.evidence, masks: self.masks };
-            fit(self.forward, &target, &self.evidence.fit, start, &free, schedule)?
-        };
-        if set.iter().any(|n| candidate_of(n).noise) {
-            self.fit_noise(set, &mut found)?;
+        if free.is_empty() {
+            return Ok(Fit { theta: start.clone(), half: BTreeMap::new() });
         }
-        Ok(found)
-    }
-
-    /// Noise of a set, from the differences that its mean leaves; half widths from single frames.
-    fn fit_noise(&mut self, set: &[&'static str], found: &mut Fit) -> Result<()> {
-        let noise: Vec<&str> = set.iter().copied().filter(|n| candidate_of(n).noise).collect();
-        let frames = &self.evidence.fit;
-        let means = self.forward.simulate(frames, &found.theta)?;
-        let data = NoiseData::measure(self.evidence, frames, &means, &found.theta, self.masks);
-        let theta = data.fit(&found.theta, &noise);
-        let parameters: Vec<P> =
-            noise.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
-        let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
-        // Leaving out one frame at a time (jackknife).
-        for i in 0..if self.intervals { frames.len() } else { 0 } {
-            let rest: Vec<usize> = frames.iter().copied().filter(|f| *f != frames[i]).collect();
-            let rest_means: Vec<_> =
-                means.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, m)| m.clone()).collect();
-            let part = NoiseData::measure(self.evidence, &rest, &rest_means, &found.theta, self.masks)
-                .fit(&found.theta, &noise);
-            parameters.iter().for_each(|&p| spread.entry(p).or_default().push(part.get(p)));
-        }
-        for (p, values) in spread {
-            let n = values.len() as f64;
-            let mean = values.iter().sum::<f64>() / n;
-            let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
-            // Bins of brightness and the flatness rule leave a per cent beyond what frames tell.
-            let half = 2.4 * variance.sqrt() + 0.02 * theta.get(p);
-            found.half.insert(p, half);
-        }
-        found.theta = theta;
-        Ok(())
-    }
-
-    /// Fits a candidate beside a set. What gains less than a share `worth` of the cost at a first look is not looked at further.
-    fn add(
-        &mut self,
-        candidate: &'static CandidateSpec,
-        set: &[&'static str],
-        theta: &Theta,
-        starts: usize,
-        worth: Option<f64>,
-    ) -> Result<Fit> {
-        let mut joint = set.to_vec();
-        joint.push(candidate.name);
-        if candidate.noise {
-            return self.refit(&joint, theta, Schedule::FINE);
-        }
-        if is_discrete(candidate) {
-            return self.add_discrete(candidate, theta);
-        }
-        let begin = {
-            let target = Target { evidence: self.evidence, masks: self.masks };
-            best_starts(self.forward, &target, self.evidence, theta, candidate, starts)?
-        };
-        if let Some(share) = worth {
-            let glance = self.refit(&joint, &begin[0], Schedule::GLANCE)?;
-            let [was, is] = [theta, &glance.theta].map(|t| self.cost(t));
-            if is? > (1.0 - share) * was? {
-                return Ok(glance);
-            }
-        }
-        let mut best: Option<Fit> = None;
-        for start in &begin {
-            let coarse = self.refit_mean(&joint, start, Schedule::COARSE)?;
-            if best.as_ref().is_none_or(|b| coarse.cost < b.cost) {
-                best = Some(coarse);
-            }
-        }
-        let start = best.map_or_else(|| theta.clone(), |b| b.theta);
-        self.refit(&joint, &start, Schedule::FINE)
-    }
-
-    fn refit_mean(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
-        let free = Self::free(set);
-        let target = Target { evidence: self.evidence, masks: self.masks };
-        fit(self.forward, &target, &self.evidence.fit, start, &free, schedule)
+        let (target, frames) = (self.target(), self.fit_frames());
+        fit(self.forward, target, frames, start, &free, schedule)
     }
 
     /// Robust cost on the frames that fits see.
-    fn cost(&mut self, theta: &Theta) -> Result<f64> {
-        let target = Target { evidence: self.evidence, masks: self.masks };
-        super::fit::cost_of(self.forward, &target, &self.evidence.fit, theta, 2, 1.5)
+    fn cost(&mut self, theta: &Theta, level: &Level) -> Result<f64> {
+        let frames = spread_out(self.fit_frames(), level.frames);
+        let target = self.target();
+        cost_of(self.forward, target, &frames, theta, level, 1.5)
+    }
+
+    /// What the differences that `theta` leaves tell of the noise.
+    pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
+        let means = self.forward.simulate(frames, theta, Quality::Fit)?;
+        Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
+    }
+
+    /// `theta` with all noise that can be seen: values are judged against the spread that they have.
+    pub(super) fn with_noise(&mut self, theta: &Theta) -> Result<Theta> {
+        let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let data = self.noise_data(theta, self.fit_frames())?;
+        let mut noisy = data.fit(theta, &self.base, &names);
+        if names.contains(&"hot_pixels") {
+            noisy.set(P::Hot, self.judge.hot.fraction());
+        }
+        Ok(noisy)
+    }
+
+    /// Fits a candidate beside a set.
+    fn add(&mut self, candidate: &'static CandidateSpec, set: &[&'static str], theta: &Theta) -> Result<Fit> {
+        let mut joint = set.to_vec();
+        joint.push(candidate.name);
+        if is_discrete(candidate) {
+            return self.add_discrete(candidate, theta);
+        }
+        let target = self.target();
+        let starts = best_starts(self.forward, target, self.evidence, theta, candidate, 2)?;
+        let schedule = if moves(candidate) { COARSE } else { VALUES };
+        let last = schedule[schedule.len() - 1];
+        let mut best: Option<(f64, Theta)> = None;
+        for start in &starts {
+            // Values are looked for with the geometry held: its renders are kept.
+            let who = if moves(candidate) { &joint[..] } else { &joint[joint.len() - 1..] };
+            let found = self.refit(who, start, schedule)?;
+            let cost = self.cost(&found.theta, &last)?;
+            if best.as_ref().is_none_or(|b| cost < b.0) {
+                best = Some((cost, found.theta));
+            }
+        }
+        let (cost, start) = best.expect("there is always a start");
+        let was = self.cost(theta, &last)?;
+        // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
+        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
+            return Ok(Fit { theta: start, half: BTreeMap::new() });
+        }
+        self.refit(&joint, &start, FINE)
     }
 
     /// Tries the values of a choice, or qualities from coarse to fine.
-    fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
+    pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
         let p = candidate.parameters[0];
-        let frames = self.evidence.fit.clone();
-        let mut best = (f64::INFINITY, theta.clone());
-        let mut tried: Vec<i64> = Vec::new();
-        let mut attempt = |search: &mut Self, value: f64, best: &mut (f64, Theta)| -> Result<()> {
+        let mut tried: Vec<(f64, f64)> = Vec::new();
+        let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
             let value = value.clamp(1.0, p.spec().range[1]).round();
-            if tried.contains(&(value as i64)) {
-                return Ok(());
+            if !tried.iter().any(|t| t.0 == value) {
+                let cost = search.cost(&theta.with(p, value), &PIXELS)?;
+                tried.push((value, cost));
             }
-            tried.push(value as i64);
-            let trial = theta.with(p, value);
-            let target = Target { evidence: search.evidence, masks: search.masks };
-            let cost = super::fit::cost_of(search.forward, &target, &frames, &trial, 1, 0.5)?;
-            if cost < best.0 {
-                *best = (cost, trial);
-            }
-            Ok(())
+            let best = tried.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("just tried");
+            Ok(best.0)
         };
+        let mut at = 1.0;
         if p == P::Quality {
             for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, 97.0] {
-                attempt(self, value, &mut best)?;
+                at = attempt(self, value)?;
             }
             for step in [6.0, 3.0, 2.0, 1.0] {
-                let at = best.1.get(p);
                 for value in [at - step, at + step] {
-                    attempt(self, value, &mut best)?;
+                    at = attempt(self, value)?;
                 }
             }
         } else {
             for value in 1..=p.spec().range[1] as usize {
-                attempt(self, value as f64, &mut best)?;
+                at = attempt(self, value as f64)?;
             }
         }
-        Ok(Fit { theta: best.1, cost: best.0, half: BTreeMap::from([(p, 1.0)]) })
+        Ok(Fit { theta: theta.with(p, at), half: BTreeMap::from([(p, 1.0)]) })
     }
 
     /// Whether a gain counts.
-    fn supports(&self, before: f64, worse: &Scores, better: &Scores) -> bool {
+    pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        let excess = (better.mean() - better.floor()).max(0.0);
-        let unexplained = (excess - self.renderer_difference).max(0.0);
+        let rest = worse.mean() - worse.floor();
         low > 0.0
-            && gain > LEAST_SHARE * before
-            && gain > LEAST_OF_REST * unexplained
             && gain > 0.12 * self.renderer_difference
+            && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// Runs the search.
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
-        let alone = self.each_alone(watch)?;
+        let mut late = Vec::new();
+        let start = self.with_noise(&self.base.clone())?;
+        let mut scores = self.judge.scores(self.forward, &start)?;
+        let gap = (before.mean() - before.floor()).max(0.0);
+        let alone = self.each_alone(watch, &start, &mut late)?;
         let mut set: Vec<&'static str> = Vec::new();
-        let mut current = Fit { theta: self.base.clone(), cost: 0.0, half: BTreeMap::new() };
-        let mut scores = before.clone();
+        let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
             let options = if round == 0 {
-                alone.iter().map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
+                let mean = alone.iter().filter(|a| !candidate_of(a.name).noise);
+                mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
+            } else if self.late() {
+                break;
             } else {
-                self.round(watch, &set, &current, &alone)?
+                self.round(watch, &set, &current, &mut late)?
             };
-            let Some((name, fit, better)) = self.choose(&before, &scores, options) else { break };
-            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
+            let Some((name, fit, _)) = self.choose(gap, &scores, options) else { break };
             set.push(name);
-            (current, scores) = (fit, better);
-            self.prune((&before, &alone), &mut set, &mut current, &mut scores)?;
+            let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
+            // The noise shows better now.
+            current = Fit { theta: self.with_noise(&fit.theta)?, half: fit.half };
+            let better = self.judge.scores(self.forward, &current.theta)?;
+            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
+            scores = better;
+            self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
-        if !set.is_empty() {
-            self.intervals = true;
-            let last = self.refit(&set, &current.theta.clone(), Schedule { levels: &[(1, 5)] })?;
-            self.intervals = false;
-            let last_scores = self.judge.scores(self.forward, &last.theta)?;
-            if last_scores.mean() <= scores.mean() * 1.001 {
-                (current, scores) = (last, last_scores);
-            }
-        }
-        Ok(Found { set, fit: current, alone, before, after: scores })
+        watch.stage("the set to the end", 3);
+        watch.step("all parameters together");
+        let mut found = Found {
+            set,
+            fit: current,
+            alone,
+            before,
+            after: scores,
+            more: Vec::new(),
+            residue: Residue::default(),
+            sampling_dn: 0.0,
+            late,
+        };
+        self.finish(&mut found, watch)?;
+        Ok(found)
     }
 
-    fn each_alone(&mut self, watch: &mut dyn Watch) -> Result<Vec<Alone>> {
+    fn each_alone(
+        &mut self,
+        watch: &mut dyn Watch,
+        start: &Theta,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Vec<Alone>> {
         watch.stage("each candidate alone", self.names.len());
         let mut alone = Vec::new();
         for name in self.names.clone() {
             watch.step(name);
-            let clock = std::time::Instant::now();
-            let base = self.base.clone();
-            let fit = self.add(candidate_of(name), &[], &base, 2, Some(LEAST_SHARE))?;
+            if self.late() {
+                late.push(name);
+                continue;
+            }
+            let clock = Instant::now();
+            let candidate = candidate_of(name);
+            let fit = if candidate.noise {
+                let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
+                let mut theta = data.fit(&self.base.clone(), &self.base.clone(), &[name]);
+                if name == "hot_pixels" {
+                    theta.set(P::Hot, self.judge.hot.fraction());
+                }
+                Fit { theta, half: BTreeMap::new() }
+            } else {
+                self.add(candidate, &[], start)?
+            };
             let scores = self.judge.scores(self.forward, &fit.theta)?;
-            tracing::info!(
-                "{name}: {:.3} DN in {:.1} s, {:?}",
-                scores.mean(),
-                clock.elapsed().as_secs_f64(),
-                fit.theta.report(candidate_of(name), &fit.half)
-            );
-            alone.push(Alone { name, fit, scores });
+            self.log(name, &fit, &scores, clock);
+            let against = if candidate.noise { self.base.clone() } else { start.clone() };
+            let against = self.judge.scores(self.forward, &against)?;
+            alone.push(Alone { name, fit, scores, against });
         }
         Ok(alone)
     }
 
-    /// Candidates beside the set: all with the set held still at a coarse size, the best of them jointly.
+    fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
+        let parameters = fit.theta.report(candidate_of(name), &BTreeMap::new());
+        let values: Vec<String> = parameters.iter().map(|(k, v)| format!("{k} {}", v.value)).collect();
+        let (count, spent_s) = self.forward.renders;
+        tracing::info!(
+            "{name}: {:.3} DN ({:.3}) in {:.1} s, {} [{count} renders, {spent_s:.1} s]",
+            scores.mean(),
+            scores.floor(),
+            clock.elapsed().as_secs_f64(),
+            values.join(", ")
+        );
+    }
+
+    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
     fn round(
         &mut self,
         watch: &mut dyn Watch,
         set: &[&'static str],
         current: &Fit,
-        alone: &[Alone],
-    ) -> Result<Vec<(&'static str, Fit, Scores)>> {
-        let left: Vec<_> = alone.iter().map(|a| a.name).filter(|n| !set.contains(n)).collect();
-        let (smooth, rest): (Vec<_>, Vec<_>) =
-            left.into_iter().partition(|n| !candidate_of(n).noise && !is_discrete(candidate_of(n)));
+        late: &mut Vec<&'static str>,
+    ) -> Result<Vec<Tried>> {
+        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
+        let left: Vec<_> = self.names.iter().copied().filter(beside).collect();
+        let (smooth, rest): (Vec<_>, Vec<_>) = left.into_iter().partition(|n| !is_discrete(candidate_of(n)));
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
-        let held = Self::free(set);
-        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
-        let target = Target { evidence: self.evidence, masks: self.masks };
-        let probe = probe(&current.theta);
-        let gains = super::fit::screen(self.forward, &target, &self.evidence.fit, &probe, &held, &groups)?;
-        let mut ranked: Vec<_> = smooth.into_iter().zip(gains).collect();
-        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
+        let mut short = self.shortlist(set, current, &smooth)?;
+        short.extend(rest);
         let mut out = Vec::new();
-        for (name, _) in ranked.into_iter().take(SHORTLIST) {
+        for name in short {
             watch.step(name);
-            let fit = self.add(candidate_of(name), set, &current.theta, 2, Some(0.5 * LEAST_SHARE))?;
+            if self.late() {
+                late.push(name);
+                continue;
+            }
+            let clock = Instant::now();
+            let fit = self.add(candidate_of(name), set, &current.theta)?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
+            self.log(name, &fit, &scores, clock);
             out.push((name, fit, scores));
-        }
-        for name in rest {
-            watch.step(name);
-            let fit = self.add(candidate_of(name), set, &current.theta, 1, None)?;
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            out.push((name, fit, scores));
-        }
-        for (name, fit, scores) in &out {
-            tracing::info!(
-                "  {name} beside {set:?}: {:.3} DN {:?}",
-                scores.mean(),
-                fit.theta.report(candidate_of(name), &BTreeMap::new())
-            );
         }
         Ok(out)
     }
 
+    fn shortlist(
+        &mut self,
+        set: &[&'static str],
+        current: &Fit,
+        smooth: &[&'static str],
+    ) -> Result<Vec<&'static str>> {
+        let held = Self::free(set);
+        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
+        let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
+        all.sort();
+        all.dedup();
+        let level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
+        let frames = spread_out(self.fit_frames(), level.frames);
+        let (target, probe) = (self.target(), probe(&current.theta));
+        let e = linearise(self.forward, target, &frames, &probe, &all, &level, None)?;
+        let gains = screened(&e, &all, &held, &groups);
+        let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
+        // Where the model is linear enough to be asked: what promises nothing is not rendered for.
+        let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
+        Ok(worth.map(|r| r.0).collect())
+    }
+
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
-    fn choose(
-        &self,
-        before: &Scores,
-        now: &Scores,
-        options: Vec<(&'static str, Fit, Scores)>,
-    ) -> Option<(&'static str, Fit, Scores)> {
-        let gain = |o: &(&'static str, Fit, Scores)| now.mean() - o.2.mean();
-        let counted: Vec<_> =
-            options.into_iter().filter(|o| self.supports(before.mean(), now, &o.2)).collect();
+    fn choose(&self, gap: f64, now: &Scores, options: Vec<Tried>) -> Option<Tried> {
+        let gain = |o: &Tried| now.mean() - o.2.mean();
+        let counted: Vec<_> = options
+            .into_iter()
+            .filter(|o| self.supports(gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
+            .collect();
         let best = counted.iter().map(gain).fold(0.0, f64::max);
         let size = |name: &str| candidate_of(name).parameters.len();
         counted
@@ -339,7 +381,7 @@ impl Search<'_> {
     /// Takes out what the others make superfluous.
     fn prune(
         &mut self,
-        (before, alone): (&Scores, &[Alone]),
+        gap: f64,
         set: &mut Vec<&'static str>,
         current: &mut Fit,
         scores: &mut Scores,
@@ -347,27 +389,17 @@ impl Search<'_> {
         while set.len() > 1 {
             let mut weakest: Option<(usize, Fit, Scores)> = None;
             for i in 0..set.len() - 1 {
-                let (fit, rest_scores) = match &set[..] {
-                    // Without one of two the other is alone, and that has been fitted.
-                    [a, b] => {
-                        let name = if i == 0 { b } else { a };
-                        match alone.iter().find(|x| x.name == *name) {
-                            Some(x) => (x.fit.clone(), x.scores.clone()),
-                            None => self.leave_out(set, i, current)?,
-                        }
-                    }
-                    _ => self.leave_out(set, i, current)?,
-                };
-                if !self.supports(before.mean(), &rest_scores, scores)
-                    && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean())
+                let (fit, rest) = self.leave_out(set, i, current)?;
+                if !self.supports(gap, &rest, scores)
+                    && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
                 {
-                    weakest = Some((i, fit, rest_scores));
+                    weakest = Some((i, fit, rest));
                 }
             }
-            let Some((i, fit, rest_scores)) = weakest else { return Ok(()) };
-            tracing::info!("drops {}: {:.3} DN without", set[i], rest_scores.mean());
+            let Some((i, fit, rest)) = weakest else { return Ok(()) };
+            tracing::info!("drops {}: {:.3} DN without", set[i], rest.mean());
             set.remove(i);
-            (*current, *scores) = (fit, rest_scores);
+            (*current, *scores) = (fit, rest);
         }
         Ok(())
     }
@@ -381,16 +413,40 @@ impl Search<'_> {
     ) -> Result<(Fit, Scores)> {
         let rest: Vec<_> = set.iter().copied().filter(|n| *n != set[i]).collect();
         let start = restored(&current.theta, &self.base, candidate_of(set[i]));
-        let fit = self.refit(&rest, &start, Schedule { levels: &[(4, 2), (2, 2)] })?;
+        let fit = self.refit(&rest, &start, FINE)?;
         let scores = self.judge.scores(self.forward, &fit.theta)?;
         Ok((fit, scores))
+    }
+
+    /// The last fit of the mean, then the noise: which kinds of it, and how much.
+    fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        if !found.set.is_empty() {
+            self.tune_choices(found)?;
+            self.free_more(found)?;
+            let mut free = Self::free(&found.set);
+            free.extend(&found.more);
+            let (target, frames) = (self.target(), self.fit_frames());
+            let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
+            found.fit.theta = last.theta;
+            found.fit.half.extend(last.half);
+            self.tune_choices(found)?;
+        }
+        watch.step("noise");
+        self.judge.quality = Quality::Fine;
+        self.prune_finely(found)?;
+        self.forward.native = true;
+        found.before = self.judge.scores(self.forward, &self.base.clone())?;
+        self.choose_noise(found)?;
+        watch.step("scores");
+        found.after = self.judge.scores(self.forward, &found.fit.theta)?;
+        Ok(())
     }
 }
 
 /// `theta` with an effect as the given camera has it.
 pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -> Theta {
     let mut out = theta.without(candidate);
-    for &p in candidate.parameters {
+    for &p in candidate.parameters.iter().chain(candidate.more) {
         out.set(p, base.get(p));
     }
     if candidate.name == "rolling_shutter" && base.is_on(P::Readout) {
@@ -399,8 +455,29 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
     out
 }
 
-fn is_discrete(candidate: &CandidateSpec) -> bool {
+/// Whether a filter is no stronger than what the pixel filters of two correct renderers differ by: the variance of a
+/// pixel's square is 1/12 px^2, and few samples a pixel gain from a blur a little wider (0.33 px, measured).
+pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
+    match name {
+        "defocus" => theta.get(P::Defocus).powi(2) < 1.5 / 12.0,
+        "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
+        _ => false,
+    }
+}
+
+pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
     matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic])
+}
+
+/// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a
+/// pixel as it is.
+pub(super) fn last_of(free: &[P]) -> Schedule {
+    if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
+}
+
+/// Whether a candidate changes where things are seen.
+fn moves(candidate: &CandidateSpec) -> bool {
+    candidate.parameters.iter().any(|p| p.is_time() || p.is_remap())
 }
 
 /// `theta` moved off the places where a parameter has no slope because its partner is neutral.
@@ -414,5 +491,5 @@ fn probe(theta: &Theta) -> Theta {
 
 /// Names of all candidates.
 pub(super) fn all_names() -> Vec<&'static str> {
-    CANDIDATES.iter().map(|c| c.name).collect()
+    CANDIDATES.iter().map(|c| c.name).filter(|n| crate::effects::by_id(n).is_some()).collect()
 }

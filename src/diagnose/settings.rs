@@ -38,7 +38,7 @@ pub(super) fn theta_of(settings: &Settings) -> Theta {
                 theta.set(p, place as f64);
             }
             name => {
-                for &p in candidate.parameters {
+                for &p in candidate.parameters.iter().chain(candidate.more) {
                     if let Some(v) = number(p.spec().name) {
                         theta.set(p, v);
                     }
@@ -95,7 +95,12 @@ fn values(theta: &Theta, candidate: &CandidateSpec) -> Vec<(&'static str, Value)
         "chroma_subsampling" => vec![("scheme", Value::Choice(SCHEMES[theta.get(P::Chroma) as usize]))],
         "bayer_mosaic" => vec![("pattern", Value::Choice(PATTERNS[theta.get(P::Mosaic) as usize]))],
         name => {
-            let mut all: Vec<_> = candidate.parameters.iter().map(|&p| (p.spec().name, number(p))).collect();
+            let mut all: Vec<_> = candidate
+                .parameters
+                .iter()
+                .chain(candidate.more)
+                .map(|&p| (p.spec().name, number(p)))
+                .collect();
             if name == "rolling_shutter" {
                 all.push(("scan_order", Value::Choice(theta.scan_order.name())));
             }
@@ -115,4 +120,18 @@ fn put(settings: &mut Settings, effect: &dyn Effect, name: &str, value: Value) -
         (other, _) => other,
     };
     settings.set(effect, name, value)
+}
+
+/// The lens of `theta`, which the engine draws through; nothing for an ideal one.
+pub(super) fn lens(theta: &Theta) -> Settings {
+    let mut settings = Settings::default();
+    let Some(effect) = effects::by_id("lens_distortion") else { return settings };
+    for p in [P::K1, P::K2, P::P1, P::P2, P::K3] {
+        if theta.is_on(p) {
+            settings
+                .set(effect, p.spec().name, Value::Number(theta.get(p)))
+                .expect("in the range of any lens");
+        }
+    }
+    settings
 }

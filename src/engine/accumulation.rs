@@ -151,7 +151,7 @@ impl Accumulation {
             if i == last {
                 let to = (&slot.picture, &slot.radiance);
                 if let Some(ending) = &ending {
-                    ending.record(stage, &mut recorder, slot.index, (finish, request), to);
+                    ending.record(stage, &mut recorder, slot.index, (finish, request, false), to);
                 }
             }
             recorder.finish();

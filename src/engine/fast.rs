@@ -154,7 +154,7 @@ impl Fast {
             warp.record(&mut recorder, binding, margin_px, &timing, self.options.max_samples);
             stage.merge(&mut recorder, channel);
         }
-        ending.record(stage, &mut recorder, index, (finish, request), (&slot.picture, &slot.radiance));
+        ending.record(stage, &mut recorder, index, (finish, request, false), (&slot.picture, &slot.radiance));
         recorder.finish();
         slot.gpu.submit()
     }

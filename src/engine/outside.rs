@@ -5,7 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::finish::{Finish, prepare};
-use super::frame::{Frame, FrameInstants, FrameRequest};
+use super::frame::{Frame, FrameInstants};
+use super::outside_frame::{
+    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
+};
 use super::outside_kernels::{Groups, Kernels, Unpacked};
 use super::slots::FrameSlot;
 use super::{Stage, Ticket};
@@ -13,82 +16,10 @@ use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::Defocus;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Semaphore, Usage};
-use crate::plane::PixelFormat;
 use crate::raster::{SamplePlan, SceneBuffers};
 use crate::reference::motion_from_depth::Push as FromDepthPush;
-use crate::reference::paper_gather::Push as GatherPush;
 use crate::reference::unpack::{ColorPush, DepthPush, Encoding, MotionPush};
 use crate::scene::Scene;
-
-/// Most motion images of a frame.
-pub const MAX_OUTSIDE_MOTIONS: usize = 6;
-
-/// Where the bytes of a picture are.
-#[derive(Clone, Copy)]
-pub enum PixelSource<'a> {
-    /// In host memory; copied before `submit` returns.
-    Host(&'a [u8]),
-    /// In a buffer that the device reads, from this byte on (a multiple of 4). Must not be written until the frame is
-    /// collected.
-    Shared(&'a Arc<Buffer>, u64),
-}
-
-/// A picture of the caller.
-#[derive(Clone, Copy)]
-pub struct OutsidePixels<'a> {
-    /// Layout of a pixel.
-    pub format: PixelFormat,
-    /// From one row to the next, bytes.
-    pub stride_bytes: usize,
-    /// The bytes: the first row starts at the first.
-    pub source: PixelSource<'a>,
-}
-
-/// How a frame's content moves.
-pub enum OutsideMotion<'a> {
-    /// One to six motion images, equally spaced in time.
-    Images {
-        /// Their pixels.
-        images: Vec<OutsidePixels<'a>>,
-        /// What turns the values given into px per frame interval, content from its previous to its current place.
-        scale: [f32; 2],
-        /// Time of the first, s.
-        first_time_s: f64,
-        /// Time from one to the next, s; unused with one.
-        step_s: f64,
-    },
-    /// Depth of the colour's instant, of a resting scene.
-    Depth {
-        /// Its pixels ([`PixelFormat::R32f`]).
-        image: OutsidePixels<'a>,
-        /// `None`: metres along the optical axis. Else metres = n / (c + s value), given as `[n, c, s]`.
-        decode: Option<[f32; 3]>,
-        /// World from camera at two times (s) of the frame, the earlier first. The colour's instant lies between them.
-        poses: [(f64, Pose); 2],
-    },
-}
-
-/// A frame from outside.
-pub struct OutsideFrame<'a> {
-    /// Index, shutter, frame interval, seed, pixel effects. (`planes` and `static_camera` mean nothing here.)
-    pub request: FrameRequest,
-    /// Colour of one instant, with the margin on every side.
-    pub color: OutsidePixels<'a>,
-    /// What its 8-bit values mean.
-    pub encoding: Encoding,
-    /// When it was rendered, s.
-    pub color_time_s: f64,
-    /// Columns and rows that colour, motion and depth hold beyond each side of the frame.
-    pub margin_px: [u32; 2],
-    /// Motion, or what it is computed from.
-    pub motion: OutsideMotion<'a>,
-    /// Most samples of the blur.
-    pub max_samples: u32,
-    /// What the device waits for before it reads the pictures, and what it signals when the frame is done.
-    pub between: [Option<Arc<Semaphore>>; 2],
-    /// Where the picture is copied to as well, as tightly packed RGBA8 (at least `4 width height` bytes).
-    pub copy_to: Option<Arc<Buffer>>,
-}
 
 /// Processes frames from outside for one camera.
 pub struct OutsideEngine {
@@ -379,46 +310,6 @@ fn finish_frame(
         recorder.barrier();
     }
     recorder.finish();
-}
-
-/// Colour first, then motion or depth: the order of the staging buffers.
-fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
-    let mut all = vec![frame.color];
-    match &frame.motion {
-        OutsideMotion::Images { images, .. } => all.extend(images.iter().take(MAX_OUTSIDE_MOTIONS)),
-        OutsideMotion::Depth { image, .. } => all.push(*image),
-    }
-    all
-}
-
-/// First byte and stride of a picture where the kernel reads it.
-fn place(pixels: &OutsidePixels<'_>, width: u32) -> (u32, u32) {
-    match pixels.source {
-        PixelSource::Host(_) => (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32),
-        PixelSource::Shared(_, first_byte) => (first_byte as u32, pixels.stride_bytes as u32),
-    }
-}
-
-fn gather_push(intrinsics: &Intrinsics, frame: &OutsideFrame<'_>) -> GatherPush {
-    let shutter = &frame.request.shutter;
-    let (first_s, step_s, count) = match &frame.motion {
-        OutsideMotion::Images { images, first_time_s, step_s, .. } => (*first_time_s, *step_s, images.len()),
-        OutsideMotion::Depth { .. } => (shutter.start_s, 1.0, 1),
-    };
-    GatherPush {
-        size: [intrinsics.width, intrinsics.height],
-        margin_px: frame.margin_px.map(|m| m as i32),
-        start_s: (shutter.start_s - frame.color_time_s) as f32,
-        readout_time_s: shutter.readout_time_s as f32,
-        exposure_time_s: shutter.exposure_time_s as f32,
-        frame_interval_s: frame.request.frame_interval_s as f32,
-        first_motion_s: (first_s - frame.color_time_s) as f32,
-        motion_step_s: step_s as f32,
-        motion_count: count.clamp(1, MAX_OUTSIDE_MOTIONS) as u32,
-        scan_order: shutter.scan_order as u32,
-        max_samples: frame.max_samples.max(1),
-        pixel_time: 0,
-    }
 }
 
 fn instants(shutter: &ShutterTiming) -> FrameInstants {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::outside::{MAX_OUTSIDE_MOTIONS, OutsidePixels, PixelSource};
+use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};

@@ -68,13 +68,18 @@ impl<'a> Ending<'a> {
         Self { pass, delivered, nearness }
     }
 
-    /// Records it behind what makes the radiance.
+    /// Whether the radiance's alpha is written before the chain.
+    pub(super) fn needs_depth(&self) -> bool {
+        self.nearness.is_some()
+    }
+
+    /// Records it behind what makes the radiance; `developed`: the chain is done already.
     pub(super) fn record(
         &self,
         stage: &Stage,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        (finish, request): (&Finish, &FrameRequest),
+        (finish, request, developed): (&Finish, &FrameRequest, bool),
         to: (&Buffer, &Buffer),
     ) {
         if let (Some(pass), Some(row)) = (self.pass, self.nearness) {
@@ -86,7 +91,11 @@ impl<'a> Ending<'a> {
                 pass.target.size,
             );
         }
-        finish.record(recorder, request, to);
+        if developed {
+            finish.record_readback(recorder, request, to);
+        } else {
+            finish.record(recorder, request, to);
+        }
         if let (Some(pass), Some(row)) = (self.pass, self.delivered) {
             pass.record(stage, recorder, slot, row);
         }

@@ -158,14 +158,34 @@ impl Slot {
                     return Err(Error::Vulkan { call: "vkWaitForFences", result });
                 }
                 Err(error) => {
-                    // A lost device finishes nothing more, so nothing is in flight either.
-                    self.in_flight = error != vk::Result::ERROR_DEVICE_LOST;
+                    self.settle(error);
                     return Err(failed("vkWaitForFences")(error));
                 }
             }
         }
         self.in_flight = false;
         Ok(())
+    }
+
+    /// After a failed wait: whether the work may still be running. A lost device may be reported while it is (software
+    /// devices, faults injected by layers), and what the work uses must then not be destroyed. The fence tells: a device
+    /// that is lost indeed says so again, or that the work is over.
+    fn settle(&mut self, error: vk::Result) {
+        if error != vk::Result::ERROR_DEVICE_LOST {
+            return;
+        }
+        // SAFETY: the fence belongs to the work in flight.
+        let again =
+            unsafe { self.context.device.wait_for_fences(&[self.fence], true, DROP_LIMIT.as_nanos() as u64) };
+        self.in_flight = !matches!(again, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST));
+    }
+
+    /// To be called where a wait has failed and what the work uses is about to be dropped: waits once more, and where that
+    /// fails too, nothing of the device is destroyed from now on.
+    pub(crate) fn let_go(&mut self) {
+        if self.context.alive() && self.wait(DROP_LIMIT).is_err() && self.in_flight {
+            self.context.abandon();
+        }
     }
 
     /// Whether work is in flight.
@@ -222,9 +242,7 @@ impl Slot {
 
 impl Drop for Slot {
     fn drop(&mut self) {
-        if self.context.alive() && self.wait(DROP_LIMIT).is_err() && self.in_flight {
-            self.context.abandon();
-        }
+        self.let_go();
         if !self.context.alive() {
             return;
         }

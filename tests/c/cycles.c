@@ -1,6 +1,10 @@
 /* cycles.c CYCLES FRAMES: makes, uses and destroys so many engines, then sends so many frames through one, and fails if
- * resident memory grows in the second half. Prints both figures. Controls: "leak" as third argument leaks 1 MB a cycle,
- * "overflow" promises the library more room than there is. */
+ * resident memory grows in the second half. Prints it. Third argument, for controls: "leak" loses 100 kB a cycle and 1 kB a
+ * frame, "overflow" promises the library more room than there is, "unload" lets the Vulkan loader unload its drivers. */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <link.h>
+#include <malloc.h>
 #include <shutterbug.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +19,15 @@ static void must(shutterbug_status status, const void *handle) {
     shutterbug_last_error(handle, text, sizeof text);
     fprintf(stderr, "%s: %s\n", shutterbug_status_text(status), text);
     exit(1);
+}
+
+/* Keeps a loaded library for good. The Vulkan loader unloads its drivers with the last instance and loads them anew with the
+ * next one; what they keep in tables of their own is lost each time, without a name: with lavapipe of Mesa 22.3, 128 bytes
+ * and 6 KiB of resident memory a cycle. A program that only makes and destroys a VkInstance loses the same 128 bytes. */
+static int keep(struct dl_phdr_info *info, size_t size, void *unused) {
+    (void)size, (void)unused;
+    if (info->dlpi_name[0]) dlopen(info->dlpi_name, RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE);
+    return 0;
 }
 
 static long resident_kib(void) {
@@ -88,30 +101,37 @@ static void overflow(shutterbug_engine *engine) {
     must(shutterbug_frame_destroy(frame), NULL);
 }
 
-static int grew(const char *what, long before, long after, long allowed) {
+static int grew(const char *what, long before, long allowed) {
+    long after = resident_kib();
     printf("%s: resident %ld KiB after half, %ld KiB at the end\n", what, before, after);
     return after - before > allowed;
 }
 
 int main(int argc, char **argv) {
     long cycles = argc > 1 ? atol(argv[1]) : 10, frames = argc > 2 ? atol(argv[2]) : 100, before = 0;
-    int bad = 0, leak = argc > 3 && !strcmp(argv[3], "leak"), over = argc > 3 && !leak;
+    const char *control = argc > 3 ? argv[3] : "";
+    int bad = 0, leak = !strcmp(control, "leak"), over = !strcmp(control, "overflow");
+    /* One heap for all threads: else the drivers' short-lived threads spread it over ever more pages for 400 cycles. */
+    mallopt(M_ARENA_MAX, 1);
     for (long i = 0; i < cycles; ++i) {
         shutterbug_engine *engine = make();
         process(engine, 0);
-        if (leak) memset(malloc(1000000), 1, 1000000);
+        if (i == 0 && strcmp(control, "unload")) dl_iterate_phdr(keep, NULL);
+        if (leak) memset(malloc(100000), 1, 100000);
         if (over) overflow(engine);
         must(shutterbug_engine_destroy(engine), NULL);
         if (i == cycles / 2) before = resident_kib();
     }
-    if (cycles) bad |= grew("cycles", before, resident_kib(), 6144 + 8 * cycles);
+    if (cycles) bad |= grew("cycles", before, 512);
     if (frames) {
         shutterbug_engine *engine = make();
         for (long i = 0; i < frames; ++i) {
             process(engine, (uint32_t)i);
+            if (leak) memset(malloc(1000), 1, 1000);
             if (i == frames / 2) before = resident_kib();
         }
-        bad |= grew("frames", before, resident_kib(), 1024);
+        /* Twice in the first 10 000 frames, and never in the 20 000 after, a block of 1028 KiB is taken: one is allowed. */
+        bad |= grew("frames", before, 1280);
         must(shutterbug_engine_destroy(engine), NULL);
     }
     return bad ? 4 : 0;

@@ -3,6 +3,7 @@
 mod contact_sheet;
 mod demo_capture;
 mod font;
+mod table1_scene;
 mod timings;
 
 use std::path::PathBuf;
@@ -25,6 +26,12 @@ enum Command {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Writes the capture that ships as scenes/table1: the scene of the paper's Table 1, as its section 4 describes it.
+    Table1Scene {
+        /// The folder to write; made if absent.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Puts frames of several folders side by side: one column a folder, one row a frame name.
     ContactSheet(contact_sheet::Args),
     /// Prints the time of each pass from the timings that `simulate --timings` wrote.
@@ -34,6 +41,7 @@ enum Command {
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::DemoCapture { out } => demo_capture::write(&out),
+        Command::Table1Scene { out } => table1_scene::write(&out),
         Command::ContactSheet(args) => contact_sheet::write(&args),
         Command::Timings(args) => timings::print(&args),
     };

@@ -300,7 +300,7 @@ impl Exact {
             }
             stage.merge(&mut recorder, channel);
         }
-        ending.record(stage, &mut recorder, index, (finish, request), (&slot.picture, &slot.radiance));
+        ending.record(stage, &mut recorder, index, (finish, request, false), (&slot.picture, &slot.radiance));
         recorder.finish();
         slot.gpu.submit()
     }

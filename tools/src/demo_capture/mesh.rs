@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 /// Longest side of a piece of a large face, m: exporters cut large faces, and a motion image taken at the corners
 /// is closer to the truth on small ones.
@@ -18,6 +18,8 @@ pub struct Mesh {
     lines: [Pool; 3],
     faces: String,
     material: &'static str,
+    /// Where what is added next stands: applied to every corner. No scaling.
+    pub place: DAffine3,
     /// Every face as it was added, for checks.
     pub polygons: Vec<Vec<Corner>>,
 }
@@ -61,14 +63,18 @@ impl Mesh {
             self.material = material;
         }
         self.faces.push('f');
-        for (position, uv, normal) in corners {
+        let placed = |(p, uv, n): &Corner| -> Corner {
+            (self.place.transform_point3(*p), *uv, self.place.transform_vector3(*n))
+        };
+        let corners: Vec<Corner> = corners.iter().map(placed).collect();
+        for (position, uv, normal) in &corners {
             let v = self.lines[0].index_of("v", &position.to_array());
             let vt = self.lines[1].index_of("vt", uv);
             let vn = self.lines[2].index_of("vn", &normal.to_array());
             write!(self.faces, " {v}/{vt}/{vn}").expect("writing to a String cannot fail");
         }
         self.faces.push('\n');
-        self.polygons.push(corners.to_vec());
+        self.polygons.push(corners);
     }
 
     /// A rectangle from `origin` along `right` and `up`, m, cut into pieces; it faces `right x up`. Texture
@@ -81,8 +87,19 @@ impl Mesh {
         up: DVec3,
         tiles: [f64; 2],
     ) {
+        self.rectangle_in(MAX_SIDE_M, material, [origin, right, up], tiles);
+    }
+
+    /// The same (`[origin, right, up]`) in pieces of at most `piece_m`.
+    pub fn rectangle_in(
+        &mut self,
+        piece_m: f64,
+        material: &'static str,
+        [origin, right, up]: [DVec3; 3],
+        tiles: [f64; 2],
+    ) {
         let normal = right.cross(up).normalize();
-        let pieces = [right, up].map(|side| (side.length() / MAX_SIDE_M - 1e-9).ceil().max(1.0) as u32);
+        let pieces = [right, up].map(|side| (side.length() / piece_m - 1e-9).ceil().max(1.0) as u32);
         let corner = |i: u32, j: u32| {
             let (a, b) = (f64::from(i) / f64::from(pieces[0]), f64::from(j) / f64::from(pieces[1]));
             (origin + a * right + b * up, [a * tiles[0], b * tiles[1]], normal)
@@ -153,6 +170,55 @@ impl Mesh {
                 }
             }
         }
+    }
+
+    /// A plain ball about a point, m, of 36 triangles.
+    pub fn ball_at(&mut self, centre_m: DVec3, radius_m: f64, material: &'static str) {
+        let before = self.place;
+        self.place = before * DAffine3::from_translation(centre_m);
+        let profile: Vec<[f64; 2]> = (0..=4)
+            .map(|j| {
+                let (sin, cos) = (std::f64::consts::PI * f64::from(j) / 4.0).sin_cos();
+                [if j % 4 == 0 { 0.0 } else { radius_m * sin }, -radius_m * cos]
+            })
+            .collect();
+        self.lathe(material, &profile, 6);
+        self.place = before;
+    }
+
+    /// A body of revolution about the z axis with smooth normals: `profile` holds (radius, height) in m from the lowest
+    /// point to the highest; a radius of 0 closes an end.
+    pub fn lathe(&mut self, material: &'static str, profile: &[[f64; 2]], sides: u32) {
+        let slopes: Vec<[f64; 2]> =
+            profile.windows(2).map(|p| [p[1][0] - p[0][0], p[1][1] - p[0][1]]).collect();
+        // Outward normal of a corner of the profile: that of its neighbours' mean direction.
+        let normal_at = |j: usize| -> [f64; 2] {
+            let (a, b) = (slopes[j.saturating_sub(1)], slopes[j.min(slopes.len() - 1)]);
+            let unit = |s: [f64; 2]| s[0].hypot(s[1]).recip();
+            let (ua, ub) = (unit(a), unit(b));
+            [a[1] * ua + b[1] * ub, -a[0] * ua - b[0] * ub]
+        };
+        let corner = |i: u32, j: usize| -> Corner {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i % sides) / f64::from(sides)).sin_cos();
+            let ([radius_m, z], [out, up]) = (profile[j], normal_at(j));
+            let normal = DVec3::new(out * cos, out * sin, up).normalize_or(DVec3::Z * up.signum());
+            (DVec3::new(radius_m * cos, radius_m * sin, z), [0.0; 2], normal)
+        };
+        for j in 0..profile.len() - 1 {
+            for i in 0..sides {
+                let patch = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                match (profile[j][0] == 0.0, profile[j + 1][0] == 0.0) {
+                    (true, _) => self.face(material, &[patch[0], patch[2], patch[3]]),
+                    (_, true) => self.face(material, &patch[..3]),
+                    _ => self.face(material, &patch),
+                }
+            }
+        }
+    }
+
+    /// Number of triangles when every face is cut into a fan.
+    pub fn triangle_count(&self) -> usize {
+        self.polygons.iter().map(|p| p.len() - 2).sum()
     }
 
     /// The OBJ text; `head` stands in front.

@@ -3,9 +3,9 @@
 //! The same bytes on every run: all of it is closed forms, written with fixed decimals.
 
 mod field;
-mod mesh;
-mod motion;
-mod textures;
+pub mod mesh;
+pub mod motion;
+pub mod textures;
 
 use std::fs;
 use std::io::Cursor;
@@ -45,9 +45,9 @@ fn files() -> Result<Vec<(&'static str, Vec<u8>)>> {
         ("lights.toml", lights_toml().into_bytes()),
         ("scene.obj", obj.into_bytes()),
         ("scene.mtl", format!("{HEAD}{}", field::MATERIALS).into_bytes()),
-        ("trajectory.tum", motion::tum(500, motion::camera).into_bytes()),
-        ("objects/ball.tum", motion::tum(200, motion::ball).into_bytes()),
-        ("objects/robot.tum", motion::tum(200, motion::robot).into_bytes()),
+        ("trajectory.tum", motion::tum(motion::SPAN_S, 500, motion::camera).into_bytes()),
+        ("objects/ball.tum", motion::tum(motion::SPAN_S, 200, motion::ball).into_bytes()),
+        ("objects/robot.tum", motion::tum(motion::SPAN_S, 200, motion::robot).into_bytes()),
         ("grass.png", png(&textures::grass())?),
         ("wall.png", png(&textures::wall())?),
         ("banner.png", png(&textures::banner())?),
@@ -84,7 +84,11 @@ fn lights_toml() -> String {
     HEAD.to_owned() + &field::LIGHTS.iter().map(light).collect::<String>()
 }
 
-fn png(picture: &RgbImage) -> Result<Vec<u8>> {
+/// A picture as a PNG file's bytes.
+///
+/// # Errors
+/// A picture that cannot be encoded.
+pub fn png(picture: &RgbImage) -> Result<Vec<u8>> {
     let mut bytes = Cursor::new(Vec::new());
     picture.write_to(&mut bytes, ImageFormat::Png).context("cannot encode a texture")?;
     Ok(bytes.into_inner())

@@ -68,13 +68,13 @@ pub fn robot(time_s: f64) -> Pose {
     }
 }
 
-/// The text of a `.tum` file over [`SPAN_S`]: time s, position m, unit quaternion x y z w without sign jumps.
-pub fn tum(rate_hz: u32, pose: impl Fn(f64) -> Pose) -> String {
+/// The text of a `.tum` file over a span, s: time s, position m, unit quaternion x y z w without sign jumps.
+pub fn tum(span_s: [f64; 2], rate_hz: u32, pose: impl Fn(f64) -> Pose) -> String {
     let mut text = String::new();
     let mut before: Option<DQuat> = None;
-    let lines = ((SPAN_S[1] - SPAN_S[0]) * f64::from(rate_hz)).round() as u32;
+    let lines = ((span_s[1] - span_s[0]) * f64::from(rate_hz)).round() as u32;
     for i in 0..=lines {
-        let time_s = SPAN_S[0] + f64::from(i) / f64::from(rate_hz);
+        let time_s = span_s[0] + f64::from(i) / f64::from(rate_hz);
         let pose = pose(time_s);
         let flip = before.is_some_and(|b| b.dot(pose.rotation) < 0.0);
         let q = if flip { -pose.rotation } else { pose.rotation };

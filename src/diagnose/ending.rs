@@ -1,0 +1,227 @@
+//! The end of a search: parameters that are freed last, and which kinds of noise there are.
+
+use std::collections::BTreeMap;
+
+use super::fit::{FINE, Level};
+use super::forward::Quality;
+use super::judge::Scores;
+use super::model::{P, Theta, candidate_of};
+use super::noise::{NOISES, NoiseData};
+use super::residue::residue;
+use super::score::FAMILIES;
+use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
+use crate::error::Result;
+use crate::plane::Plane;
+
+/// Share of a family's own score that a kind of noise must be worth there, where its worth in the whole score is small.
+const FAMILY_SHARE: f64 = 0.03;
+/// Standard errors that read noise beside shot noise, and the reverse, must stand above none, on frames to fit as on
+/// held-out ones.
+const SIGNIFICANT: f64 = 3.5;
+
+impl Search<'_> {
+    /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
+    pub(super) fn free_more(&mut self, found: &mut Found) -> Result<()> {
+        let more: Vec<P> = found.set.iter().flat_map(|n| candidate_of(n).more.iter().copied()).collect();
+        if more.is_empty() {
+            return Ok(());
+        }
+        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+        let mut free = Self::free(&found.set);
+        free.extend(&more);
+        let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+        let frames = &self.evidence.fit;
+        let freed = super::fit::fit(self.forward, target, frames, &found.fit.theta, &free, FINE)?;
+        let now = self.judge.scores(self.forward, &freed.theta)?;
+        let (gain, [low, _]) = self.judge.gain(&was, &now);
+        tracing::info!("with {more:?}: {:.3} to {:.3} DN", was.mean(), now.mean());
+        if low > 0.0 && gain > LEAST_SHARE * was.mean() && gain > 0.12 * self.renderer_difference {
+            found.fit.theta = freed.theta;
+            found.fit.half.extend(freed.half.into_iter().filter(|(p, _)| more.contains(p)));
+            found.more = more;
+        }
+        Ok(())
+    }
+
+    /// Chooses anew among qualities and patterns, now that the rest fits.
+    pub(super) fn tune_choices(&mut self, found: &mut Found) -> Result<()> {
+        for name in found.set.clone() {
+            let candidate = candidate_of(name);
+            if is_discrete(candidate) {
+                found.fit.theta = self.add_discrete(candidate, &found.fit.theta.clone())?.theta;
+                found.fit.half.insert(candidate.parameters[0], 1.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out what only coarse renders made look useful.
+    pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
+        let gap = {
+            let before = self.judge.scores(self.forward, &self.base.clone())?;
+            (before.mean() - before.floor()).max(0.0)
+        };
+        while !found.set.is_empty() {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            let mut weakest: Option<(usize, Theta, f64)> = None;
+            for i in 0..found.set.len() {
+                let rest: Vec<_> = found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
+                let start = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+                let fit = self.refit(&rest, &start, FINE)?;
+                let scores = self.judge.scores(self.forward, &fit.theta)?;
+                let worse = scores.mean();
+                let needed =
+                    self.supports(gap, &scores, &now) && !is_a_filter(found.set[i], &found.fit.theta);
+                if !needed && weakest.as_ref().is_none_or(|w| worse < w.2) {
+                    weakest = Some((i, fit.theta, worse));
+                }
+            }
+            let Some((i, theta, gap)) = weakest else { break };
+            tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
+            found.set.remove(i);
+            let mut free = Self::free(&found.set);
+            free.extend(&found.more);
+            let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+            if free.is_empty() {
+                (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
+                continue;
+            }
+            let fit =
+                super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
+            (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
+        }
+        Ok(())
+    }
+
+    /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.
+    pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
+        let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let fitted = found.fit.theta.clone();
+        let data = self.noise_data(&fitted, &self.evidence.fit)?;
+        let held_out = self.noise_data(&fitted, &self.evidence.held_out)?;
+        tracing::debug!("noise {data:?}");
+        let theta = self.noisy(&data, &found.fit.theta, &names);
+        names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
+        let mut theta = self.noisy(&data, &found.fit.theta, &names);
+        let mut scores = self.judge.scores(self.forward, &theta)?;
+        // Of what the mean leaves: beside a rolling shutter's gap all noise is little.
+        let silent = self.noisy(&data, &found.fit.theta, &[]);
+        let gap = (self.judge.scores(self.forward, &silent)?.mean() - scores.floor()).max(0.0);
+        let clear = |theta: &Theta| {
+            let [a, b] = [data.significance(theta), held_out.significance(theta)];
+            [a[0].min(b[0]) > SIGNIFICANT, a[1].min(b[1]) > SIGNIFICANT]
+        };
+        loop {
+            let [read, shot] = clear(&theta);
+            let both = names.contains(&"read_noise") && names.contains(&"shot_noise");
+            let mut weakest: Option<(usize, Theta, Scores)> = None;
+            for i in 0..names.len() {
+                let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
+                let without = self.noisy(&data, &found.fit.theta, &rest);
+                let rest_scores = self.judge.scores(self.forward, &without)?;
+                let needed = match names[i] {
+                    "read_noise" if both => read,
+                    "shot_noise" if both => shot,
+                    _ => self.noise_counts(gap, &rest_scores, &scores),
+                };
+                tracing::info!(
+                    "without {}: {:.4}, with {:.4}: {needed}",
+                    names[i],
+                    rest_scores.mean(),
+                    scores.mean()
+                );
+                if !needed && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean()) {
+                    weakest = Some((i, without, rest_scores));
+                }
+            }
+            let Some((i, without, rest_scores)) = weakest else { break };
+            names.remove(i);
+            (theta, scores) = (without, rest_scores);
+        }
+        self.noise_intervals(&names, &theta, found)?;
+        let held = &self.evidence.held_out;
+        let mut means = self.forward.simulate(held, &theta, Quality::Fine)?;
+        means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let coarser = self.forward.simulate(held, &theta, Quality::Fit)?;
+        found.sampling_dn = difference(&means, &coarser);
+        let left = self.noise_data(&theta, held)?;
+        found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
+        tracing::info!("left: {:?}", found.residue);
+        found.fit.theta = theta;
+        found.set.extend(names);
+        Ok(())
+    }
+
+    fn noisy(&self, data: &NoiseData, theta: &Theta, names: &[&str]) -> Theta {
+        let mut noisy = data.fit(theta, &self.base, names);
+        if names.contains(&"hot_pixels") {
+            noisy.set(P::Hot, self.judge.hot.fraction());
+        }
+        noisy
+    }
+
+    /// Whether a kind of noise is worth naming: in the whole score, or in a family of statistics that shows it best.
+    fn noise_counts(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
+        let (gain, [low, _]) = self.judge.gain(worse, better);
+        if low > 0.0 && gain > LEAST_SHARE * gap && gain > (0.01 * worse.mean()).max(0.03) {
+            return true;
+        }
+        let clear = |family: usize| {
+            let own = worse.0.iter().filter_map(|s| s.families[family]).map(|f| f[0]).sum::<f64>()
+                / worse.0.len().max(1) as f64;
+            let (gain, [low, _]) = self.judge.family_gain(worse, better, family);
+            low > 0.0 && gain > FAMILY_SHARE * own && gain > 0.05
+        };
+        gain > 0.0 && (0..FAMILIES.len()).any(clear)
+    }
+
+    /// Half widths of the noise parameters, by leaving out one frame at a time (jackknife).
+    fn noise_intervals(&mut self, names: &[&'static str], theta: &Theta, found: &mut Found) -> Result<()> {
+        let parameters: Vec<P> =
+            names.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
+        if parameters.is_empty() {
+            return Ok(());
+        }
+        let level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 6 };
+        let frames = super::fit::spread_out(&self.evidence.fit, level.frames);
+        let means = self.forward.simulate(&frames, theta, level.quality)?;
+        let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
+        for i in 0..frames.len() {
+            let rest = |j: &usize| *j != i;
+            let rest_frames: Vec<_> = (0..frames.len()).filter(rest).map(|j| frames[j]).collect();
+            let rest_means: Vec<_> = (0..frames.len()).filter(rest).map(|j| means[j].clone()).collect();
+            let masks = Some(self.masks);
+            let part = NoiseData::measure(self.evidence, &rest_frames, &rest_means, theta, masks);
+            let part = part.fit(theta, &self.base, names);
+            parameters.iter().for_each(|&p| spread.entry(p).or_default().push(part.get(p)));
+        }
+        for (p, values) in spread {
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
+            let half = match p {
+                // Single pixels are found or not.
+                P::Hot => {
+                    0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
+                }
+                // Bins of brightness and the flatness rule leave a per cent or two beyond what frames tell.
+                _ => 2.4 * variance.sqrt() + 0.02 * theta.get(p),
+            };
+            found.fit.half.insert(p, half);
+        }
+        Ok(())
+    }
+}
+
+/// Mean absolute difference of pictures, DN.
+fn difference(a: &[Plane<f32>], b: &[Plane<f32>]) -> f64 {
+    let sum: f64 = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| {
+            let pixels = a.data.iter().zip(&b.data).map(|(a, b)| f64::from((a - b).abs()));
+            pixels.sum::<f64>() / a.data.len() as f64
+        })
+        .sum();
+    sum / a.len().max(1) as f64
+}

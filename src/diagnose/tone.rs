@@ -1,0 +1,240 @@
+//! What a sensor's value becomes when it is encoded, under the noise that it has: mean and spread of the delivered value.
+//! Noise that is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
+
+use super::model::{P, Theta};
+use crate::plane::srgb_encode;
+
+/// Entries of the table of encoded values per unit: linear interpolation is within 0.01 DN above linear 0.001.
+const TABLE: usize = 8192;
+/// Entries of the tables of what noise does.
+const COARSE: usize = 512;
+/// The sensor's values in the tables of noise: from here on, a span of [`SPAN`].
+const LOW: f32 = -0.2;
+/// See [`LOW`].
+const SPAN: f32 = 1.6;
+/// Points of the integral over the noise, each side of the mean, and their distance in standard deviations.
+const POINTS: i32 = 12;
+/// See [`POINTS`].
+const STEP: f32 = 0.3;
+
+/// Variances of one value, DN^2.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Variances {
+    /// New in every pixel and frame.
+    pub free: f32,
+    /// The same for a whole row.
+    pub row: f32,
+    /// The same in every frame.
+    pub fixed: f32,
+}
+
+/// Parameters of the noise on linear values before the black level.
+#[derive(Clone, Copy, Debug)]
+struct Noise {
+    inverse_full_well: f32,
+    read2: f32,
+    row2: f32,
+    dsnu2: f32,
+    prnu2: f32,
+}
+
+impl Noise {
+    fn new(theta: &Theta) -> Self {
+        let square = |p: P| (theta.get(p) * theta.get(p)) as f32;
+        Self {
+            inverse_full_well: theta.get(P::Shot) as f32,
+            read2: square(P::Read),
+            row2: square(P::Row),
+            dsnu2: square(P::Dsnu),
+            prnu2: square(P::Prnu),
+        }
+    }
+
+    fn any(&self) -> bool {
+        self.inverse_full_well + self.read2 + self.row2 + self.dsnu2 + self.prnu2 > 0.0
+    }
+
+    /// Variances of the linear value `x`: free, row, fixed.
+    fn at(&self, x: f32) -> [f32; 3] {
+        let x = x.max(0.0);
+        [x * self.inverse_full_well + self.read2, self.row2, self.dsnu2 + self.prnu2 * x * x]
+    }
+}
+
+/// Everything that happens to a value on its own.
+pub(super) struct Tone {
+    /// Encoded DN of linear values 0 to 1.
+    table: Vec<f32>,
+    wb: [f32; 3],
+    gain: f32,
+    black: f32,
+    veil: f32,
+    veil_level: f32,
+    /// By channel and sensor value: what noise adds to the mean, and the spread.
+    noise: Option<[Vec<(f32, Variances)>; 3]>,
+    /// By channel and whole DN of the mean.
+    by_dn: Option<[Vec<Variances>; 3]>,
+}
+
+impl Tone {
+    pub(super) fn new(theta: &Theta) -> Self {
+        let exponent = theta.get(P::Gamma) as f32;
+        let encode = |i: usize| {
+            let value = srgb_encode(i as f32 / TABLE as f32);
+            255.0 * if exponent == 1.0 { value } else { value.powf(exponent) }
+        };
+        let mut tone = Self {
+            table: (0..=TABLE + 1).map(encode).collect(),
+            wb: [theta.get(P::WbR) as f32, 1.0, theta.get(P::WbB) as f32],
+            gain: theta.get(P::Gain) as f32,
+            black: theta.get(P::Black) as f32,
+            veil: theta.get(P::Veil) as f32,
+            veil_level: (theta.get(P::Veil) * theta.get(P::Level)) as f32,
+            noise: None,
+            by_dn: None,
+        };
+        let noise = Noise::new(theta);
+        if noise.any() {
+            let gains = noise_gain(theta);
+            let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, gains[c]));
+            tone.by_dn = Some([0, 1, 2].map(|c| tone.spread_by_dn(&tables[c], c)));
+            tone.noise = Some(tables);
+        }
+        tone
+    }
+
+    /// Linear value on the sensor, behind the black level, of radiance `linear` of which the lens lets `pass` through.
+    pub(super) fn sensor(&self, linear: f32, pass: f32) -> f32 {
+        let seen = (1.0 - self.veil) * linear * pass + self.veil_level;
+        self.black + (1.0 - self.black) * self.gain * seen
+    }
+
+    /// The same of a value that flickers by `light` behind the glare.
+    pub(super) fn sensor_lit(&self, linear: f32, pass: f32, light: f32) -> f32 {
+        let seen = ((1.0 - self.veil) * linear * pass + self.veil_level) * light;
+        self.black + (1.0 - self.black) * self.gain * seen
+    }
+
+    fn plain(&self, sensor: f32, channel: usize) -> f32 {
+        let at = (self.wb[channel] * sensor).clamp(0.0, 1.0) * TABLE as f32;
+        let i = at as usize;
+        let f = at - i as f32;
+        self.table[i] * (1.0 - f) + self.table[i + 1] * f
+    }
+
+    /// Mean delivered value, DN, of a sensor's value.
+    pub(super) fn encode(&self, sensor: f32, channel: usize) -> f32 {
+        let plain = self.plain(sensor, channel);
+        match &self.noise {
+            None => plain,
+            Some(tables) => {
+                let at = ((sensor - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
+                let i = (at as usize).min(COARSE - 2);
+                let f = at - i as f32;
+                plain + tables[channel][i].0 * (1.0 - f) + tables[channel][i + 1].0 * f
+            }
+        }
+    }
+
+    /// Spread about a mean of so many DN, whatever comes behind the encoding left aside.
+    pub(super) fn spread(&self, mean_dn: f32, channel: usize) -> Variances {
+        self.by_dn
+            .as_ref()
+            .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+    }
+
+    /// Whether there is any noise.
+    pub(super) fn is_noisy(&self) -> bool {
+        self.noise.is_some()
+    }
+
+    /// DN per unit of the linear value before the black level, where the mean is `dn`; 0 where clipped.
+    pub(super) fn slope_at(&self, dn: f32, channel: usize) -> f32 {
+        if dn >= 254.9 {
+            return 0.0;
+        }
+        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
+        (self.table[i] - self.table[i - 1]) * TABLE as f32 * self.wb[channel] * (1.0 - self.black)
+    }
+
+    /// The linear value before the black level whose noise-free value is `dn`.
+    pub(super) fn decode(&self, dn: f32, channel: usize) -> f32 {
+        let i = self.table.partition_point(|&v| v <= dn).clamp(1, TABLE);
+        let (a, b) = (self.table[i - 1], self.table[i]);
+        let encoded = ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32;
+        (encoded / self.wb[channel].max(1e-6) - self.black) / (1.0 - self.black)
+    }
+
+    /// What noise adds to the mean and how wide it spreads, by the sensor's value: the integral over a normal
+    /// distribution, clipping and encoding included.
+    fn under_noise(&self, noise: &Noise, channel: usize, gain: f32) -> Vec<(f32, Variances)> {
+        let keep = 1.0 - self.black;
+        let weights: Vec<f32> =
+            (-POINTS..=POINTS).map(|i| (-0.5 * (STEP * i as f32).powi(2)).exp()).collect();
+        let total: f32 = weights.iter().sum();
+        (0..COARSE)
+            .map(|i| {
+                let sensor = LOW + SPAN * i as f32 / (COARSE - 1) as f32;
+                let parts = noise.at((sensor - self.black) / keep).map(|v| v * keep * keep);
+                let linear2: f32 = parts.iter().sum();
+                let sigma = linear2.sqrt();
+                let (mut mean, mut square) = (0.0, 0.0);
+                for (k, weight) in (-POINTS..=POINTS).zip(&weights) {
+                    let v = self.plain(sensor + STEP * k as f32 * sigma, channel);
+                    mean += weight * v;
+                    square += weight * v * v;
+                }
+                (mean, square) = (mean / total, square / total);
+                let share = (square - mean * mean).max(0.0) / linear2.max(1e-12);
+                let spread = Variances {
+                    free: gain * share * parts[0],
+                    row: share * parts[1],
+                    fixed: gain * share * parts[2],
+                };
+                (mean - self.plain(sensor, channel), spread)
+            })
+            .collect()
+    }
+
+    fn spread_by_dn(&self, table: &[(f32, Variances)], channel: usize) -> Vec<Variances> {
+        let mean = |i: usize| {
+            let sensor = LOW + SPAN * i as f32 / (COARSE - 1) as f32;
+            self.plain(sensor, channel) + table[i].0
+        };
+        let mut at = 0;
+        (0..256)
+            .map(|dn| {
+                while at + 1 < COARSE && mean(at) < dn as f32 {
+                    at += 1;
+                }
+                // Between the two places whose means hold the value between them.
+                let (b, a) = (table[at].1, table[at.saturating_sub(1)].1);
+                let (mb, ma) = (mean(at), mean(at.saturating_sub(1)));
+                let f = if mb > ma { ((dn as f32 - ma) / (mb - ma)).clamp(0.0, 1.0) } else { 1.0 };
+                let mix = |a: f32, b: f32| a * (1.0 - f) + b * f;
+                Variances { free: mix(a.free, b.free), row: mix(a.row, b.row), fixed: mix(a.fixed, b.fixed) }
+            })
+            .collect()
+    }
+}
+
+/// Variance that white noise keeps behind the steps that mix pixels: demosaicking averages it, sharpening lifts it.
+pub(super) fn noise_gain(theta: &Theta) -> [f32; 3] {
+    let mut gain = [1.0f32; 3];
+    if theta.get(P::Mosaic) >= 1.0 {
+        // Own pixels keep their variance, those between two keep a half, those between four a quarter.
+        gain = [0.5625, 0.625, 0.5625];
+    }
+    let amount = theta.get(P::Sharpen) as f32;
+    if amount != 0.0 {
+        let sigma = theta.get(P::Radius) as f32;
+        let radius = (4.0 * sigma + 0.5).floor().max(1.0) as i32;
+        let bell: Vec<f32> = (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
+        let sum: f32 = bell.iter().sum();
+        let centre = (1.0 / sum).powi(2);
+        let square = (bell.iter().map(|b| b * b).sum::<f32>() / (sum * sum)).powi(2);
+        let lift = (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * centre + amount * amount * square;
+        gain = gain.map(|g| g * lift);
+    }
+    gain
+}
