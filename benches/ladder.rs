@@ -1,32 +1,35 @@
 //! The ladder of methods: what each costs and what each gets wrong, against many renders with the same samples a pixel.
 //!
-//! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md` and `ladder.png` (reference, method,
-//! difference times 8; one row a scene). `LADDER_SCENES` and `LADDER_METHODS` (comma-separated) choose, `LADDER_N` is the
+//! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md`, `ladder.png` (reference, method, difference
+//! times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged). `LADDER_SCENES` and `LADDER_METHODS` (comma-separated) choose, `LADDER_N` is the
 //! number of renders of the reference, `LADDER_SCALE` multiplies the picture's 320x240, `LADDER_KEEP` keeps references
 //! in `target/bench/references` from run to run.
 #![allow(clippy::unwrap_used)]
 
+#[path = "../tests/fast_scenes/mod.rs"]
+mod checkers;
+#[path = "ladder/picture.rs"]
+mod picture;
 #[path = "ladder/report.rs"]
 mod report;
-#[path = "ladder/scenes.rs"]
-mod scenes;
+#[path = "ladder/room.rs"]
+mod room;
+#[path = "ladder/takes.rs"]
+mod takes;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use report::Row;
-use scenes::{Take, camera, takes};
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::chain::Settings;
 use shutterbug::engine::{
-    AccumulationOptions, Engine, EngineOptions, ExactOptions, FrameRequest, Method, PaperOptions,
+    AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, FrameRequest, Method, PaperOptions,
 };
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::Plane;
+use takes::Take;
 
-/// As the strongest of the development captures.
-const READOUT_S: f64 = 0.0273;
-const EXPOSURE_S: f64 = 0.0183;
 /// Timed frames a method; the first is not counted.
 const REPEATS: usize = 13;
 /// Half the distance in time over which the reference's derivative is taken, s.
@@ -35,8 +38,8 @@ const DERIVATIVE_STEP_S: f64 = 1e-3;
 /// Renders of the pictures that this derivative is taken from.
 const DERIVATIVE_RENDERS: u32 = 48;
 
-const EFFECTS: [(&str, f64, f64); 3] =
-    [("shutter", READOUT_S, 0.0), ("blur", 0.0, EXPOSURE_S), ("both", READOUT_S, EXPOSURE_S)];
+/// Name, and whether there is a shutter and a blur.
+const EFFECTS: [(&str, f64, f64); 3] = [("shutter", 1.0, 0.0), ("blur", 0.0, 1.0), ("both", 1.0, 1.0)];
 
 fn list(variable: &str) -> Option<Vec<String>> {
     std::env::var(variable).ok().map(|v| v.split(',').map(str::to_owned).collect())
@@ -53,6 +56,7 @@ fn accumulation(renders: u32) -> Method {
 fn methods() -> Vec<(&'static str, Method)> {
     vec![
         ("paper", Method::Paper(PaperOptions::default())),
+        ("fast", Method::Fast(FastOptions::default())),
         ("exact", Method::Exact(ExactOptions::default())),
         ("accumulation_6", accumulation(6)),
         ("accumulation_24", accumulation(24)),
@@ -65,14 +69,21 @@ fn output() -> PathBuf {
 
 struct Bench {
     context: Arc<Context>,
-    intrinsics: Intrinsics,
+    scale: u32,
     renders: u32,
 }
 
 impl Bench {
-    fn request(&self, start_s: f64, readout_time_s: f64, exposure_time_s: f64) -> FrameRequest {
+    fn intrinsics(&self, take: &Take) -> Intrinsics {
+        takes::scaled(take.intrinsics, self.scale)
+    }
+
+    fn request(&self, take: &Take, shift_s: f64, effect: (&str, f64, f64)) -> FrameRequest {
         let scan_order = ScanOrder::TopToBottom;
-        let line_count = scan_order.line_count(self.intrinsics.width, self.intrinsics.height);
+        let intrinsics = self.intrinsics(take);
+        let line_count = scan_order.line_count(intrinsics.width, intrinsics.height);
+        let start_s = take.start_s + shift_s;
+        let (readout_time_s, exposure_time_s) = (effect.1 * take.readout_s, effect.2 * take.exposure_s);
         FrameRequest {
             index: 0,
             shutter: ShutterTiming { start_s, exposure_time_s, readout_time_s, scan_order, line_count },
@@ -88,13 +99,14 @@ impl Bench {
     fn engine(&self, take: &Take, method: &Method, request: &FrameRequest) -> Engine {
         let options = EngineOptions { method: method.clone(), ..EngineOptions::default() };
         let (scene, path) = (take.scene.clone(), take.path.clone());
-        Engine::new(&self.context, scene, path, self.intrinsics, options, std::slice::from_ref(request))
+        Engine::new(&self.context, scene, path, self.intrinsics(take), options, std::slice::from_ref(request))
             .unwrap()
     }
 
     /// The reference, from the kept ones if wanted.
     fn reference(&self, take: &Take, effect: &str, request: &FrameRequest, renders: u32) -> Plane<u8> {
-        let [w, h] = [self.intrinsics.width, self.intrinsics.height];
+        let intrinsics = self.intrinsics(take);
+        let [w, h] = [intrinsics.width, intrinsics.height];
         let start_us = (request.shutter.start_s * 1e6).round();
         let name = format!("{}_{effect}_{start_us}_{w}_{renders}.raw", take.name);
         let path = output().join("references").join(name);
@@ -111,7 +123,7 @@ impl Bench {
     }
 
     fn row(&self, take: &Take, effect: (&str, f64, f64), methods: &[(&'static str, Method)]) -> Vec<Row> {
-        let at = |shift_s: f64| self.request(take.start_s + shift_s, effect.1, effect.2);
+        let at = |shift_s: f64| self.request(take, shift_s, effect);
         let request = at(0.0);
         let reference = self.reference(take, effect.0, &request, self.renders);
         let [before, after] = [-DERIVATIVE_STEP_S, DERIVATIVE_STEP_S]
@@ -150,6 +162,7 @@ impl Bench {
             let gathers = !matches!(method, Method::Accumulation(_));
             let row = Row {
                 scene: format!("{}_{}", take.name, effect.0),
+                family: take.family,
                 method: (*name).to_owned(),
                 rmse: shutterbug::plane::metrics::rmse(&frame.picture, &reference),
                 psnr_db: shutterbug::plane::metrics::psnr_db(&frame.picture, &reference).min(99.0),
@@ -159,6 +172,7 @@ impl Bench {
                 plain_render_ms_median: report::median(&mut plain_ms[1..]),
                 cpu_ms,
                 plain_cpu_ms,
+                post_ms: report::post_ms(&passes),
                 picture: frame.picture,
                 reference: reference.clone(),
             };
@@ -181,7 +195,7 @@ fn main() {
     };
     let bench = Bench {
         context: context.clone(),
-        intrinsics: camera(number("LADDER_SCALE", 1)),
+        scale: number("LADDER_SCALE", 1),
         renders: number("LADDER_N", 512),
     };
     let (only_scenes, only_methods) = (list("LADDER_SCENES"), list("LADDER_METHODS"));
@@ -190,7 +204,7 @@ fn main() {
     };
     let methods: Vec<_> = methods().into_iter().filter(|(name, _)| chosen(&only_methods, name)).collect();
     let mut rows = Vec::new();
-    for take in takes().iter().filter(|t| chosen(&only_scenes, t.name)) {
+    for take in takes::all().iter().filter(|t| chosen(&only_scenes, &t.name)) {
         for effect in EFFECTS {
             rows.extend(bench.row(take, effect, &methods));
         }

@@ -3,8 +3,10 @@
 // every line at the middle of its exposure; for each instant tau of the exposure (-0.5 to 0.5) the place is sought whose
 // path leads it to the pixel then, and its radiance taken.
 #extension GL_GOOGLE_include_directive : require
-layout(local_size_x = 16, local_size_y = 8) in;
+layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
+// What lists the tiles: 0 at rest, 1 one surface, 2 several.
+layout(constant_id = 0) const int WAY = 1;
 // RGB: linear radiance; its sampler counts in texels.
 layout(set = 0, binding = 0) uniform sampler2D texels;
 // The same image by texel. A: 1/m, inverse distance.
@@ -12,9 +14,13 @@ layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
-layout(set = 0, binding = 4) uniform sampler2D around_facts;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
+layout(set = 0, binding = 7, std430) readonly buffer Tiles {
+    uvec3 groups;
+    uint count;
+    uint tiles[];
+} listed;
 layout(push_constant) uniform Push {
     uvec2 size;
     // px rendered beyond each side, and all with them.
@@ -25,18 +31,19 @@ layout(push_constant) uniform Push {
     // Most samples.
     int most;
     float grid;
+    uint tiles_across;
 } push;
 
-// Paths that jump by less from one px to the next are those of one surface.
-const float SMOOTH_PX = 0.35;
 // A place belongs to the pixel at an instant if its path leads it this near, px.
 const float HIT_PX = 0.75;
-// Shorter paths are not seen.
-const float SHORTEST_PX = 0.02;
+// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px. The pixel's box has
+// a variance of 1/12 px^2 an axis. A texel is a box itself, 1/48, and reading it bilinearly at any phase adds 1/24: the
+// samples may add 1/48, the square of this. Quarters, which would be right without these two, lose 1 to 2 dB.
+const float SPREAD_PX = 0.14434;
 
-// Centres of the pixel's quarters, from its middle; a pixel that is one texel has no quarters.
-float quarter_px() {
-    return push.grid > 1.5 ? 0.25 : 0.0;
+// A pixel that is one texel is not spread.
+float spread_px() {
+    return push.grid > 1.5 ? SPREAD_PX : 0.0;
 }
 
 // Displacement at tau: the parabola through the three known points.
@@ -72,9 +79,9 @@ vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
     return at;
 }
 
-// Mean of the pixel's box around a place: bilinear samples at the centres of its quarters.
+// Mean of the pixel's box around its centre: samples at the centres of texels.
 vec3 box_at(vec2 at) {
-    float q = quarter_px();
+    float q = push.grid > 1.5 ? 0.25 : 0.0;
     return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
                    radiance_at(at + vec2(q, q)));
 }
@@ -86,20 +93,22 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec4 back = vec4(begin, end);
     note_beyond(pixel + begin);
     note_beyond(pixel + end);
-    // Two samples a step of a px. Across the path they make up the pixel's box; along it they take turns, so that steps
-    // are half as long, and the path itself is the wider filter.
+    // Two samples a step of a px, opposite each other, so that none is early or late on average. Across the path they make
+    // up the pixel's box; along it they take turns, and the path itself is the wider filter. Unrolled by two steps.
     vec2 way = abs(end - begin);
-    vec2 side = quarter_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
-    vec2 ahead = quarter_px() - side;
-    int count = clamp(int(ceil(length(begin) + length(end))), 2, push.most);
+    vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
+    vec2 ahead = spread_px() - side;
+    vec2 even = side + ahead, odd = side - ahead;
+    int pairs = clamp(int(ceil(0.5 * (length(begin) + length(end)))), 1, push.most / 2);
+    float step_tau = 0.5 / float(pairs);
     vec3 sum = vec3(0.0);
-    for (int i = 0; i < count; ++i) {
-        float tau = (float(i) + 0.5) / float(count) - 0.5;
-        vec2 at = pixel + along(back, tau);
-        vec2 shift = (i & 1) == 0 ? ahead : -ahead;
-        sum += 0.5 * (radiance_at(at + side + shift) + radiance_at(at - side - shift));
+    for (int i = 0; i < pairs; ++i) {
+        float tau = (2.0 * float(i) + 0.5) * step_tau - 0.5;
+        vec2 first = pixel + along(back, tau);
+        vec2 second = pixel + along(back, tau + step_tau);
+        sum += radiance_at(first + even) + radiance_at(first - even) + radiance_at(second + odd) + radiance_at(second - odd);
     }
-    return vec4(sum / float(count), float(count));
+    return vec4(sum / float(4 * pairs), float(2 * pairs));
 }
 
 // Several surfaces: at every instant, the nearest place whose path leads here.
@@ -110,7 +119,7 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
         // The quarters of the pixel take turns.
         vec2 turn = vec2((i & 1) == 0 ? -1.0 : 1.0, ((i ^ (i >> 1)) & 1) == 0 ? -1.0 : 1.0);
-        vec2 x = pixel + quarter_px() * turn;
+        vec2 x = pixel + spread_px() * turn;
         float nearest = -1.0;
         vec2 found = x - along(seeds[1], tau);
         for (int s = 0; s < 3; ++s) {
@@ -129,28 +138,32 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
     return vec4(sum / float(count), float(count));
 }
 
-void main() {
-    uvec2 place = gl_GlobalInvocationID.xy;
-    if (any(greaterThanEqual(place, push.size))) {
-        return;
+vec4 gather(vec2 pixel, ivec2 tile) {
+    if (WAY == 0) {
+        return vec4(box_at(pixel), 1.0);
     }
-    vec2 pixel = vec2(place) + 0.5 + push.margin_px;
     vec4 own = path_at(pixel);
-    ivec2 tile = ivec2(pixel) / EXACT_TILE;
-    vec4 facts = texelFetch(around_facts, tile, 0);
     float line = dot(push.tau_per_px, pixel);
-    vec4 seen;
-    if (facts.z < SHORTEST_PX) {
-        seen = vec4(box_at(pixel), 1.0);
-    } else if (facts.w < SMOOTH_PX) {
-        seen = gather_smooth(pixel, line, own);
-    } else {
-        vec4 seeds[3] = vec4[3](own, texelFetch(around_near, tile, 0), texelFetch(around_far, tile, 0));
-        float longest = 0.0;
-        for (int s = 0; s < 3; ++s) {
-            longest = max(longest, length(seeds[s].xy) + length(seeds[s].zw));
-        }
-        seen = gather_layers(pixel, line, seeds, longest);
+    if (WAY == 1) {
+        return gather_smooth(pixel, line, own);
     }
-    imageStore(radiance, ivec2(place), vec4(seen.rgb, beyond ? -seen.a : seen.a));
+    vec4 seeds[3] = vec4[3](own, texelFetch(around_near, tile, 0), texelFetch(around_far, tile, 0));
+    float longest = 0.0;
+    for (int s = 0; s < 3; ++s) {
+        longest = max(longest, length(seeds[s].xy) + length(seeds[s].zw));
+    }
+    return gather_layers(pixel, line, seeds, longest);
+}
+
+void main() {
+    for (uint i = gl_WorkGroupID.x; i < listed.count; i += gl_NumWorkGroups.x) {
+        ivec2 tile = ivec2(listed.tiles[i] % push.tiles_across, listed.tiles[i] / push.tiles_across);
+        ivec2 place = tile * EXACT_TILE + ivec2(gl_LocalInvocationID.xy) - ivec2(push.margin_px);
+        if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, ivec2(push.size)))) {
+            continue;
+        }
+        beyond = false;
+        vec4 seen = gather(vec2(place) + 0.5 + push.margin_px, tile);
+        imageStore(radiance, place, vec4(seen.rgb, beyond ? -seen.a : seen.a));
+    }
 }

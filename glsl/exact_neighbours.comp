@@ -1,6 +1,7 @@
 #version 460
 // What may come into a tile during the exposure: nearest, farthest, reach and jumps over all tiles around that are
-// within reach of it.
+// within reach of it. It decides how the tile is gathered: each way has a list, and a dispatch of its own, because a
+// software device runs every side of a branch.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
@@ -11,14 +12,50 @@ layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D around_near;
 layout(set = 0, binding = 4, rgba16f) uniform writeonly image2D around_far;
 // As tile_facts.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D around_facts;
+struct List {
+    // Size of the gather's dispatch.
+    uvec3 groups;
+    uint count;
+};
+layout(set = 0, binding = 6, std430) buffer Resting {
+    List list;
+    uint tiles[];
+} resting;
+layout(set = 0, binding = 7, std430) buffer Smooth {
+    List list;
+    uint tiles[];
+} smooth_tiles;
+layout(set = 0, binding = 8, std430) buffer Layered {
+    List list;
+    uint tiles[];
+} layered;
 layout(push_constant) uniform Push {
     // Tiles.
     uvec2 size;
+    // First tile and first tile not that hold delivered pixels.
+    uvec2 first;
+    uvec2 end;
     // Tiles to look at on every side.
     int radius;
     // Side of a tile, px.
     float tile_px;
 } push;
+
+// Beyond the number of workgroups that every device allows, each takes several tiles.
+const uint MOST_GROUPS = 65535u;
+
+// The order of a list changes from run to run, and nothing depends on it: tiles share no output.
+#define PUT(to, tile) \
+    { \
+        uint place = atomicAdd(to.list.count, 1u); \
+        to.tiles[place] = tile; \
+        if (place < MOST_GROUPS) { \
+            atomicAdd(to.list.groups.x, 1u); \
+        } \
+        if (place == 0u) { \
+            to.list.groups.yz = uvec2(1u); \
+        } \
+    }
 
 void main() {
     ivec2 tile = ivec2(gl_GlobalInvocationID.xy);
@@ -51,4 +88,15 @@ void main() {
     imageStore(around_near, tile, texelFetch(tile_near, nearest, 0));
     imageStore(around_far, tile, texelFetch(tile_far, farthest, 0));
     imageStore(around_facts, tile, facts);
+    if (any(lessThan(uvec2(tile), push.first)) || any(greaterThanEqual(uvec2(tile), push.end))) {
+        return;
+    }
+    uint number = uint(tile.y) * push.size.x + uint(tile.x);
+    if (facts.z < EXACT_SHORTEST_PX) {
+        PUT(resting, number)
+    } else if (facts.w < EXACT_SMOOTH_PX) {
+        PUT(smooth_tiles, number)
+    } else {
+        PUT(layered, number)
+    }
 }

@@ -46,6 +46,8 @@ layout(set = 0, binding = 2, std430) writeonly buffer PlacedVertices {
     Placed placed[];
 };
 
+layout(constant_id = 1) const bool LENS = false;
+#define LENS_POSSIBLE LENS
 #include "lens.glsl"
 layout(push_constant) uniform Push {
     uint vertex_count;

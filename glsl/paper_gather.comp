@@ -6,6 +6,9 @@
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
+// Number of motion images where it is known: what there are fewer of is compiled out. Changes no bit.
+layout(constant_id = 0) const int MOTION_COUNT = 0;
+
 // Linear radiance at the reference instant, with `margin_px` more on every side.
 layout(set = 0, binding = 0) uniform sampler2D color;
 // px per frame interval, same size as `color`; layer k belongs to first_motion_s + k motion_step_s.
@@ -39,7 +42,7 @@ void main() {
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
-    int motion_count = clamp(int(push.motion_count), 1, MAX_MOTION_IMAGES);
+    int motion_count = MOTION_COUNT != 0 ? MOTION_COUNT : clamp(int(push.motion_count), 1, MAX_MOTION_IMAGES);
     // A single image has no step; any unit of time does.
     float step_s = motion_count > 1 ? push.motion_step_s : push.frame_interval_s;
     float fraction = readout_fraction(pixel, push.size, push.scan_order, push.pixel_time);

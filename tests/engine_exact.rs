@@ -3,9 +3,14 @@
 
 mod gpu_support;
 
-#[path = "../benches/ladder/scenes.rs"]
+#[path = "fast_scenes/mod.rs"]
+mod checkers;
+#[path = "../benches/ladder/room.rs"]
 #[allow(dead_code)]
-mod scenes;
+mod room;
+#[path = "../benches/ladder/takes.rs"]
+#[allow(dead_code)]
+mod takes;
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -13,7 +18,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use gpu_support::{Watched, device};
-use scenes::{Take, camera, takes};
+use room::{CAMERA, takes};
 use shutterbug::camera::{Pose, ScanOrder, ShutterTiming, Trajectory};
 use shutterbug::chain::Settings;
 use shutterbug::engine::{
@@ -21,9 +26,10 @@ use shutterbug::engine::{
 };
 use shutterbug::plane::Plane;
 use shutterbug::plane::metrics::psnr_db;
+use takes::Take;
 
 fn request(start_s: f64, readout_time_s: f64, exposure_time_s: f64, scan_order: ScanOrder) -> FrameRequest {
-    let k = camera(1);
+    let k = CAMERA;
     let line_count = scan_order.line_count(k.width, k.height);
     FrameRequest {
         index: 0,
@@ -48,7 +54,7 @@ fn accumulation(renders: u32) -> Method {
 fn engine(context: &Watched, take: &Take, method: Method, samples: u32, expected: &[FrameRequest]) -> Engine {
     let options = EngineOptions { method, samples, ..EngineOptions::default() };
     let (scene, path) = (take.scene.clone(), take.path.clone());
-    Engine::new(&context.0, scene, path, camera(1), options, expected).unwrap()
+    Engine::new(&context.0, scene, path, CAMERA, options, expected).unwrap()
 }
 
 fn render(
@@ -151,7 +157,7 @@ fn what_is_behind_the_camera_does_not_smear_over_the_picture() {
             translation_m: DVec3::new(0.4 + pass_m_s * t, 2.5 - distance_m, 1.1),
         });
         let path = Arc::new(Trajectory::new(Path::new("near"), times.clone(), poses.collect()).unwrap());
-        let take = Take { path, scene: base.scene.clone(), ..base };
+        let take = Take { path, ..base.clone() };
         for exposure_s in [0.0, 0.01] {
             let (got, still) =
                 decibels_lax(&context, &take, &request(0.01, 0.02, exposure_s, ScanOrder::TopToBottom));

@@ -14,13 +14,26 @@ use gpu_support::{Watched, device};
 use shutterbug::camera::{Intrinsics, ScanOrder};
 use shutterbug::chain::{Settings, Value};
 use shutterbug::effects::PaperNoise;
-use shutterbug::engine::{Engine, EngineOptions, Frame, FrameRequest, Method};
+use shutterbug::engine::{
+    Engine, EngineOptions, Frame, FrameRequest, GATHER_KERNELS, Gather, Method, PaperOptions,
+};
 
 const K: Intrinsics = Intrinsics { width: 97, height: 73, fx: 80.0, fy: 82.0, cx: 47.2, cy: 37.1 };
 const CHILD: &str = "SHUTTERBUG_TEST_CHILD";
 
-fn methods() -> [(&'static str, Method); 3] {
-    [("accumulation", accumulation(40)), ("paper", paper(3)), ("paper from depth", paper_from_depth(2))]
+fn methods() -> [(&'static str, Method); 4] {
+    // Named: the fastest kernel may be another one in another process.
+    let (gather, gather_kernel) =
+        (Gather::Bilinear, GATHER_KERNELS.iter().find(|k| k.name == "sampler_2").copied());
+    [
+        ("accumulation", accumulation(40)),
+        ("paper", paper(3)),
+        ("paper from depth", paper_from_depth(2)),
+        (
+            "paper, bilinear gather",
+            Method::Paper(PaperOptions { gather, gather_kernel, ..PaperOptions::default() }),
+        ),
+    ]
 }
 
 /// Frame `index` of a stream: shutter, blur, all parts of the noise, planes.

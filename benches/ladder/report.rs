@@ -8,10 +8,14 @@ use serde::Serialize;
 use shutterbug::gpu::PassTime;
 use shutterbug::plane::{Plane, write_png_atomic};
 
+use super::picture;
+use super::takes::Family;
+
 /// One method on one scene.
 #[derive(Serialize)]
 pub struct Row {
     pub scene: String,
+    pub family: Family,
     pub method: String,
     /// Levels of 255.
     pub rmse: f64,
@@ -23,6 +27,8 @@ pub struct Row {
     /// Time of all threads of the process a frame, which other work on the machine hardly changes; 0 where unknown.
     pub cpu_ms: f64,
     pub plain_cpu_ms: f64,
+    /// Least time of all passes but placing, rasterizing, resolving and reading the colour, ms: motion and warp.
+    pub post_ms: f64,
     #[serde(skip)]
     pub picture: Plane<u8>,
     #[serde(skip)]
@@ -33,7 +39,7 @@ impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} | {:.2} |",
+            "| {} | {} | {:.3} | {:.1} | {:.0} | {:.4} | {:.1} | {:.1} | {:.2} | {:.2} | {:.1} |",
             self.scene,
             self.method,
             self.rmse,
@@ -43,7 +49,8 @@ impl fmt::Display for Row {
             self.ms_median,
             self.plain_render_ms_median,
             self.ms_median / self.plain_render_ms_median,
-            self.cpu_ms / self.plain_cpu_ms
+            self.cpu_ms / self.plain_cpu_ms,
+            self.post_ms
         )
     }
 }
@@ -64,6 +71,12 @@ pub fn keep_least(passes: &mut Vec<PassTime>, times: &[PassTime]) {
             None => passes.push(time.clone()),
         }
     }
+}
+
+/// See [`Row::post_ms`].
+pub fn post_ms(passes: &[PassTime]) -> f64 {
+    const PICTURE: [&str; 5] = ["exact_place", "raster", "resolve", "finish", "readback"];
+    passes.iter().filter(|p| !PICTURE.contains(&p.name.as_ref())).map(|p| p.ms).sum()
 }
 
 /// In words.
@@ -101,38 +114,68 @@ pub fn worst_line_time_us(
     worst
 }
 
-/// Writes all three files.
+/// Writes all four files.
 pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::create_dir_all(folder).expect("target/bench can be made");
     let json = serde_json::to_string_pretty(rows).expect("numbers and names");
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
     let mut table =
         format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
-    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio |\n";
-    table += "|---|---|---|---|---|---|---|---|---|---|\n";
+    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio | post ms |\n";
+    table += "|---|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {
         writeln!(table, "{row}").expect("strings grow");
     }
+    table += &compact(rows);
     std::fs::write(folder.join("ladder.md"), table).expect("target/bench is writable");
     let shown: Vec<&Row> = rows.iter().filter(|r| r.method == "exact" || r.method == "fast").collect();
-    write_png_atomic(&folder.join("ladder.png"), &sheet(&shown)).expect("target/bench is writable");
+    write_png_atomic(&folder.join("ladder.png"), &picture::sheet(&shown)).expect("target/bench is writable");
+    let typical: Vec<&Row> = FAILURES
+        .iter()
+        .filter_map(|(method, scene)| rows.iter().find(|r| r.method == *method && r.scene == *scene))
+        .collect();
+    write_png_atomic(&folder.join("failures.png"), &picture::failures(&typical))
+        .expect("target/bench is writable");
 }
 
-/// Reference, method, difference times 8 about mid grey; one row each.
-fn sheet(rows: &[&Row]) -> Plane<u8> {
-    let Some(first) = rows.first() else { return Plane::new(1, 1, 3) };
-    let (w, h) = (first.picture.width, first.picture.height);
-    let mut sheet = Plane::new(3 * w, h * rows.len(), 3);
-    for (i, row) in rows.iter().enumerate() {
-        for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
-            let (want, got) = (row.reference.pixel(x, y), row.picture.pixel(x, y));
-            let difference: [u8; 3] = std::array::from_fn(|c| {
-                (128 + 8 * (i32::from(got[c]) - i32::from(want[c]))).clamp(0, 255) as u8
-            });
-            for (column, value) in [want, got, &difference].into_iter().enumerate() {
-                sheet.pixel_mut(column * w + x, i * h + y).copy_from_slice(value);
-            }
+/// Where each method typically fails.
+const FAILURES: [(&str, &str); 4] = [
+    ("paper", "acceleration_both"),
+    ("fast", "checkers_parallax_both"),
+    ("exact", "object_blur"),
+    ("accumulation_6", "robot_both"),
+];
+
+/// What fits a page: a line a scene, decibels for shutter, blur and both; the CPU time of `exact` over a plain render's and
+/// the time of `fast`'s motion and warp over that of the paper's.
+fn compact(rows: &[Row]) -> String {
+    const METHODS: [&str; 5] = ["paper", "fast", "exact", "accumulation_6", "accumulation_24"];
+    const EFFECTS: [&str; 3] = ["shutter", "blur", "both"];
+    let mut scenes: Vec<&str> = Vec::new();
+    for row in rows {
+        let name = row.scene.rsplit_once('_').map_or(row.scene.as_str(), |(name, _)| name);
+        if !scenes.contains(&name) {
+            scenes.push(name);
         }
     }
-    sheet
+    let mut table = "\n| scene | ".to_owned() + &METHODS.join(" | ") + " | exact / plain | fast / paper |\n";
+    table += &("|---".repeat(METHODS.len() + 3) + "|\n");
+    for scene in scenes {
+        let find = |method: &str, effect: &str| {
+            rows.iter().find(|r| r.method == method && r.scene == format!("{scene}_{effect}"))
+        };
+        let each = |value: &dyn Fn(&str) -> Option<String>| {
+            EFFECTS.map(|e| value(e).unwrap_or_else(|| "-".to_owned())).join(", ")
+        };
+        write!(table, "| {scene} |").expect("strings grow");
+        for method in METHODS {
+            let decibels = each(&|e| find(method, e).map(|r| format!("{:.1}", r.psnr_db)));
+            write!(table, " {decibels} |").expect("strings grow");
+        }
+        let cost = each(&|e| find("exact", e).map(|r| format!("{:.2}", r.cpu_ms / r.plain_cpu_ms)));
+        let warp = |e: &str| Some(find("fast", e)?.post_ms / find("paper", e)?.post_ms);
+        let warp = each(&|e| warp(e).map(|ratio| format!("{ratio:.1}")));
+        writeln!(table, " {cost} | {warp} |").expect("strings grow");
+    }
+    table
 }

@@ -16,6 +16,8 @@ layout(set = 0, binding = 4, std430) readonly buffer Tables {
     uint table_words[];
 };
 
+// A kernel that does more than the chain has a block of its own with these members.
+#ifndef CHAIN_PUSH
 layout(push_constant) uniform Push {
     uvec2 size;
     uvec2 seed;
@@ -23,6 +25,7 @@ layout(push_constant) uniform Push {
     uint flags;
     uint slot;
 } push;
+#endif
 
 const uint SLOT_ROWS = 4u;
 

@@ -3,6 +3,8 @@
 // matrices: no attachment is spent on them, and they are exact for whatever moves as a rigid body.
 layout(local_size_x = 128, local_size_y = 1) in;
 #include "resolve.glsl"
+layout(constant_id = 2) const bool LENS = false;
+#define LENS_POSSIBLE LENS
 #include "lens.glsl"
 // Alpha: number of the motion group, 0 where nothing is.
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;

@@ -4,5 +4,9 @@
 
 // Pixels a side. TILE of src/engine/exact/blur.rs.
 const int EXACT_TILE = 8;
+// Shorter paths are not seen, px.
+const float EXACT_SHORTEST_PX = 0.02;
+// Paths that jump by less from one px to the next are those of one surface.
+const float EXACT_SMOOTH_PX = 0.35;
 
 #endif

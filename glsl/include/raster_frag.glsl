@@ -8,6 +8,8 @@
 layout(constant_id = 0) const bool LIT = false;
 layout(constant_id = 1) const bool TEXTURED = false;
 layout(constant_id = 2) const uint LIGHT_COUNT = 0;
+// Some of what is drawn has a specular colour.
+layout(constant_id = 4) const bool GLOSSY = true;
 const uint MAX_LIGHTS = 64;
 
 struct Light {
@@ -44,26 +46,28 @@ vec3 origin_m() { return camera_m[push.instant].xyz; }
 #endif
 layout(location = 0) out vec4 out_color;
 
-// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract).
+// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract). One root a length: the reciprocal one.
 vec3 blinn_phong(vec3 kd) {
     vec3 to_eye = normalize(to_eye_m());
     vec3 n = normalize(in_normal);
     n = dot(n, to_eye) < 0.0 ? -n : n;
-    vec3 sum = vec3(0.0);
+    vec3 from_light = origin_m() + in_position_m;
+    vec3 diffuse = vec3(0.0);
+    vec3 specular = vec3(0.0);
     for (uint i = 0; i < LIGHT_COUNT; ++i) {
-        vec3 offset_m = lights[i].position_m.xyz - origin_m() - in_position_m;
-        float distance_m = length(offset_m);
-        vec3 to_light = offset_m / distance_m;
-        vec3 halfway = normalize(to_light + to_eye);
-        vec3 reflected = kd * max(dot(n, to_light), 0.0);
-        float toward = max(dot(n, halfway), 0.0);
-        if (toward > 0.0) {
-            reflected += in_ks_ns.rgb * pow(toward, in_ks_ns.w);
-        }
+        vec3 offset_m = lights[i].position_m.xyz - from_light;
+        float square = dot(offset_m, offset_m);
+        float inverse = inversesqrt(square);
         vec3 a = lights[i].attenuation.xyz;
-        sum += reflected * lights[i].color.rgb / (a.x + distance_m * (a.y + distance_m * a.z));
+        vec3 arriving = lights[i].color.rgb / (a.x + a.y * (square * inverse) + a.z * square);
+        diffuse += arriving * max(dot(n, offset_m) * inverse, 0.0);
+        if (GLOSSY) {
+            vec3 halfway = offset_m * inverse + to_eye;
+            float toward = dot(n, halfway) * inversesqrt(dot(halfway, halfway));
+            specular += arriving * (toward > 0.0 ? pow(toward, in_ks_ns.w) : 0.0);
+        }
     }
-    return sum;
+    return kd * diffuse + (GLOSSY ? in_ks_ns.rgb * specular : vec3(0.0));
 }
 #endif
 

@@ -3,7 +3,10 @@
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "resolve.glsl"
 layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
-layout(set = 0, binding = 1, rgba32f) uniform writeonly image2D color;
+#ifndef COLOR_FORMAT
+#define COLOR_FORMAT rgba32f
+#endif
+layout(set = 0, binding = 1, COLOR_FORMAT) uniform writeonly image2D color;
 layout(push_constant) uniform Push {
     uvec2 size;
     ivec2 grid;

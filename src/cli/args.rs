@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use crate::engine::{
-    AccumulationOptions, ExactOptions, FastOptions, Method, MotionSource, PaperOptions, Shift,
+    AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
+    MotionSource, PaperOptions, Shift,
 };
 use crate::formats::Format;
 
@@ -28,7 +29,7 @@ pub enum Command {
     /// Check diagnose: make captures whose effects are hidden, diagnose them blind, open the answers, score
     Withhold(Withhold),
     /// List the Vulkan devices, what each can do and what it lacks
-    Devices,
+    Devices(Devices),
     /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
     Effects,
     /// List the presets of real cameras, or print one as camera.toml
@@ -197,8 +198,11 @@ pub struct Simulate {
     #[arg(long)]
     pub device: Option<String>,
     /// Frames in flight
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub frames_in_flight: u32,
+    /// So many frames in flight, and the number of frames a second when done
+    #[arg(long, conflicts_with = "frames_in_flight", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub batch: Option<u32>,
     /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub renders: Option<u32>,
@@ -214,9 +218,44 @@ pub struct Simulate {
     /// paper: motion rasterized, or reconstructed from depth (knows no moving objects) [default: rasterized]
     #[arg(long, value_enum)]
     pub motion_source: Option<MotionSourceName>,
+    /// paper: what the gather may give up for speed [default: exact]
+    #[arg(long, value_enum)]
+    pub gather: Option<GatherName>,
+    /// paper: the gather's kernel (see `devices --kernels`) instead of the fastest on the device
+    #[arg(long, value_parser = gather_kernel)]
+    pub gather_kernel: Option<GatherKernel>,
     /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
     #[arg(long)]
     pub pixel_time: bool,
+}
+
+/// `--gather`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum GatherName {
+    /// The bits of the reference, a tap a px
+    Exact,
+    /// A tap every second px, weights of 8 bits
+    Bilinear,
+    /// The nearest texel, a tap a px
+    Fast,
+}
+
+impl From<GatherName> for Gather {
+    fn from(name: GatherName) -> Self {
+        match name {
+            GatherName::Exact => Self::Exact,
+            GatherName::Bilinear => Self::Bilinear,
+            GatherName::Fast => Self::Fast,
+        }
+    }
+}
+
+/// Arguments of `devices`.
+#[derive(Debug, clap::Args)]
+pub struct Devices {
+    /// Also which kernels are chosen on the device that would be used, and what they took when they were tried
+    #[arg(long)]
+    pub kernels: bool,
 }
 
 /// Arguments of `diagnose`.
@@ -355,6 +394,8 @@ impl Simulate {
                 Some(MotionSourceName::Depth) => MotionSource::Depth,
                 None => usual.motion_source,
             },
+            gather: self.gather.map_or(usual.gather, Gather::from),
+            gather_kernel: self.gather_kernel,
         }
     }
 
@@ -364,7 +405,9 @@ impl Simulate {
     /// What is wrong, in words.
     pub fn check(&self) -> Result<(), String> {
         use MethodName::{Accumulation, Fast, Paper};
-        let given: [(&str, bool, &[MethodName]); 6] = [
+        let given: [(&str, bool, &[MethodName]); 8] = [
+            ("--gather", self.gather.is_some(), &[Paper]),
+            ("--gather-kernel", self.gather_kernel.is_some(), &[Paper]),
             ("--renders", self.renders.is_some(), &[Accumulation]),
             ("--motion-images", self.motion_images.is_some(), &[Paper, Fast]),
             ("--shift", self.shift.is_some(), &[Paper]),
@@ -377,6 +420,11 @@ impl Simulate {
                 return Err(format!("{option} has no meaning with --method {}", self.method_name()));
             }
         }
+        let gather = self.paper_options().gather;
+        if let Some(kernel) = self.gather_kernel.filter(|k| k.gather != gather) {
+            return Err(format!("--gather-kernel {} is one of --gather {:?}", kernel.name, kernel.gather)
+                .to_lowercase());
+        }
         if self.method == Fast && !matches!(self.motion_images, None | Some(2 | 4 | 6)) {
             return Err("--motion-images is 2, 4 or 6 with --method fast".to_owned());
         }
@@ -387,6 +435,12 @@ impl Simulate {
     pub fn method_name(&self) -> String {
         self.method.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
     }
+}
+
+fn gather_kernel(text: &str) -> Result<GatherKernel, String> {
+    let names: Vec<_> = GATHER_KERNELS.iter().map(|k| k.name).collect();
+    let found = GATHER_KERNELS.iter().find(|k| k.name == text);
+    found.copied().ok_or_else(|| format!("a kernel is one of {}", names.join(", ")))
 }
 
 fn samples(text: &str) -> Result<u32, String> {

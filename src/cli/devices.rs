@@ -1,10 +1,12 @@
 //! `shutterbug devices`.
 
+use super::args::Devices;
+use crate::engine::{Gather, cache_path, choose_gather};
 use crate::error::{Error, Result};
-use crate::gpu::{DeviceInfo, DeviceKind, devices};
+use crate::gpu::{Context, ContextOptions, DeviceChoice, DeviceInfo, DeviceKind, Validation, devices};
 
 /// Prints one block per device.
-pub fn run() -> Result<()> {
+pub fn run(args: &Devices) -> Result<()> {
     let all = devices()?;
     if all.is_empty() {
         let present = "none (Debian: apt-get install mesa-vulkan-drivers)".to_owned();
@@ -12,6 +14,29 @@ pub fn run() -> Result<()> {
     }
     for device in &all {
         print!("{}", describe(device));
+    }
+    if args.kernels { kernels() } else { Ok(()) }
+}
+
+/// Prints the chosen kernel of each quality, after trying them where that was not done before.
+fn kernels() -> Result<()> {
+    let device = DeviceChoice::from_option_or_environment(None);
+    let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
+    println!("kernels on {}:", context.info().name);
+    for gather in [Gather::Bilinear, Gather::Fast] {
+        let choice = choose_gather(&context, gather, None)?;
+        let times: Vec<_> = choice.candidates.iter().map(|(name, ms)| format!("{name} {ms:.3} ms")).collect();
+        println!(
+            "   --gather {:?}: {} (by {:?}: {})",
+            gather,
+            choice.kernel.name,
+            choice.by,
+            times.join(", ")
+        );
+    }
+    match cache_path() {
+        Some(path) => println!("   kept in {}; remove the file to measure again", path.display()),
+        None => println!("   kept nowhere: neither XDG_CACHE_HOME nor HOME is set"),
     }
     Ok(())
 }

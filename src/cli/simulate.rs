@@ -48,7 +48,7 @@ pub fn run(args: &Simulate) -> Result<()> {
     let options = EngineOptions {
         method: args.engine_method(),
         samples: args.samples,
-        frames_in_flight: args.frames_in_flight,
+        frames_in_flight: args.batch.unwrap_or(args.frames_in_flight),
         planes: !args.planes.is_empty(),
         ..EngineOptions::default()
     };
@@ -58,7 +58,12 @@ pub fn run(args: &Simulate) -> Result<()> {
     let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));
     let mut engine = Engine::new(&context, scene, path, *camera, options, &requests)?;
     let mut timings = Timings::default();
+    let start = Instant::now();
     let done = render_all((args, &stems), &mut engine, &requests, &mut timings)?;
+    if let Some(batch) = args.batch {
+        let rate = done as f64 / start.elapsed().as_secs_f64();
+        eprintln!("{rate:.2} frames a second, on disk, with {batch} in flight");
+    }
     report_validation(&context)?;
     if args.timings {
         timings.finish(&args.out, &context, &args.method_name(), size, args.samples)?;

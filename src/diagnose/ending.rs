@@ -7,12 +7,17 @@ use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
+use super::residue::residue;
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search};
+use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
 use crate::error::Result;
+use crate::plane::Plane;
 
 /// Share of a family's own score that a kind of noise must be worth there, where its worth in the whole score is small.
 const FAMILY_SHARE: f64 = 0.03;
+/// Standard errors that read noise beside shot noise, and the reverse, must stand above none, on frames to fit as on
+/// held-out ones.
+const SIGNIFICANT: f64 = 3.5;
 
 impl Search<'_> {
     /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
@@ -38,22 +43,87 @@ impl Search<'_> {
         Ok(())
     }
 
+    /// Chooses anew among qualities and patterns, now that the rest fits.
+    pub(super) fn tune_choices(&mut self, found: &mut Found) -> Result<()> {
+        for name in found.set.clone() {
+            let candidate = candidate_of(name);
+            if is_discrete(candidate) {
+                found.fit.theta = self.add_discrete(candidate, &found.fit.theta.clone())?.theta;
+                found.fit.half.insert(candidate.parameters[0], 1.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out what only coarse renders made look useful.
+    pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
+        let gap = {
+            let before = self.judge.scores(self.forward, &self.base.clone())?;
+            (before.mean() - before.floor()).max(0.0)
+        };
+        while !found.set.is_empty() {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            let mut weakest: Option<(usize, Theta, f64)> = None;
+            for i in 0..found.set.len() {
+                let rest: Vec<_> = found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
+                let start = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+                let fit = self.refit(&rest, &start, FINE)?;
+                let scores = self.judge.scores(self.forward, &fit.theta)?;
+                let worse = scores.mean();
+                let needed =
+                    self.supports(gap, &scores, &now) && !is_a_filter(found.set[i], &found.fit.theta);
+                if !needed && weakest.as_ref().is_none_or(|w| worse < w.2) {
+                    weakest = Some((i, fit.theta, worse));
+                }
+            }
+            let Some((i, theta, gap)) = weakest else { break };
+            tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
+            found.set.remove(i);
+            let mut free = Self::free(&found.set);
+            free.extend(&found.more);
+            let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+            if free.is_empty() {
+                (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
+                continue;
+            }
+            let fit =
+                super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
+            (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
+        }
+        Ok(())
+    }
+
     /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.
     pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
         let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
-        let data = self.noise_data(&found.fit.theta.clone())?;
+        let fitted = found.fit.theta.clone();
+        let data = self.noise_data(&fitted, &self.evidence.fit)?;
+        let held_out = self.noise_data(&fitted, &self.evidence.held_out)?;
+        tracing::debug!("noise {data:?}");
         let theta = self.noisy(&data, &found.fit.theta, &names);
         names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
         let mut theta = self.noisy(&data, &found.fit.theta, &names);
         let mut scores = self.judge.scores(self.forward, &theta)?;
-        let gap = (found.before.mean() - found.before.floor()).max(0.0);
+        // Of what the mean leaves: beside a rolling shutter's gap all noise is little.
+        let silent = self.noisy(&data, &found.fit.theta, &[]);
+        let gap = (self.judge.scores(self.forward, &silent)?.mean() - scores.floor()).max(0.0);
+        let clear = |theta: &Theta| {
+            let [a, b] = [data.significance(theta), held_out.significance(theta)];
+            [a[0].min(b[0]) > SIGNIFICANT, a[1].min(b[1]) > SIGNIFICANT]
+        };
         loop {
+            let [read, shot] = clear(&theta);
+            let both = names.contains(&"read_noise") && names.contains(&"shot_noise");
             let mut weakest: Option<(usize, Theta, Scores)> = None;
             for i in 0..names.len() {
                 let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
                 let without = self.noisy(&data, &found.fit.theta, &rest);
                 let rest_scores = self.judge.scores(self.forward, &without)?;
-                let needed = self.noise_counts(gap, &rest_scores, &scores);
+                let needed = match names[i] {
+                    "read_noise" if both => read,
+                    "shot_noise" if both => shot,
+                    _ => self.noise_counts(gap, &rest_scores, &scores),
+                };
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",
                     names[i],
@@ -69,6 +139,14 @@ impl Search<'_> {
             (theta, scores) = (without, rest_scores);
         }
         self.noise_intervals(&names, &theta, found)?;
+        let held = &self.evidence.held_out;
+        let mut means = self.forward.simulate(held, &theta, Quality::Fine)?;
+        means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let coarser = self.forward.simulate(held, &theta, Quality::Fit)?;
+        found.sampling_dn = difference(&means, &coarser);
+        let left = self.noise_data(&theta, held)?;
+        found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
+        tracing::info!("left: {:?}", found.residue);
         found.fit.theta = theta;
         found.set.extend(names);
         Ok(())
@@ -85,7 +163,7 @@ impl Search<'_> {
     /// Whether a kind of noise is worth naming: in the whole score, or in a family of statistics that shows it best.
     fn noise_counts(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        if low > 0.0 && gain > LEAST_SHARE * gap && gain > 0.01 * worse.mean() {
+        if low > 0.0 && gain > LEAST_SHARE * gap && gain > (0.01 * worse.mean()).max(0.03) {
             return true;
         }
         let clear = |family: usize| {
@@ -133,4 +211,17 @@ impl Search<'_> {
         }
         Ok(())
     }
+}
+
+/// Mean absolute difference of pictures, DN.
+fn difference(a: &[Plane<f32>], b: &[Plane<f32>]) -> f64 {
+    let sum: f64 = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| {
+            let pixels = a.data.iter().zip(&b.data).map(|(a, b)| f64::from((a - b).abs()));
+            pixels.sum::<f64>() / a.data.len() as f64
+        })
+        .sum();
+    sum / a.len().max(1) as f64
 }

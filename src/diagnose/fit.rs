@@ -2,6 +2,7 @@
 //! differently at edges, from coarse pictures to fine ones.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -10,6 +11,9 @@ use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
 use super::normal::{Equations, half_widths, linearise};
+use super::settings::lens;
+use crate::camera::Lens;
+use crate::effects::LensDistortion;
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -49,6 +53,9 @@ pub(super) const FINE: Schedule = &[level(2, 3, Quality::Fit, 6)];
 /// To the end.
 pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Quality::Fine, 6)];
 
+/// The same through a lens.
+pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
+
 /// A finished fit.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
@@ -80,6 +87,9 @@ pub(super) fn fit(
         let some = spread_out(frames, level.frames);
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, delta: 0.0, damping: 1e-4 };
         for _ in 0..level.iterations {
+            if forward.deadline.is_some_and(|d| Instant::now() >= d) {
+                break;
+            }
             let delta = (state.delta > 0.0).then_some(state.delta);
             let e = linearise(forward, target, &some, &state.theta, free, level, delta)?;
             // One threshold per level: costs must compare.
@@ -126,7 +136,9 @@ fn advance(
         if moved < 1e-4 {
             return Ok(0.0);
         }
-        let now = cost_of(forward, target, frames, &trial, level, state.delta)?;
+        let folds = Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err();
+        let now =
+            if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, state.delta)? };
         if now < state.cost {
             (state.theta, state.cost) = (trial, now);
             state.damping = (state.damping * 0.1).max(1e-6);

@@ -83,6 +83,14 @@ impl Forward {
         centre + DVec2::new(k.fx, k.fy) * ray.truncate() / ray.z.max(0.05)
     }
 
+    /// Where a point of the picture lies without the lens, px, for the focal length of `theta`.
+    pub(super) fn without_lens(&self, px: DVec2, theta: &Theta) -> DVec2 {
+        let k = &self.intrinsics;
+        let centre = DVec2::new(k.cx, k.cy);
+        let f = theta.get(P::Focal) * DVec2::new(k.fx, k.fy);
+        centre + f * undistort((px - centre) / f, theta)
+    }
+
     /// The displacement that a step of a parameter of the set-up or the lens makes.
     pub(super) fn flow_of_remap(&self, theta: &Theta, p: P, step: f64) -> Flow {
         let k = &self.intrinsics;

@@ -13,6 +13,7 @@ use super::model::{P, Theta};
 use super::photometric::{LineTimes, develop};
 use super::settings::lens;
 use super::tone::Tone;
+use super::wide::Wide;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::Capture;
 use crate::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
@@ -53,7 +54,10 @@ pub(super) struct Sharp {
 /// Renders the frames of a capture for any parameters.
 pub(super) struct Forward {
     engines: [Option<Engine>; 3],
-    context: Arc<Context>,
+    pub(super) context: Arc<Context>,
+    /// Whether the engine draws through a lens, as in what is reported; else fits' quicker way is taken.
+    pub(super) native: bool,
+    pub(super) wide: Wide,
     pub(super) scene: Arc<Scene>,
     pub(super) trajectory: Arc<Trajectory>,
     pub(super) static_camera: bool,
@@ -68,6 +72,8 @@ pub(super) struct Forward {
     pub(super) sharp: Vec<Sharp>,
     cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
     clock: u64,
+    /// When fits are to end where they are.
+    pub(super) deadline: Option<Instant>,
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
 }
@@ -75,7 +81,12 @@ pub(super) struct Forward {
 /// Place, how well, times, order of lines, and the set-up and lens.
 type Key = (usize, Quality, [u64; 3], ScanOrder, Vec<u64>);
 
-/// Parameters of the set-up and the lens that a render depends on besides its times.
+/// What stands for the margin in the key of a picture that is read through a lens.
+const READ: u64 = u64::MAX;
+
+/// Parameters of the lens.
+const LENS: [P; 5] = [P::K1, P::K2, P::P1, P::P2, P::K3];
+/// All that a render depends on besides its times: set-up and lens.
 const GEOMETRY: [P; 9] = [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::P1, P::P2, P::K3];
 
 impl Forward {
@@ -83,6 +94,8 @@ impl Forward {
         let mut forward = Self {
             engines: [None, None, None],
             context: context.clone(),
+            native: false,
+            wide: Wide::default(),
             scene: Arc::new(capture.scene.clone()),
             trajectory: Arc::new(capture.trajectory.clone()),
             static_camera: capture.camera.static_camera,
@@ -93,6 +106,7 @@ impl Forward {
             sharp: Vec::new(),
             cache: HashMap::new(),
             clock: 0,
+            deadline: None,
             renders: (0, 0.0),
         };
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
@@ -208,6 +222,8 @@ impl Forward {
     ) -> Result<Vec<Arc<Plane<f32>>>> {
         let mut geometry: Vec<u64> = GEOMETRY.iter().map(|&p| theta.get(p).to_bits()).collect();
         geometry.push(scale.to_bits());
+        let reads = LENS.iter().any(|&p| theta.is_on(p)) && !self.native && self.has_room(theta);
+        geometry.push(if reads { READ } else { 0 });
         let key = |at: usize| -> Key {
             let s = self.shutter(at, theta);
             let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
@@ -218,7 +234,12 @@ impl Forward {
         if !missing.is_empty() {
             let requests: Vec<_> = missing.iter().map(|&i| self.request(frames[i], theta)).collect();
             let clock = Instant::now();
-            let done = self.rendered(&requests, theta, scale, quality)?;
+            let done = if reads {
+                let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
+                self.read(&places, requests, theta, scale, quality)?
+            } else {
+                self.rendered(&requests, theta, scale, quality)?
+            };
             self.renders.0 += done.len();
             self.renders.1 += clock.elapsed().as_secs_f64();
             for (&i, plane) in missing.iter().zip(done) {
@@ -236,6 +257,52 @@ impl Forward {
         Ok(out)
     }
 
+    /// Whether there are poses for the lines of a larger picture.
+    fn has_room(&self, theta: &Theta) -> bool {
+        let (k, s) = (&self.intrinsics, self.shutter(0, theta));
+        let lines = f64::from(theta.scan_order.line_count(k.width, k.height));
+        let more_s = s.readout_time_s * (f64::from(self.wide.margin_px.max(24)) + 1.0) / lines;
+        let early_s = theta.get(P::Offset) - more_s;
+        let late_s = theta.get(P::Offset) + s.readout_time_s + s.exposure_time_s + more_s;
+        early_s >= -self.reach_s[0] && late_s <= self.reach_s[1]
+    }
+
+    /// Frames through a lens, read from larger ones without it.
+    fn read(
+        &mut self,
+        places: &[usize],
+        requests: Vec<FrameRequest>,
+        theta: &Theta,
+        scale: f64,
+        quality: Quality,
+    ) -> Result<Vec<Plane<f32>>> {
+        let map = self.lens_map(theta);
+        let path = self.path(theta);
+        let k = self.wide_intrinsics(&self.magnified(theta, scale));
+        let wider: Vec<_> = requests.into_iter().map(|r| self.widened(r)).collect();
+        let engine = self.wide_engine(quality)?;
+        engine.aim(k, path);
+        let planes = in_flight(engine, &wider)?;
+        let shared = &*self;
+        let lens = planes.par_iter().zip(places).map(|(plane, &at)| {
+            let shutter = shared.shutter(at, theta);
+            let velocity = (shutter.readout_time_s > 0.0).then(|| shared.velocity(at, theta));
+            shared.through_lens(plane, &map, &shutter, velocity.as_ref())
+        });
+        Ok(lens.collect())
+    }
+
+    /// The camera of `theta`, through a lens that magnifies by `scale`.
+    fn magnified(&self, theta: &Theta, scale: f64) -> Intrinsics {
+        let factor = theta.get(P::Focal) * scale;
+        Intrinsics { fx: self.intrinsics.fx * factor, fy: self.intrinsics.fy * factor, ..self.intrinsics }
+    }
+
+    /// Forgets what was read from a picture with less margin.
+    pub(super) fn forget_wide(&mut self) {
+        self.cache.retain(|key, _| key.4.last() != Some(&READ));
+    }
+
     fn rendered(
         &mut self,
         requests: &[FrameRequest],
@@ -244,12 +311,7 @@ impl Forward {
         quality: Quality,
     ) -> Result<Vec<Plane<f32>>> {
         let path = self.path(theta);
-        let factor = theta.get(P::Focal) * scale;
-        let k = Intrinsics {
-            fx: self.intrinsics.fx * factor,
-            fy: self.intrinsics.fy * factor,
-            ..self.intrinsics
-        };
+        let k = self.magnified(theta, scale);
         let slot = &mut self.engines[quality as usize];
         if slot.is_none() {
             let (scene, trajectory) = (self.scene.clone(), self.trajectory.clone());
@@ -258,23 +320,7 @@ impl Forward {
         }
         let engine = slot.as_mut().expect("just made");
         engine.aim(k, path);
-        let mut tickets = VecDeque::new();
-        let mut done = Vec::new();
-        for request in requests {
-            if tickets.len() == engine.frames_in_flight() {
-                done.push(engine.collect(tickets.pop_front().expect("not empty"))?);
-            }
-            tickets.push_back(engine.submit(request)?);
-        }
-        for ticket in tickets {
-            done.push(engine.collect(ticket)?);
-        }
-        let planes = done.into_iter().map(|frame| {
-            let radiance = frame.radiance.expect("radiance was asked for");
-            let data = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-            Plane { width: radiance.width, height: radiance.height, channels: 3, data }
-        });
-        Ok(planes.collect())
+        in_flight(engine, requests)
     }
 
     fn forget(&mut self) {
@@ -318,7 +364,7 @@ impl Forward {
     }
 }
 
-fn options(quality: Quality) -> EngineOptions {
+pub(super) fn options(quality: Quality) -> EngineOptions {
     let (samples, chord_px) = match quality {
         Quality::Coarse => (1, 0.4),
         Quality::Fit => (4, 0.1),
@@ -330,4 +376,25 @@ fn options(quality: Quality) -> EngineOptions {
         frames_in_flight: 2,
         ..EngineOptions::default()
     }
+}
+
+/// Renders several frames; linear radiance, shape `[height, width, 3]`.
+fn in_flight(engine: &mut Engine, requests: &[FrameRequest]) -> Result<Vec<Plane<f32>>> {
+    let mut tickets = VecDeque::new();
+    let mut done = Vec::new();
+    for request in requests {
+        if tickets.len() == engine.frames_in_flight() {
+            done.push(engine.collect(tickets.pop_front().expect("not empty"))?);
+        }
+        tickets.push_back(engine.submit(request)?);
+    }
+    for ticket in tickets {
+        done.push(engine.collect(ticket)?);
+    }
+    let planes = done.into_iter().map(|frame| {
+        let radiance = frame.radiance.expect("radiance was asked for");
+        let data = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        Plane { width: radiance.width, height: radiance.height, channels: 3, data }
+    });
+    Ok(planes.collect())
 }

@@ -5,6 +5,7 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod describe;
 mod ending;
 mod evidence;
 mod fit;
@@ -21,12 +22,14 @@ mod parts;
 mod photometric;
 mod places;
 mod report;
+mod residue;
 mod run;
 mod score;
 mod search;
 mod settings;
 mod starts;
 mod tone;
+mod wide;
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

@@ -9,15 +9,17 @@ use super::tone::{Tone, noise_gain};
 use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
-const FLAT_DN: f32 = 4.0;
-/// Distance over which differences are taken, px: farther than demosaicking and sharpening mix pixels.
-const APART: usize = 4;
+const FLAT_DN: f32 = 10.0;
+/// Distance over which differences are taken, px; the second where demosaicking and sharpening mix pixels.
+const APART: [usize; 2] = [2, 4];
 /// Variance of a difference to the mean of two others.
 const HIGH_PASS: f64 = 1.5;
 /// Fewest values of a bin of brightness.
 const FEWEST: usize = 200;
 /// Bins of brightness.
 const BINS: usize = 32;
+/// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
+const BIN_ERROR: f64 = 0.05;
 
 /// Names of the candidates that change the spread.
 pub(super) const NOISES: [&str; 5] =
@@ -26,17 +28,19 @@ pub(super) const NOISES: [&str; 5] =
 /// Variances in linear values of the sensor before the black level. Per bin: linear value, variance, number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NoiseData {
-    /// New in every frame and pixel.
-    free: Vec<[f64; 3]>,
-    /// The same in every frame.
-    fixed: Vec<[f64; 3]>,
+    /// Of single values about what their neighbours say.
+    pub(super) total: Vec<[f64; 3]>,
+    /// The part of it that is the same in every frame.
+    pub(super) fixed: Vec<[f64; 3]>,
     /// Of rows beyond that of their pixels.
-    row2: f64,
+    pub(super) row2: f64,
 }
 
 /// What is measured, before it is reduced.
 struct Values {
-    free: Vec<Vec<f32>>,
+    total: Vec<Vec<f32>>,
+    /// Sum of the simulated values, DN.
+    dn: Vec<f64>,
     /// Mean over the frames and the number of frames.
     fixed: Vec<Vec<(f32, f32)>>,
     rows: Vec<f64>,
@@ -45,7 +49,7 @@ struct Values {
 }
 
 /// Where the simulated picture is flat.
-fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
+pub(super) fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
     let (w, h) = (mean.width, mean.height);
     (0..w * h)
         .map(|i| {
@@ -85,14 +89,20 @@ impl NoiseData {
             })
             .collect();
         let mut values = Values {
-            free: vec![Vec::new(); BINS],
+            total: vec![Vec::new(); BINS],
+            dn: vec![0.0; BINS],
             fixed: vec![Vec::new(); BINS],
             rows: Vec::new(),
             row_own: [0.0; 2],
         };
-        // By whole DN: linear values per DN, from the tables.
+        // By whole DN: linear values, and their slope by DN.
+        let linear: Vec<[f32; 3]> = (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
         let slopes: Vec<[f32; 3]> =
             (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
+        let decode = |dn: f32, c: usize| {
+            let i = dn as usize;
+            linear[i][c] + (linear[i + 1][c] - linear[i][c]) * (dn - i as f32)
+        };
         let error = |f: usize, i: usize| -> Option<(f32, f32)> {
             let (r, m) = (evidence.frames[frames[f]].dn.data[i], means[f].data[i]);
             // Values near the ends are clipped, and their spread with them.
@@ -100,15 +110,16 @@ impl NoiseData {
                 return None;
             }
             let slope = slopes[m as usize][i % 3];
-            (slope > 20.0).then(|| ((r - m) / slope, m))
+            (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
         };
+        let apart = APART[usize::from(theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen))];
         for y in 0..h {
-            for x in APART..w - APART {
+            for x in apart..w.saturating_sub(apart) {
                 for c in 0..3 {
                     let i = 3 * (y * w + x) + c;
                     let mut seen: Vec<(f32, f32)> = Vec::with_capacity(frames.len());
                     for f in 0..frames.len() {
-                        let (a, b) = (error(f, i - 3 * APART), error(f, i + 3 * APART));
+                        let (a, b) = (error(f, i - 3 * apart), error(f, i + 3 * apart));
                         if let (Some((e, m)), Some((a, _)), Some((b, _))) = (error(f, i), a, b) {
                             seen.push((e - 0.5 * (a + b), m));
                         }
@@ -141,18 +152,12 @@ impl NoiseData {
         }
         let known = |l: f64| {
             let read2 = if on("read_noise") { 0.0 } else { base.get(P::Read).powi(2) };
-            read2 + if on("shot_noise") { 0.0 } else { l * base.get(P::Shot) }
-        };
-        // A model without a pattern takes its spread for noise that is new in every frame.
-        let pattern = |l: f64| {
-            if on("fixed_pattern_noise") || self.fixed.is_empty() {
-                return 0.0;
-            }
-            let near = self.fixed.iter().min_by(|a, b| (a[0] - l).abs().total_cmp(&(b[0] - l).abs()));
-            near.map_or(0.0, |b| b[1])
+            let shot = if on("shot_noise") { 0.0 } else { l * base.get(P::Shot) };
+            // A model without a pattern takes its spread for noise that is new in every frame.
+            read2 + shot + theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2)
         };
         let rest: Vec<[f64; 3]> =
-            self.free.iter().map(|&[l, v, n]| [l, (v + pattern(l) - known(l)).max(0.0), n]).collect();
+            self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
             (true, true) => line(&rest, |l| [1.0, l]),
             (true, false) => line(&rest, |_| [1.0, 0.0]),
@@ -176,27 +181,51 @@ impl NoiseData {
     }
 }
 
+impl NoiseData {
+    /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
+    pub(super) fn unclipped(&self) -> Vec<[f64; 3]> {
+        let free = self.total.iter().filter(|[l, v, _]| *l > 2.5 * v.sqrt() && *l < 1.0 - 2.5 * v.sqrt());
+        let free: Vec<_> = free.copied().collect();
+        if free.len() >= 4 { free } else { self.total[self.total.len().saturating_sub(4)..].to_vec() }
+    }
+
+    /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
+    /// spread grows with brightness. `theta` has the noise that is there besides.
+    pub(super) fn significance(&self, theta: &Theta) -> [f64; 2] {
+        let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
+        for [l, v, n] in self.unclipped() {
+            let besides = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
+            let error = (v * v * (BIN_ERROR * BIN_ERROR + 3.0 / n)).max(1e-18);
+            let g = [1.0, l];
+            for i in 0..2 {
+                b[i] += g[i] * (v - besides) / error;
+                (0..2).for_each(|j| a[i][j] += g[i] * g[j] / error);
+            }
+        }
+        let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+        if det <= 1e-9 * a[0][0] * a[1][1] {
+            return [0.0; 2];
+        }
+        [0, 1].map(|i| {
+            let j = 1 - i;
+            let x = (b[i] * a[j][j] - b[j] * a[i][j]) / det;
+            x / (a[j][j] / det).sqrt()
+        })
+    }
+}
+
 impl Values {
     /// The differences of one value in all frames, with the mean of each.
     fn add(&mut self, seen: &[(f32, f32)]) {
         let bin = |m: f32| ((m / 8.0) as usize).min(BINS - 1);
-        match seen.len() {
-            0 => {}
-            1 | 2 => {
-                // Too few to tell what stays from what is new: the difference of two is new, one alone says nothing.
-                if let [(a, m), (b, _)] = seen {
-                    self.free[bin(*m)].push((a - b) * std::f32::consts::FRAC_1_SQRT_2);
-                }
-            }
-            count => {
-                let n = count as f32;
-                let mean = seen.iter().map(|s| s.0).sum::<f32>() / n;
-                let lift = (n / (n - 1.0)).sqrt();
-                for (e, m) in seen {
-                    self.free[bin(*m)].push((e - mean) * lift);
-                }
-                self.fixed[bin(seen[0].1)].push((mean, n));
-            }
+        for (e, m) in seen {
+            self.total[bin(*m)].push(*e);
+            self.dn[bin(*m)] += f64::from(*m);
+        }
+        if seen.len() >= 3 {
+            let n = seen.len() as f32;
+            let mean = seen.iter().map(|s| s.0).sum::<f32>() / n;
+            self.fixed[bin(seen[0].1)].push((mean, n));
         }
     }
 
@@ -226,23 +255,26 @@ impl Values {
 
     fn reduce(mut self, tone: &Tone, theta: &Theta) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
-        let linear = |bin: usize| f64::from(tone.decode(8.0 * bin as f32 + 4.0, 1)).max(0.0);
+        let mean_dn: Vec<f32> =
+            self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
+        let linear = |bin: usize| f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);
         let quantum = |bin: usize| {
-            let slope = f64::from(tone.slope_at(8.0 * bin as f32 + 4.0, 1));
+            let slope = f64::from(tone.slope_at(mean_dn[bin], 1));
             1.0 / 12.0 / (slope * slope).max(1e-9)
         };
-        let mut free = vec![0.0; BINS];
+        let mut total = vec![0.0; BINS];
         let mut data = NoiseData::default();
-        for (bin, v) in self.free.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            free[bin] = robust_variance(v) / HIGH_PASS;
-            let variance = (free[bin] - quantum(bin)).max(0.0) / gain;
-            data.free.push([linear(bin), variance, v.len() as f64]);
+        for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
+            total[bin] = robust_variance(v) / HIGH_PASS;
+            let variance = (total[bin] - quantum(bin)).max(0.0) / gain;
+            data.total.push([linear(bin), variance, v.len() as f64]);
         }
         for (bin, v) in self.fixed.iter().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            let n = v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32;
+            let n = f64::from(v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32);
             let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
-            let own = free[bin] / f64::from(n);
-            let variance = (robust_variance(&mut means) / HIGH_PASS - own).max(0.0) / gain;
+            // total = free + fixed, and the mean of n keeps fixed + free / n.
+            let of_mean = robust_variance(&mut means) / HIGH_PASS;
+            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) / gain;
             data.fixed.push([linear(bin), variance, v.len() as f64]);
         }
         if self.rows.len() >= 20 {
@@ -273,7 +305,7 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         for &[l, v, n] in bins {
             let g = f(l);
             let model = (previous[0] * g[0] + previous[1] * g[1]).max(0.1 * v).max(1e-9);
-            let weight = n / (model * model);
+            let weight = 1.0 / (model * model * (BIN_ERROR * BIN_ERROR + 3.0 / n));
             for i in 0..2 {
                 b[i] += weight * g[i] * v;
                 (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);

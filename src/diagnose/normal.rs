@@ -17,6 +17,10 @@ use crate::plane::Plane;
 /// Mean difference of two correct renderers that a parameter may take up, DN: half a tenth of what they differ by
 /// (measured against an independent path tracer: readouts, vignetting and gamma were off by 0.1 to 1 % so).
 const SYSTEMATIC_DN: f64 = 0.025;
+/// How far two correct renderers place an edge apart, px: what an exposure of a slow motion was off by.
+const SYSTEMATIC_PX: f64 = 0.01;
+/// Keys of values: whole DN by channel.
+const VALUES: usize = 3 * 256;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
 const CLUSTER_PX: usize = 32;
 
@@ -28,19 +32,30 @@ pub(super) struct Equations {
     clusters: Vec<Vec<f64>>,
     /// The same summed by frame.
     by_frame: Vec<Vec<f64>>,
-    /// Mean size of each column, DN per step.
-    reach: Vec<f64>,
+    /// The same summed by simulated value and channel: rounding is the same wherever a colour is.
+    by_value: Vec<Vec<f64>>,
+    /// Sum of the weights of all values, per DN^2.
+    weight: f64,
+    /// Root mean square slope of the simulated pictures, DN a px.
+    gradient_dn: f64,
     /// Robust threshold, DN, and mean cost.
     pub delta: f64,
     pub cost: f64,
+    /// Number of values.
+    pub count: f64,
 }
 
 /// What one frame contributes.
 struct Share {
     a: Vec<Vec<f64>>,
     clusters: Vec<Vec<f64>>,
+    by_value: Vec<Vec<f64>>,
     cost: f64,
+    weight: f64,
 }
+
+/// Residual, derivatives, and the key of the simulated value (see [`value_keys`]) of one frame.
+type FrameValues = (Vec<f32>, Vec<Vec<f32>>, Vec<u16>);
 
 /// How the derivative by a parameter is had.
 enum Column {
@@ -70,7 +85,7 @@ pub(super) fn linearise(
     let mut columns = Vec::new();
     for &p in free {
         let step = step_of(forward, theta, p, stretch);
-        let changed = theta.with(p, theta.get(p) + step);
+        let changed = theta.with(p, theta.get(p) + step).with(P::Quality, 0.0);
         let column = match p {
             P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
             P::Offset | P::Readout => Column::Time,
@@ -81,13 +96,18 @@ pub(super) fn linearise(
     }
     let shared = &*forward;
     let tone = Tone::new(theta);
+    // A compressor's steps have no slope: derivatives are taken before it.
+    let smooth = theta.with(P::Quality, 0.0);
+    let packed = theta.is_on(P::Quality);
     let timed = columns.iter().any(|c| matches!(c.3, Column::Time));
-    let by_frame: Vec<(Vec<f32>, Vec<Vec<f32>>)> = frames
+    let by_frame: Vec<FrameValues> = frames
         .par_iter()
         .enumerate()
         .map(|(i, &at)| {
-            let base = shared.develop(at, &radiance[i], theta, &tone);
-            let r = residual(target, at, &base, level.block);
+            let base = shared.develop(at, &radiance[i], &smooth, &tone);
+            let delivered = packed.then(|| shared.develop(at, &radiance[i], theta, &tone));
+            let r = residual(target, at, delivered.as_ref().unwrap_or(&base), level.block);
+            let keys = value_keys(&base, level.block);
             let velocity = timed.then(|| shared.velocity(at, theta));
             let derivative = |(p, step, changed, column): &(P, f64, Theta, Column)| {
                 let moved;
@@ -95,7 +115,7 @@ pub(super) fn linearise(
                     Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
                     Column::Remap(flow) => {
                         moved = displaced(&radiance[i], flow);
-                        shared.develop(at, &moved, theta, &tone)
+                        shared.develop(at, &moved, &smooth, &tone)
                     }
                     Column::Time => {
                         let velocity = velocity.as_ref().expect("made where it is needed");
@@ -110,11 +130,25 @@ pub(super) fn linearise(
                 hide(target, at, &mut d);
                 pooled(&d, base.width, base.height, level.block)
             };
-            (r, columns.par_iter().map(derivative).collect())
+            (r, columns.par_iter().map(derivative).collect(), keys)
         })
         .collect();
     let columns_px = forward.intrinsics.width as usize / level.block;
-    Ok(assemble(&by_frame, free.len(), columns_px, CLUSTER_PX / level.block, delta))
+    let mut e = assemble(&by_frame, free.len(), columns_px, CLUSTER_PX / level.block, delta);
+    e.gradient_dn = gradient_dn(&forward.simulate(&frames[..1], theta, level.quality)?[0]);
+    Ok(e)
+}
+
+/// Root mean square slope along rows, DN a px.
+fn gradient_dn(mean: &Plane<f32>) -> f64 {
+    let steps = mean.data.windows(6).step_by(3).map(|p| f64::from(p[3] - p[0]).powi(2));
+    (steps.sum::<f64>() / (mean.data.len() / 3).max(1) as f64).sqrt()
+}
+
+/// Whole DN and channel of each value of a picture averaged over blocks.
+fn value_keys(mean: &Plane<f32>, block: usize) -> Vec<u16> {
+    let values = pooled(&mean.data, mean.width, mean.height, block);
+    values.iter().enumerate().map(|(i, v)| 3 * v.clamp(0.0, 255.0) as u16 + (i % 3) as u16).collect()
 }
 
 /// Step of a numeric derivative, away from the end of the range.
@@ -129,25 +163,27 @@ fn step_of(forward: &Forward, theta: &Theta, p: P, stretch: f64) -> f64 {
 }
 
 fn assemble(
-    frames: &[(Vec<f32>, Vec<Vec<f32>>)],
+    frames: &[FrameValues],
     n: usize,
     columns_px: usize,
     cluster: usize,
     delta: Option<f64>,
 ) -> Equations {
-    let count = frames.iter().map(|(r, _)| r.len()).sum::<usize>().max(1) as f64;
-    let absolute: f64 = frames.iter().map(|(r, _)| r.iter().map(|e| f64::from(e.abs())).sum::<f64>()).sum();
+    let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
+    let absolute: f64 = frames.iter().map(|f| f.0.iter().map(|e| f64::from(e.abs())).sum::<f64>()).sum();
     let delta = delta.unwrap_or_else(|| (1.5 * absolute / count).max(0.7));
-    let shares: Vec<Share> =
-        frames.par_iter().map(|(r, columns)| share(r, columns, delta, columns_px, cluster.max(1))).collect();
+    let shares: Vec<Share> = frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
     let mut e = Equations {
         a: vec![vec![0.0; n]; n],
         b: vec![0.0; n],
         clusters: Vec::new(),
         by_frame: Vec::new(),
-        reach: vec![0.0; n],
+        by_value: vec![vec![0.0; n]; VALUES],
+        weight: shares.iter().map(|s| s.weight).sum(),
+        gradient_dn: 0.0,
         delta,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
+        count,
     };
     for s in shares {
         let mut frame = vec![0.0; n];
@@ -159,17 +195,16 @@ fn assemble(
             e.b[i] += frame[i];
         }
         e.by_frame.push(frame);
+        for (sum, g) in e.by_value.iter_mut().zip(&s.by_value) {
+            (0..n).for_each(|i| sum[i] += g[i]);
+        }
         e.clusters.extend(s.clusters);
-    }
-    for (i, reach) in e.reach.iter_mut().enumerate() {
-        let sum: f64 = frames.iter().map(|(_, c)| c[i].iter().map(|d| f64::from(d.abs())).sum::<f64>()).sum();
-        *reach = sum / count;
     }
     e
 }
 
 /// One frame's share, weighted by how Huber's cost weighs each difference.
-fn share(r: &[f32], columns: &[Vec<f32>], delta: f64, columns_px: usize, cluster: usize) -> Share {
+fn share((r, columns, keys): &FrameValues, delta: f64, columns_px: usize, cluster: usize) -> Share {
     let n = columns.len();
     let weights: Vec<f32> = r.iter().map(|&e| (1.0 / f64::from(e.abs()).max(delta)) as f32).collect();
     let cost = r.iter().map(|&e| huber(f64::from(e), delta)).sum();
@@ -188,16 +223,20 @@ fn share(r: &[f32], columns: &[Vec<f32>], delta: f64, columns_px: usize, cluster
     let across = columns_px.div_ceil(cluster);
     let rows = r.len() / 3 / columns_px.max(1);
     let mut clusters = vec![vec![0.0; n]; across * rows.div_ceil(cluster)];
+    let mut by_value = vec![vec![0.0; n]; VALUES];
     for (i, column) in columns.iter().enumerate() {
         for (at, ((&w, &e), &d)) in weights.iter().zip(r).zip(column).enumerate() {
             let (x, y) = ((at / 3) % columns_px, at / 3 / columns_px);
-            clusters[(y / cluster) * across + x / cluster][i] += f64::from(w * e * d);
+            let g = f64::from(w * e * d);
+            clusters[(y / cluster) * across + x / cluster][i] += g;
+            by_value[usize::from(keys[at])][i] += g;
         }
     }
-    Share { a, clusters, cost }
+    let weight = weights.iter().map(|w| f64::from(*w)).sum();
+    Share { a, clusters, by_value, cost, weight }
 }
 
-/// How much each group of parameters would lower the mean cost beside `held`, by the linearised model: a ranking, not a
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
 /// fit.
 pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
     let gain = |members: &[P]| -> f64 {
@@ -212,7 +251,7 @@ pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) 
     let alone = gain(held);
     let beside = groups.iter().map(|g| {
         let members: Vec<P> = held.iter().chain(g).copied().collect();
-        gain(&members) - alone
+        (gain(&members) - alone) / (e.cost * e.count).max(1e-9)
     });
     beside.collect()
 }
@@ -232,12 +271,16 @@ pub(super) fn half_widths(e: &Equations, free: &[P]) -> BTreeMap<P, f64> {
         }
         sum.iter().map(|s| s * m / (m - 1.0).max(1.0)).collect()
     };
-    let (blocks, frames) = (variance(&e.clusters), variance(&e.by_frame));
+    let draws = [variance(&e.clusters), variance(&e.by_frame), variance(&e.by_value)];
     free.iter()
         .enumerate()
         .map(|(i, &p)| {
-            let chance = 2.0 * blocks[i].max(frames[i]).sqrt();
-            let systematic = SYSTEMATIC_DN / e.reach[i].max(1e-9);
+            let chance = 2.0 * draws.iter().map(|v| v[i]).fold(0.0, f64::max).sqrt();
+            // What all frames share, were it to look like this parameter beside the others.
+            let mut unit = vec![0.0; n];
+            unit[i] = 1.0;
+            let edges_dn = if p.is_time() || p.is_remap() { SYSTEMATIC_PX * e.gradient_dn } else { 0.0 };
+            let systematic = SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             (p, chance.hypot(systematic) * p.spec().step)
         })
         .collect()

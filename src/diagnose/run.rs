@@ -1,14 +1,14 @@
 //! A diagnosis from beginning to end.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::describe::{describe, without_motion, without_time};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
-use super::judge::{Judge, Scores, closed_fraction};
-use super::model::{CandidateSpec, Theta, candidate_of};
+use super::judge::Judge;
+use super::model::candidate_of;
 use super::output::Shown;
 use super::places::{Compared, measures, places};
 use super::report::*;
@@ -96,6 +96,7 @@ pub fn diagnose(
     let renderer_difference = renderer_difference(&means);
     let hot = HotMap::find(&evidence, &evidence.fit, &means);
     let fit_masks = fit_masks(&evidence, masks.as_deref(), &hot);
+    forward.deadline = options.time_limit.map(|limit| clock + limit);
     let mut search = Search {
         judge: Judge::new(&evidence, masks.as_deref(), options.seed, hot),
         forward: &mut forward,
@@ -107,10 +108,16 @@ pub fn diagnose(
         deadline: options.time_limit.map(|limit| clock + limit),
     };
     let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
-    let found = search.run(&mut relay)?;
-    let mut report = describe(&mut search, &found, &evidence, capture)?;
+    let mut found = search.run(&mut relay)?;
+    let mut report = describe(&mut search, &mut found, &evidence, capture)?;
     for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
         report.candidates.push(without_motion(name, motion_px));
+    }
+    for name in &found.late {
+        report.candidates.retain(|c| c.name != *name);
+        if !found.set.contains(name) {
+            report.candidates.push(without_time(name));
+        }
     }
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
@@ -270,227 +277,4 @@ fn renderer_difference(means: &[Plane<f32>]) -> f64 {
         }
     }
     0.1 + 0.06 * sum / f64::max(count, 1.0)
-}
-
-fn without_motion(name: &str, motion_px: f64) -> Candidate {
-    Candidate {
-        name: name.to_owned(),
-        state: CandidateState::Undetermined,
-        why: format!("hardly anything moves in these frames ({motion_px:.2} px from one to the next)"),
-        gap_with: None,
-        parameters: BTreeMap::new(),
-        footage: "frames taken while the camera pans and tilts by at least 10 px from one to the next"
-            .to_owned(),
-    }
-}
-
-fn describe(
-    search: &mut Search<'_>,
-    found: &Found,
-    evidence: &Evidence,
-    capture: &Capture,
-) -> Result<Report> {
-    let (before, after) = (found.before.mean(), found.after.mean());
-    let floor = found.after.floor();
-    let fractions = search.judge.closed_fractions(&found.before, &found.after);
-    let n = fractions.len();
-    let gap = Gap {
-        unit: "DN".to_owned(),
-        before,
-        after,
-        floor,
-        closed_fraction: closed_fraction(before, after, floor),
-        closed_fraction_ci95: [fractions[n * 25 / 1000], fractions[n - 1 - n * 25 / 1000]],
-        held_out_frames: evidence.held_out.len(),
-        before_ci95: search.judge.interval(|i| found.before.0[i].score),
-        after_ci95: search.judge.interval(|i| found.after.0[i].score),
-        renderer_difference: search.renderer_difference,
-    };
-    let verdict = verdict(&gap, found);
-    let effects = effects(search, found)?;
-    let candidates = rejected(search, found);
-    let place_of = |f: &usize| evidence.frames[*f].index;
-    let k = &capture.camera.intrinsics;
-    Ok(Report {
-        verdict,
-        sentence: sentence(verdict, &gap, &effects),
-        waterfall: waterfall(&gap, &effects),
-        gap,
-        effects,
-        candidates,
-        places: Where::default(),
-        measures: Vec::new(),
-        frames: Vec::new(),
-        maps: Maps::default(),
-        input: Input {
-            kind: "capture".to_owned(),
-            capture: capture.root.display().to_string(),
-            width: k.width,
-            height: k.height,
-            frames_listed: capture.frames.len(),
-            fit_frames: evidence.fit.iter().map(place_of).collect(),
-            held_out_frames: evidence.held_out.iter().map(place_of).collect(),
-            left_out: evidence.left_out.clone(),
-            compared_share: search.judge.masks.map_or(1.0, |m| {
-                let open: f32 = m.iter().map(|p| p.data.iter().sum::<f32>() / p.data.len() as f32).sum();
-                f64::from(open) / m.len() as f64
-            }),
-            method: "exact".to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            ..Input::default()
-        },
-        bootstrap: Bootstrap { resamples: n, block: super::evidence::BLOCK, closed_fraction: fractions },
-        warnings: evidence.warnings.clone(),
-        next: Vec::new(),
-    })
-}
-
-fn verdict(gap: &Gap, found: &Found) -> Verdict {
-    // Twice: the estimate is of the mean, and scenes differ.
-    let nothing = 2.0 * gap.renderer_difference;
-    let rest = gap.after - gap.floor;
-    if found.set.is_empty() {
-        return if gap.before <= nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
-    }
-    if rest <= nothing.max(0.1 * (gap.before - gap.floor)) {
-        Verdict::Explained
-    } else if gap.closed_fraction < 0.1 {
-        Verdict::UnknownEffect
-    } else {
-        Verdict::PartlyExplained
-    }
-}
-
-fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {
-    let names: Vec<_> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
-    let names = names.join(", ");
-    let percent = 100.0 * gap.closed_fraction;
-    match verdict {
-        Verdict::NoGap => format!(
-            "Real and simulated frames differ by {:.2} DN, no more than two correct renderers do.",
-            gap.before
-        ),
-        Verdict::Explained => format!(
-            "The simulation lacks {names}: with that the gap falls from {:.2} to {:.2} DN ({percent:.0} % of it).",
-            gap.before, gap.after
-        ),
-        Verdict::PartlyExplained => format!(
-            "The simulation lacks {names}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has \
-             a cause that is not among the candidates.",
-            gap.before, gap.after
-        ),
-        Verdict::UnknownEffect => format!(
-            "The frames differ by {:.2} DN, and no known effect of the camera explains it.",
-            gap.before
-        ),
-    }
-}
-
-/// Supported effects with their Shapley shares.
-fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
-    let set = &found.set;
-    let shares = shapley(search, found)?;
-    let mut out = Vec::new();
-    for (i, name) in set.iter().enumerate() {
-        let without =
-            if set.len() == 1 { found.before.clone() } else { search.leave_out(set, i, &found.fit)?.1 };
-        let alone = found.alone.iter().find(|a| a.name == *name);
-        let (_, gain_ci95) = search.judge.gain(&without, &found.after);
-        out.push(EffectFound {
-            name: (*name).to_owned(),
-            share: shares[i],
-            parameters: found.fit.theta.report(candidate_of(name), &found.fit.half),
-            gap_without: without.mean(),
-            gap_with: found.after.mean(),
-            gap_alone: alone.map_or(found.before.mean(), |a| a.scores.mean()),
-            gain_ci95,
-        });
-    }
-    out.sort_by(|a, b| b.share.total_cmp(&a.share));
-    Ok(out)
-}
-
-/// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the set
-/// could be switched on, with the parameters of the joint fit.
-fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
-    let n = found.set.len();
-    let mut gaps = vec![0.0; 1 << n];
-    for (members, gap) in gaps.iter_mut().enumerate() {
-        let mut theta = found.fit.theta.clone();
-        for (i, name) in found.set.iter().enumerate() {
-            if members >> i & 1 == 0 {
-                theta = super::search::restored(&theta, &search.base, candidate_of(name));
-            }
-        }
-        *gap = search.judge.scores(search.forward, &theta)?.mean();
-    }
-    let factorial = |k: usize| (1..=k).map(|v| v as f64).product::<f64>();
-    let mut values: Vec<f64> = (0..n)
-        .map(|i| {
-            let without = (0..1usize << n).filter(|s| s >> i & 1 == 0);
-            let gain = |s: usize| {
-                let k = s.count_ones() as usize;
-                factorial(k) * factorial(n - k - 1) / factorial(n) * (gaps[s] - gaps[s | 1 << i])
-            };
-            without.map(gain).sum::<f64>().max(0.0)
-        })
-        .collect();
-    let total: f64 = values.iter().sum();
-    values.iter_mut().for_each(|v| *v = if total > 0.0 { *v / total } else { 1.0 / n as f64 });
-    Ok(values)
-}
-
-fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
-    let before = &found.before;
-    let others = found.alone.iter().filter(|a| !found.set.contains(&a.name));
-    others
-        .map(|a| Candidate {
-            name: a.name.to_owned(),
-            state: CandidateState::Rejected,
-            why: why(search, before, &a.scores, candidate_of(a.name), found),
-            gap_with: Some(a.scores.mean()),
-            parameters: a.fit.theta.report(candidate_of(a.name), &a.fit.half),
-            footage: String::new(),
-        })
-        .collect()
-}
-
-fn why(
-    search: &Search<'_>,
-    before: &Scores,
-    with: &Scores,
-    candidate: &CandidateSpec,
-    found: &Found,
-) -> String {
-    let (gain, [low, _]) = search.judge.gain(before, with);
-    let share = 100.0 * gain / before.mean().max(1e-9);
-    if gain <= 0.0 || low <= 0.0 {
-        return format!("alone it does not lower the gap beyond chance ({share:+.1} %)");
-    }
-    if found.set.is_empty() {
-        return format!(
-            "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the cause"
-        );
-    }
-    let kind = if candidate.noise { "spread" } else { "part" };
-    format!(
-        "alone it would lower the gap by {share:.1} %, but beside {} it adds nothing beyond chance: they explain that \
-         {kind} better",
-        found.set.join(" and ")
-    )
-}
-
-/// From before to floor, the steps in proportion to the shares.
-fn waterfall(gap: &Gap, effects: &[EffectFound]) -> Vec<WaterfallStep> {
-    let mut steps = Vec::new();
-    let mut at = gap.before;
-    steps.push(WaterfallStep { name: "before".to_owned(), from: 0.0, to: at });
-    for effect in effects {
-        let to = at - effect.share * (gap.before - gap.after);
-        steps.push(WaterfallStep { name: effect.name.clone(), from: at, to });
-        at = to;
-    }
-    steps.push(WaterfallStep { name: "unexplained".to_owned(), from: gap.after, to: gap.floor });
-    steps.push(WaterfallStep { name: "floor".to_owned(), from: gap.floor, to: 0.0 });
-    steps
 }

@@ -4,18 +4,23 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::evidence::Evidence;
-use super::fit::{COARSE, FINE, Fit, LAST, Level, Schedule, Target, VALUES, cost_of, fit, spread_out};
+use super::fit::{
+    COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+};
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
+use super::residue::Residue;
 use super::starts::best_starts;
 use crate::error::Result;
 use crate::plane::Plane;
 
 /// Least share of the gap that an effect must be worth.
 pub(super) const LEAST_SHARE: f64 = 0.01;
+/// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
+const CLEAR_SHARE: f64 = 0.4;
 /// A simpler candidate is preferred to one that gains less than this share more.
 const PARSIMONY: f64 = 0.02;
 /// Most effects of a set that change the mean.
@@ -39,6 +44,8 @@ pub(super) struct Alone {
     pub name: &'static str,
     pub fit: Fit,
     pub scores: Scores,
+    /// Without it: with the same noise, rendered as well.
+    pub against: Scores,
 }
 
 /// The outcome of a search.
@@ -51,6 +58,10 @@ pub(super) struct Found {
     pub after: Scores,
     /// Parameters that were freed besides those that every fit frees.
     pub more: Vec<P>,
+    /// What is left on held-out frames.
+    pub residue: Residue,
+    /// What renders of four and of sixteen samples differ by behind all effects, DN: compression widens it.
+    pub sampling_dn: f64,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
 }
@@ -117,8 +128,7 @@ impl<'a> Search<'a> {
     }
 
     /// What the differences that `theta` leaves tell of the noise.
-    pub(super) fn noise_data(&mut self, theta: &Theta) -> Result<NoiseData> {
-        let frames = self.fit_frames();
+    pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
         let means = self.forward.simulate(frames, theta, Quality::Fit)?;
         Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
     }
@@ -126,7 +136,7 @@ impl<'a> Search<'a> {
     /// `theta` with all noise that can be seen: values are judged against the spread that they have.
     pub(super) fn with_noise(&mut self, theta: &Theta) -> Result<Theta> {
         let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
-        let data = self.noise_data(theta)?;
+        let data = self.noise_data(theta, self.fit_frames())?;
         let mut noisy = data.fit(theta, &self.base, &names);
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());
@@ -157,14 +167,15 @@ impl<'a> Search<'a> {
         }
         let (cost, start) = best.expect("there is always a start");
         let was = self.cost(theta, &last)?;
-        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || (!moves(candidate) && set.is_empty()) {
+        // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
+        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
         self.refit(&joint, &start, FINE)
     }
 
     /// Tries the values of a choice, or qualities from coarse to fine.
-    fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
+    pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
         let p = candidate.parameters[0];
         let mut tried: Vec<(f64, f64)> = Vec::new();
         let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
@@ -197,7 +208,10 @@ impl<'a> Search<'a> {
     /// Whether a gain counts.
     pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        low > 0.0 && gain > LEAST_SHARE * gap && gain > 0.12 * self.renderer_difference
+        let rest = worse.mean() - worse.floor();
+        low > 0.0
+            && gain > 0.12 * self.renderer_difference
+            && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// Runs the search.
@@ -221,6 +235,7 @@ impl<'a> Search<'a> {
             };
             let Some((name, fit, _)) = self.choose(gap, &scores, options) else { break };
             set.push(name);
+            let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
             // The noise shows better now.
             current = Fit { theta: self.with_noise(&fit.theta)?, half: fit.half };
             let better = self.judge.scores(self.forward, &current.theta)?;
@@ -230,7 +245,17 @@ impl<'a> Search<'a> {
         }
         watch.stage("the set to the end", 3);
         watch.step("all parameters together");
-        let mut found = Found { set, fit: current, alone, before, after: scores, more: Vec::new(), late };
+        let mut found = Found {
+            set,
+            fit: current,
+            alone,
+            before,
+            after: scores,
+            more: Vec::new(),
+            residue: Residue::default(),
+            sampling_dn: 0.0,
+            late,
+        };
         self.finish(&mut found, watch)?;
         Ok(found)
     }
@@ -252,7 +277,7 @@ impl<'a> Search<'a> {
             let clock = Instant::now();
             let candidate = candidate_of(name);
             let fit = if candidate.noise {
-                let data = self.noise_data(&self.base.clone())?;
+                let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
                 let mut theta = data.fit(&self.base.clone(), &self.base.clone(), &[name]);
                 if name == "hot_pixels" {
                     theta.set(P::Hot, self.judge.hot.fraction());
@@ -263,7 +288,9 @@ impl<'a> Search<'a> {
             };
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             self.log(name, &fit, &scores, clock);
-            alone.push(Alone { name, fit, scores });
+            let against = if candidate.noise { self.base.clone() } else { start.clone() };
+            let against = self.judge.scores(self.forward, &against)?;
+            alone.push(Alone { name, fit, scores, against });
         }
         Ok(alone)
     }
@@ -331,7 +358,9 @@ impl<'a> Search<'a> {
         let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        Ok(ranked.into_iter().take(SHORTLIST).map(|r| r.0).collect())
+        // Where the model is linear enough to be asked: what promises nothing is not rendered for.
+        let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
+        Ok(worth.map(|r| r.0).collect())
     }
 
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
@@ -392,16 +421,20 @@ impl<'a> Search<'a> {
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
     fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         if !found.set.is_empty() {
+            self.tune_choices(found)?;
             self.free_more(found)?;
             let mut free = Self::free(&found.set);
             free.extend(&found.more);
             let (target, frames) = (self.target(), self.fit_frames());
-            let last = fit(self.forward, target, frames, &found.fit.theta, &free, LAST)?;
+            let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
             found.fit.theta = last.theta;
             found.fit.half.extend(last.half);
+            self.tune_choices(found)?;
         }
         watch.step("noise");
         self.judge.quality = Quality::Fine;
+        self.prune_finely(found)?;
+        self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
         watch.step("scores");
@@ -423,10 +456,10 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
 }
 
 /// Whether a filter is no stronger than what the pixel filters of two correct renderers differ by: the variance of a
-/// pixel's square is 1/12 px^2.
-fn is_a_filter(name: &str, theta: &Theta) -> bool {
+/// pixel's square is 1/12 px^2, and few samples a pixel gain from a blur a little wider (0.33 px, measured).
+pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
     match name {
-        "defocus" => theta.get(P::Defocus).powi(2) < 1.0 / 12.0,
+        "defocus" => theta.get(P::Defocus).powi(2) < 1.5 / 12.0,
         "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
         _ => false,
     }
@@ -434,6 +467,12 @@ fn is_a_filter(name: &str, theta: &Theta) -> bool {
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
     matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic])
+}
+
+/// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a
+/// pixel as it is.
+pub(super) fn last_of(free: &[P]) -> Schedule {
+    if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
 }
 
 /// Whether a candidate changes where things are seen.

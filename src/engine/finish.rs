@@ -36,6 +36,8 @@ pub(super) struct Finish {
     chains: BTreeMap<Plan, Vec<Dispatch>>,
     /// What the frame that is being recorded asks for, and its slot.
     current: (Plan, usize),
+    /// Whether an effect of what is being recorded reads neighbours.
+    reads_neighbours: bool,
     /// One a slot.
     inputs: Vec<ChainInputs>,
     /// Pictures between dispatches, made when a plan first needs them.
@@ -83,8 +85,17 @@ impl Finish {
         let inputs = (0..slot_count).map(input).collect::<Result<Vec<_>>>()?;
         prepare(slot, [&radiance])?;
         let current = (Plan { steps: Vec::new() }, 0);
-        let (chains, work) = (BTreeMap::new(), Vec::new());
-        Ok(Self { chains, current, inputs, work, pixels, radiance, context: context.clone() })
+        let (chains, work, reads_neighbours) = (BTreeMap::new(), Vec::new(), false);
+        Ok(Self {
+            chains,
+            current,
+            reads_neighbours,
+            inputs,
+            work,
+            pixels,
+            radiance,
+            context: context.clone(),
+        })
     }
 
     /// Where the methods write.
@@ -121,7 +132,33 @@ impl Finish {
             self.chains.insert(plan.clone(), dispatches);
         }
         self.current = (plan, index);
+        let reads = |e: &&dyn crate::chain::Effect| e.variant(settings) != 0 && e.reads_neighbours(settings);
+        self.reads_neighbours = effects::LIST.iter().any(reads);
         Ok(())
+    }
+
+    /// The variants of the fused kernel, if that is all of the chain and looks at no neighbour: then a kernel that makes
+    /// the radiance can run it too.
+    pub(super) fn sole_pointwise(&self) -> Option<&[u32]> {
+        match self.current.0.steps.as_slice() {
+            [Step::Pointwise { variants, last: true }] if !self.reads_neighbours => Some(variants),
+            _ => None,
+        }
+    }
+
+    /// What such a kernel binds for a slot.
+    pub(super) fn chain_buffers(&self, index: usize) -> [(&'static str, Bound<'_>); 3] {
+        let inputs = &self.inputs[index];
+        [
+            ("Parameters", Bound::Buffer(&inputs.parameters)),
+            ("Tables", Bound::Buffer(&inputs.tables)),
+            ("Pixels", Bound::Buffer(&self.pixels)),
+        ]
+    }
+
+    /// Frames in flight.
+    pub(super) fn slot_count(&self) -> usize {
+        self.inputs.len()
     }
 
     /// Where the last values are, after a chain that was fitted with `floats`.
@@ -189,6 +226,16 @@ impl Finish {
         (picture, radiance): (&Buffer, &Buffer),
     ) {
         self.record_chain(recorder, request.index, request.seed);
+        self.record_readback(recorder, request, (picture, radiance));
+    }
+
+    /// Records the readback of pixels that are there.
+    pub(super) fn record_readback(
+        &self,
+        recorder: &mut Recorder<'_>,
+        request: &FrameRequest,
+        (picture, radiance): (&Buffer, &Buffer),
+    ) {
         recorder.mark("readback");
         recorder.copy_buffer(&self.pixels, picture, self.pixels.bytes());
         if request.statistics {

@@ -12,12 +12,15 @@ mod fast;
 mod fast_pass;
 mod finish;
 mod frame;
+mod gather;
 mod lens;
 mod margin;
 mod outside;
 mod outside_frame;
 mod outside_kernels;
 mod paper;
+mod paper_fast;
+mod paper_plan;
 mod pixel_chain;
 mod planes;
 mod slots;
@@ -37,6 +40,7 @@ pub use exact::ExactOptions;
 pub use fast::FastOptions;
 pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
+pub use gather::{ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather};
 pub use margin::{Reach, reach};
 pub use outside::OutsideEngine;
 pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
@@ -66,6 +70,9 @@ pub enum Method {
     Accumulation(AccumulationOptions),
 }
 
+/// Most frames in flight.
+pub const MAX_IN_FLIGHT: u32 = 16;
+
 /// How to make an [`Engine`].
 #[derive(Clone, Debug)]
 pub struct EngineOptions {
@@ -73,7 +80,7 @@ pub struct EngineOptions {
     pub method: Method,
     /// Samples a pixel: 1, 4 or 16.
     pub samples: u32,
-    /// Frames in flight, 1 to 8.
+    /// Frames in flight, 1 to [`MAX_IN_FLIGHT`].
     pub frames_in_flight: u32,
     /// Whether frames may ask for sharp planes.
     pub planes: bool,
@@ -155,7 +162,7 @@ impl Engine {
             lens: None,
             context: context.clone(),
         };
-        let count = options.frames_in_flight.clamp(1, 8) as usize;
+        let count = options.frames_in_flight.clamp(1, MAX_IN_FLIGHT) as usize;
         let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
         let size = [intrinsics.width, intrinsics.height];
         let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;

@@ -7,9 +7,11 @@
 
 use super::Stage;
 use super::finish::{Finish, prepare};
-use super::frame::{FrameRequest, covered_span_s};
+use super::frame::FrameRequest;
+use super::gather::{Gather, GatherKernel, choose_gather};
 use super::lens::Channel;
-use super::margin::reach_of;
+use super::paper_fast::PaperFast;
+use super::paper_plan::{Plan, needed_margin_px, picture_kind, plan};
 use super::planes::PlanesPass;
 use super::slots::FrameSlot;
 use super::taps::GatherTimes;
@@ -65,6 +67,10 @@ pub struct PaperOptions {
     pub pixel_time: bool,
     /// Where motion comes from.
     pub motion_source: MotionSource,
+    /// What the gather may give up for speed.
+    pub gather: Gather,
+    /// Its kernel; `None`: the fastest on the device, by measurement. Of the exact gather there is one.
+    pub gather_kernel: Option<GatherKernel>,
 }
 
 impl Default for PaperOptions {
@@ -75,6 +81,8 @@ impl Default for PaperOptions {
             max_samples: 240,
             pixel_time: false,
             motion_source: MotionSource::Rasterized,
+            gather: Gather::Exact,
+            gather_kernel: None,
         }
     }
 }
@@ -178,6 +186,8 @@ impl ResolveMotion {
 pub(super) struct Paper {
     images: Images,
     kernels: Kernels,
+    /// The gather, if it is not the exact one.
+    fast: Option<PaperFast>,
     options: PaperOptions,
 }
 
@@ -195,7 +205,7 @@ struct Images {
     margin_px: [u32; 2],
     inputs: Vec<[RasterInput; 2]>,
     groups: Groups,
-    /// Colour with the motion of the same instant, in one pass.
+    /// Colour, with the motion of the same instant if that is wanted.
     picture: RasterTarget,
     /// Motion of the other instants, one sample a pixel.
     motion_only: RasterTarget,
@@ -212,15 +222,6 @@ struct Groups {
     gather: BindGroup,
 }
 
-/// Instants of one frame.
-struct Plan {
-    reference_s: f64,
-    first_motion_s: f64,
-    step_s: f64,
-    /// Instant and scale (px per frame interval over px in the span) of each motion image.
-    motions: Vec<(Instant, f64)>,
-}
-
 impl Paper {
     pub(super) fn new(
         stage: &Stage,
@@ -230,9 +231,12 @@ impl Paper {
         expected: &[FrameRequest],
     ) -> Result<Self> {
         let plain = SamplePlan { grid: 1, msaa: 1 };
-        let multisampled = const { kernel("resolve_color_ms.comp") };
-        let single = const { kernel("resolve_color.comp") };
-        let resolve_color = if stage.plan.msaa > 1 { multisampled } else { single };
+        let resolve_color = match (options.gather == Gather::Exact, stage.plan.msaa > 1) {
+            (true, true) => const { kernel("resolve_color_ms.comp") },
+            (true, false) => const { kernel("resolve_color.comp") },
+            (false, true) => const { kernel("resolve_color_half_ms.comp") },
+            (false, false) => const { kernel("resolve_color_half.comp") },
+        };
         let context = &stage.context;
         let kernels = Kernels {
             resolve_color: ComputePipeline::new(context, resolve_color)?,
@@ -245,8 +249,13 @@ impl Paper {
         let mut options = *options;
         options.motion_images = options.motion_images.clamp(1, MAX_MOTION_IMAGES);
         let margin_px = expected.iter().map(|r| needed_margin_px(stage, &options, r)).fold([0, 0], larger);
-        let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
-        Ok(Self { images, kernels, options })
+        let images = Images::new(stage, &kernels, slots, radiance, (&options, margin_px))?;
+        let fast = match (options.gather, options.gather_kernel) {
+            (Gather::Exact, _) => None,
+            (_, Some(kernel)) => Some(PaperFast::new(context, kernel)?),
+            (gather, None) => Some(PaperFast::new(context, choose_gather(context, gather, None)?.kernel)?),
+        };
+        Ok(Self { images, kernels, fast, options })
     }
 
     pub(super) fn margin_px(&self) -> [u32; 2] {
@@ -286,12 +295,15 @@ impl Paper {
         radiance: &Image,
         margin_px: [u32; 2],
     ) -> Result<()> {
-        self.images = Images::new(stage, &self.kernels, slots, radiance, margin_px)?;
+        self.images = Images::new(stage, &self.kernels, slots, radiance, (&self.options, margin_px))?;
+        if let Some(fast) = &mut self.fast {
+            fast.forget();
+        }
         Ok(())
     }
 
     pub(super) fn submit(
-        &self,
+        &mut self,
         stage: &Stage,
         slot: &mut FrameSlot,
         request: &FrameRequest,
@@ -300,7 +312,9 @@ impl Paper {
     ) -> Result<()> {
         let plan = plan(stage, &self.options, request, path);
         let camera = stage.intrinsics.with_margin(self.images.margin_px);
-        let in_picture = plan.motions.iter().position(|(i, _)| i.time_s == plan.reference_s);
+        // A still frame's motion coincides with a picture that may have been made to hold none.
+        let holds_motion = self.images.picture.kind == RasterKind::ColorMotion;
+        let in_picture = plan.motions.iter().position(|(i, _)| holds_motion && i.time_s == plan.reference_s);
         let picture = in_picture.map_or(Instant::still(plan.reference_s), |k| plan.motions[k].0);
         let row = slot.inputs.add(stage, path, &camera, &picture);
         let mut motion_rows = Vec::new();
@@ -311,9 +325,16 @@ impl Paper {
         let planes = planes.filter(|_| request.planes);
         let plane_row = planes.map(|p| (p, p.write_inputs(stage, slot, request, path)));
         let index = slot.index;
+        let channels = stage.channels();
+        let push = self.gather_push(stage, request, &plan);
+        // One kernel can do gather and chain where nothing else is done to the radiance or asks for it.
+        let fuse = channels.len() == 1 && !request.statistics;
+        let images = [&self.images.color, &self.images.bound[0]];
+        let fast = self.fast.as_mut();
+        let fitted = fast.map(|f| f.fit(images, finish, push.motion_count, fuse)).transpose()?;
         let mut recorder = slot.gpu.begin()?;
         let scale = in_picture.map_or(0.0, |k| plan.motions[k].1);
-        for channel in stage.channels() {
+        for channel in channels {
             self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel), scale);
             recorder.mark("motion");
             if let Some(layer) = in_picture.filter(|_| self.options.motion_source == MotionSource::Rasterized)
@@ -341,11 +362,19 @@ impl Paper {
                 }
             }
             recorder.mark("paper_gather");
-            let push = self.gather_push(stage, request, &plan);
-            recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size);
+            match (&self.fast, &fitted) {
+                (Some(fast), Some(fitted)) => {
+                    fast.record(&mut recorder, fitted, index, &push, (request.index, request.seed));
+                }
+                _ => recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size),
+            }
             stage.merge(&mut recorder, channel);
         }
-        finish.record(&mut recorder, request, (&slot.picture, &slot.radiance));
+        let to = (&slot.picture, &slot.radiance);
+        match fitted.is_some_and(|f| f.develops()) {
+            true => finish.record_readback(&mut recorder, request, to),
+            false => finish.record(&mut recorder, request, to),
+        }
         if let Some((planes, row)) = plane_row {
             planes.record(stage, &mut recorder, index, row);
         }
@@ -372,72 +401,6 @@ impl Paper {
     }
 }
 
-/// The instants of a frame: the picture's, and those of the motion images, equally spaced over the frame.
-fn plan(stage: &Stage, options: &PaperOptions, request: &FrameRequest, path: &Trajectory) -> Plan {
-    let shutter = &request.shutter;
-    let (start_s, end_s) = (shutter.start_s, shutter.end_s());
-    let span_s = end_s - start_s;
-    let reference_s = match options.shift {
-        Shift::Start => start_s,
-        Shift::Middle => shutter.middle_s(),
-    };
-    if span_s <= 0.0 {
-        let still = vec![(Instant::still(reference_s), 0.0)];
-        return Plan { reference_s, first_motion_s: start_s, step_s: 1.0, motions: still };
-    }
-    let count = options.motion_images;
-    let step_s = span_s / f64::from(count.max(2) - 1);
-    let covered = covered_span_s(stage, path);
-    let motions = (0..count).map(|k| {
-        let time_s = match count {
-            1 => reference_s,
-            // Exactly the reference where they coincide: picture and motion are then drawn in one pass.
-            _ if 2 * k + 1 == count && options.shift == Shift::Middle => reference_s,
-            _ => (start_s + step_s * f64::from(k)).min(end_s),
-        };
-        motion_instant(time_s, step_s, covered, request.frame_interval_s)
-    });
-    Plan { reference_s, first_motion_s: start_s, step_s, motions: motions.collect() }
-}
-
-/// Eq. 3: the difference to the projection one step earlier, per frame interval; to the one later where no earlier
-/// pose exists.
-fn motion_instant(
-    time_s: f64,
-    step_s: f64,
-    (first_s, last_s): (f64, f64),
-    interval_s: f64,
-) -> (Instant, f64) {
-    let mut from_s = (time_s - step_s).max(first_s);
-    let mut to_s = time_s;
-    // Less than a tenth of the step is too short a base for a difference.
-    if to_s - from_s < 0.1 * step_s {
-        (from_s, to_s) = (time_s, (time_s + step_s).min(last_s));
-    }
-    let scale = if to_s > from_s { interval_s / (to_s - from_s) } else { 0.0 };
-    (Instant { time_s, motion_from_s: from_s, motion_to_s: to_s }, scale)
-}
-
-/// The margin that a frame's motion asks for, px; at most the picture's own size.
-fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameRequest) -> [u32; 2] {
-    let shutter = &request.shutter;
-    if shutter.end_s() <= shutter.start_s || super::frame::check_coverage(stage, request).is_err() {
-        return [0, 0];
-    }
-    let path = super::frame::camera_path(stage, request);
-    let reference_s = match options.shift {
-        Shift::Start => shutter.start_s,
-        Shift::Middle => shutter.middle_s(),
-    };
-    let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
-    let times: Vec<_> =
-        (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach_of(stage, &path, reference_s, &times);
-    let size = [stage.intrinsics.width, stage.intrinsics.height];
-    let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
-    [needed[0].min(size[0]), needed[1].min(size[1])]
-}
-
 pub(super) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
@@ -462,15 +425,16 @@ impl Images {
         kernels: &Kernels,
         slots: &mut [FrameSlot],
         radiance: &Image,
-        margin_px: [u32; 2],
+        (options, margin_px): (&PaperOptions, [u32; 2]),
     ) -> Result<Self> {
         let (context, scene) = (&stage.context, &stage.buffers);
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
-        let picture = RasterTarget::new(context, scene, RasterKind::ColorMotion, size, stage.plan)?;
+        let picture = RasterTarget::new(context, scene, picture_kind(options), size, stage.plan)?;
         let plain = SamplePlan { grid: 1, msaa: 1 };
         let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
         // Floats: a frame without motion is the still picture bit for bit, which half floats would round once more.
-        let color = Image::new(context, "color", ImageSpec::storage(size, Format::Rgba32f))?;
+        let format = if options.gather == Gather::Exact { Format::Rgba32f } else { Format::Rgba16f };
+        let color = Image::new(context, "color", ImageSpec::storage(size, format))?;
         let layers = ImageSpec { layers: MAX_MOTION_IMAGES, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "motion", layers)?;
         let depth = Image::new(context, "depth", ImageSpec::storage(size, Format::R32f))?;

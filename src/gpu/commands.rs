@@ -224,7 +224,9 @@ impl<'a> Recorder<'a> {
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, draw.pipeline.handle);
             let point = vk::PipelineBindPoint::GRAPHICS;
-            device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &sets, &[]);
+            if !sets.is_empty() {
+                device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &sets, &[]);
+            }
             device.cmd_push_constants(commands, interface.layout, interface.stages, 0, bytes_of(batch.push));
             device.cmd_draw_indexed(commands, draw.index_count, 1, draw.first_index, 0, 0);
         }

@@ -233,6 +233,7 @@ fn vertex_attributes(format: &VertexFormat) -> Vec<vk::VertexInputAttributeDescr
                 0 => vk::Format::R32_UINT,
                 2 => vk::Format::R32G32_SFLOAT,
                 3 => vk::Format::R32G32B32_SFLOAT,
+                4 => vk::Format::R32G32B32A32_SFLOAT,
                 n => panic!("no vertex attribute has {n} components"),
             };
             vk::VertexInputAttributeDescription::default().location(location).offset(offset).format(format)

@@ -50,6 +50,11 @@ impl ComputePipeline {
         Ok(Self { handle, interface, kernel, context: context.clone() })
     }
 
+    /// File name of the kernel in `glsl/`.
+    pub fn file(&self) -> &'static str {
+        self.kernel.file
+    }
+
     /// Binds the kernel's resources by name.
     ///
     /// # Errors

@@ -188,6 +188,8 @@ pub enum Format {
     Depth32f,
     /// sRGB texture, decoded when it is read.
     Rgba8Srgb,
+    /// Linear colour from 0 to 1, 8 bits a channel.
+    Rgba8,
 }
 
 impl Format {
@@ -199,6 +201,7 @@ impl Format {
             Self::R32f => vk::Format::R32_SFLOAT,
             Self::Depth32f => vk::Format::D32_SFLOAT,
             Self::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
+            Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
         }
     }
 
@@ -207,7 +210,7 @@ impl Format {
         match self {
             Self::Rgba16f | Self::Rg32f => 8,
             Self::Rgba32f => 16,
-            Self::R32f | Self::Depth32f | Self::Rgba8Srgb => 4,
+            Self::R32f | Self::Depth32f | Self::Rgba8Srgb | Self::Rgba8 => 4,
         }
     }
 }

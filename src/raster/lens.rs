@@ -33,6 +33,11 @@ impl LensPush {
         model: 0,
     };
 
+    /// Whether there is a lens: its place in pairs of kernels that are compiled without and with one.
+    pub fn index(&self) -> usize {
+        usize::from(self.model != 0)
+    }
+
     /// A lens on a picture of `size`, which has as much margin on the left as on the right and above as below, drawn
     /// `magnification` times larger about (cx, cy).
     pub fn new(lens: &ExtendedLens, size: [u32; 2], magnification: f64) -> Self {

@@ -5,6 +5,7 @@ mod instants;
 mod knots;
 mod lens;
 mod place;
+mod placed;
 mod scene_buffers;
 mod target;
 mod tessellate;

@@ -66,9 +66,10 @@ pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
     ],
 };
 
-/// The kernel.
+/// The kernels.
 pub struct Place {
-    kernel: ComputePipeline,
+    /// Without and with a lens; the bindings are the same.
+    kernels: [ComputePipeline; 2],
 }
 
 impl Place {
@@ -78,7 +79,8 @@ impl Place {
     /// Out of memory.
     pub fn new(context: &Arc<Context>, scene: &SceneBuffers) -> Result<Self> {
         let kernel = const { kernel("exact_place.comp") };
-        Ok(Self { kernel: ComputePipeline::specialized(context, kernel, &[scene.lit.into()])? })
+        let make = |lens: u32| ComputePipeline::specialized(context, kernel, &[scene.lit.into(), lens]);
+        Ok(Self { kernels: [make(0)?, make(1)?] })
     }
 
     /// Binds a geometry and the rows of [`super::MotionGroups::knot_rows`].
@@ -86,7 +88,7 @@ impl Place {
     /// # Errors
     /// Out of memory.
     pub fn bind(&self, geometry: &Geometry, knots: &Buffer) -> Result<BindGroup> {
-        self.kernel.bind(&[
+        self.kernels[0].bind(&[
             ("Vertices", Bound::Buffer(&geometry.vertices)),
             ("Knots", Bound::Buffer(knots)),
             ("PlacedVertices", Bound::Buffer(&geometry.placed)),
@@ -102,6 +104,6 @@ impl Place {
         push: &PlacePush,
     ) {
         let push = PlacePush { vertex_count: geometry.vertex_count, ..*push };
-        recorder.dispatch(&self.kernel, group, &push, [geometry.vertex_count, 1]);
+        recorder.dispatch(&self.kernels[push.lens.index()], group, &push, [geometry.vertex_count, 1]);
     }
 }

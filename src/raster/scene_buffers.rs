@@ -44,6 +44,9 @@ pub struct SceneBuffers {
     pub(super) textures: Vec<Image>,
     pub(super) sampler: Sampler,
     pub(super) draws: Vec<Draw>,
+    /// Whether something of a draw has a specular colour.
+    pub(super) glossy: Vec<bool>,
+    pub(super) vertex_count: u32,
     pub(super) light_count: u32,
     pub(super) lit: bool,
 }
@@ -67,13 +70,15 @@ impl SceneBuffers {
         let vertices: &[u8] = bytemuck::cast_slice(&scene.vertices);
         let indices: &[u8] = bytemuck::cast_slice(&scene.indices);
         let buffers = Self {
-            vertices: uploader.buffer("vertices", vertices, Usage::Vertex)?,
+            vertices: uploader.buffer("vertices", vertices, Usage::StorageVertex)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
             materials: uploader.buffer("materials", &material_bytes(scene), Usage::Storage)?,
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
             textures: uploader.textures(scene)?,
             sampler: Sampler::new(context, true)?,
             draws: scene.draws.clone(),
+            glossy: scene.draws.iter().map(|draw| shines(scene, draw)).collect(),
+            vertex_count: scene.vertices.len() as u32,
             light_count: lights.len() as u32,
             lit: matches!(scene.shading, Shading::Lit(_)),
         };
@@ -139,6 +144,13 @@ impl Uploader<'_> {
         slot.submit()?;
         slot.wait(UPLOAD_LIMIT)
     }
+}
+
+/// Whether a material of a draw has a specular colour.
+fn shines(scene: &Scene, draw: &Draw) -> bool {
+    let range = draw.first_index as usize..(draw.first_index + draw.index_count) as usize;
+    let material = |i: &u32| &scene.materials[scene.vertices[*i as usize].material as usize];
+    scene.indices[range].iter().any(|i| material(i).ks != [0.0; 3])
 }
 
 fn material_bytes(scene: &Scene) -> Vec<u8> {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::place::PLACED_FORMAT;
+use super::placed::{Placed, PlacedInput};
 use super::{Geometry, LensPush, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
 use crate::camera::{ExtendedLens, NEAR_M};
@@ -46,7 +47,7 @@ impl RasterKind {
         }
     }
 
-    fn formats(self) -> &'static [Format] {
+    pub(super) fn formats(self) -> &'static [Format] {
         match self {
             Self::Color | Self::Exact => &[Format::Rgba16f],
             Self::Motion => &[Format::Rg32f],
@@ -55,7 +56,7 @@ impl RasterKind {
         }
     }
 
-    fn has_color(self) -> bool {
+    pub(super) fn has_color(self) -> bool {
         !matches!(self, Self::Motion | Self::Path)
     }
 }
@@ -90,6 +91,13 @@ const VERTEX_FORMAT: VertexFormat = VertexFormat {
     ],
 };
 
+/// Specialization constants of all pipelines.
+pub(super) fn constants(scene: &SceneBuffers, kind: RasterKind, textured: bool, glossy: bool) -> Vec<u32> {
+    let color = kind.has_color();
+    let near = (NEAR_M as f32).to_bits();
+    vec![(color && scene.lit).into(), textured.into(), scene.light_count, near, glossy.into()]
+}
+
 /// Attachments and pipelines.
 pub struct RasterTarget {
     /// What is drawn.
@@ -104,6 +112,8 @@ pub struct RasterTarget {
     pipelines: Vec<GraphicsPipeline>,
     /// Set 1 by texture.
     textures: Vec<BindGroup>,
+    /// The faster way to the same picture, where there is one.
+    placed: Option<Placed>,
 }
 
 /// What is drawn, through which lens.
@@ -118,7 +128,10 @@ pub struct Drawn<'a> {
 }
 
 /// Set 0 of a target: the instants of one frame in flight.
-pub struct RasterInput(BindGroup);
+pub struct RasterInput {
+    group: BindGroup,
+    placed: Option<PlacedInput>,
+}
 
 impl RasterTarget {
     /// Attachments of `size` delivered pixels, and pipelines for the scene.
@@ -138,11 +151,7 @@ impl RasterTarget {
         let (vertex, fragment) = kind.shaders();
         let format = if kind == RasterKind::Exact { PLACED_FORMAT } else { VERTEX_FORMAT };
         let pipeline = |textured: bool| {
-            let constants = if kind.has_color() {
-                vec![scene.lit.into(), textured.into(), scene.light_count]
-            } else {
-                Vec::new()
-            };
+            let constants = constants(scene, kind, textured, true);
             let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
@@ -155,7 +164,8 @@ impl RasterTarget {
                     .push(pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))])?);
             }
         }
-        Ok(Self { kind, size, plan, attachments, pipelines, textures })
+        let placed = Placed::new(context, scene, kind, &attachments, plan.msaa)?;
+        Ok(Self { kind, size, plan, attachments, pipelines, textures, placed })
     }
 
     /// Binds the rows of `instants` (made by [`super::instant_rows`]) and the camera positions beside them.
@@ -169,7 +179,8 @@ impl RasterTarget {
             ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
-        Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
+        let placed = self.placed.as_ref().map(|p| p.bind(scene, &all, instants)).transpose()?;
+        Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed })
     }
 
     /// Binds what [`RasterKind::Exact`] needs beside placed vertices: the camera that they are centred on.
@@ -182,7 +193,7 @@ impl RasterTarget {
             ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
-        Ok(RasterInput(self.pipelines[0].bind(0, &all)?))
+        Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
     }
 
     /// Draws [`RasterKind::Exact`]: vertices as [`super::Place`] left them. `area` is in delivered pixels.
@@ -226,6 +237,14 @@ impl RasterTarget {
         let lens = drawn.lens.map_or(LensPush::NONE, |(lens, by)| LensPush::new(lens, self.size, by));
         let push = Push { instant, object_count, motion_scale_px: self.size.map(scale), lens };
         let scene = drawn.scene;
+        let pinhole = drawn.lens.is_none() && drawn.geometry.is_none();
+        if let (true, Some(placed), Some(input)) = (pinhole, &self.placed, &input.placed) {
+            placed.record(recorder, scene, input, (instant, object_count));
+            let draws = placed.draw_calls(scene, input);
+            let batch =
+                DrawBatch { vertices: &placed.buffer, indices: &scene.indices, push: &push, draws: &draws };
+            return recorder.draw(&self.attachments, self.texels(area), &batch);
+        }
         let (vertices, indices, runs) = match drawn.geometry {
             Some(cut) => (&cut.vertices, &cut.indices, &cut.draws),
             None => (&scene.vertices, &scene.indices, &scene.draws),
@@ -242,13 +261,13 @@ impl RasterTarget {
         draws: &[Draw],
     ) -> Vec<DrawCall<'a>> {
         if !self.kind.has_color() {
-            let (pipeline, groups) = (&self.pipelines[0], vec![&input.0]);
+            let (pipeline, groups) = (&self.pipelines[0], vec![&input.group]);
             let index_count = draws.iter().map(|d| d.index_count).sum();
             return vec![DrawCall { pipeline, groups, first_index: 0, index_count }];
         }
         let calls = draws.iter().map(|draw| DrawCall {
             pipeline: &self.pipelines[usize::from(draw.texture.is_some())],
-            groups: vec![&input.0, &self.textures[scene.texture_index(draw)]],
+            groups: vec![&input.group, &self.textures[scene.texture_index(draw)]],
             first_index: draw.first_index,
             index_count: draw.index_count,
         });

@@ -20,6 +20,7 @@ pub mod lens;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;
+pub mod paper_fast;
 pub mod paper_gather;
 pub mod path;
 pub mod raster;

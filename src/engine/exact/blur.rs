@@ -11,7 +11,9 @@ use super::Input;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
+use crate::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Sampler, Usage,
+};
 use crate::kernels::kernel;
 use crate::raster::{LensPush, RasterKind, RasterTarget};
 
@@ -52,10 +54,12 @@ assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct NeighboursPush {
     size: [u32; 2],
+    first: [u32; 2],
+    end: [u32; 2],
     radius: i32,
     tile_px: f32,
 }
-assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, radius, tile_px });
+assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, first, end, radius, tile_px });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -66,14 +70,25 @@ struct GatherPush {
     tau_per_px: [f32; 2],
     most: i32,
     grid: f32,
+    tiles_across: u32,
 }
-assert_push_layout!("exact_gather.comp", GatherPush { size, margin_px, picture_px, tau_per_px, most, grid });
+assert_push_layout!(
+    "exact_gather.comp",
+    GatherPush { size, margin_px, picture_px, tau_per_px, most, grid, tiles_across }
+);
+
+/// `WAY` of `exact_gather.comp`: how a tile is gathered.
+const WAYS: [(u32, &str); 3] = [(0, "resting"), (1, "smooth_tiles"), (2, "layered")];
 
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
     pub(super) inputs: Vec<Input>,
-    groups: [BindGroup; 4],
-    kernels: [ComputePipeline; 4],
+    /// Without and with a lens; the bindings are the same.
+    paths: [ComputePipeline; 2],
+    groups: [BindGroup; 3],
+    kernels: [ComputePipeline; 2],
+    /// By [`WAYS`].
+    gathers: Vec<(ComputePipeline, BindGroup)>,
     _samplers: [Sampler; 2],
     pub(super) target: RasterTarget,
     images: Images,
@@ -86,6 +101,8 @@ struct Images {
     paths: Image,
     tiles: [Image; 3],
     around: [Image; 3],
+    /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
+    lists: Vec<Buffer>,
 }
 
 impl Images {
@@ -101,7 +118,12 @@ impl Images {
                 image(names[2], tiles, Format::Rgba32f)?,
             ])
         };
+        let list_bytes = u64::from(4 + tiles[0] * tiles[1]) * size_of::<u32>() as u64;
+        let list = |(_, name): &(u32, &str)| {
+            Buffer::new(&stage.context, name, list_bytes, Usage::Storage, Location::Device)
+        };
         Ok(Self {
+            lists: WAYS.iter().map(list).collect::<Result<_>>()?,
             texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
             relatives: image(
                 "relatives",
@@ -132,17 +154,36 @@ impl Blur {
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
+        let paths = |lens: u32| {
+            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa, lens])
+        };
+        let paths = [paths(0)?, paths(1)?];
         let kernels = [
-            ComputePipeline::specialized(context, paths, &[stage.plan.grid, stage.plan.msaa])?,
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
-            ComputePipeline::new(context, const { kernel("exact_gather.comp") })?,
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let groups = bind(&kernels, &target, &images, radiance, (&sampler, &linear))?;
-        Ok(Self { inputs, groups, kernels, _samplers: [sampler, linear], target, images, margin_px })
+        let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
+        let gathers = WAYS.iter().zip(&images.lists).map(|((way, _), list)| {
+            let kernel =
+                ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[*way])?;
+            let group = bind_gather(&kernel, &images, list, radiance, (&sampler, &linear))?;
+            Ok((kernel, group))
+        });
+        let gathers = gathers.collect::<Result<_>>()?;
+        Ok(Self {
+            inputs,
+            paths,
+            groups,
+            kernels,
+            gathers,
+            _samplers: [sampler, linear],
+            target,
+            images,
+            margin_px,
+        })
     }
 
     /// Records everything after the raster.
@@ -161,18 +202,30 @@ impl Blur {
         let push = PathsPush { lens, ..self.paths_push(shutter, part) };
         let along_and_across = if push.columns == 0 { picture } else { [picture[1], picture[0]] };
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
-        recorder.dispatch(&self.kernels[0], &self.groups[0], &push, along_and_across);
+        recorder.dispatch(&self.paths[lens.index()], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
         let push =
             TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
-        recorder.dispatch(&self.kernels[1], &self.groups[1], &push, tiles);
+        recorder.dispatch(&self.kernels[0], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
-        let push = NeighboursPush { size: tiles, radius, tile_px: tile_px as f32 };
-        recorder.dispatch(&self.kernels[2], &self.groups[2], &push, tiles);
+        let delivered = [stage.intrinsics.width, stage.intrinsics.height];
+        let push = NeighboursPush {
+            size: tiles,
+            first: self.margin_px.map(|m| m / TILE),
+            end: [0, 1].map(|i| (self.margin_px[i] + delivered[i]).div_ceil(TILE)),
+            radius,
+            tile_px: tile_px as f32,
+        };
+        for list in &self.images.lists {
+            recorder.clear_buffer(list);
+        }
+        recorder.dispatch(&self.kernels[1], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        recorder.dispatch(&self.kernels[3], &self.groups[3], &push, push.size);
+        for ((kernel, group), list) in self.gathers.iter().zip(&self.images.lists) {
+            recorder.dispatch_indirect(kernel, group, &push, list);
+        }
     }
 
     fn paths_push(&self, shutter: &ShutterTiming, part: &Part) -> PathsPush {
@@ -196,52 +249,67 @@ impl Blur {
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
             most: MOST_SAMPLES,
             grid: self.target.plan.grid as f32,
+            tiles_across: self.images.tiles[0].spec().size[0],
         }
     }
 }
 
-/// The resources of the four kernels.
+/// The resources of the kernels ahead of the gather.
 fn bind(
-    kernels: &[ComputePipeline; 4],
+    paths: &ComputePipeline,
+    kernels: &[ComputePipeline; 2],
     target: &RasterTarget,
     images: &Images,
-    radiance: &Image,
-    (sampler, linear): (&Sampler, &Sampler),
-) -> Result<[BindGroup; 4]> {
+    sampler: &Sampler,
+) -> Result<[BindGroup; 3]> {
     let fetched = |image| Bound::Sampled(image, sampler);
     let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
     Ok([
-        kernels[0].bind(&[
+        paths.bind(&[
             ("color_samples", fetched(&target.attachments.colors()[0])),
             ("depth_samples", fetched(target.attachments.depth())),
             ("texels", Bound::Storage(&images.texels)),
             ("paths", Bound::Storage(&images.paths)),
             ("relatives", fetched(&images.relatives)),
         ])?,
-        kernels[1].bind(&[
+        kernels[0].bind(&[
             ("texels", fetched(&images.texels)),
             ("paths", fetched(&images.paths)),
             ("tile_near", Bound::Storage(near)),
             ("tile_far", Bound::Storage(far)),
             ("tile_facts", Bound::Storage(facts)),
         ])?,
-        kernels[2].bind(&[
+        kernels[1].bind(&[
             ("tile_near", fetched(near)),
             ("tile_far", fetched(far)),
             ("tile_facts", fetched(facts)),
             ("around_near", Bound::Storage(around_near)),
             ("around_far", Bound::Storage(around_far)),
             ("around_facts", Bound::Storage(around_facts)),
+            ("resting", Bound::Buffer(&images.lists[0])),
+            ("smooth_tiles", Bound::Buffer(&images.lists[1])),
+            ("layered", Bound::Buffer(&images.lists[2])),
         ])?,
-        kernels[3].bind(&[
-            ("texels", Bound::Sampled(&images.texels, linear)),
-            ("inverses", fetched(&images.texels)),
-            ("paths", fetched(&images.paths)),
-            ("around_near", fetched(around_near)),
-            ("around_far", fetched(around_far)),
-            ("around_facts", fetched(around_facts)),
-            ("radiance", Bound::Storage(radiance)),
-        ])?,
+    ])
+}
+
+fn bind_gather(
+    kernel: &ComputePipeline,
+    images: &Images,
+    list: &Buffer,
+    radiance: &Image,
+    (sampler, linear): (&Sampler, &Sampler),
+) -> Result<BindGroup> {
+    let fetched = |image| Bound::Sampled(image, sampler);
+    let [around_near, around_far, _] = &images.around;
+    kernel.bind(&[
+        ("texels", Bound::Sampled(&images.texels, linear)),
+        ("inverses", fetched(&images.texels)),
+        ("paths", fetched(&images.paths)),
+        ("around_near", fetched(around_near)),
+        ("around_far", fetched(around_far)),
+        ("radiance", Bound::Storage(radiance)),
+        ("listed", Bound::Buffer(list)),
     ])
 }
 

@@ -38,13 +38,13 @@ Ns 1
 map_Kd grass.png
 newmtl wall
 Kd 0.9 0.9 0.9
-Ks 0.03 0.03 0.03
-Ns 8
+Ks 0 0 0
+Ns 1
 map_Kd wall.png
 newmtl banner
 Kd 0.95 0.95 0.95
-Ks 0.05 0.05 0.05
-Ns 16
+Ks 0 0 0
+Ns 1
 map_Kd banner.png
 newmtl parquet
 Kd 0.42 0.26 0.13

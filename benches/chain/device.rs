@@ -1,0 +1,297 @@
+//! The chain on the device: kernels of the project on uploaded inputs.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bytemuck::{Pod, Zeroable};
+use shutterbug::gpu::{
+    BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Sampler, Slot,
+    Usage,
+};
+use shutterbug::kernels::{POINTWISE, TABLE};
+use shutterbug::plane::Plane;
+use shutterbug::reference::paper_gather::Push;
+
+use super::input::{Input, SIGMA};
+
+const LIMIT: Duration = Duration::from_secs(120);
+/// Words of a slot of parameters.
+const SLOT_WORDS: usize = 16;
+
+/// A kernel with its constants.
+#[derive(Clone, Copy)]
+pub struct Variant {
+    pub name: &'static str,
+    pub file: &'static str,
+    pub taps_per_px: f32,
+    pub unroll: u32,
+    pub fixed: bool,
+    /// Colour of 8 bits a channel, as the peers have it, instead of half floats.
+    pub eight_bits: bool,
+}
+
+/// Push constants of `paper_fast`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct FastPush {
+    gather: Push,
+    seed: [u32; 2],
+    frame: u32,
+    flags: u32,
+    slot: u32,
+    unused: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PointwisePush {
+    size: [u32; 2],
+    seed: [u32; 2],
+    frame: u32,
+    flags: u32,
+    slot: u32,
+    unused: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ResolvePush {
+    size: [u32; 2],
+    grid: [i32; 2],
+}
+
+pub struct Device {
+    pub context: Arc<Context>,
+    slot: Slot,
+    linear: Sampler,
+    nearest: Sampler,
+    color: Image,
+    color8: Image,
+    color32: Image,
+    pub motions: Vec<Image>,
+    radiance: Image,
+    pixels: Buffer,
+    parameters: Buffer,
+    tables: Buffer,
+    readback: Buffer,
+    size: [u32; 2],
+}
+
+impl Device {
+    pub fn new(context: &Arc<Context>, input: &Input) -> Self {
+        let mut slot = Slot::new(context, "chain").unwrap();
+        let size = input.size.map(|s| s as u32);
+        let count = u64::from(size[0] * size[1]);
+        let motions = (0..input.motions.len())
+            .map(|k| upload(context, &mut slot, &input.motion_planes(k), Format::Rg32f));
+        let motions: Vec<Image> = motions.collect();
+        let color = input.color_plane();
+        let color32 = upload(context, &mut slot, std::slice::from_ref(&color), Format::Rgba32f);
+        let color8 =
+            Image::new(context, "input", ImageSpec::storage(input.outer().map(|s| s as u32), Format::Rgba8))
+                .unwrap();
+        staged(context, &mut slot, &color8, &input.color);
+        let color16 = upload_half(context, &mut slot, &color);
+        let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f)).unwrap();
+        let mut recorder = slot.begin().unwrap();
+        recorder.prepare([&radiance]);
+        recorder.finish();
+        slot.submit().unwrap();
+        slot.wait(LIMIT).unwrap();
+        let mut parameters =
+            Buffer::new(context, "parameters", 4096, Usage::Uniform, Location::Upload).unwrap();
+        let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
+        let mut words = vec![0f32; 1024];
+        // The white part: three sigmas, after those of the static part.
+        words[SLOT_WORDS * place + 3..SLOT_WORDS * place + 6].fill(SIGMA);
+        parameters.write(0, &words);
+        let tables = Buffer::new(context, "tables", 4096, Usage::Storage, Location::Upload).unwrap();
+        Self {
+            linear: Sampler::in_texels(context).unwrap(),
+            nearest: Sampler::new(context, false).unwrap(),
+            color: color16,
+            color8,
+            color32,
+            motions,
+            radiance,
+            pixels: Buffer::new(context, "pixels", 4 * count, Usage::Storage, Location::Device).unwrap(),
+            parameters,
+            tables,
+            readback: Buffer::new(context, "readback", 4 * count, Usage::Transfer, Location::Readback)
+                .unwrap(),
+            size,
+            slot,
+            context: context.clone(),
+        }
+    }
+
+    fn constants(variant: &Variant, noise: bool) -> Vec<u32> {
+        let mut constants = vec![0u32; 45];
+        let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
+        // Part 2 of the effect: white noise.
+        constants[1 + place] = if noise { 2 } else { 0 };
+        constants[40] = variant.taps_per_px.to_bits();
+        constants[41] = variant.unroll;
+        constants[42] = 1;
+        constants[43] = variant.fixed.into();
+        constants[44] = 2;
+        constants
+    }
+
+    fn bind(&self, pipeline: &ComputePipeline, motion: usize, eight_bits: bool) -> BindGroup {
+        let color = if eight_bits { &self.color8 } else { &self.color };
+        let sampler = if pipeline_is_linear(pipeline) { &self.linear } else { &self.nearest };
+        let all = [
+            ("color", Bound::Sampled(color, sampler)),
+            ("motion", Bound::Storage(&self.motions[motion])),
+            ("radiance", Bound::Storage(&self.radiance)),
+            ("source", Bound::Storage(&self.radiance)),
+            ("original", Bound::Storage(&self.radiance)),
+            ("target", Bound::Storage(&self.radiance)),
+            ("Parameters", Bound::Buffer(&self.parameters)),
+            ("Tables", Bound::Buffer(&self.tables)),
+            ("Pixels", Bound::Buffer(&self.pixels)),
+        ];
+        pipeline.bind(&all).unwrap()
+    }
+
+    /// Host times of `repeats` runs of the fused chain, ms, and its picture (RGBX) without noise.
+    pub fn fused(
+        &mut self,
+        variant: &Variant,
+        motion: usize,
+        push: Push,
+        repeats: usize,
+    ) -> (Vec<f64>, Vec<u8>) {
+        let kernel = TABLE.iter().find(|k| k.file == variant.file).unwrap();
+        let push = FastPush { gather: push, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
+        let [quiet, noisy] = [false, true].map(|noise| {
+            let constants = Self::constants(variant, noise);
+            let pipeline = ComputePipeline::specialized(&self.context, kernel, &constants).unwrap();
+            let group = self.bind(&pipeline, motion, variant.eight_bits);
+            (pipeline, group)
+        });
+        let picture = self.picture(|r, size| r.dispatch(&quiet.0, &quiet.1, &push, size));
+        let ms = self.time(repeats, |r, size| r.dispatch(&noisy.0, &noisy.1, &push, size));
+        (ms, picture)
+    }
+
+    /// The exact gather and the pixel chain, two kernels: what the engine runs by default.
+    pub fn unfused(&mut self, motion: usize, push: Push, repeats: usize) -> (Vec<f64>, Vec<u8>) {
+        let gather = ComputePipeline::new(&self.context, find("paper_gather.comp")).unwrap();
+        let gather_group = gather
+            .bind(&[
+                ("color", Bound::Sampled(&self.color32, &self.nearest)),
+                ("motion", Bound::Storage(&self.motions[motion])),
+                ("radiance", Bound::Storage(&self.radiance)),
+            ])
+            .unwrap();
+        let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
+        let [quiet, noisy] = [0, 2].map(|noise| {
+            let mut constants = vec![0u32; 1 + POINTWISE.len()];
+            (constants[0], constants[1 + place]) = (1, noise);
+            let pipeline =
+                ComputePipeline::specialized(&self.context, find("pointwise.comp"), &constants).unwrap();
+            let group = self.bind(&pipeline, motion, false);
+            (pipeline, group)
+        });
+        let chain = PointwisePush { size: self.size, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
+        let record =
+            |r: &mut shutterbug::gpu::Recorder<'_>, size: [u32; 2], last: &(ComputePipeline, BindGroup)| {
+                r.dispatch(&gather, &gather_group, &push, size);
+                r.dispatch(&last.0, &last.1, &chain, size);
+            };
+        let picture = self.picture(|r, size| record(r, size, &quiet));
+        let ms = self.time(repeats, |r, size| record(r, size, &noisy));
+        (ms, picture)
+    }
+
+    /// A kernel that reads a texel and writes it: what any pass costs.
+    pub fn pass_through(&mut self, repeats: usize) -> Vec<f64> {
+        let pipeline = ComputePipeline::new(&self.context, find("resolve_color.comp")).unwrap();
+        let group = pipeline
+            .bind(&[
+                ("color_samples", Bound::Sampled(&self.color, &self.nearest)),
+                ("color", Bound::Storage(&self.radiance)),
+            ])
+            .unwrap();
+        let push = ResolvePush { size: self.size, grid: [1, 1] };
+        self.time(repeats, |r, size| r.dispatch(&pipeline, &group, &push, size))
+    }
+
+    fn picture(&mut self, record: impl Fn(&mut shutterbug::gpu::Recorder<'_>, [u32; 2])) -> Vec<u8> {
+        let mut recorder = self.slot.begin().unwrap();
+        record(&mut recorder, self.size);
+        recorder.copy_buffer(&self.pixels, &self.readback, self.pixels.bytes());
+        recorder.barrier();
+        recorder.finish();
+        self.slot.submit().unwrap();
+        self.slot.wait(LIMIT).unwrap();
+        self.readback.mapped().to_vec()
+    }
+
+    fn time(
+        &mut self,
+        repeats: usize,
+        record: impl Fn(&mut shutterbug::gpu::Recorder<'_>, [u32; 2]),
+    ) -> Vec<f64> {
+        let mut ms = Vec::new();
+        for i in 0..repeats + 2 {
+            let mut recorder = self.slot.begin().unwrap();
+            record(&mut recorder, self.size);
+            recorder.finish();
+            let start = Instant::now();
+            self.slot.submit().unwrap();
+            self.slot.wait(LIMIT).unwrap();
+            if i >= 2 {
+                ms.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        ms
+    }
+}
+
+fn find(file: &str) -> &'static shutterbug::kernels::Kernel {
+    TABLE.iter().find(|k| k.file == file).unwrap()
+}
+
+/// Only one kernel reads between texels.
+fn pipeline_is_linear(pipeline: &ComputePipeline) -> bool {
+    pipeline.file() == "paper_fast_sampler.comp"
+}
+
+fn staged(context: &Arc<Context>, slot: &mut Slot, image: &Image, bytes: &[u8]) {
+    let mut staging =
+        Buffer::new(context, "staging", bytes.len() as u64, Usage::Transfer, Location::Upload).unwrap();
+    staging.write(0, bytes);
+    let mut recorder = slot.begin().unwrap();
+    recorder.prepare([image]);
+    recorder.copy_buffer_to_image(&staging, image);
+    recorder.barrier();
+    recorder.finish();
+    slot.submit().unwrap();
+    slot.wait(LIMIT).unwrap();
+}
+
+fn upload(context: &Arc<Context>, slot: &mut Slot, layers: &[Plane<f32>], format: Format) -> Image {
+    let size = [layers[0].width as u32, layers[0].height as u32];
+    let spec = ImageSpec {
+        layers: layers.len() as u32,
+        array: layers.len() > 1,
+        ..ImageSpec::storage(size, format)
+    };
+    let image = Image::new(context, "input", spec).unwrap();
+    let values: Vec<f32> = layers.iter().flat_map(|p| p.data.iter().copied()).collect();
+    staged(context, slot, &image, bytemuck::cast_slice(&values));
+    image
+}
+
+/// Half floats, as the engine keeps colour for this kernel.
+fn upload_half(context: &Arc<Context>, slot: &mut Slot, plane: &Plane<f32>) -> Image {
+    let size = [plane.width as u32, plane.height as u32];
+    let image = Image::new(context, "input", ImageSpec::storage(size, Format::Rgba16f)).unwrap();
+    let bytes: Vec<u8> =
+        plane.data.iter().flat_map(|v| exr::prelude::f16::from_f32(*v).to_le_bytes()).collect();
+    staged(context, slot, &image, &bytes);
+    image
+}

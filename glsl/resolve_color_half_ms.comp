@@ -1,0 +1,6 @@
+#version 460
+// Several samples a texel, to half floats. The other variants: resolve_color_half.comp, resolve_color_ms.comp.
+#extension GL_GOOGLE_include_directive : require
+#define MULTISAMPLED
+#define COLOR_FORMAT rgba16f
+#include "resolve_color.glsl"

@@ -1,0 +1,135 @@
+//! What the best set leaves on held-out frames beyond what correct renderers leave: values that are off where the picture is
+//! flat, spread that is of another kind than the model's, edges that do not match.
+
+use super::evidence::Evidence;
+use super::model::{P, Theta};
+use super::noise::{NoiseData, flat_map};
+use super::tone::Tone;
+use crate::plane::Plane;
+
+/// Values of a bin below which its mean says nothing.
+const FEWEST: f64 = 300.0;
+/// Bins of brightness, of radius, of rows and of columns.
+const BINS: usize = 12;
+
+/// Figures of what is left.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Residue {
+    /// Mean size of the mean difference of flat places, by brightness and channel, radius, rows and columns, frames: the
+    /// largest of these, DN.
+    pub bias_dn: f64,
+    /// Mean size of the logarithm of observed over modelled variance, by brightness.
+    pub spread: f64,
+    /// Standard deviations of rows and of the fixed pattern that the model does not have, over that of single values.
+    pub structure: [f64; 2],
+    /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
+    pub likeness: f64,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Bin {
+    sum: f64,
+    count: f64,
+}
+
+/// Measures it. `means` are the simulated values of `frames` (places).
+pub(super) fn residue(
+    evidence: &Evidence,
+    frames: &[usize],
+    means: &[Plane<f32>],
+    masks: &[Plane<f32>],
+    noise: &NoiseData,
+    theta: &Theta,
+) -> Residue {
+    let mut tables = vec![vec![Bin::default(); BINS * 3]; 5];
+    for (f, (&at, mean)) in frames.iter().zip(means).enumerate() {
+        let (w, h) = (mean.width, mean.height);
+        let flat = flat_map(mean);
+        let diagonal = 0.5 * (w as f64).hypot(h as f64);
+        for i in (0..w * h).filter(|&i| flat[i] && masks[at].data[i] > 0.5) {
+            let (x, y) = (i % w, i / w);
+            let radius = (x as f64 - 0.5 * w as f64).hypot(y as f64 - 0.5 * h as f64) / diagonal;
+            for c in 0..3 {
+                let (r, m) = (evidence.frames[at].dn.data[3 * i + c], mean.data[3 * i + c]);
+                let places = [
+                    (m / 256.0 * BINS as f32) as usize,
+                    (radius * BINS as f64) as usize,
+                    y * BINS / h,
+                    x * BINS / w,
+                    f,
+                ];
+                for (table, place) in tables.iter_mut().zip(places) {
+                    let bin = &mut table[3 * place.min(BINS - 1) + c];
+                    bin.sum += f64::from(r - m);
+                    bin.count += 1.0;
+                }
+            }
+        }
+    }
+    let bias = |table: &Vec<Bin>| {
+        let seen: Vec<&Bin> = table.iter().filter(|b| b.count >= FEWEST).collect();
+        let total: f64 = seen.iter().map(|b| b.count).sum();
+        seen.iter().map(|b| b.sum.abs()).sum::<f64>() / total.max(1.0)
+    };
+    let tone = Tone::new(theta);
+    let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
+    let row_dn = rows / means[0].data.len() as f64;
+    // Compression leaves differences of its own, which say nothing about noise.
+    let plain = !theta.is_on(P::Quality);
+    let (spread, structure) = if plain { noise.misfit(theta) } else { (0.0, [0.0; 2]) };
+    let mut likeness: Vec<f64> =
+        frames.iter().zip(means).map(|(&at, m)| correlation(&evidence.frames[at].dn, m)).collect();
+    likeness.sort_by(f64::total_cmp);
+    let likeness = likeness[likeness.len() / 2];
+    // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
+    let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
+    Residue { bias_dn, spread, structure, likeness }
+}
+
+/// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.
+fn correlation(a: &Plane<f32>, b: &Plane<f32>) -> f64 {
+    let [a, b] = [a, b].map(|p| super::fit::pooled(&p.data, p.width, p.height, 4));
+    let mut sums = [0.0f64; 3];
+    for c in 0..3 {
+        let of = |v: &[f32]| -> Vec<f64> { v.iter().skip(c).step_by(3).map(|v| f64::from(*v)).collect() };
+        let (x, y) = (of(&a), of(&b));
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
+        let (mx, my) = (mean(&x), mean(&y));
+        for (x, y) in x.iter().zip(&y) {
+            let (x, y) = (x - mx, y - my);
+            sums = [sums[0] + x * y, sums[1] + x * x, sums[2] + y * y];
+        }
+    }
+    sums[0] / (sums[1] * sums[2]).sqrt().max(1e-9)
+}
+
+/// Slope of the sRGB curve, DN per unit.
+fn slope_dn(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
+}
+
+impl NoiseData {
+    /// See [`Residue::spread`] and [`Residue::structure`].
+    fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
+        let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
+        let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
+        for [l, v, _] in self.unclipped() {
+            let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
+            // Half a DN: less cannot be told from rounding.
+            let least = 0.25 / slope_dn(l).powi(2);
+            sum += ((v + least) / (model + least)).ln().abs();
+            level += v;
+            count += 1.0;
+        }
+        if count < 1.0 {
+            return (0.0, [0.0; 2]);
+        }
+        let level: f64 = (level / count).max(8e-6);
+        // What the model has of these it has to a third or so.
+        let beyond = |seen: f64, model: f64| ((seen - model).abs() - 0.3 * model).max(0.0);
+        let row2 = beyond(self.row2, theta.get(P::Row).powi(2));
+        let fixed = self.fixed.iter().map(|&[l, v, _]| beyond(v, dsnu2 + prnu2 * l * l));
+        let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
+        (sum / count, [(row2 / level).sqrt(), (fixed2 / level).sqrt()])
+    }
+}
