@@ -167,7 +167,9 @@ typedef struct shutterbug_camera {
 /* Sets the camera: pinhole and shutter, no other effect. INPUT names the field and its range. A new size or pinhole needs
  * that no frame is in flight (STATE). */
 shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
-/* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). */
+/* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). Effects of
+ * lens, mounting and clock (lens_distortion, chromatic_aberration, focal_length_error, pose_offset, time_offset) act where a
+ * scene is rendered: with one of them, frames from outside are UNSUPPORTED. */
 shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
 
 /* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are
@@ -365,7 +367,7 @@ typedef struct shutterbug_frame_info {
     uint32_t struct_size;
     uint32_t frame_index;
     uint32_t width, height;
-    shutterbug_instant first_line_start; /* start of exposure of the first line read */
+    shutterbug_instant first_line_start; /* start of exposure of the first line read (time_s, with the camera's time_offset) */
     shutterbug_instant middle;           /* half way between the two others */
     shutterbug_instant last_line_end;    /* end of exposure of the last line read */
     double host_ms;                      /* from submission to the end of the wait by the host's clock */

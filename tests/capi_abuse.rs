@@ -292,7 +292,7 @@ fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside
         }
     };
     for effect in [
-        "[lens_distortion]\nk1 = -0.1",
+        "[lens_distortion]\nk1 = 0.05",
         "[chromatic_aberration]\nscale_r = 1.01",
         "[focal_length_error]\nratio = 1.1",
         "[pose_offset]\nrotvec_rad = [0.0, 0.0, 0.02]",

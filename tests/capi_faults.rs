@@ -304,7 +304,7 @@ impl Drop for Pages {
     }
 }
 
-const LENS: &str = "[lens_distortion]\nk1 = -0.1\n[chromatic_aberration]\nscale_r = 1.01\nscale_b = 0.99\n";
+const LENS: &str = "[lens_distortion]\nk1 = 0.05\n[chromatic_aberration]\nscale_r = 1.01\nscale_b = 0.99\n";
 
 const CAMERA: &str = "width = 16\nheight = 12\nfx = 8\nfy = 8\ncx = 8\ncy = 6\nframe_period_s = 0.04\n\
                       [rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.008\n";

@@ -340,6 +340,14 @@ impl Session {
         self.watch(frame)
     }
 
+    /// Runs a call on the device beside the engines, unless the device is lost; notes its loss.
+    pub fn use_device<T>(&mut self, call: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
+        self.not_lost()?;
+        let done = call();
+        self.lost |= done.as_ref().is_err_and(|fault| fault.status == status::DEVICE_LOST);
+        done
+    }
+
     /// Notes the loss of the device.
     fn watch<T>(&mut self, result: crate::Result<T>) -> Outcome<T> {
         result.map_err(|error| {

@@ -42,7 +42,7 @@ unsafe fn make_memory(
         cell.run(|session| {
             check_out(memory, "memory")?;
             let context = session.context().clone();
-            let buffer = Arc::new(make(&context)?);
+            let buffer = Arc::new(session.use_device(|| make(&context))?);
             // SAFETY: not null and aligned; writable by the caller's promise.
             unsafe { memory.write(handle::insert(MemoryState { buffer, context }, None) as Handle) };
             Ok(())
@@ -131,7 +131,7 @@ unsafe fn make_semaphore(
         cell.run(|session| {
             check_out(semaphore, "semaphore")?;
             let context = session.context().clone();
-            let made = Arc::new(make(&context)?);
+            let made = Arc::new(session.use_device(|| make(&context))?);
             let state = SemaphoreState { semaphore: made, context };
             // SAFETY: not null and aligned; writable by the caller's promise.
             unsafe { semaphore.write(handle::insert(state, None) as Handle) };
