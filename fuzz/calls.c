@@ -197,8 +197,9 @@ static void of_frame(shutterbug_frame *frame, const uint32_t *size) {
 }
 
 static void load(shutterbug_engine *engine) {
-    char text[200] = "width = 20\nheight = 14\nfx = 12\nfy = 12\ncx = 10\ncy = 7\nframe_period_s = 0.04\n"
-                     "[rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.01\n";
+    char text[260] = "width = 20\nheight = 14\nfx = 12\nfy = 12\ncx = 10\ncy = 7\nframe_period_s = 0.04\n"
+                     "[rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.01\n[lens_distortion]\nk1 = -0.1";
+    if (one_in(2)) *strstr(text, "[lens") = 0;
     shutterbug_stamped_pose poses[3] = {{0, {{0}, {0, 0, 0, 1}}}, {0.1, {{0.1}, {0, 0, 0, 1}}}, {1, {{1}, {0, 0, 0, 1}}}};
     switch (byte() % 4) {
     case 0:

@@ -277,6 +277,41 @@ fn calls_in_the_wrong_order() {
 }
 
 #[test]
+fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside() {
+    let test = "effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside";
+    let Some(engine) = engine(test, options(3, 1)) else { return };
+    let small = Small::new(32, 24);
+    let camera = "width = 32\nheight = 24\nfx = 16\nfy = 16\ncx = 16\ncy = 12\nframe_period_s = 0.04\n";
+    let with = |effect: &str| {
+        let code =
+            unsafe { shutterbug_engine_set_camera_text(engine, text(&format!("{camera}{effect}")).as_ptr()) };
+        if code == OK {
+            process(engine, &small.outside, [32, 24]).map(drop)
+        } else {
+            Err((code, error_of(engine)))
+        }
+    };
+    for effect in [
+        "[lens_distortion]\nk1 = -0.1",
+        "[chromatic_aberration]\nscale_r = 1.01",
+        "[focal_length_error]\nratio = 1.1",
+        "[pose_offset]\nrotvec_rad = [0.0, 0.0, 0.02]",
+        "[time_offset]\noffset_s = 0.01",
+    ] {
+        let name = effect[1..].split(']').next().unwrap();
+        let (code, says) = with(effect).expect_err(effect);
+        assert_eq!(code, status("UNSUPPORTED"), "{says}");
+        assert!(says.contains(name), "`{says}` does not say `{name}`");
+    }
+    // A lens that folds inside the picture is refused when it is set, and the camera stays as it was.
+    let (code, says) = with("[lens_distortion]\nk1 = -1.0").unwrap_err();
+    assert_eq!(code, status("INPUT"), "{says}");
+    assert_eq!(with("[vignetting]\na1 = -0.1"), Ok(()), "control: effects on pixels");
+    assert_eq!(with(""), Ok(()), "control");
+    finish(engine);
+}
+
+#[test]
 fn options_that_cannot_be_are_refused_with_a_sentence() {
     let cases: [(&str, &str, &dyn Fn(&mut shutterbug_engine_options)); 9] = [
         ("ARGUMENT", "samples is 3", &|o| o.samples = 3),

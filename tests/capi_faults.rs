@@ -125,6 +125,11 @@ table! {
         vkAllocateCommandBuffers(device: H, info: P, out: P) makes "";
         vkCreateFence(device: H, info: P, alloc: P, out: P) makes "fence";
         vkCreateQueryPool(device: H, info: P, alloc: P, out: P) makes "query pool";
+        vkGetFenceStatus(device: H, fence: H) makes "";
+        vkCreateSemaphore(device: H, info: P, alloc: P, out: P) makes "semaphore";
+        vkGetMemoryFdKHR(device: H, info: P, out: P) makes "";
+        vkGetSemaphoreFdKHR(device: H, info: P, out: P) makes "";
+        vkGetMemoryHostPointerPropertiesEXT(device: H, kind: u32, pointer: P, out: P) makes "";
         vkBeginCommandBuffer(commands: H, info: P) makes "";
         vkEndCommandBuffer(commands: H) makes "";
         vkResetFences(device: H, count: u32, fences: P) makes "";
@@ -151,6 +156,7 @@ table! {
         vkDestroyCommandPool(device: H, it: H, alloc: P) ends "command pool" by it;
         vkDestroyFence(device: H, it: H, alloc: P) ends "fence" by it;
         vkDestroyQueryPool(device: H, it: H, alloc: P) ends "query pool" by it;
+        vkDestroySemaphore(device: H, it: H, alloc: P) ends "semaphore" by it;
     }
 }
 
@@ -199,8 +205,10 @@ fn loader() -> vk::PFN_vkGetInstanceProcAddr {
 enum Work {
     /// Two frames from outside.
     Outside,
-    /// One frame of the demo scene by a method of the header, with sharp planes, and effects on pixels if there is a text.
+    /// One frame of the demo scene by a method of the header, with sharp planes, and these effects besides the shutter.
     Scene(u32, &'static str),
+    /// Frames from memory that is shared with the device, polled, with depth; semaphores where there are any.
+    Shared,
 }
 
 /// A frame of the demo scene: the picture and its motion plane.
@@ -222,19 +230,96 @@ fn scene_frame(engine: Handle, method_camera: &str) -> Result<Vec<u8>, (Status, 
     done.map(|()| rgb)
 }
 
+/// A frame whose colour lies in exported memory, polled until it is done; the memory goes last.
+fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
+    let check =
+        |code: Status, handle: Handle| if code == OK { Ok(()) } else { Err((code, error_of(handle))) };
+    assert_eq!(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) }, OK, "needs no device");
+    let (small, can) = (Small::new(16, 12), info(engine).capabilities);
+    let (mut o, mut made) = (small.outside, Vec::new());
+    let mut color = unsafe { *small.outside.color };
+    let pages = Pages::new(16 * 12 * 16);
+    let done = (|| {
+        if can & 1 != 0 {
+            unsafe { std::ptr::copy_nonoverlapping(color.pixels.cast::<u8>(), pages.0, 16 * 12 * 16) };
+            let mut memory = std::ptr::null_mut();
+            let code = unsafe {
+                shutterbug_memory_import_host(engine, pages.0.cast(), pages.1.size() as u64, &mut memory)
+            };
+            check(code, engine)?;
+            made.push((memory, shutterbug_memory_destroy as extern "C" fn(Handle) -> Status));
+            (color.pixels, color.memory) = (std::ptr::null_mut(), memory);
+            o.color = &color;
+        }
+        let mut fd = -1;
+        if can & 2 != 0 {
+            check(
+                unsafe { shutterbug_memory_export_fd(engine, 4096, &mut o.picture_memory, &mut fd) },
+                engine,
+            )?;
+            made.push((o.picture_memory, shutterbug_memory_destroy));
+            close(fd);
+        }
+        if can & 4 != 0 {
+            check(unsafe { shutterbug_semaphore_export_fd(engine, &mut o.signal, &mut fd) }, engine)?;
+            made.push((o.signal, shutterbug_semaphore_destroy));
+            close(fd);
+        }
+        let (mut frame, mut ready) = (std::ptr::null_mut(), 0);
+        check(unsafe { shutterbug_engine_submit_outside(engine, &o, &mut frame) }, engine)?;
+        let mut rgb = vec![0; 16 * 12 * 3];
+        let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
+        // A few polls only: how many there are until it is done is chance, and calls are counted.
+        let done = (0..3)
+            .try_for_each(|_| check(unsafe { shutterbug_frame_poll(frame, &mut ready) }, frame))
+            .and_then(|()| check(shutterbug_frame_wait(frame, -1.0), frame))
+            .and_then(|()| check(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame));
+        assert_eq!(shutterbug_frame_destroy(frame), OK);
+        done.map(|()| rgb)
+    })();
+    for (handle, destroy) in made {
+        assert_eq!(destroy(handle), OK);
+    }
+    done
+}
+
+fn close(fd: i32) {
+    use std::os::fd::FromRawFd as _;
+    drop(unsafe { std::os::fd::OwnedFd::from_raw_fd(fd) });
+}
+
+/// Whole pages.
+struct Pages(*mut u8, std::alloc::Layout);
+
+impl Pages {
+    fn new(bytes: usize) -> Self {
+        let layout = std::alloc::Layout::from_size_align(bytes.next_multiple_of(4096), 4096).unwrap();
+        Self(unsafe { std::alloc::alloc_zeroed(layout) }, layout)
+    }
+}
+
+impl Drop for Pages {
+    fn drop(&mut self) {
+        unsafe { std::alloc::dealloc(self.0, self.1) };
+    }
+}
+
+const LENS: &str = "[lens_distortion]\nk1 = -0.1\n[chromatic_aberration]\nscale_r = 1.01\nscale_b = 0.99\n";
+
 const CAMERA: &str = "width = 16\nheight = 12\nfx = 8\nfy = 8\ncx = 8\ncy = 6\nframe_period_s = 0.04\n\
                       [rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.008\n";
 
 /// Makes an engine, uses it, destroys it.
 fn use_an_engine(work: Work) -> Result<Vec<u8>, (Status, String)> {
     let mut o = match work {
-        Work::Outside => options(0, 0),
+        Work::Outside | Work::Shared => options(0, 0),
         Work::Scene(method, _) => options(method, 2),
     };
     o.get_instance_proc_addr = instance_proc as *const c_void;
     let engine = create(o)?;
     let done = (|| match work {
         Work::Scene(_, effects) => scene_frame(engine, effects),
+        Work::Shared => shared_frame(engine),
         Work::Outside => {
             let code = unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) };
             assert_eq!(code, OK, "needs no device");
@@ -263,7 +348,8 @@ fn nothing_is_left(after: &str) {
 
 /// Whether Vulkan allows this result of this call.
 fn can_return(name: &str, result: vk::Result) -> bool {
-    let may_lose_the_device = ["vkCreateDevice", "vkQueueSubmit", "vkWaitForFences", "vkGetQueryPoolResults"];
+    let may_lose_the_device =
+        ["vkCreateDevice", "vkQueueSubmit", "vkWaitForFences", "vkGetFenceStatus", "vkGetQueryPoolResults"];
     // The allocator tells only whether memory ran out; other results of its calls are lost in it.
     result != vk::Result::ERROR_DEVICE_LOST || may_lose_the_device.contains(&name)
 }
@@ -380,4 +466,6 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_method_paper: Work::Scene(2, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
 }

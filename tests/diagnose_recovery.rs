@@ -30,7 +30,6 @@ fn nothing_hidden_is_no_gap() {
 }
 
 #[test]
-#[ignore = "fails: the readout is right to 1 % but its interval does not hold the truth"]
 fn shutter_and_blur_are_told_apart_and_camera_toml_reproduces_them() {
     let Some(context) = device("shutter_and_blur") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -85,7 +85,6 @@ fn answers_are_sealed_before_and_on_disk_only_after_the_diagnosis() {
 }
 
 #[test]
-#[ignore = "fails: the page lacks the picture of some case; not yet looked into"]
 fn a_run_goes_on_where_it_stopped_and_scores_by_the_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let program = player(folder.path(), |report| report.effects.truncate(1));

@@ -126,6 +126,7 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     for row in rows {
         writeln!(table, "{row}").expect("strings grow");
     }
+    table += &compact(rows);
     std::fs::write(folder.join("ladder.md"), table).expect("target/bench is writable");
     let shown: Vec<&Row> = rows.iter().filter(|r| r.method == "exact" || r.method == "fast").collect();
     write_png_atomic(&folder.join("ladder.png"), &picture::sheet(&shown)).expect("target/bench is writable");
@@ -144,3 +145,37 @@ const FAILURES: [(&str, &str); 4] = [
     ("exact", "object_blur"),
     ("accumulation_6", "robot_both"),
 ];
+
+/// What fits a page: a line a scene, decibels for shutter, blur and both; the CPU time of `exact` over a plain render's and
+/// the time of `fast`'s motion and warp over that of the paper's.
+fn compact(rows: &[Row]) -> String {
+    const METHODS: [&str; 5] = ["paper", "fast", "exact", "accumulation_6", "accumulation_24"];
+    const EFFECTS: [&str; 3] = ["shutter", "blur", "both"];
+    let mut scenes: Vec<&str> = Vec::new();
+    for row in rows {
+        let name = row.scene.rsplit_once('_').map_or(row.scene.as_str(), |(name, _)| name);
+        if !scenes.contains(&name) {
+            scenes.push(name);
+        }
+    }
+    let mut table = "\n| scene | ".to_owned() + &METHODS.join(" | ") + " | exact / plain | fast / paper |\n";
+    table += &("|---".repeat(METHODS.len() + 3) + "|\n");
+    for scene in scenes {
+        let find = |method: &str, effect: &str| {
+            rows.iter().find(|r| r.method == method && r.scene == format!("{scene}_{effect}"))
+        };
+        let each = |value: &dyn Fn(&str) -> Option<String>| {
+            EFFECTS.map(|e| value(e).unwrap_or_else(|| "-".to_owned())).join(", ")
+        };
+        write!(table, "| {scene} |").expect("strings grow");
+        for method in METHODS {
+            let decibels = each(&|e| find(method, e).map(|r| format!("{:.1}", r.psnr_db)));
+            write!(table, " {decibels} |").expect("strings grow");
+        }
+        let cost = each(&|e| find("exact", e).map(|r| format!("{:.2}", r.cpu_ms / r.plain_cpu_ms)));
+        let warp = |e: &str| Some(find("fast", e)?.post_ms / find("paper", e)?.post_ms);
+        let warp = each(&|e| warp(e).map(|ratio| format!("{ratio:.1}")));
+        writeln!(table, " {cost} | {warp} |").expect("strings grow");
+    }
+    table
+}

@@ -201,3 +201,90 @@ fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
     format!("a bug in shutterbug: {}", text.unwrap_or_else(|| "panic".to_owned()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::c_char;
+
+    use crate::capi::*;
+
+    /// What the host's log function has heard.
+    static HEARD: Mutex<Vec<(u32, String)>> = Mutex::new(Vec::new());
+
+    unsafe extern "C" fn hear(user: *mut std::ffi::c_void, level: u32, text: *const c_char) {
+        assert_eq!(user as usize, 77, "the host's own pointer");
+        // SAFETY: the library passes a text that ends.
+        let text = unsafe { std::ffi::CStr::from_ptr(text) }.to_string_lossy().into_owned();
+        HEARD.lock().expect("one thread").push((level, text));
+    }
+
+    fn engine(log: Option<LogFn>) -> Option<Handle> {
+        // SAFETY: every bit pattern is a value; zero is each option's default.
+        let mut options: shutterbug_engine_options = unsafe { std::mem::zeroed() };
+        options.struct_size = size_of::<shutterbug_engine_options>() as u32;
+        (options.log, options.log_user) = (log, 77 as *mut std::ffi::c_void);
+        let mut engine = std::ptr::null_mut();
+        // SAFETY: both live through the call.
+        let made = unsafe { shutterbug_engine_create(&options, &mut engine) };
+        if [status::NO_DEVICE, status::UNSUPPORTED].contains(&made) {
+            assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "a device is required");
+            eprintln!("SKIPPED capi::handle: no device");
+            return None;
+        }
+        assert_eq!(made, status::OK);
+        Some(engine)
+    }
+
+    fn set_camera(engine: Handle, text: &std::ffi::CStr) -> Status {
+        // SAFETY: a text that ends.
+        unsafe { shutterbug_engine_set_camera_text(engine, text.as_ptr()) }
+    }
+
+    fn text_of(handle: Handle) -> String {
+        last_error(handle as usize).expect("alive")
+    }
+
+    const CAMERA: &std::ffi::CStr =
+        c"width = 8\nheight = 8\nfx = 8\nfy = 8\ncx = 4\ncy = 4\nframe_period_s = 0.04";
+
+    #[test]
+    fn a_panic_is_a_status_and_poisons_that_handle_alone() {
+        let (Some(broken), Some(other)) = (engine(None), engine(None)) else { return };
+        let panics = code(with(broken as usize, |_: &mut Session| -> Outcome<()> { panic!("on purpose") }));
+        assert_eq!(panics, status::PANIC);
+        assert!(text_of(broken).contains("on purpose"), "{}", text_of(broken));
+        assert_eq!(set_camera(broken, CAMERA), status::POISONED);
+        assert!(text_of(broken).contains("unusable since") && text_of(broken).contains("on purpose"));
+        assert_eq!(set_camera(broken, CAMERA), status::POISONED, "and stays so");
+        assert_eq!(set_camera(other, CAMERA), status::OK, "no other handle");
+        assert_eq!(shutterbug_engine_destroy(broken), status::OK);
+        assert_eq!(set_camera(broken, CAMERA), status::HANDLE);
+        // Control: without panic nothing of the kind.
+        assert_eq!(code(with(other as usize, |_: &mut Session| Ok(()))), status::OK);
+        assert_eq!(shutterbug_engine_destroy(other), status::OK);
+    }
+
+    #[test]
+    fn the_log_function_hears_its_own_engine_and_no_other() {
+        let (Some(heard), Some(silent)) = (engine(Some(hear)), engine(None)) else { return };
+        let speak = |_: &mut Session| {
+            tracing::error!("one {}", 1);
+            tracing::warn!("two");
+            tracing::info!("three");
+            tracing::debug!("not told");
+            Ok(())
+        };
+        HEARD.lock().expect("one thread").clear();
+        assert_eq!(code(with(silent as usize, speak)), status::OK);
+        tracing::error!("of no call");
+        assert!(HEARD.lock().expect("one thread").is_empty(), "control: not its own");
+        assert_eq!(code(with(heard as usize, speak)), status::OK);
+        let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));
+        let want = [(1, "one 1"), (2, "two"), (3, "three")];
+        assert_eq!(told, want.map(|(level, text)| (level, text.to_owned())));
+        for engine in [heard, silent] {
+            assert_eq!(shutterbug_engine_destroy(engine), status::OK);
+        }
+    }
+}

@@ -5,6 +5,7 @@ use std::ffi::{CString, c_char, c_void};
 use std::fmt::Write as _;
 
 use tracing::field::{Field, Visit};
+use tracing::subscriber::NoSubscriber;
 use tracing::{Dispatch, Event, Level, Metadata, Subscriber, span};
 
 /// `shutterbug_log_fn`: level 1 error, 2 warning, 3 information.
@@ -13,6 +14,10 @@ pub type LogFn = unsafe extern "C" fn(user: *mut c_void, level: u32, text: *cons
 struct Forward {
     log: LogFn,
     user: *mut c_void,
+    /// While a process has one subscriber alone, `tracing` asks the thread's current one whether a place in the code is
+    /// of interest, and keeps the answer: what an engine without log passes first would never be heard. With a second one
+    /// alive it asks all.
+    _beside: Dispatch,
 }
 
 // SAFETY: the header promises the host that the function is called only from threads that call the library, one at a
@@ -23,7 +28,7 @@ unsafe impl Sync for Forward {}
 
 /// A dispatch that calls the host's function.
 pub fn dispatch(log: LogFn, user: *mut c_void) -> Dispatch {
-    Dispatch::new(Forward { log, user })
+    Dispatch::new(Forward { log, user, _beside: Dispatch::new(NoSubscriber::new()) })
 }
 
 impl Subscriber for Forward {

@@ -5,9 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::status::{self, Fault, Outcome};
-use crate::camera::{Pose, ScanOrder, ShutterTiming, Trajectory};
+use crate::camera::{Distortion, Intrinsics, Lens, Pose, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::{CameraFile, Capture};
-use crate::effects::{MotionBlur, RollingShutter};
+use crate::chain::Settings as Effects;
+use crate::effects::{
+    ChromaticAberration, FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset,
+};
 use crate::engine::{
     AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, Frame, FrameRequest, Method,
     OutsideEngine, OutsideFrame, PaperOptions, Ticket,
@@ -133,15 +136,17 @@ impl Session {
         }
     }
 
-    /// Sets the camera. Engines are made anew only where size or pinhole change.
+    /// Sets the camera. Engines are made anew only where size, pinhole or mounting change.
     pub fn set_camera(&mut self, camera: CameraFile) -> Outcome<()> {
         let sides = [camera.intrinsics.width, camera.intrinsics.height];
         let limit = self.settings.max_side_px.min(self.context.info().max_image_side_px);
         if let Some(side) = sides.iter().find(|&&s| s > limit) {
             return Err(Fault::new(status::LIMIT, format!("a side of {side} px; the limit is {limit} px")));
         }
-        let same = self.camera.as_ref().is_some_and(|c| c.intrinsics == camera.intrinsics);
-        if !same {
+        // A lens that folds inside the picture is refused here, not with the first frame.
+        Lens::new(true_intrinsics(&camera), LensDistortion::distortion(&camera.settings))?;
+        let kind = |c: &CameraFile| (c.intrinsics, true_intrinsics(c), PoseOffset::rotation(&c.settings));
+        if self.camera.as_ref().map(kind) != Some(kind(&camera)) {
             self.idle("the camera's size is set")?;
             (self.engine, self.outside) = (None, None);
         }
@@ -194,7 +199,7 @@ impl Session {
         Ok(FrameRequest {
             index,
             shutter: ShutterTiming {
-                start_s: time_s,
+                start_s: time_s + TimeOffset::offset_s(settings),
                 exposure_time_s: MotionBlur::exposure_time_s(settings),
                 readout_time_s: RollingShutter::readout_time_s(settings),
                 scan_order,
@@ -228,6 +233,7 @@ impl Session {
         }
         let trajectory = self.trajectory.clone();
         let trajectory = trajectory.ok_or_else(|| Fault::new(status::STATE, "no trajectory is set"))?;
+        let trajectory = Arc::new(PoseOffset::apply(&request.settings, &trajectory));
         self.make_engine(&request, &trajectory)?;
         let engine = self.engine.as_mut().expect("just made");
         if !engine.has_room() {
@@ -236,7 +242,7 @@ impl Session {
         let ticket = engine.submit(&request);
         let ticket = self.watch(ticket)?;
         let path = if request.static_camera {
-            Arc::new(Trajectory::fixed(trajectory.pose_at(time_s)))
+            Arc::new(Trajectory::fixed(trajectory.pose_at(request.shutter.start_s)))
         } else {
             trajectory
         };
@@ -256,7 +262,7 @@ impl Session {
             planes: self.settings.planes,
             time_limit: self.settings.time_limit,
         };
-        let camera = self.camera.as_ref().expect("the request has one").intrinsics;
+        let camera = true_intrinsics(self.camera.as_ref().expect("the request has one"));
         let expected = std::slice::from_ref(request);
         let made = Engine::new(&self.context, scene, trajectory.clone(), camera, options, expected);
         self.engine = Some(self.watch(made)?);
@@ -266,7 +272,16 @@ impl Session {
     /// The request of an outside frame, for the camera that is set.
     pub fn outside_request(&self, index: u32, time_s: f64) -> Outcome<FrameRequest> {
         self.not_lost()?;
-        self.request(index, time_s, false)
+        let request = self.request(index, time_s, false)?;
+        match of_scenes_only(&request.settings) {
+            None => Ok(request),
+            Some(effect) => Err(Fault::new(
+                status::UNSUPPORTED,
+                format!(
+                    "`{effect}` acts where a scene is rendered; a frame from outside has been rendered already"
+                ),
+            )),
+        }
     }
 
     /// Hands a frame from outside to the device.
@@ -333,6 +348,24 @@ impl Session {
             fault
         })
     }
+}
+
+/// The pinhole that the frames are taken with.
+fn true_intrinsics(camera: &CameraFile) -> Intrinsics {
+    FocalLengthError::apply(&camera.settings, &camera.intrinsics)
+}
+
+/// An effect that a frame from outside would have to be rendered with.
+fn of_scenes_only(effects: &Effects) -> Option<&'static str> {
+    let k = Intrinsics { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5 };
+    let acts = [
+        ("lens_distortion", LensDistortion::distortion(effects) != Distortion::None),
+        ("chromatic_aberration", ChromaticAberration::scales(effects) != [1.0; 3]),
+        ("focal_length_error", FocalLengthError::apply(effects, &k) != k),
+        ("pose_offset", PoseOffset::rotation(effects) != glam::DQuat::IDENTITY),
+        ("time_offset", TimeOffset::offset_s(effects) != 0.0),
+    ];
+    acts.into_iter().find(|(_, acts)| *acts).map(|(effect, _)| effect)
 }
 
 fn full(count: usize) -> Fault {

@@ -84,9 +84,13 @@ fn status_of(error: &Error) -> Status {
         Error::TrajectoryTooShort { .. } => TIME,
         Error::Io { .. } => IO,
         Error::At { problem, .. } => status_of(problem),
-        Error::Parameter { .. } | Error::Input { .. } | Error::UnknownName { .. } | Error::Picture { .. } => {
-            INPUT
-        }
+        Error::Parameter { .. }
+        | Error::NotWhole { .. }
+        | Error::Contradiction { .. }
+        | Error::LensFolds(_)
+        | Error::Input { .. }
+        | Error::UnknownName { .. }
+        | Error::Picture { .. } => INPUT,
         Error::Limit { .. } => LIMIT,
         Error::NoVulkanLoader { .. } | Error::NoDevice { .. } => NO_DEVICE,
         Error::DeviceLacks { .. } => UNSUPPORTED,

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{FINE, LAST, Level};
+use super::fit::{FINE, Level};
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::residue::residue;
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, restored};
+use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -86,7 +86,8 @@ impl Search<'_> {
                 (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
                 continue;
             }
-            let fit = super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, LAST)?;
+            let fit =
+                super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
             (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
         }
         Ok(())

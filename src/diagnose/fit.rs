@@ -53,6 +53,9 @@ pub(super) const FINE: Schedule = &[level(2, 3, Quality::Fit, 6)];
 /// To the end.
 pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Quality::Fine, 6)];
 
+/// The same through a lens.
+pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
+
 /// A finished fit.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {

@@ -5,6 +5,8 @@ use crate::plane::Plane;
 
 /// How far above its neighbours a stuck pixel is, DN.
 const ABOVE_DN: f32 = 25.0;
+/// Least value of a pixel that is stuck at white, whatever gains lie behind the sensor, DN.
+const LEAST_DN: f32 = 130.0;
 /// How far a stuck pixel may change from frame to frame, DN.
 const STEADY_DN: f32 = 60.0;
 
@@ -36,7 +38,9 @@ impl HotMap {
                         && frames.iter().zip(means).all(|(&at, mean)| {
                             let real = &evidence.frames[at].dn;
                             let v = real.data[3 * i + c];
-                            v > around(real, x, y, c) + ABOVE_DN && v > mean.data[3 * i + c] + ABOVE_DN
+                            v > LEAST_DN
+                                && v > around(real, x, y, c) + ABOVE_DN
+                                && v > mean.data[3 * i + c] + ABOVE_DN
                         })
                 };
                 if (0..3).any(stands_out) {

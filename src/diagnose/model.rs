@@ -33,8 +33,6 @@ macro_rules! parameters {
         pub(super) const PARAMETERS: &[ParameterSpec] = &[$(ParameterSpec {
             effect: $effect, name: $name, unit: $unit, neutral: $neutral, step: $step, range: [$lo, $hi],
         },)*];
-        /// All places.
-        pub(super) const ALL: &[P] = &[$(P::$index,)*];
     };
 }
 

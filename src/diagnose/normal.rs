@@ -18,7 +18,7 @@ use crate::plane::Plane;
 /// (measured against an independent path tracer: readouts, vignetting and gamma were off by 0.1 to 1 % so).
 const SYSTEMATIC_DN: f64 = 0.025;
 /// How far two correct renderers place an edge apart, px: what an exposure of a slow motion was off by.
-const SYSTEMATIC_PX: f64 = 0.02;
+const SYSTEMATIC_PX: f64 = 0.01;
 /// Keys of values: whole DN by channel.
 const VALUES: usize = 3 * 256;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
@@ -41,6 +41,8 @@ pub(super) struct Equations {
     /// Robust threshold, DN, and mean cost.
     pub delta: f64,
     pub cost: f64,
+    /// Number of values.
+    pub count: f64,
 }
 
 /// What one frame contributes.
@@ -181,6 +183,7 @@ fn assemble(
         gradient_dn: 0.0,
         delta,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
+        count,
     };
     for s in shares {
         let mut frame = vec![0.0; n];
@@ -233,7 +236,7 @@ fn share((r, columns, keys): &FrameValues, delta: f64, columns_px: usize, cluste
     Share { a, clusters, by_value, cost, weight }
 }
 
-/// How much each group of parameters would lower the mean cost beside `held`, by the linearised model: a ranking, not a
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
 /// fit.
 pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
     let gain = |members: &[P]| -> f64 {
@@ -248,7 +251,7 @@ pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) 
     let alone = gain(held);
     let beside = groups.iter().map(|g| {
         let members: Vec<P> = held.iter().chain(g).copied().collect();
-        gain(&members) - alone
+        (gain(&members) - alone) / (e.cost * e.count).max(1e-9)
     });
     beside.collect()
 }

@@ -235,3 +235,176 @@ fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
     let data = decoded.into_rgb8().into_raw().into_iter().map(f32::from).collect();
     Plane { width: dn.width, height: dn.height, channels: 3, data }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::candidate_of;
+    use super::super::settings::apply;
+    use super::*;
+    use crate::camera::ShutterTiming;
+    use crate::chain::{Settings, View};
+    use crate::effects;
+    use crate::reference::chain;
+
+    const INTRINSICS: Intrinsics =
+        Intrinsics { width: 42, height: 31, fx: 40.0, fy: 41.0, cx: 20.7, cy: 15.9 };
+
+    /// Patches with hard edges, dark to beyond white.
+    fn radiance() -> Plane<f32> {
+        Plane::from_fn(42, 31, |x, y| {
+            let v = |c: usize| ((x / 5 * 7 + y / 4 * 13 + c * 5) % 23) as f32 / 20.0;
+            [v(0), v(1) * 0.6, v(2) * 0.3, 1.0]
+        })
+    }
+
+    /// Largest difference of one effect, or several, to the chain's own reference, DN.
+    fn difference(names: &[&'static str], theta: &Theta) -> f32 {
+        let mut settings = Settings::default();
+        assert!(apply(&mut settings, theta, names).expect("in range").is_empty());
+        let shutter = ShutterTiming {
+            start_s: 12.345,
+            exposure_time_s: 0.0,
+            readout_time_s: theta.get(P::Readout),
+            scan_order: theta.scan_order,
+            line_count: 31,
+        };
+        let view = View { intrinsics: INTRINSICS, shutter, frame: 3, seed: 1 };
+        let radiance = radiance();
+        let packed = theta.is_on(P::Quality);
+        let expected: Vec<f32> = if packed {
+            let picture = chain::picture(effects::LIST, &settings, &view, &radiance);
+            picture.data.iter().map(|v| f32::from(*v)).collect()
+        } else {
+            let values = chain::values(effects::LIST, &settings, &view, &radiance);
+            let pixels = values.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]);
+            pixels.map(|v| 255.0 * v.clamp(0.0, 1.0)).collect()
+        };
+        let rgb = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let linear = Plane { width: 42, height: 31, channels: 3, data: rgb };
+        let lines = LineTimes {
+            start_s: shutter.start_s,
+            readout_s: shutter.readout_time_s,
+            scan_order: theta.scan_order,
+        };
+        let dn = develop(&linear, theta, &Tone::new(theta), &INTRINSICS, lines);
+        dn.data.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn every_effect_on_values_is_the_chain_s_own() {
+        let cases: &[(&'static str, &[(P, f64)])] = &[
+            ("defocus", &[(P::Defocus, 1.3)]),
+            ("vignetting", &[(P::A1, -0.5), (P::A2, 0.1)]),
+            ("glare", &[(P::Veil, 0.2), (P::Level, 0.4)]),
+            ("exposure_gain", &[(P::Gain, 0.7)]),
+            ("flicker", &[(P::FlickerF, 103.0), (P::FlickerC, 0.12), (P::FlickerS, -0.1)]),
+            ("bayer_mosaic", &[(P::Mosaic, 1.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 2.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 3.0)]),
+            ("bayer_mosaic", &[(P::Mosaic, 4.0)]),
+            ("black_level", &[(P::Black, 0.06)]),
+            ("white_balance", &[(P::WbR, 1.3), (P::WbB, 0.8)]),
+            ("gamma", &[(P::Gamma, 1.15)]),
+            ("sharpening", &[(P::Sharpen, 0.8), (P::Radius, 1.1)]),
+            ("chroma_subsampling", &[(P::Chroma, 1.0)]),
+            ("chroma_subsampling", &[(P::Chroma, 2.0)]),
+            ("jpeg", &[(P::Quality, 60.0)]),
+        ];
+        for (name, values) in cases {
+            let mut theta = Theta::neutral();
+            values.iter().for_each(|&(p, v)| theta.set(p, v));
+            let off = difference(&[name], &theta);
+            assert!(off < 0.06, "{name} {values:?}: off by {off} DN");
+            // Control: a value a little off is seen.
+            if candidate_of(name).parameters.len() == 1 && !theta.is_on(P::Mosaic) {
+                let p = values[0].0;
+                let wrong = theta.with(p, values[0].1 * 0.9);
+                assert!(wrong == theta || difference_of(&wrong, &theta) > 0.3, "{name}: the control passes");
+            }
+        }
+    }
+
+    fn difference_of(a: &Theta, b: &Theta) -> f32 {
+        let rgb = radiance().data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let linear = Plane { width: 42, height: 31, channels: 3, data: rgb };
+        let lines = LineTimes { start_s: 1.0, readout_s: 0.0, scan_order: ScanOrder::TopToBottom };
+        let [a, b] = [a, b].map(|t| develop(&linear, t, &Tone::new(t), &INTRINSICS, lines));
+        a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn effects_together_stand_in_the_chain_s_order() {
+        let mut theta = Theta::neutral().with(P::Readout, 0.02);
+        theta.scan_order = ScanOrder::BottomToTop;
+        for (p, v) in [
+            (P::Defocus, 0.8),
+            (P::A1, -0.3),
+            (P::Veil, 0.1),
+            (P::Level, 0.3),
+            (P::Gain, 1.2),
+            (P::FlickerF, 100.0),
+            (P::FlickerC, 0.1),
+            (P::Black, 0.03),
+            (P::Mosaic, 3.0),
+            (P::WbR, 1.2),
+            (P::WbB, 0.9),
+            (P::Gamma, 0.9),
+            (P::Chroma, 1.0),
+        ] {
+            theta.set(p, v);
+        }
+        let names = [
+            "defocus",
+            "vignetting",
+            "glare",
+            "exposure_gain",
+            "flicker",
+            "bayer_mosaic",
+            "black_level",
+            "white_balance",
+            "gamma",
+            "chroma_subsampling",
+        ];
+        let off = difference(&names, &theta);
+        assert!(off < 0.1, "off by {off} DN");
+    }
+
+    #[test]
+    fn the_mean_under_noise_is_that_of_many_frames() {
+        use crate::chain::Value;
+        // A dark grey under noise that reaches below black: the mean moves by several DN.
+        let theta = Theta::neutral().with(P::Read, 0.03).with(P::Shot, 1.0 / 500.0);
+        let tone = Tone::new(&theta);
+        let mut settings = Settings::default();
+        apply(&mut settings, &theta, &["read_noise", "shot_noise"]).expect("in range");
+        assert_eq!(settings.get("read_noise", "sigma"), Some(Value::Number(0.03)));
+        let shutter = ShutterTiming {
+            start_s: 0.0,
+            exposure_time_s: 0.0,
+            readout_time_s: 0.0,
+            scan_order: ScanOrder::TopToBottom,
+            line_count: 64,
+        };
+        let intrinsics = Intrinsics { width: 64, height: 64, ..INTRINSICS };
+        for linear in [0.005f32, 0.02, 0.2, 0.9] {
+            let flat = Plane::from_fn(64, 64, |_, _| [linear, linear, linear, 1.0]);
+            let (mut sum, mut square, mut n) = (0.0f64, 0.0, 0.0);
+            for frame in 0..4 {
+                let view = View { intrinsics, shutter, frame, seed: 5 };
+                let picture = chain::picture(effects::LIST, &settings, &view, &flat);
+                for v in picture.data.iter().map(|v| f64::from(*v)) {
+                    (sum, square, n) = (sum + v, square + v * v, n + 1.0);
+                }
+            }
+            let (mean, variance) = (sum / n, square / n - (sum / n).powi(2));
+            let expected = f64::from(tone.encode(linear, 1));
+            // The standard error of the mean of 49152 values is a 220th of their spread.
+            assert!((mean - expected).abs() < 0.25 + variance.sqrt() / 100.0, "{linear}: {mean} {expected}");
+            let spread = f64::from(tone.spread(expected as f32, 1).free);
+            assert!((variance / spread - 1.0).abs() < 0.12, "{linear}: {variance} {spread}");
+        }
+        let silent = f64::from(Tone::new(&Theta::neutral()).encode(0.005, 1));
+        let shift = f64::from(tone.encode(0.005, 1)) - silent;
+        assert!(shift > 3.0, "control: without noise the mean is elsewhere, by {shift} DN");
+    }
+}

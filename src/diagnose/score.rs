@@ -1,6 +1,7 @@
 //! The gap as a number: the continuous ranked probability score (CRPS, Gneiting and Raftery 2007) of a real frame under
 //! the simulator's predictive distribution, of pixels and of a fixed bank of linear statistics.
 //!
+//! Without noise the error of a value is its distance to the values that round to the real one.
 //! The distribution of every statistic is taken to be normal with the mean and the spread that the model gives; without
 //! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
 //! patterns and banding count, which single pixels cannot show.
@@ -91,8 +92,10 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
     let (w, h) = (frame.real.width, frame.real.height);
     let rounds = !tone.is_noisy();
     let error_of = |f: &Scored<'_>, i: usize| -> f32 {
-        let mean = f.mean.data[i];
-        f.real.data[i] - if rounds { mean.round() } else { mean }
+        let error = f.real.data[i] - f.mean.data[i];
+        // Without noise every value that rounds to the real one is right. (Rounding the mean instead would make a
+        // thousandth of gain worth a whole DN wherever a colour lies between two.)
+        if rounds { error.signum() * (error.abs() - 0.5).max(0.0) } else { error }
     };
     let open = |f: &Scored<'_>, i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     let at = |i: usize| -> Variances {

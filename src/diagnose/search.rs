@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use super::evidence::Evidence;
-use super::fit::{COARSE, FINE, Fit, LAST, Level, Schedule, Target, VALUES, cost_of, fit, spread_out};
+use super::fit::{
+    COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+};
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
@@ -165,7 +167,8 @@ impl<'a> Search<'a> {
         }
         let (cost, start) = best.expect("there is always a start");
         let was = self.cost(theta, &last)?;
-        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || (!moves(candidate) && set.is_empty()) {
+        // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
+        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
         self.refit(&joint, &start, FINE)
@@ -232,6 +235,7 @@ impl<'a> Search<'a> {
             };
             let Some((name, fit, _)) = self.choose(gap, &scores, options) else { break };
             set.push(name);
+            let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
             // The noise shows better now.
             current = Fit { theta: self.with_noise(&fit.theta)?, half: fit.half };
             let better = self.judge.scores(self.forward, &current.theta)?;
@@ -354,7 +358,9 @@ impl<'a> Search<'a> {
         let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        Ok(ranked.into_iter().take(SHORTLIST).map(|r| r.0).collect())
+        // Where the model is linear enough to be asked: what promises nothing is not rendered for.
+        let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
+        Ok(worth.map(|r| r.0).collect())
     }
 
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
@@ -420,7 +426,7 @@ impl<'a> Search<'a> {
             let mut free = Self::free(&found.set);
             free.extend(&found.more);
             let (target, frames) = (self.target(), self.fit_frames());
-            let last = fit(self.forward, target, frames, &found.fit.theta, &free, LAST)?;
+            let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
             found.fit.theta = last.theta;
             found.fit.half.extend(last.half);
             self.tune_choices(found)?;
@@ -461,6 +467,12 @@ pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
     matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic])
+}
+
+/// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a
+/// pixel as it is.
+pub(super) fn last_of(free: &[P]) -> Schedule {
+    if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
 }
 
 /// Whether a candidate changes where things are seen.

@@ -174,7 +174,11 @@ fn waterfall(report: &Report) -> (Vec<Bar>, f64) {
     let scale = if most > 0.0 { BAR_WIDTH / most } else { 0.0 };
     let bar = |(i, step): (usize, &crate::diagnose::WaterfallStep)| {
         let total = ["before", "after", "floor"].contains(&step.name.as_str());
-        let (from, to) = if total { (0.0, finite(step.to)) } else { (finite(step.from), finite(step.to)) };
+        let (from, to) = match (finite(step.from), finite(step.to)) {
+            // The floor comes down to zero, the gap before comes up from it: what is drawn is its height.
+            (from, to) if total => (0.0, from.max(to)),
+            both => both,
+        };
         let kind = match step.name.as_str() {
             _ if total => "total",
             "unexplained" => "unexplained",

@@ -8,14 +8,15 @@ use serde_json::json;
 use super::draw::Draw;
 use super::hidden::{Hidden, draw as draw_hidden};
 use super::{WithholdOptions, motion, room};
-use crate::camera::Intrinsics;
 use crate::camera::accumulation::AccumulationPlan;
 use crate::camera::samples::sample_positions;
+use crate::camera::{Intrinsics, Lens, ShutterTiming, Trajectory};
 use crate::capture::{CameraFile, Capture};
 use crate::chain::{Settings, Value, View};
-use crate::effects;
+use crate::effects::{self, ChromaticAberration, LensDistortion};
 use crate::error::{Error, Result};
-use crate::plane::{write_atomic, write_png_atomic};
+use crate::plane::{Plane, write_atomic, write_png_atomic};
+use crate::reference::lens::LensGrid;
 use crate::reference::{accumulate, chain};
 use crate::scene::load_obj;
 
@@ -101,13 +102,41 @@ impl Case {
             // Where many renders are averaged, four samples each are more than sixteen of a single one.
             let blurred = shutter.exposure_time_s > 0.0 && plan.instants.len() >= 8;
             let samples = sample_positions(if blurred { 4 } else { 16 });
-            let radiance =
-                accumulate::render_frame(&capture.scene, &trajectory, &intrinsics, &shutter, &plan, &samples);
+            let radiance = self.radiance(&trajectory, &shutter, &plan, &samples)?;
             let view = View { intrinsics, shutter, frame: frame as u32, seed: self.noise_seed };
             let picture = chain::picture(effects::LIST, &capture.camera.settings, &view, &radiance);
             write_png_atomic(&path, &picture)?;
         }
         Ok(())
+    }
+
+    /// What falls on the sensor, each colour drawn in its own size.
+    fn radiance(
+        &self,
+        trajectory: &Trajectory,
+        shutter: &ShutterTiming,
+        plan: &AccumulationPlan,
+        samples: &[[f32; 2]],
+    ) -> Result<Plane<f32>> {
+        let (scene, settings) = (&self.capture.scene, &self.capture.camera.settings);
+        let intrinsics = self.capture.true_intrinsics();
+        let scales = ChromaticAberration::scales(settings);
+        let distortion = LensDistortion::distortion(settings);
+        if distortion.is_identity() && scales == [1.0; 3] {
+            return Ok(accumulate::render_frame(scene, trajectory, &intrinsics, shutter, plan, samples));
+        }
+        let lens = Lens::new(intrinsics, distortion)?;
+        let through = |scale: f64| {
+            let grid = LensGrid::new(&lens, samples, scale);
+            accumulate::render_frame_through(scene, trajectory, &intrinsics, shutter, plan, &grid)
+        };
+        let mut seen = through(1.0);
+        for channel in [0, 2].into_iter().filter(|&c| scales[c] != 1.0) {
+            let colour = through(scales[channel]);
+            let pixels = seen.data.chunks_exact_mut(4).zip(colour.data.chunks_exact(4));
+            pixels.for_each(|(to, from)| to[channel] = from[channel]);
+        }
+        Ok(seen)
     }
 
     /// The answer, as it is sealed.
