@@ -21,9 +21,8 @@ use shutterbug::plane::{Plane, read_rgb8};
 /// Of the path tracer, ms a frame.
 const TRACER_MS: f64 = 350.0;
 /// Renders of the truth.
-const TRUTH: u32 = 256;
-/// Frames of a capture that are compared, and how often each is timed.
-const FRAMES: [usize; 3] = [2, 7, 12];
+const TRUTH: u32 = 128;
+/// How often the three frames of a capture are timed.
 const REPEATS: usize = 5;
 
 fn main() {
@@ -89,9 +88,11 @@ fn answered(folder: &Path, name: &str) -> PathBuf {
 
 fn capture(context: &Arc<Context>, folder: &Path, name: &str, text: &mut String) {
     let capture = Capture::read(folder, Some(&answered(folder, name))).unwrap();
-    let requests: Vec<FrameRequest> = FRAMES.iter().map(|&f| request(&capture, f)).collect();
+    let last = capture.frames.len() - 1;
+    let frames = [last / 6, last / 2, last - 1];
+    let requests: Vec<FrameRequest> = frames.iter().map(|&f| request(&capture, f)).collect();
     let truth = render(context, &capture, &requests, accumulation(TRUTH), 1).0;
-    let real: Vec<_> = FRAMES
+    let real: Vec<_> = frames
         .iter()
         .map(|&f| read_rgb8(&folder.join("real").join(&capture.frames[f].filename)).unwrap())
         .collect();
@@ -100,7 +101,7 @@ fn capture(context: &Arc<Context>, folder: &Path, name: &str, text: &mut String)
         writeln!(
             text,
             "{name} | {who} | {:.3} | {ms:.1} | {:.1}",
-            error / FRAMES.len() as f64,
+            error / frames.len() as f64,
             TRACER_MS / ms
         )
         .unwrap();

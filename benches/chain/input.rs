@@ -30,8 +30,8 @@ pub struct Input {
 impl Input {
     /// The scene of Table 1, and motion of about 40 px: everywhere, in a tenth of the picture, nowhere.
     pub fn new(context: &Arc<Context>, scene: &Path, size: [usize; 2]) -> Self {
-        // What 40 px of motion need: half of them by the shutter, all by the blur; less in small pictures.
-        let speed = 40.0 * (size[0] as f32 / 640.0).min(1.0);
+        // What 40 px of motion need: half of them by the shutter, all by the blur.
+        let speed = 40.0f32;
         let margin = (1.8 * speed) as usize + 8;
         let columns = size[0] + 2 * margin;
         let rows = size[1] + 2 * margin;

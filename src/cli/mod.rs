@@ -33,7 +33,7 @@ pub fn run() -> ExitCode {
         Command::Simulate(simulate) => simulate::run(simulate),
         Command::Diagnose(args) => diagnose::run(args),
         Command::Withhold(args) => withhold::run(args),
-        Command::Devices(args) => devices::run(&args),
+        Command::Devices(args) => devices::run(args),
         Command::Effects => {
             effects::run();
             Ok(())

@@ -129,10 +129,10 @@ pub fn choose_gather(context: &Arc<Context>, gather: Gather, name: Option<&str>)
         return Ok(GatherChoice { kernel: **kernel, by: ChosenBy::Name, candidates: Vec::new() });
     }
     let (path, key) = (cache_path(), key(context, gather));
-    if let Some(entry) = path.as_deref().and_then(|p| read_cache(p).remove(&key)) {
-        if let Some(kernel) = candidates.iter().find(|k| k.name == entry.kernel) {
-            return Ok(GatherChoice { kernel: **kernel, by: ChosenBy::Cache, candidates: entry.candidates });
-        }
+    if let Some(entry) = path.as_deref().and_then(|p| read_cache(p).remove(&key))
+        && let Some(kernel) = candidates.iter().find(|k| k.name == entry.kernel)
+    {
+        return Ok(GatherChoice { kernel: **kernel, by: ChosenBy::Cache, candidates: entry.candidates });
     }
     let times = Trial::new(context)?.run(&candidates)?;
     let fastest = times.iter().zip(&candidates).min_by(|a, b| a.0.1.total_cmp(&b.0.1));
