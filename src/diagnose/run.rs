@@ -142,6 +142,8 @@ fn show(
 ) -> Result<Vec<Shown>> {
     let all: Vec<usize> = (0..evidence.frames.len()).collect();
     let base = search.base.clone();
+    // As `simulate` does it.
+    (search.judge.quality, search.forward.native) = (Quality::Fine, true);
     let scores = [
         search.judge.scores_on(search.forward, &base, &all)?,
         search.judge.scores_on(search.forward, &found.fit.theta, &all)?,

@@ -83,7 +83,7 @@ fn values(theta: &Theta, candidate: &CandidateSpec) -> Vec<(&'static str, Value)
             let (c, s) = (theta.get(P::FlickerC), theta.get(P::FlickerS));
             vec![
                 ("frequency_hz", number(P::FlickerF)),
-                ("depth", Value::Number(c.hypot(s))),
+                ("depth", Value::Number(c.hypot(s).min(1.0))),
                 ("phase_rad", Value::Number(s.atan2(c))),
             ]
         }
