@@ -99,6 +99,7 @@ impl OutsideEngine {
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
         let index = self.next;
         assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        self.slots[index].gpu.wait(self.time_limit)?;
         let from_depth = match &frame.motion {
             OutsideMotion::Images { .. } => None,
             OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),
