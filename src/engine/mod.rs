@@ -242,6 +242,8 @@ impl Engine {
     pub fn submit(&mut self, request: &FrameRequest) -> Result<Ticket> {
         let index = self.next;
         assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        // A frame that was given up between its parts may still be at work here.
+        self.slots[index].gpu.wait(self.options.time_limit)?;
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
         self.fit_lens(request)?;

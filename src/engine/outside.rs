@@ -106,6 +106,7 @@ impl OutsideEngine {
                     .to_owned();
             return Err(Error::Contradiction { effect: "defocus", what });
         }
+        self.slots[index].gpu.wait(self.time_limit)?;
         let from_depth = match &frame.motion {
             OutsideMotion::Images { .. } => None,
             OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),
