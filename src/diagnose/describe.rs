@@ -106,7 +106,7 @@ const MOST_BIAS_DN: f64 = 0.45;
 const MOST_SPREAD: f64 = 0.35;
 /// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
 const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
-/// Share of the gap that must be closed for effects to be named at all, and for the rest to count as a remainder.
+/// Share of the gap that must be closed for a set to explain it, and for its effects to be named beside a remainder.
 const CLOSED: [f64; 2] = [0.5, 0.75];
 
 /// Correlation of real and simulated pictures below which they show another scene.
@@ -120,7 +120,7 @@ fn another_scene(found: &Found) -> bool {
 /// A set that leaves most of the gap is none: its effects are candidates like all others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
-    if closed < CLOSED[0] || another_scene(found) {
+    if closed < CLOSED[1] || another_scene(found) {
         found.set.clear();
         found.fit.theta = search.base.clone();
         found.fit.half.clear();

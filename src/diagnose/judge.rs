@@ -146,14 +146,16 @@ impl<'a> Judge<'a> {
     }
 }
 
+/// How well a floor is known.
+const FLOOR_ERROR: f64 = 0.15;
+
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
-    // A floor above `after` is a model that expects more spread than there is: as wrong as one that expects less.
-    if before - floor <= 1e-9 {
-        0.0
-    } else {
-        (1.0 - (after - floor).abs() / (before - floor)).clamp(0.0, 1.0)
-    }
+    // A floor far above `after` is a model that expects more spread than there is: as wrong as one that expects less.
+    // Within some per cent a floor is no better known than that: noise in the dark is no normal distribution.
+    let rest = if after < floor { (floor - after - FLOOR_ERROR * floor).max(0.0) } else { after - floor };
+    let whole = before - floor.min(after);
+    if whole <= 1e-9 { 0.0 } else { (1.0 - rest / whole).clamp(0.0, 1.0) }
 }
 
 fn mean(indices: &[usize], f: impl Fn(usize) -> f64) -> f64 {
