@@ -272,9 +272,10 @@ mod tests {
         for effect in effects::LIST {
             for (i, spec) in effect.specs().iter().enumerate() {
                 let value = match spec.kind {
-                    // A third has no end in binary or decimal.
+                    // A third has no end in binary or decimal; a matrix of squares has an inverse.
                     ParamKind::Number { min, max, .. } => {
-                        Value::Number(min + (max - min) * (i as f64 + 1.0) / 30.0)
+                        let share = (i as f64 + 1.0) / (effect.specs().len() as f64 + 1.0);
+                        Value::Number(min + (max - min) * share * share / 3.0)
                     }
                     ParamKind::Integer { min, max, .. } => Value::Number((0.3 * (max - min) + min).round()),
                     ParamKind::Choice { options, .. } => Value::Choice(options[options.len() - 1]),
