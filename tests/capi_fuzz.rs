@@ -23,7 +23,8 @@ fn random_sequences_of_calls_break_nothing() {
     };
     // The same programs each time, then others.
     let mut reached = String::new();
-    for (seed, seconds) in [("1", "6"), (now.as_str(), seconds)] {
+    // 24 was a frame given up between its parts, whose slot was recorded again.
+    for (seed, seconds) in [("24", "0"), ("1", "6"), (now.as_str(), seconds)] {
         let (code, text) = fuzz(&[seed, seconds]);
         if code == Some(NO_DEVICE) {
             assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{text}");
