@@ -47,6 +47,9 @@ const USUAL: &[(&str, &str, f64)] = &[
     ("tone_curve", "contrast", 0.2),
     ("sharpening", "amount", 0.5),
     ("sharpening", "radius_px", 0.7),
+    ("noise_reduction", "luma_sigma_px", 0.5),
+    ("noise_reduction", "chroma_sigma_px", 1.0),
+    ("response_curve", "r0", 1.1),
     ("jpeg", "quality", 85.0),
     ("paper_noise", "static_variance_g", 1e-5),
     ("paper_noise", "color_variance_g", 1e-4),
@@ -156,6 +159,32 @@ fn method_ms(context: &Arc<Context>, settings: &Settings, view: &View) -> (f64, 
     (median(behind), median(all))
 }
 
+/// What the full chain costs beyond 1.5 times shutter, blur and the paper's noise, at the middle size: the passes that cannot
+/// run in the fused kernel because they read neighbours that the effects before them have changed.
+fn in_the_way(rows: &[(String, Vec<f64>)]) -> String {
+    let of = |name: &str| rows.iter().find(|r| r.0 == name).map_or(0.0, |r| r.1[1]);
+    let ratio = of("ratio of the two");
+    let plain = of("plain (sRGB, 8 bits)");
+    let mut dear: Vec<(f64, &str)> = LIST
+        .iter()
+        .filter(|e| matches!(e.stage(), Stage::Pixel(..)) && !NOT_IN_FULL.contains(&e.id()))
+        .map(|e| (of(e.id()) - plain, e.id()))
+        .collect();
+    dear.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let named: Vec<String> = dear.iter().take(6).map(|(ms, id)| format!("{id} +{ms:.1}")).collect();
+    let [_, [w, h], _] = SIZES;
+    if ratio <= 1.5 {
+        return format!(
+            "At {w}x{h} the full chain costs {ratio:.2} times shutter + blur + noise: within 1.5."
+        );
+    }
+    format!(
+        "At {w}x{h} the full chain costs {ratio:.2} times shutter + blur + noise; 1.5 is missed. In the way, ms over a plain \
+         frame when alone: {}.",
+        named.join(", ")
+    )
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let json_file = arguments.iter().position(|a| a == "--json").and_then(|i| arguments.get(i + 1));
@@ -210,6 +239,7 @@ fn main() {
     for (name, values) in &rows {
         println!("{name:40}{}", values.iter().map(|v| format!("{v:11.3}")).collect::<String>());
     }
+    println!("{}", in_the_way(&rows));
     if let Some(file) = json_file {
         let table: serde_json::Map<_, _> = rows.into_iter().map(|(n, v)| (n, v.into())).collect();
         let sizes: Vec<_> = SIZES.iter().map(|[w, h]| format!("{w}x{h}")).collect();
