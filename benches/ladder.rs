@@ -3,7 +3,7 @@
 //! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md`, `ladder.png` (reference, method, difference
 //! times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged). `LADDER_SCENES` and `LADDER_METHODS` (comma-separated) choose, `LADDER_N` is the
 //! number of renders of the reference, `LADDER_SCALE` multiplies the picture's 320x240, `LADDER_KEEP` keeps references
-//! in `target/bench/references` from run to run.
+//! in `target/bench/references` from run to run, `LADDER_REPEATS` is the number of timed frames.
 #![allow(clippy::unwrap_used)]
 
 #[path = "../tests/fast_scenes/mod.rs"]
@@ -30,8 +30,8 @@ use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::Plane;
 use takes::Take;
 
-/// Timed frames a method; the first is not counted.
-const REPEATS: usize = 13;
+/// Timed frames a method unless `LADDER_REPEATS` says otherwise; the first is not counted.
+const REPEATS: u32 = 13;
 /// Half the distance in time over which the reference's derivative is taken, s.
 const DERIVATIVE_STEP_S: f64 = 1e-3;
 
@@ -134,7 +134,8 @@ impl Bench {
             let mut plain = self.engine(take, &accumulation(1), &request);
             let (mut ms, mut plain_ms) = (Vec::new(), Vec::new());
             let (mut cpu_ms, mut plain_cpu_ms, mut passes) = (0.0, 0.0, Vec::new());
-            for i in 0..REPEATS {
+            let repeats = number("LADDER_REPEATS", REPEATS).max(2);
+            for i in 0..repeats {
                 let times = [
                     report::cpu_ms(),
                     {
@@ -149,8 +150,8 @@ impl Bench {
                     },
                 ];
                 if i > 0 {
-                    cpu_ms += (times[1] - times[0]) / (REPEATS - 1) as f64;
-                    plain_cpu_ms += (times[2] - times[1]) / (REPEATS - 1) as f64;
+                    cpu_ms += (times[1] - times[0]) / f64::from(repeats - 1);
+                    plain_cpu_ms += (times[2] - times[1]) / f64::from(repeats - 1);
                 }
             }
             let frame = engine.render(&FrameRequest { statistics: true, ..request.clone() }).unwrap();

@@ -111,9 +111,9 @@ fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
         let out = command.env("LD_LIBRARY_PATH", prefix().join("lib")).output().unwrap();
         let text = String::from_utf8_lossy(&out.stderr).into_owned();
         // "in use at exit: 290,317 bytes in 2,373 blocks": everything, reachable or not.
-        let left =
-            text.lines().find_map(|l| l.split_once("in use at exit: ")).map(|(_, left)| left.to_owned());
-        (out.status.code(), left, text)
+        let left = text.lines().find_map(|l| l.split_once("in use at exit: "));
+        let bytes = left.and_then(|(_, left)| left.split(' ').next()?.replace(',', "").parse::<i64>().ok());
+        (out.status.code(), bytes, text)
     };
     let (code, left, text) = check(&["2", "0"]);
     assert!(code == Some(0) || code == Some(NO_DEVICE), "{text}");
@@ -124,10 +124,13 @@ fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
     let (code, after_more, text) = check(&[more, "0"]);
     // 4 is the program's own: what memcheck keeps of freed blocks lets resident memory grow.
     assert!([Some(0), Some(4)].contains(&code), "{text}");
-    assert_eq!(after_more, left, "{text}");
-    eprintln!("in use at exit after 2 and after {more} cycles: {}", left.expect("memcheck's summary"));
+    let (left, after_more) = (left.expect("memcheck's summary"), after_more.expect("memcheck's summary"));
+    eprintln!("in use at exit after 2 cycles: {left} bytes, after {more}: {after_more}");
+    // Threads at work when the process ends make one block of 48 bytes more or less (seen once). Four cycles
+    // that lose 16 bytes each are found.
+    assert!(after_more < left + 64, "{left}, then {after_more} bytes\n{text}");
     let (code, leaked, _) = check(&["6", "0", "leak"]);
-    assert!(code == Some(99) && leaked != after_more, "control: a leak is found");
+    assert!(code == Some(99) && leaked >= Some(left + 64), "control: a leak is found");
 }
 
 #[test]
