@@ -16,13 +16,16 @@ use crate::plane::Plane;
 /// Rendered px a px: bicubic reading at this size blurs by less than 0.1 px.
 const SCALE: u32 = 2;
 
+/// Where every pixel of the delivered picture is read in the wider one, px.
+type Places = Arc<Vec<[f32; 2]>>;
+
 /// What is kept of the larger picture.
 #[derive(Default)]
 pub(super) struct Wide {
     engines: [Option<Engine>; 2],
     /// Px beyond each side.
     pub(super) margin_px: u32,
-    map: Option<(Vec<u64>, Arc<Vec<[f32; 2]>>)>,
+    map: Option<(Vec<u64>, Places)>,
 }
 
 impl Forward {
