@@ -76,7 +76,7 @@ pub fn keep_least(passes: &mut Vec<PassTime>, times: &[PassTime]) {
 /// See [`Row::post_ms`].
 pub fn post_ms(passes: &[PassTime]) -> f64 {
     const PICTURE: [&str; 5] = ["exact_place", "raster", "resolve", "finish", "readback"];
-    passes.iter().filter(|p| !PICTURE.contains(&p.name.as_ref())).map(|p| p.ms).sum()
+    passes.iter().filter(|p| !PICTURE.contains(&p.name)).map(|p| p.ms).sum()
 }
 
 /// In words.
