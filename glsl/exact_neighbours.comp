@@ -10,8 +10,6 @@ layout(set = 0, binding = 1) uniform sampler2D tile_far;
 layout(set = 0, binding = 2) uniform sampler2D tile_facts;
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D around_near;
 layout(set = 0, binding = 4, rgba16f) uniform writeonly image2D around_far;
-// As tile_facts.
-layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D around_facts;
 struct List {
     // Size of the gather's dispatch.
     uvec3 groups;
@@ -87,7 +85,6 @@ void main() {
     }
     imageStore(around_near, tile, texelFetch(tile_near, nearest, 0));
     imageStore(around_far, tile, texelFetch(tile_far, farthest, 0));
-    imageStore(around_facts, tile, facts);
     if (any(lessThan(uvec2(tile), push.first)) || any(greaterThanEqual(uvec2(tile), push.end))) {
         return;
     }

@@ -100,7 +100,7 @@ struct Images {
     relatives: Image,
     paths: Image,
     tiles: [Image; 3],
-    around: [Image; 3],
+    around: [Image; 2],
     /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
     lists: Vec<Buffer>,
 }
@@ -111,13 +111,7 @@ impl Images {
             Image::new(&stage.context, name, ImageSpec::storage(size, format))
         };
         let tiles = picture.map(|s| s.div_ceil(TILE));
-        let three = |names: [&str; 3]| -> Result<[Image; 3]> {
-            Ok([
-                image(names[0], tiles, Format::Rgba16f)?,
-                image(names[1], tiles, Format::Rgba16f)?,
-                image(names[2], tiles, Format::Rgba32f)?,
-            ])
-        };
+        let path = |name: &str| image(name, tiles, Format::Rgba16f);
         let list_bytes = u64::from(4 + tiles[0] * tiles[1]) * size_of::<u32>() as u64;
         let list = |(_, name): &(u32, &str)| {
             Buffer::new(&stage.context, name, list_bytes, Usage::Storage, Location::Device)
@@ -131,8 +125,8 @@ impl Images {
                 Format::Rgba32f,
             )?,
             paths: image("paths", picture, Format::Rgba16f)?,
-            tiles: three(["tile_near", "tile_far", "tile_facts"])?,
-            around: three(["around_near", "around_far", "around_facts"])?,
+            tiles: [path("tile_near")?, path("tile_far")?, image("tile_facts", tiles, Format::Rgba32f)?],
+            around: [path("around_near")?, path("around_far")?],
         })
     }
 }
@@ -263,7 +257,7 @@ fn bind(
     sampler: &Sampler,
 ) -> Result<[BindGroup; 3]> {
     let fetched = |image| Bound::Sampled(image, sampler);
-    let ([near, far, facts], [around_near, around_far, around_facts]) = (&images.tiles, &images.around);
+    let ([near, far, facts], [around_near, around_far]) = (&images.tiles, &images.around);
     Ok([
         paths.bind(&[
             ("color_samples", fetched(&target.attachments.colors()[0])),
@@ -285,7 +279,6 @@ fn bind(
             ("tile_facts", fetched(facts)),
             ("around_near", Bound::Storage(around_near)),
             ("around_far", Bound::Storage(around_far)),
-            ("around_facts", Bound::Storage(around_facts)),
             ("resting", Bound::Buffer(&images.lists[0])),
             ("smooth_tiles", Bound::Buffer(&images.lists[1])),
             ("layered", Bound::Buffer(&images.lists[2])),
@@ -301,7 +294,7 @@ fn bind_gather(
     (sampler, linear): (&Sampler, &Sampler),
 ) -> Result<BindGroup> {
     let fetched = |image| Bound::Sampled(image, sampler);
-    let [around_near, around_far, _] = &images.around;
+    let [around_near, around_far] = &images.around;
     kernel.bind(&[
         ("texels", Bound::Sampled(&images.texels, linear)),
         ("inverses", fetched(&images.texels)),
