@@ -4,6 +4,7 @@ mod contact_sheet;
 mod demo_capture;
 mod font;
 mod overlay;
+mod pitch;
 mod table1_scene;
 mod timings;
 
