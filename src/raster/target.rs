@@ -98,6 +98,14 @@ pub(super) fn constants(scene: &SceneBuffers, kind: RasterKind, textured: bool, 
     vec![(color && scene.lit).into(), textured.into(), scene.light_count, near, glossy.into()]
 }
 
+/// Pipelines of a kind: textured, glossy; at `2 * glossy + textured`.
+pub(super) fn variants(kind: RasterKind) -> &'static [(bool, bool)] {
+    match kind.has_color() {
+        true => &[(false, false), (true, false), (false, true), (true, true)],
+        false => &[(false, false)],
+    }
+}
+
 /// Attachments and pipelines.
 pub struct RasterTarget {
     /// What is drawn.
@@ -108,7 +116,7 @@ pub struct RasterTarget {
     pub plan: SamplePlan,
     /// The images.
     pub attachments: Attachments,
-    /// Without and with texture (the same one where nothing is coloured).
+    /// By [`variants`].
     pipelines: Vec<GraphicsPipeline>,
     /// Set 1 by texture.
     textures: Vec<BindGroup>,
@@ -150,13 +158,12 @@ impl RasterTarget {
         let attachments = Attachments::new(context, &name, texels, plan.msaa, kind.formats())?;
         let (vertex, fragment) = kind.shaders();
         let format = if kind == RasterKind::Exact { PLACED_FORMAT } else { VERTEX_FORMAT };
-        let pipeline = |textured: bool| {
-            let constants = constants(scene, kind, textured, true);
+        let pipeline = |&(textured, glossy): &(bool, bool)| {
+            let constants = constants(scene, kind, textured, glossy);
             let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
-        let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
-        let pipelines = variants.iter().map(|&t| pipeline(t)).collect::<Result<Vec<_>>>()?;
+        let pipelines = variants(kind).iter().map(pipeline).collect::<Result<Vec<_>>>()?;
         let mut textures = Vec::new();
         if kind.has_color() {
             for image in &scene.textures {
@@ -188,11 +195,7 @@ impl RasterTarget {
     /// # Errors
     /// Out of memory.
     pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
-        let all = [
-            ("Cameras", Bound::Buffer(camera)),
-            ("Materials", Bound::Buffer(&scene.materials)),
-            ("Lights", Bound::Buffer(&scene.lights)),
-        ];
+        let all = [("Cameras", Bound::Buffer(camera)), ("Lights", Bound::Buffer(&scene.lights))];
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
     }
 
@@ -265,8 +268,9 @@ impl RasterTarget {
             let index_count = draws.iter().map(|d| d.index_count).sum();
             return vec![DrawCall { pipeline, groups, first_index: 0, index_count }];
         }
-        let calls = draws.iter().map(|draw| DrawCall {
-            pipeline: &self.pipelines[usize::from(draw.texture.is_some())],
+        // Cutting keeps the scene's draws in their order.
+        let calls = draws.iter().zip(&scene.glossy).map(|(draw, glossy)| DrawCall {
+            pipeline: &self.pipelines[2 * usize::from(*glossy) + usize::from(draw.texture.is_some())],
             groups: vec![&input.group, &self.textures[scene.texture_index(draw)]],
             first_index: draw.first_index,
             index_count: draw.index_count,
