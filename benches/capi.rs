@@ -107,8 +107,7 @@ impl Own {
             margin_px: [0, 0],
             motion,
             max_samples: 240,
-            between: [None, None],
-            copy_to: None,
+            delivery: Default::default(),
         });
         let frame = self.0.collect(ticket.unwrap()).unwrap();
         assert_eq!(frame.picture.width, W);

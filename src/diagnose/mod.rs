@@ -29,6 +29,7 @@ mod search;
 mod settings;
 mod starts;
 mod tone;
+mod weighing;
 mod wide;
 
 pub use report::{

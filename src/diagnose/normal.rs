@@ -2,15 +2,17 @@
 //! iteration costs one render: near the solution they need only point the right way, the residual is exact.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::fit::{Level, Target, bounded, hide, huber, pooled, residual};
+use super::fit::{Level, Target, bounded, hide, pooled, residual};
 use super::flow::{Flow, displaced};
 use super::forward::Forward;
 use super::linear::{back, cholesky, solve};
 use super::model::{P, Theta};
 use super::tone::Tone;
+use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -38,8 +40,8 @@ pub(super) struct Equations {
     weight: f64,
     /// Root mean square slope of the simulated pictures, DN a px.
     gradient_dn: f64,
-    /// Robust threshold, DN, and mean cost.
-    pub delta: f64,
+    /// How differences were weighed, and their mean cost.
+    pub weighing: Arc<Weighing>,
     pub cost: f64,
     /// Number of values.
     pub count: f64,
@@ -69,7 +71,7 @@ enum Column {
     Value(Tone),
 }
 
-/// The normal equations at `theta`; the robust threshold is `delta`, or chosen from the residual.
+/// The normal equations at `theta`; differences are weighed as in `known`, or as they are at `theta`.
 pub(super) fn linearise(
     forward: &mut Forward,
     target: Target<'_>,
@@ -77,7 +79,7 @@ pub(super) fn linearise(
     theta: &Theta,
     free: &[P],
     level: &Level,
-    delta: Option<f64>,
+    known: Option<Arc<Weighing>>,
 ) -> Result<Equations> {
     let radiance = forward.radiance(frames, theta, level.quality)?;
     // On coarse pictures steps are longer: a derivative should see what a block sees.
@@ -134,7 +136,14 @@ pub(super) fn linearise(
         })
         .collect();
     let columns_px = forward.intrinsics.width as usize / level.block;
-    let mut e = assemble(&by_frame, free.len(), columns_px, CLUSTER_PX / level.block, delta);
+    let weighing = match known {
+        Some(known) => known,
+        None => {
+            let residuals: Vec<&[f32]> = by_frame.iter().map(|f| &f.0[..]).collect();
+            Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
+        }
+    };
+    let mut e = assemble(&by_frame, free.len(), columns_px, CLUSTER_PX / level.block, weighing);
     e.gradient_dn = gradient_dn(&forward.simulate(&frames[..1], theta, level.quality)?[0]);
     Ok(e)
 }
@@ -167,12 +176,14 @@ fn assemble(
     n: usize,
     columns_px: usize,
     cluster: usize,
-    delta: Option<f64>,
+    weighing: Arc<Weighing>,
 ) -> Equations {
     let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
-    let absolute: f64 = frames.iter().map(|f| f.0.iter().map(|e| f64::from(e.abs())).sum::<f64>()).sum();
-    let delta = delta.unwrap_or_else(|| (1.5 * absolute / count).max(0.7));
-    let shares: Vec<Share> = frames.par_iter().map(|f| share(f, delta, columns_px, cluster.max(1))).collect();
+    let one = |f: usize| {
+        let r = &frames[f].0;
+        share(&frames[f], weighing.weights(f, r), weighing.cost(f, r), columns_px, cluster.max(1))
+    };
+    let shares: Vec<Share> = (0..frames.len()).into_par_iter().map(one).collect();
     let mut e = Equations {
         a: vec![vec![0.0; n]; n],
         b: vec![0.0; n],
@@ -181,7 +192,7 @@ fn assemble(
         by_value: vec![vec![0.0; n]; VALUES],
         weight: shares.iter().map(|s| s.weight).sum(),
         gradient_dn: 0.0,
-        delta,
+        weighing,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
         count,
     };
@@ -203,11 +214,15 @@ fn assemble(
     e
 }
 
-/// One frame's share, weighted by how Huber's cost weighs each difference.
-fn share((r, columns, keys): &FrameValues, delta: f64, columns_px: usize, cluster: usize) -> Share {
+/// One frame's share, with the weights of its differences.
+fn share(
+    (r, columns, keys): &FrameValues,
+    weights: Vec<f32>,
+    cost: f64,
+    columns_px: usize,
+    cluster: usize,
+) -> Share {
     let n = columns.len();
-    let weights: Vec<f32> = r.iter().map(|&e| (1.0 / f64::from(e.abs()).max(delta)) as f32).collect();
-    let cost = r.iter().map(|&e| huber(f64::from(e), delta)).sum();
     let mut a = vec![vec![0.0; n]; n];
     for i in 0..n {
         for j in i..n {

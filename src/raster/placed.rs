@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::SceneBuffers;
-use super::target::{RasterKind, constants, variants};
+use super::target::{RasterKind, constants};
 use crate::error::Result;
 use crate::gpu::{
     Attachments, BindGroup, Bound, Buffer, ComputePipeline, Context, DrawCall, GraphicsPipeline,
@@ -129,7 +129,7 @@ impl Placed {
                 &GraphicsSpec { vertex, fragment, constants, format, samples },
             )
         };
-        let pipelines = variants(kind).iter().map(pipeline).collect::<Result<Vec<_>>>()?;
+        let pipelines = kind.variants().iter().map(pipeline).collect::<Result<Vec<_>>>()?;
         let texture = |image| pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))]);
         let textures = match kind.has_color() {
             true => scene.textures.iter().map(texture).collect::<Result<Vec<_>>>()?,
