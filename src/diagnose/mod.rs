@@ -12,6 +12,7 @@ mod fit;
 mod flow;
 mod forward;
 mod hot;
+mod intervals;
 mod judge;
 mod linear;
 mod model;

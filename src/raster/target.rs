@@ -203,7 +203,6 @@ impl RasterTarget {
     pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
         let all = [
             ("Cameras", Bound::Buffer(camera)),
-            ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
