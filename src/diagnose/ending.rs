@@ -182,8 +182,7 @@ impl Search<'_> {
         let last = last_of(&free);
         let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
         self.forward.native = false;
-        let half =
-            super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
+        let half = super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
         self.forward.native = true;
         found.fit.half.extend(half);
         Ok(())

@@ -58,7 +58,11 @@ pub(super) fn intervals(
             for (i, p) in free.iter().enumerate() {
                 let share: f64 = e.a[i][i] / per as f64;
                 let s2: f64 = draws.iter().map(|g| g[i] * g[i]).sum::<f64>() / (share * share * per as f64);
-                tracing::debug!("{p:?} local disagreement {k}: {:.3} of {:.3}", s2.sqrt(), (theta.get(*p) - p.spec().neutral) / p.spec().step);
+                tracing::debug!(
+                    "{p:?} local disagreement {k}: {:.3} of {:.3}",
+                    s2.sqrt(),
+                    (theta.get(*p) - p.spec().neutral) / p.spec().step
+                );
             }
         }
         let spread = variance(&l, &draws, n);
