@@ -1,10 +1,10 @@
 //! What the C ABI costs over the engine's own time, and what frames in flight gain: outside frames of 640x480, RGBA8 colour
 //! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS]` (300).
 //!
-//! Each round runs the engine alone, the same through C, and, as a control, through C with a twentieth of the engine's processor time
-//! burnt beside it, in an order that changes from round to round; what is reported is the median of the rounds' differences
-//! with its 95 % confidence interval (order statistics: nothing is assumed of the noise), by wall time, by the process's
-//! processor time and by that of the calling thread. The control tells how small a cost would be seen.
+//! Each round runs the engine alone, the same through C, and, as a control, through C with a twentieth of the engine's
+//! processor time burnt beside it, in an order that changes from round to round. Reported is the median of the rounds'
+//! differences with its 95 % confidence interval (order statistics: nothing is assumed of the noise), by wall time, by the
+//! process's processor time and by that of the calling thread. The control tells how small a cost would be seen.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../tests/capi_support/mod.rs"]

@@ -114,7 +114,7 @@ int main(int argc, char **argv) {
     /* One heap for all threads: else the drivers' short-lived threads spread it over ever more pages for 400 cycles. */
     mallopt(M_ARENA_MAX, 1);
     /* Large blocks straight from and to the system. lavapipe (Mesa's u_upload_mgr) fills a block of 1 MiB with what it uploads,
-     * about 5000 of these frames, then takes the next and frees the first. glibc's threshold grows with what is freed, so
+     * some thousand of these frames, then takes the next and frees the first. glibc's threshold grows with what is freed, so
      * that the third block comes from the heap and stays resident: one step of 1028 KiB in 3 of 4 runs, in 0 of 4 with this. */
     mallopt(M_MMAP_THRESHOLD, 128 << 10);
     for (long i = 0; i < cycles; ++i) {
