@@ -2,6 +2,7 @@
 
 mod contact_sheet;
 mod demo_capture;
+mod flat_fields;
 mod font;
 mod table1_scene;
 mod timings;
@@ -34,6 +35,8 @@ enum Command {
     },
     /// Puts frames of several folders side by side: one column a folder, one row a frame name.
     ContactSheet(contact_sheet::Args),
+    /// Takes flat fields with a simulated sensor, as EMVA 1288 wants them: raw digital numbers and the list of them.
+    FlatFields(flat_fields::Args),
     /// Prints the time of each pass from the timings that `simulate --timings` wrote.
     Timings(timings::Args),
 }
@@ -43,6 +46,7 @@ fn main() -> ExitCode {
         Command::DemoCapture { out } => demo_capture::write(&out),
         Command::Table1Scene { out } => table1_scene::write(&out),
         Command::ContactSheet(args) => contact_sheet::write(&args),
+        Command::FlatFields(args) => flat_fields::write(&args),
         Command::Timings(args) => timings::print(&args),
     };
     match done {
