@@ -12,6 +12,7 @@ mod fit;
 mod flow;
 mod forward;
 mod hot;
+mod intervals;
 mod judge;
 mod linear;
 mod model;
@@ -29,6 +30,7 @@ mod search;
 mod settings;
 mod starts;
 mod tone;
+mod weighing;
 mod wide;
 
 pub use report::{
