@@ -2,6 +2,7 @@
 // bayer_mosaic: of each pixel only the colour of its filter is read, the others are made from its neighbours. Twin:
 // src/effects/bayer_mosaic.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 

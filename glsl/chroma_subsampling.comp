@@ -2,6 +2,7 @@
 // chroma_subsampling: the colour difference of a block is that of its mean; brightness stays. One invocation makes a block.
 // Twin: src/effects/chroma_subsampling.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
@@ -35,7 +36,7 @@ void main() {
         mean = 0.25 * sum;
     }
     vec3 difference = mean - luma(mean);
-    for (uint i = 0u; i < 2u * rows; ++i) {
+    [[unroll]] for (uint i = 0u; i < 2u * rows; ++i) {
         ivec2 pixel = first + ivec2(i & 1u, i >> 1u);
         if (all(lessThan(pixel, ivec2(push.size)))) {
             precise vec3 value = luma(block[i].rgb) + difference;

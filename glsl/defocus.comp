@@ -1,6 +1,7 @@
 #version 460
 // defocus: a Gaussian along the rows, then along the columns, or a disc, or by depth. Twin: src/effects/defocus.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
@@ -85,7 +86,7 @@ void main() {
     }
     vec4 sums[GAUSSIAN_RUN];
     gaussian(first, axis, 3u, sums);
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         ivec2 pixel = first + j * axis;
         if (all(lessThan(pixel, ivec2(push.size)))) {
             deliver(uvec2(pixel), sums[j]);

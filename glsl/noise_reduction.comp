@@ -2,6 +2,7 @@
 // noise_reduction: a Gaussian on luma and a wider one on colour, along the rows, then along the columns; edges may be
 // spared. Twin: src/effects/noise_reduction.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
@@ -67,26 +68,26 @@ vec3 made(Sum sum) {
 void unrolled(ivec2 first, ivec2 axis) {
     Sum sums[GAUSSIAN_RUN];
     vec4 own[GAUSSIAN_RUN];
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         own[j] = luma_at(first + j * axis);
         sums[j] = Sum(vec3(0.0), vec2(0.0));
     }
     uint constant = GAUSSIAN_RADIUS;
     int radius = int(constant);
-    for (int k = -radius; k < GAUSSIAN_RUN + radius; ++k) {
+    [[unroll]] for (int k = -radius; k < GAUSSIAN_RUN + radius; ++k) {
         vec3 value = vec3(0.0);
         if (k >= 0 && k < GAUSSIAN_RUN) {
             value = own[k].xyz;
         } else {
             value = luma_at(first + k * axis).xyz;
         }
-        for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+        [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
             if (abs(k - j) <= radius) {
                 add(sums[j], value, own[j].x, uint(abs(k - j)));
             }
         }
     }
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         ivec2 pixel = first + j * axis;
         if (all(lessThan(pixel, ivec2(push.size)))) {
             deliver(uvec2(pixel), vec4(made(sums[j]), own[j].a));

@@ -3,6 +3,7 @@
 // include/effects/, compiled out where its specialization constant is 0. Behind an effect that reads its neighbours they run
 // in that effect's last pass instead. Twin: src/reference/chain.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 

@@ -1,6 +1,7 @@
 #version 460
 // sharpening: unsharp mask on encoded values, v + amount (v - Gaussian of v). Twin: src/effects/sharpening.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
@@ -22,7 +23,7 @@ void main() {
     }
     vec4 sums[GAUSSIAN_RUN];
     gaussian(first, axis, 1u, sums);
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         ivec2 pixel = first + j * axis;
         if (all(lessThan(pixel, ivec2(push.size)))) {
             vec4 value = sums[j];

@@ -11,14 +11,14 @@ layout(constant_id = 51) const uint GAUSSIAN_RADIUS = 0u;
 
 // `slot_weights`: parameter of the slot with the weight of distance 0. The sums' alpha is the pixel's own.
 void gaussian_unrolled(ivec2 first, ivec2 axis, uint slot_weights, out vec4 sums[GAUSSIAN_RUN]) {
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         sums[j] = vec4(0.0);
     }
     uint constant = GAUSSIAN_RADIUS;
     int radius = int(constant);
-    for (int k = 0; k < GAUSSIAN_RUN + 2 * radius; ++k) {
+    [[unroll]] for (int k = 0; k < GAUSSIAN_RUN + 2 * radius; ++k) {
         vec4 value = source_at(first + (k - radius) * axis);
-        for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+        [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
             int away = abs(k - j - radius);
             if (away <= radius) {
                 precise vec3 sum = sums[j].rgb + parameter(push.slot, slot_weights + uint(away)) * value.rgb;
@@ -44,7 +44,7 @@ void gaussian(ivec2 first, ivec2 axis, uint parameters, out vec4 sums[GAUSSIAN_R
     }
     int radius = int(parameter_bits(push.slot, parameters));
     uint weights = parameter_bits(push.slot, parameters + 1u);
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         sums[j] = gaussian_any(first + j * axis, axis, radius, weights);
     }
 }

@@ -28,7 +28,7 @@ ResponsePiece response_piece(vec3 value, bool counts, uint slot, uint first) {
     vec3 next = response_density(slot, first, 1u);
     ResponsePiece piece = ResponsePiece(vec3(0.0), vec3(0.0), density, next);
     precise vec3 sum = vec3(0.0);
-    for (uint k = 1u; k < RESPONSE_KNOTS - 1u; ++k) {
+    [[unroll]] for (uint k = 1u; k < RESPONSE_KNOTS - 1u; ++k) {
         sum = sum + (density + next) * (0.5 / RESPONSE_PIECES);
         density = next;
         next = response_density(slot, first, k + 1u);
