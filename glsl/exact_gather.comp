@@ -7,6 +7,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
 // What lists the tiles: 0 at rest, 1 one surface, 2 several.
 layout(constant_id = 0) const int WAY = 1;
+// There are pictures of the begin and the end of the exposure.
+layout(constant_id = 1) const bool UNCOVER = false;
 // RGB: linear radiance; its sampler counts in texels.
 layout(set = 0, binding = 0) uniform sampler2D texels;
 // The same image by texel. A: 1/m, inverse distance.
@@ -14,6 +16,9 @@ layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
+// RGB: linear radiance by pixel, at the begin and at the end of each line's exposure; the samplers count in pixels.
+layout(set = 0, binding = 8) uniform sampler2D early;
+layout(set = 0, binding = 9) uniform sampler2D late;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
 layout(set = 0, binding = 7, std430) readonly buffer Tiles {
@@ -139,7 +144,17 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
         note_beyond(found);
         // The diagonals of the pixel take turns.
         vec2 aside = spread_px() * vec2((i & 1) == 0 ? -1.0 : 1.0, 1.0);
-        sum += radiance_at(found + aside) + radiance_at(found - aside);
+        vec3 seen = radiance_at(found + aside) + radiance_at(found - aside);
+        if (UNCOVER) {
+            // What is hidden at the middle and not now is what lies farthest, and is in view until the end, or from the
+            // begin on.
+            vec4 path = seeds[2];
+            vec2 hidden = pixel - along(path, tau);
+            vec3 uncovered = tau < 0.0 ? textureLod(early, hidden + path.xy, 0.0).rgb
+                                       : textureLod(late, hidden + path.zw, 0.0).rgb;
+            seen = nearest < 0.0 ? 2.0 * uncovered : seen;
+        }
+        sum += seen;
     }
     return vec4(sum / float(2 * count), float(count));
 }

@@ -20,6 +20,8 @@ pub struct Inputs<'a> {
     pub texels: &'a Plane<f32>,
     /// By pixel: px from the middle of the line's exposure to its begin and its end.
     pub paths: &'a Plane<f32>,
+    /// Linear radiance by pixel at the begin and at the end of each line's exposure, where there is.
+    pub uncovered: Option<[&'a Plane<f32>; 2]>,
     /// By tile.
     pub around: &'a [Around],
     /// px rendered beyond each side.
@@ -155,23 +157,37 @@ impl Gather<'_> {
         for i in 0..count {
             let tau = (i as f32 + 0.5) / count as f32 - 0.5;
             let found = self.visible(&seeds, tau);
-            self.note_beyond(found);
+            let at = found.unwrap_or(self.pixel - along(seeds[1], tau));
+            self.note_beyond(at);
             let aside = self.spread_px() * Vec2::new(if i % 2 == 0 { -1.0 } else { 1.0 }, 1.0);
-            sum += self.radiance_at(found + aside) + self.radiance_at(found - aside);
+            sum += match (found, self.inputs.uncovered) {
+                (None, Some(pictures)) => 2.0 * self.uncovered(pictures, seeds[2], tau),
+                _ => self.radiance_at(at + aside) + self.radiance_at(at - aside),
+            };
         }
         (sum / (2 * count) as f32, count as f32)
     }
 
-    /// The nearest of the seeds' places; where none leads here, where the nearest surface around would come from.
-    fn visible(&self, seeds: &[Vec4; 3], tau: f32) -> Vec2 {
-        let (mut nearest, mut found) = (-1.0, self.pixel - along(seeds[1], tau));
+    /// What is hidden at the middle and not now is what lies farthest: it is in view until the end, or from the begin on.
+    fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Vec3 {
+        let hidden = self.pixel - along(path, tau);
+        let (picture, way) = match tau < 0.0 {
+            true => (pictures[0], path.truncate().truncate()),
+            false => (pictures[1], Vec2::new(path.z, path.w)),
+        };
+        sample_bilinear(picture, hidden + way, &mut false).truncate()
+    }
+
+    /// The nearest of the seeds' places whose path leads here.
+    fn visible(&self, seeds: &[Vec4; 3], tau: f32) -> Option<Vec2> {
+        let (mut nearest, mut found) = (-1.0, None);
         for &seed in seeds {
             let mut at = self.pixel - along(seed, tau);
             at = self.pixel - along(self.path_at(at), self.own_tau(at, tau));
             let off = at + along(self.path_at(at), self.own_tau(at, tau)) - self.pixel;
             let inverse = self.inverse_at(at);
             if off.length_squared() < HIT_PX * HIT_PX && inverse > nearest {
-                (nearest, found) = (inverse, at);
+                (nearest, found) = (inverse, Some(at));
             }
         }
         found

@@ -9,6 +9,7 @@ mod cut;
 mod cuts;
 mod still;
 mod times;
+mod uncover;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -21,16 +22,17 @@ use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Context, Image, Location, RenderArea, Usage};
+use crate::gpu::{Buffer, Context, Image, Location, Recorder, RenderArea, Usage};
 use crate::raster::{
-    KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow, View,
-    relative_rows,
+    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow,
+    SceneBuffers, View, relative_rows,
 };
 use blur::{Blur, Part, orientation};
 use cut::Limits;
 use cuts::{Cuts, Placeable, Source, Span};
 use still::Still;
 use times::{BlurReach, exposures, lines_of, measure_reach, place_push};
+use uncover::Bounds;
 
 /// Most knots of a frame.
 const MAX_KNOTS: usize = 129;
@@ -68,6 +70,7 @@ pub(super) struct Exact {
     cuts: Cuts,
     mesh: Mesh,
     groups: MotionGroups,
+    bounds: Bounds,
     /// By what frames were looked at already.
     known: HashMap<Key, BlurReach>,
     options: ExactOptions,
@@ -130,18 +133,20 @@ impl Exact {
             place,
             knots,
             cuts: Cuts::new(expected.iter().map(span).collect()),
+            bounds: Bounds::new(&mesh, &groups),
             mesh,
             groups,
             known: HashMap::new(),
             options: *options,
         };
-        let mut margin_px = [0; 2];
+        let (mut margin_px, mut uncovers) = ([0; 2], false);
         for request in expected {
             let reach = exact.reach(stage, request);
             margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
+            uncovers |= reach.uncovers;
         }
         if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
-            exact.make_images(stage, slots, radiance, first, margin_px)?;
+            exact.make_images(stage, slots, radiance, first, (margin_px, uncovers))?;
         }
         if let Some(longest) = expected.iter().max_by(|a, b| readout_s(a).total_cmp(&readout_s(b))) {
             exact.fit(stage, slots, radiance, longest)?;
@@ -176,8 +181,9 @@ impl Exact {
         if request.shutter.exposure_time_s <= 0.0 {
             return self.still.is_none();
         }
-        let needed = self.reach(stage, request).margin_px;
-        self.blur.as_ref().is_none_or(|b| (0..2).any(|i| needed[i] > b.margin_px[i]))
+        let BlurReach { margin_px: needed, uncovers, .. } = self.reach(stage, request);
+        let lacks = |b: &Blur| uncovers && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i]);
+        self.blur.as_ref().is_none_or(lacks)
     }
 
     /// See [`Self::needs_fit`].
@@ -190,8 +196,10 @@ impl Exact {
     ) -> Result<()> {
         if self.needs_images(stage, request) {
             let have = self.margin_px();
-            let needed = self.reach(stage, request).margin_px;
-            self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
+            let BlurReach { margin_px: needed, mut uncovers, .. } = self.reach(stage, request);
+            uncovers |= self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
+            let margin_px = [0, 1].map(|i| needed[i].max(have[i]));
+            self.make_images(stage, slots, radiance, request, (margin_px, uncovers))?;
         }
         self.fit_cut(stage, request)
     }
@@ -212,13 +220,13 @@ impl Exact {
         slots: &mut [FrameSlot],
         radiance: &Image,
         request: &FrameRequest,
-        margin_px: [u32; 2],
+        extent: ([u32; 2], bool),
     ) -> Result<()> {
         let count = self.groups.count();
         if request.shutter.exposure_time_s > 0.0 {
             // The old images go first: they are large.
             self.blur = None;
-            self.blur = Some(Blur::new(stage, slots, radiance, count, margin_px)?);
+            self.blur = Some(Blur::new(stage, slots, radiance, count, extent)?);
         } else {
             self.still = Some(Still::new(stage, slots, radiance, count)?);
         }
@@ -237,7 +245,8 @@ impl Exact {
         if self.known.len() >= MOST_KNOWN {
             self.known.clear();
         }
-        let reach = measure_reach(stage, request);
+        let uncovers = self.bounds.uncover(stage, &self.groups, request);
+        let reach = BlurReach { uncovers, ..measure_reach(stage, request) };
         self.known.insert(key, reach);
         reach
     }
@@ -264,7 +273,15 @@ impl Exact {
         let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {
-            let push = PlacePush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            let lens = stage.lens_push(channel, [camera.width, camera.height]);
+            let push = PlacePush { lens, ..push };
+            if let (Some(blur), true) = (&self.blur, reach.uncovers) {
+                let pushes = uncover::INSTANTS.map(|tau| PlacePush {
+                    lens,
+                    ..place_push(&camera, &request.shutter, push.knot_count as usize, tau)
+                });
+                self.draw_uncovered(&mut recorder, blur, scene, (placeable, index), &pushes, area);
+            }
             recorder.mark("exact_place");
             self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
             recorder.mark("raster");
@@ -287,6 +304,24 @@ impl Exact {
         slot.gpu.submit()
     }
 
+    /// The pictures of the begin and the end of the exposure.
+    fn draw_uncovered(
+        &self,
+        recorder: &mut Recorder<'_>,
+        blur: &Blur,
+        scene: (&SceneBuffers, &Geometry),
+        (placeable, slot): (&Placeable, usize),
+        pushes: &[PlacePush; 2],
+        area: RenderArea,
+    ) {
+        let Some(uncover) = &blur.uncover else { return };
+        recorder.mark("exact_uncover");
+        for (instant, push) in pushes.iter().enumerate() {
+            self.place.record(recorder, &placeable.geometry, &placeable.groups[slot], push);
+            uncover.draw(recorder, scene, (slot, instant), area);
+        }
+    }
+
     fn write_inputs(
         &mut self,
         stage: &Stage,
@@ -296,7 +331,7 @@ impl Exact {
         reach: BlurReach,
     ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
-        let times = if rolls {
+        let times = if rolls || reach.uncovers {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
         } else {
             vec![shutter.middle_s()]
@@ -321,9 +356,10 @@ impl Exact {
             line_count: line_count as u32,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
+            uncovers: reach.uncovers,
             channel: Channel::GREEN,
         };
-        (place_push(view.camera, shutter, times.len()), part)
+        (place_push(view.camera, shutter, times.len(), 0.0), part)
     }
 }
 
