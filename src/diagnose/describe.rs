@@ -117,10 +117,16 @@ fn another_scene(found: &Found) -> bool {
     found.residue.likeness < LEAST_LIKENESS
 }
 
-/// A set that leaves most of the gap is none: its effects are candidates like all others.
+/// Least share of the gap to be closed, and of it to lie where it is closed altogether, for effects to be named that leave
+/// more than a quarter of it: they are there, beside one that is not among the candidates.
+const BESIDE: [f64; 2] = [0.3, 0.5];
+
+/// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
+/// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
-    if closed < CLOSED[1] || another_scene(found) {
+    let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
+    if (closed < CLOSED[1] && !beside) || another_scene(found) {
         found.set.clear();
         found.fit.theta = search.base.clone();
         found.fit.half.clear();

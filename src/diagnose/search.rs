@@ -227,9 +227,7 @@ impl<'a> Search<'a> {
         // Under noise a difference counts less than its size in the score: so does that of two renderers.
         let least = 0.12 * self.renderer_difference;
         let least = least * (least / (least + better.floor())).max(0.25);
-        low > 0.0
-            && gain > least
-            && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
+        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// Runs the search.
