@@ -78,7 +78,13 @@ impl Finish {
         let table_bytes = 4 * Packed::table_capacity(size) as u64;
         let input = |_: usize| {
             Ok(ChainInputs {
-                parameters: Buffer::new(context, "parameters", PARAMETER_BYTES, Usage::Uniform, Location::Upload)?,
+                parameters: Buffer::new(
+                    context,
+                    "parameters",
+                    PARAMETER_BYTES,
+                    Usage::Uniform,
+                    Location::Upload,
+                )?,
                 tables: Buffer::new(context, "tables", table_bytes, Usage::Storage, Location::Upload)?,
             })
         };
@@ -274,7 +280,8 @@ fn pictures_of(plan: &Plan) -> Vec<Pictures> {
             original = current;
         }
         let free = (0..).find(|i| current != Some(*i) && original != Some(*i));
-        let pictures = Pictures { source: current, original, target: if step.delivers() { None } else { free } };
+        let pictures =
+            Pictures { source: current, original, target: if step.delivers() { None } else { free } };
         current = pictures.target;
         pictures
     };
