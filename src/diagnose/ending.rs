@@ -7,7 +7,7 @@ use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
-use super::residue::residue;
+use super::residue::{residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
 use crate::error::Result;
@@ -145,6 +145,8 @@ impl Search<'_> {
         found.sampling_dn = difference(&means, &coarser);
         let left = self.noise_data(&theta, held)?;
         found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
+        let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
+        found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, &theta);
         tracing::info!("left: {:?}", found.residue);
         found.fit.theta = theta;
         found.set.extend(names);

@@ -156,9 +156,9 @@ impl Forward {
         }
     }
 
-    /// Longest readout or exposure that every frame has poses for, s.
+    /// Longest readout or exposure: no line is exposed or read again before it is done, and every frame needs poses for it.
     pub(super) fn longest_s(&self) -> f64 {
-        self.reach_s[1].min(2.0 * self.period_s)
+        self.reach_s[1].min(self.period_s)
     }
 
     /// Earliest and latest offset, s.

@@ -22,6 +22,11 @@ use crate::error::Result;
 const SYSTEMATIC_DN: f64 = 0.025;
 /// How far two correct renderers place an edge apart, px: what an exposure of a slow motion was off by.
 const SYSTEMATIC_PX: f64 = 0.01;
+/// What two correct renderers make differently of a colour, DN: software devices decode textures to within so much (measured
+/// against the CPU reference: real frames stood 0.09 DN above simulated ones, none below).
+const SYSTEMATIC_COLOUR_DN: f64 = 0.1;
+/// Whole DN that count as one colour.
+const COLOUR_DN: usize = 4;
 /// By how much the variances of two correct renderers' pixels differ, px^2: a third of a pixel's own 1/12.
 const SYSTEMATIC_PX2: f64 = 0.03;
 
@@ -52,23 +57,12 @@ pub(super) fn intervals(
     let Some(l) = cholesky(&a, 1e-9) else { return Ok(BTreeMap::new()) };
     let columns_px = forward.intrinsics.width as usize / level.block;
     let mut chance = vec![0.0f64; n];
-    for (k, draws) in draws(&e, n, columns_px, CLUSTER_PX / level.block).into_iter().enumerate() {
-        if k < 2 {
-            let per = e.values.len().max(1) * if k == 0 { draws.len() / e.values.len().max(1) } else { 1 };
-            for (i, p) in free.iter().enumerate() {
-                let share: f64 = e.a[i][i] / per as f64;
-                let s2: f64 = draws.iter().map(|g| g[i] * g[i]).sum::<f64>() / (share * share * per as f64);
-                tracing::debug!(
-                    "{p:?} local disagreement {k}: {:.3} of {:.3}",
-                    s2.sqrt(),
-                    (theta.get(*p) - p.spec().neutral) / p.spec().step
-                );
-            }
-        }
+    for draws in draws(&e, n, columns_px, CLUSTER_PX / level.block) {
         let spread = variance(&l, &draws, n);
         (0..n).for_each(|i| chance[i] = chance[i].max(spread[i]));
     }
     let rounding = rounding(&e, &l, n);
+    let colours = colours(&e, &l, n);
     let filter = filter(&e, &l, &all, theta, n);
     let half = |(i, &p): (usize, &P)| {
         // What all frames share, were it to look like this parameter beside the others.
@@ -76,11 +70,12 @@ pub(super) fn intervals(
         unit[i] = 1.0;
         let edges_dn = if p.is_time() || p.is_remap() { SYSTEMATIC_PX * e.gradient_dn } else { 0.0 };
         let systematic = SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
-        let random = 2.0 * (chance[i] + rounding[i]).sqrt();
+        let random = 2.0 * (chance[i] + rounding[i] + colours[i]).sqrt();
         tracing::debug!(
-            "{p:?}: chance {:.2e}, rounding {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
+            "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
             2.0 * chance[i].sqrt(),
             2.0 * rounding[i].sqrt(),
+            2.0 * colours[i].sqrt(),
             filter[i],
             p.spec().step
         );
@@ -147,6 +142,24 @@ fn rounding(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
     for part in slopes.iter().filter(|s| s.iter().any(|v| *v != 0.0)) {
         let x = back(l, part);
         (0..n).for_each(|i| sum[i] += x[i] * x[i] / 12.0);
+    }
+    sum
+}
+
+/// Variance from colours that renderers make differently, each colour and channel for itself.
+fn colours(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
+    let per = VALUES / 256 * COLOUR_DN;
+    let mut slopes = vec![vec![0.0f64; n]; VALUES.div_ceil(per) * 3];
+    for (f, (r, columns, keys)) in e.values.iter().enumerate() {
+        for (at, (&key, w)) in keys.iter().zip(e.weighing.weights(f, r)).enumerate() {
+            let sums = &mut slopes[usize::from(key) / per * 3 + usize::from(key) % 3];
+            (0..n).for_each(|i| sums[i] += f64::from(w * columns[i][at]));
+        }
+    }
+    let mut sum = vec![0.0; n];
+    for part in &slopes {
+        let x = back(l, part);
+        (0..n).for_each(|i| sum[i] += (SYSTEMATIC_COLOUR_DN * x[i]).powi(2));
     }
     sum
 }

@@ -24,6 +24,8 @@ pub(super) struct Residue {
     pub structure: [f64; 2],
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
     pub likeness: f64,
+    /// Share of the gap that lies where it is closed altogether, see [`solved`].
+    pub solved: f64,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -90,7 +92,46 @@ pub(super) fn residue(
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, likeness }
+    Residue { bias_dn, spread, structure, likeness, solved: 0.0 }
+}
+
+/// Side of the blocks of [`solved`], px.
+const BLOCK_PX: usize = 8;
+/// What may be left of the gap of a block that is solved.
+const SOLVED: f64 = 0.15;
+
+/// Share of the gap before that lies in blocks in which nearly nothing of it is left. An effect that is there explains the
+/// places where nothing else acts altogether; one that only resembles what is there explains a part everywhere.
+pub(super) fn solved(
+    evidence: &Evidence,
+    frames: &[usize],
+    pictures: [&[Plane<f32>]; 2],
+    masks: &[Plane<f32>],
+    theta: &Theta,
+) -> f64 {
+    let tone = Tone::new(theta);
+    let (mut all, mut gone) = (0.0, 0.0);
+    for (f, &at) in frames.iter().enumerate() {
+        let real = &evidence.frames[at].dn;
+        let across = real.width.div_ceil(BLOCK_PX);
+        let mut blocks = vec![[0.0f64; 2]; across * real.height.div_ceil(BLOCK_PX)];
+        for i in (0..real.width * real.height).filter(|&i| masks[at].data[i] > 0.5) {
+            let block = &mut blocks[i / real.width / BLOCK_PX * across + i % real.width / BLOCK_PX];
+            for c in 3 * i..3 * i + 3 {
+                let v = tone.spread(pictures[1][f].data[c], c % 3);
+                // Rounding and the mean size of the noise are no gap.
+                let chance = 0.5 + 0.8 * (v.free + v.row + v.fixed).sqrt();
+                for (sum, picture) in block.iter_mut().zip(pictures) {
+                    *sum += f64::from((real.data[c] - picture[f].data[c]).abs() - chance);
+                }
+            }
+        }
+        for [before, after] in blocks {
+            all += before.max(0.0);
+            gone += if after < SOLVED * before { before.max(0.0) } else { 0.0 };
+        }
+    }
+    gone / f64::max(all, 1e-9)
 }
 
 /// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.

@@ -224,9 +224,7 @@ impl<'a> Search<'a> {
     pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         let rest = worse.mean() - worse.floor();
-        // Under noise a difference counts less than its size in the score: so does that of two renderers.
-        let least = 0.12 * self.renderer_difference;
-        let least = least * (least / (least + better.floor())).max(0.25);
+        let least = damped(0.12 * self.renderer_difference, better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
@@ -504,6 +502,11 @@ fn probe(theta: &Theta) -> Theta {
         probe.set(P::Radius, 1.0);
     }
     probe
+}
+
+/// What a difference of pictures counts in the score beside noise that scores `floor`: less than its size, DN.
+pub(super) fn damped(difference_dn: f64, floor: f64) -> f64 {
+    difference_dn * (difference_dn / (difference_dn + floor)).max(0.25)
 }
 
 /// Names of all candidates.

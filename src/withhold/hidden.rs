@@ -44,14 +44,22 @@ pub(super) fn available(candidates: &[&str]) -> Vec<&'static str> {
     ids.filter(|id| candidates.contains(id) && strength(id, &mut Draw::new(0, 0, id)).is_some()).collect()
 }
 
+/// Effects that other candidates express exactly, so that no picture tells whether they were left out: glare is a gain
+/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0. Leaving these
+/// out asks nothing.
+const EXPRESSIBLE: [&str; 3] = ["glare", "exposure_gain", "black_level"];
+
 /// Draws what case `case` hides. `known` are the effects that its camera.toml models.
 ///
 /// # Errors
 /// None in practice: all strengths lie within their effects' ranges (tested).
 pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &Settings) -> Result<Hidden> {
     let mut draw = Draw::new(seed, case, "hidden");
-    let free: Vec<_> = available.iter().copied().filter(|n| !known.has(n)).collect();
+    let mut free: Vec<_> = available.iter().copied().filter(|n| !known.has(n)).collect();
     let kind = if free.is_empty() { Kind::None } else { PATTERN[case % PATTERN.len()] };
+    if kind == Kind::LeftOut {
+        free.retain(|n| !EXPRESSIBLE.contains(n));
+    }
     let count = match kind {
         Kind::None => 0,
         Kind::Single | Kind::LeftOut => 1,
@@ -195,6 +203,7 @@ mod tests {
                 let effect = effects::by_id(name).expect("an effect");
                 assert!(!hidden.settings.is_neutral(name, effect.specs()), "case {case}: {name} is neutral");
             }
+            assert!(hidden.kind != Kind::LeftOut || !EXPRESSIBLE.contains(&hidden.names[0]), "{hidden:?}");
             if hidden.kind == Kind::Single {
                 seen.extend(hidden.names);
             }
