@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
@@ -57,7 +58,7 @@ pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Qu
 pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
 
 /// A finished fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fit {
     pub theta: Theta,
     /// Half widths of 95 % intervals; empty where they were not asked for.
@@ -72,8 +73,20 @@ struct State {
     damping: f64,
 }
 
-/// Fits the `free` parameters on `frames` (places), starting from `start`.
+/// Fits the `free` parameters on `frames` (places), starting from `start`; once, if there is a journal.
 pub(super) fn fit(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    start: &Theta,
+    free: &[P],
+    schedule: Schedule,
+) -> Result<Fit> {
+    let key = format!("{frames:?} {start:?} {free:?} {schedule:?}");
+    Forward::tried(forward, |f| f, ("fit", &key), |f| fit_anew(f, target, frames, start, free, schedule))
+}
+
+fn fit_anew(
     forward: &mut Forward,
     target: Target<'_>,
     frames: &[usize],

@@ -67,6 +67,8 @@ pub(super) struct Exact {
     mesh: Mesh,
     groups: MotionGroups,
     frames: Vec<(f64, f64)>,
+    /// So many of `frames` were expected from the start.
+    expected: usize,
     /// By what frames were looked at already.
     known: HashMap<Key, BlurReach>,
     options: ExactOptions,
@@ -146,6 +148,7 @@ impl Exact {
             mesh,
             groups,
             frames: expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect(),
+            expected: expected.len(),
             known: HashMap::new(),
             options: *options,
         };
@@ -176,6 +179,13 @@ impl Exact {
     pub(super) fn forget_lens(&mut self) {
         self.cut = None;
         self.known.clear();
+    }
+
+    /// Everything that frames have left behind goes.
+    pub(super) fn forget(&mut self) {
+        self.forget_lens();
+        (self.still, self.blur) = (None, None);
+        self.frames.truncate(self.expected);
     }
 
     fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
