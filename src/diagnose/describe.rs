@@ -56,13 +56,14 @@ pub(super) fn describe(
     let k = &capture.camera.intrinsics;
     Ok(Report {
         verdict,
-        sentence: sentence(verdict, &gap, &effects),
+        sentence: if another_scene(found) { wrong_scene(&gap) } else { sentence(verdict, &gap, &effects) },
         waterfall: waterfall(&gap, &effects),
         gap,
         effects,
         candidates,
         places: Where::default(),
         measures: Vec::new(),
+        percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
         input: Input {
@@ -175,6 +176,14 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     } else {
         Verdict::PartlyExplained
     }
+}
+
+fn wrong_scene(gap: &Gap) -> String {
+    format!(
+        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from where the \
+         trajectory says. That is no effect of the camera.",
+        gap.before
+    )
 }
 
 fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {

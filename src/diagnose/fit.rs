@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
@@ -63,7 +64,7 @@ pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(
 const MOST_STRETCH: f64 = 8.0;
 
 /// A finished fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fit {
     pub theta: Theta,
     /// Half widths of 95 % intervals; empty where they were not asked for.
@@ -79,8 +80,20 @@ struct State {
     damping: f64,
 }
 
-/// Fits the `free` parameters on `frames` (places), starting from `start`.
+/// Fits the `free` parameters on `frames` (places), starting from `start`; once, if there is a journal.
 pub(super) fn fit(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    start: &Theta,
+    free: &[P],
+    schedule: Schedule,
+) -> Result<Fit> {
+    let key = format!("{frames:?} {start:?} {free:?} {schedule:?}");
+    Forward::tried(forward, |f| f, ("fit", &key), |f| fit_anew(f, target, frames, start, free, schedule))
+}
+
+fn fit_anew(
     forward: &mut Forward,
     target: Target<'_>,
     frames: &[usize],

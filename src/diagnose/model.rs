@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::report::Parameter;
@@ -27,7 +28,7 @@ pub(super) struct ParameterSpec {
 macro_rules! parameters {
     ($($index:ident: $effect:literal $name:literal $unit:literal, $neutral:expr, $step:expr, $lo:expr, $hi:expr;)*) => {
         /// Places in the vector.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         pub(super) enum P { $(#[doc = $name] $index,)* }
         /// What stands at each place.
         pub(super) const PARAMETERS: &[ParameterSpec] = &[$(ParameterSpec {
@@ -162,7 +163,7 @@ impl P {
 }
 
 /// A point in the space of all parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Theta {
     values: Vec<f64>,
     /// Which line is read first.

@@ -155,8 +155,19 @@ impl<'a> Search<'a> {
         Ok(noisy)
     }
 
-    /// Fits a candidate beside a set.
+    /// Fits a candidate beside a set; once, if there is a journal.
     fn add(&mut self, candidate: &'static CandidateSpec, set: &[&'static str], theta: &Theta) -> Result<Fit> {
+        let key = format!("{} {set:?} {theta:?}", candidate.name);
+        let work = |search: &mut Self| search.add_anew(candidate, set, theta);
+        Forward::tried(self, |search| search.forward, ("candidate", &key), work)
+    }
+
+    fn add_anew(
+        &mut self,
+        candidate: &'static CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Fit> {
         let mut joint = set.to_vec();
         joint.push(candidate.name);
         if is_discrete(candidate) {
