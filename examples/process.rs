@@ -51,8 +51,7 @@ fn main() -> shutterbug::Result<()> {
             step_s: 0.0,
         },
         max_samples: 240,
-        between: [None, None],
-        copy_to: None,
+        delivery: Default::default(),
     })?;
     let out = std::env::args_os().nth(1).unwrap_or_else(|| "out.png".into());
     write_png_atomic(out.as_ref(), &engine.collect(ticket)?.picture)

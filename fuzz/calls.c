@@ -239,7 +239,7 @@ static void share(shutterbug_engine *engine) {
         made(14, seen(14, shutterbug_memory_export_fd(engine, bytes > 1 << 20 ? 1 << 20 : bytes, &memory, &fd), engine, ENGINE),
              MEMORY, (void **)&memory);
         break;
-    case 2: made(15, seen(15, shutterbug_semaphore_export_fd(engine, &semaphore, &fd), engine, ENGINE), SEMAPHORE, (void **)&semaphore); break;
+    case 2: made(15, seen(15, shutterbug_semaphore_export_fd(engine, number(3), &semaphore, &fd), engine, ENGINE), SEMAPHORE, (void **)&semaphore); break;
     default: made(16, seen(16, shutterbug_memory_import_fd(engine, -1, bytes, &memory), engine, ENGINE), MEMORY, (void **)&memory);
     }
     if (fd >= 0) close(fd);

@@ -89,9 +89,10 @@ size_t shutterbug_last_error(const void *handle, char *text, size_t capacity);
  * the call only. It must return normally and should not call the engine it speaks of (SHUTTERBUG_BUSY). */
 typedef void (*shutterbug_log_fn)(void *user, uint32_t level, const char *text);
 
-/* A Vulkan device of yours. Instance of API 1.2 or later, device with shaderStorageImageExtendedFormats, a queue of
- * graphics and compute. All of it must outlive the engine and its shared memory, and while a call on the engine or its
- * frames runs nobody else may use the queue. Nothing of it is destroyed by this library. */
+/* A Vulkan device of yours. Instance of API 1.2 or later, device with shaderStorageImageExtendedFormats (and
+ * timelineSemaphore where you use timelines), a queue of graphics and compute. All of it must outlive the engine and its
+ * shared memory, and while a call on the engine or its frames runs nobody else may use the queue. Nothing of it is destroyed
+ * by this library. */
 typedef struct shutterbug_host_device {
     uint32_t struct_size;
     uint32_t queue_family;
@@ -169,8 +170,15 @@ typedef struct shutterbug_camera {
 shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
 /* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). Effects of
  * lens, mounting and clock (lens_distortion, chromatic_aberration, focal_length_error, pose_offset, time_offset) act where a
- * scene is rendered: with one of them, frames from outside are UNSUPPORTED. */
+ * scene is rendered: with one of them, frames from outside are UNSUPPORTED.
+ * auto_exposure counts an engine's frames in the order of their submission, whatever their time and index: each answers to
+ * the one submitted delay_frames before it, which must have been waited for (else STATE; so at most delay_frames may be in
+ * flight). It begins anew, with initial_gain, where a camera has other values of auto_exposure than the one before, where a
+ * capture, scene or trajectory is loaded or set, and by shutterbug_engine_reset_exposure. */
 shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
+
+/* Automatic exposure begins anew with the next frame: after a jump in time, or a frame that failed. No other effect. */
+shutterbug_status shutterbug_engine_reset_exposure(shutterbug_engine *engine);
 
 /* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are
  * on the files' own clock (its zero: epoch_ns of shutterbug_engine_info); shutterbug_engine_get_frame_times tells those of
@@ -194,8 +202,9 @@ shutterbug_status shutterbug_engine_set_trajectory(shutterbug_engine *engine, co
 
 enum {                                 /* shutterbug_engine_info.capabilities */
     SHUTTERBUG_CAN_IMPORT_HOST = 1,    /* shutterbug_memory_import_host */
-    SHUTTERBUG_CAN_SHARE_MEMORY = 2,   /* shutterbug_memory_import_fd, _export_fd */
-    SHUTTERBUG_CAN_SHARE_SEMAPHORE = 4 /* shutterbug_semaphore_import_fd, _export_fd */
+    SHUTTERBUG_CAN_SHARE_MEMORY = 2,   /* shutterbug_memory_import_fd, _export_fd, _import_image_fd, _export_image_fd */
+    SHUTTERBUG_CAN_SHARE_SEMAPHORE = 4, /* shutterbug_semaphore_import_fd, _export_fd of SHUTTERBUG_BINARY */
+    SHUTTERBUG_CAN_SHARE_TIMELINE = 8  /* the same of SHUTTERBUG_TIMELINE */
 };
 
 typedef struct shutterbug_engine_info {
@@ -239,8 +248,9 @@ typedef struct shutterbug_image {
     uint64_t stride_bytes;    /* at least width times the pixel's bytes */
     uint64_t capacity_bytes;  /* bytes at pixels: at least stride_bytes (height - 1) + one row without padding */
     void *pixels;             /* only read where the image is an input */
-    shutterbug_memory *memory; /* instead of pixels: shared memory (inputs only; stride and offset multiples of 4) */
-    uint64_t memory_offset;   /* where row 0 starts in it, bytes */
+    shutterbug_memory *memory; /* instead of pixels: shared memory (inputs only; stride and offset multiples of 4), or a GPU
+                                * image (then stride_bytes and capacity_bytes mean nothing, format may be 0) */
+    uint64_t memory_offset;   /* where row 0 starts in shared memory, bytes; 0 with a GPU image */
 } shutterbug_image;
 
 /* ---- Frames of a scene ---------------------------------------------------------------------------------------------- */
@@ -253,10 +263,15 @@ typedef struct shutterbug_request {
     double time_s;        /* START of exposure of the first line read */
     uint32_t flags;
     uint32_t reserved; /* 0 */
+    shutterbug_semaphore *wait;   /* the device waits for it before it writes picture_memory; may be null */
+    shutterbug_semaphore *signal; /* signalled when the frame is done; may be null */
+    uint64_t wait_value, signal_value; /* of timeline semaphores */
+    shutterbug_memory *picture_memory; /* as in shutterbug_outside; may be null */
 } shutterbug_request;
 
 /* Hands a frame of the loaded scene to the device and returns without waiting for it (long accumulations wait for all but
- * their last part). Depends on nothing but the request: frames may be asked for in any order. FULL if frames_in_flight
+ * their last part). Depends on nothing but the request, unless the camera has auto_exposure: frames may be asked for in any
+ * order. FULL if frames_in_flight
  * frames have not been waited for; they are waited for in the order of their submission. The frame is yours: destroy it. */
 shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
                                            shutterbug_frame **frame);
@@ -329,7 +344,10 @@ typedef struct shutterbug_outside {
     const shutterbug_stamped_pose *poses; /* with depth: two, which enclose color_time_s; motion is taken from one to the other */
     shutterbug_semaphore *wait;      /* the device waits for it before it reads; may be null */
     shutterbug_semaphore *signal;    /* signalled when the frame is done; may be null */
-    shutterbug_memory *picture_memory; /* the picture is copied there too, RGBA8 without padding; may be null */
+    uint64_t wait_value, signal_value; /* of timeline semaphores; unused with binary ones */
+    shutterbug_memory *picture_memory; /* the picture is copied there too: RGBA8 without padding, or a GPU image of the
+                                        * camera's size, VK_FORMAT_R8G8B8A8_UNORM or _SRGB; may be null. UNSUPPORTED with
+                                        * a camera that has jpeg, which is not made on the device */
 } shutterbug_outside;
 
 /* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
@@ -371,6 +389,7 @@ typedef struct shutterbug_frame_info {
     shutterbug_instant middle;           /* half way between the two others */
     shutterbug_instant last_line_end;    /* end of exposure of the last line read */
     double host_ms;                      /* from submission to the end of the wait by the host's clock */
+    double exposure_gain;                /* factor on the radiance: exposure_gain of the camera times auto_exposure */
 } shutterbug_frame_info;
 
 /* When a frame that was waited for was taken, and the camera's pose then. */
@@ -407,9 +426,55 @@ shutterbug_status shutterbug_memory_export_fd(shutterbug_engine *engine, uint64_
                                               int *fd);
 shutterbug_status shutterbug_memory_destroy(shutterbug_memory *memory);
 
-/* The same for binary semaphores. */
-shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int fd, shutterbug_semaphore **semaphore);
-shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, shutterbug_semaphore **semaphore, int *fd);
+/* GPU images as input (shutterbug_image.memory) and output (picture_memory) of frames. The device copies them where it reads
+ * or writes them; nothing passes through host memory. 2D, one layer, one mip level, one sample; of these VkFormats:
+ *   color   R8G8B8A8, B8G8R8A8 (_UNORM, _SRGB: read as shutterbug_outside.encoding says), R16G16B16A16_SFLOAT,
+ *           R32G32B32A32_SFLOAT
+ *   motion  R16G16_SFLOAT, R32G32_SFLOAT
+ *   depth   R32_SFLOAT, D32_SFLOAT, D32_SFLOAT_S8_UINT (its depth)
+ *   output  R8G8B8A8_UNORM, R8G8B8A8_SRGB
+ * Numbers are those of the Vulkan headers, which this header does not need. */
+typedef struct shutterbug_gpu_image {
+    uint32_t struct_size;
+    uint32_t vk_format;       /* VkFormat */
+    uint32_t width, height;   /* px */
+    uint32_t vk_layout;       /* VkImageLayout in which each frame finds it; of outputs VK_IMAGE_LAYOUT_UNDEFINED is fine */
+    uint32_t vk_layout_after; /* in which each frame leaves it; 0: the same */
+    uint32_t vk_tiling;       /* VkImageTiling, of images by fd */
+    uint32_t vk_usage;        /* VkImageUsageFlags, of images by fd: with TRANSFER_SRC for inputs, TRANSFER_DST for outputs */
+    uint64_t vk_image;        /* VkImage, of shutterbug_memory_use_image; else 0 */
+} shutterbug_gpu_image;
+
+/* Your own image of the device that the engine was created on (shutterbug_engine_options.host; else UNSUPPORTED). It was made
+ * with usage TRANSFER_SRC (inputs), TRANSFER_DST (outputs), belongs to the engine's queue family (or is shared concurrently),
+ * and outlives the handle and all frames that use it. Never destroyed by this library. */
+shutterbug_status shutterbug_memory_use_image(shutterbug_engine *engine, const shutterbug_gpu_image *image,
+                                              shutterbug_memory **memory);
+/* An image in memory that another user of the same device and driver exported as an opaque fd: format, size, tiling and
+ * usage as it was made there, no flags, in a dedicated allocation of so many bytes. Release it to VK_QUEUE_FAMILY_EXTERNAL
+ * before a frame and acquire it from there afterwards. The fd is treated as by shutterbug_memory_import_fd. */
+shutterbug_status shutterbug_memory_import_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image, int fd,
+                                                    uint64_t bytes, shutterbug_memory **memory);
+/* A new image on the engine's device, an opaque fd of its memory that is yours, and the memory's size: what the call above,
+ * or another user of the same device and driver, needs to import it. */
+shutterbug_status shutterbug_memory_export_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
+                                                    shutterbug_memory **memory, int *fd, uint64_t *bytes);
+
+/* Semaphores. A frame whose wait never comes is never done: its wait ends with TIMEOUT, and destroying its engine takes 20 s
+ * and leaks what the frame uses. */
+enum {                       /* kind of a semaphore */
+    SHUTTERBUG_BINARY = 0,   /* each wait takes one signal, which was submitted before it */
+    SHUTTERBUG_TIMELINE = 1  /* waits for wait_value or more; signal_value is greater than all values before it */
+};
+/* Your own VkSemaphore (as a number) of the device that the engine was created on; else UNSUPPORTED. It outlives the handle
+ * and all frames that use it. Never destroyed by this library. */
+shutterbug_status shutterbug_semaphore_use(shutterbug_engine *engine, uint64_t vk_semaphore, uint32_t kind,
+                                           shutterbug_semaphore **semaphore);
+/* By opaque fd, as shutterbug_memory_import_fd and _export_fd; new timelines start at 0. */
+shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int fd, uint32_t kind,
+                                                 shutterbug_semaphore **semaphore);
+shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint32_t kind, shutterbug_semaphore **semaphore,
+                                                 int *fd);
 shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);
 
 #ifdef __cplusplus

@@ -261,7 +261,7 @@ fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
             close(fd);
         }
         if can & 4 != 0 {
-            check(unsafe { shutterbug_semaphore_export_fd(engine, &mut o.signal, &mut fd) }, engine)?;
+            check(unsafe { shutterbug_semaphore_export_fd(engine, 0, &mut o.signal, &mut fd) }, engine)?;
             made.push((o.signal, shutterbug_semaphore_destroy));
             close(fd);
         }

@@ -1,13 +1,15 @@
 //! Zero copy: the host's memory, memory by file descriptor, semaphores, and the host's own Vulkan device. What the driver
-//! cannot do is refused with a sentence; on lavapipe of Mesa 22.3 that is semaphores.
+//! cannot do is refused with a sentence; on lavapipe of Mesa 22.3 that is semaphores
+//! by file descriptor (SwiftShader has the binary ones).
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
+#[path = "capi_support/host.rs"]
+mod capi_host;
 mod capi_support;
 
-use std::ffi::c_void;
 use std::ptr::{null, null_mut};
 
-use ash::vk::{self, Handle as _};
+use capi_host::Host;
 use capi_support::*;
 use shutterbug::capi::*;
 
@@ -15,6 +17,9 @@ const SIZE: [usize; 2] = [32, 24];
 const CAN_IMPORT_HOST: u32 = 1;
 const CAN_SHARE_MEMORY: u32 = 2;
 const CAN_SHARE_SEMAPHORE: u32 = 4;
+const CAN_SHARE_TIMELINE: u32 = 8;
+const BINARY: u32 = 0;
+const TIMELINE: u32 = 1;
 
 fn small_engine(test: &str) -> Option<Handle> {
     let engine = engine(test, options(2, 1))?;
@@ -133,83 +138,56 @@ fn memory_goes_out_and_in_by_file_descriptor() {
 fn semaphores_go_out_and_in_or_are_refused() {
     let test = "semaphores_go_out_and_in_or_are_refused";
     let Some(engine) = small_engine(test) else { return };
-    let (mut semaphore, mut fd) = (made_up(5), -7);
-    let code = unsafe { shutterbug_semaphore_export_fd(engine, &mut semaphore, &mut fd) };
-    if info(engine).capabilities & CAN_SHARE_SEMAPHORE == 0 {
-        assert_eq!((code, semaphore, fd), (status("UNSUPPORTED"), made_up(5), -7), "{}", error_of(engine));
-        assert!(error_of(engine).contains("VK_KHR_external_semaphore_fd"));
-        let code = unsafe { shutterbug_semaphore_import_fd(engine, 0, &mut semaphore) };
-        assert_eq!(code, status("UNSUPPORTED"));
-        eprintln!("SKIPPED the rest of {test}: the device cannot share semaphores; refused clearly");
-        return finish(engine);
+    for (kind, bit) in [(BINARY, CAN_SHARE_SEMAPHORE), (TIMELINE, CAN_SHARE_TIMELINE)] {
+        let (mut semaphore, mut fd) = (made_up(5), -7);
+        assert_eq!(
+            unsafe { shutterbug_semaphore_export_fd(engine, 2, &mut semaphore, &mut fd) },
+            status("ARGUMENT")
+        );
+        let code = unsafe { shutterbug_semaphore_export_fd(engine, kind, &mut semaphore, &mut fd) };
+        if info(engine).capabilities & bit == 0 {
+            assert_eq!(
+                (code, semaphore, fd),
+                (status("UNSUPPORTED"), made_up(5), -7),
+                "{}",
+                error_of(engine)
+            );
+            assert!(error_of(engine).contains("VK_KHR_external_semaphore_fd"));
+            let code = unsafe { shutterbug_semaphore_import_fd(engine, 0, kind, &mut semaphore) };
+            assert_eq!(code, status("UNSUPPORTED"));
+            eprintln!(
+                "SKIPPED kind {kind} of {test}: the device cannot share such semaphores; refused clearly"
+            );
+            continue;
+        }
+        must(code, engine);
+        let mut imported = null_mut();
+        must(unsafe { shutterbug_semaphore_import_fd(engine, fd, kind, &mut imported) }, engine);
+        one_signals_the_next_waits(engine, semaphore, imported);
+        must(shutterbug_semaphore_destroy(semaphore), null_mut());
+        must(shutterbug_semaphore_destroy(imported), null_mut());
     }
-    must(code, engine);
-    let mut imported = null_mut();
-    must(unsafe { shutterbug_semaphore_import_fd(engine, fd, &mut imported) }, engine);
-    // One frame signals, the next one waits.
-    let (mut first, mut second) = (Small::new(32, 24), Small::new(32, 24));
-    let want = process(engine, &first.outside, SIZE).unwrap();
-    (first.outside.signal, second.outside.wait) = (semaphore, imported);
-    let (mut a, mut b) = (null_mut(), null_mut());
-    must(unsafe { shutterbug_engine_submit_outside(engine, &first.outside, &mut a) }, engine);
-    must(unsafe { shutterbug_engine_submit_outside(engine, &second.outside, &mut b) }, engine);
-    for frame in [a, b] {
-        must(shutterbug_frame_wait(frame, -1.0), frame);
-        let mut rgb = vec![0; want.len()];
-        let to = image(shutterbug::plane::PixelFormat::Rgb8, 32, 24, &mut rgb);
-        must(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame);
-        assert!(rgb == want);
-        must(shutterbug_frame_destroy(frame), frame);
-    }
-    must(shutterbug_semaphore_destroy(semaphore), null_mut());
-    must(shutterbug_semaphore_destroy(imported), null_mut());
     finish(engine);
 }
 
-/// A Vulkan device as a host would have it.
-struct Host {
-    entry: ash::Entry,
-    instance: ash::Instance,
-    physical: vk::PhysicalDevice,
-    device: ash::Device,
-    family: u32,
-}
-
-impl Host {
-    fn new() -> Option<Self> {
-        unsafe {
-            let entry = ash::Entry::load().ok()?;
-            let app = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
-            let info = vk::InstanceCreateInfo::default().application_info(&app);
-            let instance = entry.create_instance(&info, None).ok()?;
-            let Some(&physical) = instance.enumerate_physical_devices().ok()?.first() else {
-                instance.destroy_instance(None);
-                return None;
-            };
-            let families = instance.get_physical_device_queue_family_properties(physical);
-            let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-            let family = families.iter().position(|f| f.queue_flags.contains(wanted))? as u32;
-            let priorities = [1.0];
-            let queues = [vk::DeviceQueueCreateInfo::default()
-                .queue_family_index(family)
-                .queue_priorities(&priorities)];
-            let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
-            let info =
-                vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
-            let device = instance.create_device(physical, &info, None).ok()?;
-            Some(Self { entry, instance, physical, device, family })
+/// One frame signals through one handle, the next one waits through the other: without the signal it would time out.
+fn one_signals_the_next_waits(engine: Handle, semaphore: Handle, imported: Handle) {
+    let (mut first, mut second) = (Small::new(32, 24), Small::new(32, 24));
+    let want = process(engine, &first.outside, SIZE).unwrap();
+    for value in 1..4 {
+        (first.outside.signal, first.outside.signal_value) = (semaphore, 10 * value);
+        (second.outside.wait, second.outside.wait_value) = (imported, 10 * value);
+        let (mut a, mut b) = (null_mut(), null_mut());
+        must(unsafe { shutterbug_engine_submit_outside(engine, &first.outside, &mut a) }, engine);
+        must(unsafe { shutterbug_engine_submit_outside(engine, &second.outside, &mut b) }, engine);
+        for frame in [a, b] {
+            must(shutterbug_frame_wait(frame, 60.0), frame);
+            let mut rgb = vec![0; want.len()];
+            let to = image(shutterbug::plane::PixelFormat::Rgb8, 32, 24, &mut rgb);
+            must(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame);
+            assert!(rgb == want);
+            must(shutterbug_frame_destroy(frame), frame);
         }
-    }
-
-    fn describe(&self) -> shutterbug_host_device {
-        let mut h: shutterbug_host_device = sized();
-        h.queue_family = self.family;
-        h.get_instance_proc_addr = self.entry.static_fn().get_instance_proc_addr as *const c_void;
-        h.instance = self.instance.handle().as_raw() as *mut c_void;
-        h.physical_device = self.physical.as_raw() as *mut c_void;
-        h.device = self.device.handle().as_raw() as *mut c_void;
-        h.queue = unsafe { self.device.get_device_queue(self.family, 0) }.as_raw() as *mut c_void;
-        h
     }
 }
 
@@ -220,8 +198,9 @@ fn the_hosts_own_device_is_used_and_left_alone() {
     let small = Small::new(32, 24);
     let want = process(own, &small.outside, SIZE).unwrap();
     finish(own);
-    let host = Host::new().expect("there is a device");
-    let described = host.describe();
+    let host = Host::new(&[]).expect("there is a device");
+    let mut names = Vec::new();
+    let described = host.describe(&mut names);
     let mut o = options(2, 0);
     o.host = &described;
     let engines = [create(o).unwrap(), create(o).unwrap()];
@@ -253,9 +232,5 @@ fn the_hosts_own_device_is_used_and_left_alone() {
     assert_eq!(refused(&|h| h.physical_device = made_up(16)), status("NO_DEVICE"));
     assert_eq!(refused(&|h| h.struct_size -= 1), status("STRUCT_SIZE"));
     assert_eq!(shutterbug_engine_destroy(engines[1]), OK);
-    unsafe {
-        host.device.device_wait_idle().expect("the host's device is alive");
-        host.device.destroy_device(None);
-        host.instance.destroy_instance(None);
-    }
+    host.finish();
 }

@@ -232,6 +232,7 @@ fn the_table_counts_what_it_says() {
         value: 1.0 + relative_error,
         relative_error,
         covered: Some(covered),
+        half_width: None,
     };
     let mut cases = vec![
         case(Kind::Single, &["defocus"], &["defocus"]),

@@ -7,22 +7,9 @@
 #ifdef COLOR
 layout(constant_id = 0) const bool LIT = false;
 layout(constant_id = 1) const bool TEXTURED = false;
-layout(constant_id = 2) const uint LIGHT_COUNT = 0;
 // Some of what is drawn has a specular colour.
 layout(constant_id = 4) const bool GLOSSY = true;
-const uint MAX_LIGHTS = 64;
-
-struct Light {
-    // Relative to the world's origin; w unused.
-    vec4 position_m;
-    vec4 color;
-    // Constant, linear, quadratic.
-    vec4 attenuation;
-};
-// Lights in a uniform buffer: reading a storage buffer in the loop costs lavapipe a fifth more.
-layout(set = 0, binding = 2, std140) uniform Lights {
-    Light lights[MAX_LIGHTS];
-};
+#include "raster_lights.glsl"
 layout(set = 0, binding = 3, std430) readonly buffer Cameras {
     vec4 camera_m[];
 };
@@ -46,28 +33,42 @@ vec3 origin_m() { return camera_m[push.instant].xyz; }
 #endif
 layout(location = 0) out vec4 out_color;
 
-// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract). One root a length: the reciprocal one.
+struct Arriving {
+    vec3 diffuse;
+    vec3 specular;
+};
+
+// What one point light adds: Blinn-Phong without the surface's colours. One root a length: the reciprocal one.
+void add_light(inout Arriving sum, vec3 offset_m, vec3 color, vec3 attenuation, vec3 n, vec3 to_eye) {
+    float square = dot(offset_m, offset_m);
+    float inverse = inversesqrt(square);
+    vec3 arriving = color / (attenuation.x + attenuation.y * (square * inverse) + attenuation.z * square);
+    float facing = dot(n, offset_m) * inverse;
+    sum.diffuse += arriving * max(facing, 0.0);
+    if (GLOSSY) {
+        // Halfway is the sum of two unit vectors: its product with n and its length follow from theirs.
+        float square_halfway = 2.0 + 2.0 * dot(offset_m, to_eye) * inverse;
+        float toward = (facing + dot(n, to_eye)) * inversesqrt(max(square_halfway, 1e-12));
+        sum.specular += arriving * (toward > 0.0 ? pow(toward, in_ks_ns.w) : 0.0);
+    }
+}
+
+// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract).
 vec3 blinn_phong(vec3 kd) {
     vec3 to_eye = normalize(to_eye_m());
     vec3 n = normalize(in_normal);
     n = dot(n, to_eye) < 0.0 ? -n : n;
     vec3 from_light = origin_m() + in_position_m;
-    vec3 diffuse = vec3(0.0);
-    vec3 specular = vec3(0.0);
-    for (uint i = 0; i < LIGHT_COUNT; ++i) {
-        vec3 offset_m = lights[i].position_m.xyz - from_light;
-        float square = dot(offset_m, offset_m);
-        float inverse = inversesqrt(square);
-        vec3 a = lights[i].attenuation.xyz;
-        vec3 arriving = lights[i].color.rgb / (a.x + a.y * (square * inverse) + a.z * square);
-        diffuse += arriving * max(dot(n, offset_m) * inverse, 0.0);
-        if (GLOSSY) {
-            vec3 halfway = offset_m * inverse + to_eye;
-            float toward = dot(n, halfway) * inversesqrt(dot(halfway, halfway));
-            specular += arriving * (toward > 0.0 ? pow(toward, in_ks_ns.w) : 0.0);
-        }
+    Arriving sum = Arriving(vec3(0.0), vec3(0.0));
+    for (uint i = 0; i < min(LIGHT_COUNT, FIXED_LIGHTS); ++i) {
+        vec3 offset_m = fixed_position_m(i) - from_light;
+        add_light(sum, offset_m, fixed_color(i), fixed_attenuation(i), n, to_eye);
     }
-    return kd * diffuse + (GLOSSY ? in_ks_ns.rgb * specular : vec3(0.0));
+    for (uint i = FIXED_LIGHTS; i < LIGHT_COUNT; ++i) {
+        vec3 offset_m = lights[i].position_m.xyz - from_light;
+        add_light(sum, offset_m, lights[i].color.rgb, lights[i].attenuation.xyz, n, to_eye);
+    }
+    return kd * sum.diffuse + (GLOSSY ? in_ks_ns.rgb * sum.specular : vec3(0.0));
 }
 #endif
 

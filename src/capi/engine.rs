@@ -3,14 +3,14 @@
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::slice;
-use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use tracing::Dispatch;
 
 use super::Handle;
 use super::handle::{self, code, guarded, with};
-use super::session::{Session, Settings, method_of};
+use super::options::settings;
+use super::session::Session;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use super::{camera, log};
@@ -94,36 +94,6 @@ unsafe fn create(o: &shutterbug_engine_options) -> Outcome<Session> {
         Context::new(&options)?
     };
     Ok(Session::new(context, settings))
-}
-
-fn settings(o: &shutterbug_engine_options) -> Outcome<Settings> {
-    let or = |value: u32, default: u32| if value == 0 { default } else { value };
-    let within = |name: &str, value: u32, max: u32| match value <= max {
-        true => Ok(value),
-        false => Err(Fault::argument(format!("{name} is {value}, at most {max}"))),
-    };
-    if o.flags & !(ENGINE_VALIDATION | ENGINE_PLANES) != 0 {
-        return Err(Fault::argument(format!("flags {:#x}: unknown ones among them", o.flags)));
-    }
-    let samples = or(o.samples, 16);
-    if ![1, 4, 16].contains(&samples) {
-        return Err(Fault::argument(format!("samples is {samples}, not 1, 4 or 16")));
-    }
-    if !(o.time_limit_s >= 0.0 && o.time_limit_s <= 1e9) {
-        return Err(Fault::argument(format!("time_limit_s is {}, not 0 to 1e9", o.time_limit_s)));
-    }
-    let max_samples = within("max_blur_samples", or(o.max_blur_samples, 240), 4096)?;
-    let motion_images = within("motion_images", o.motion_images, 6)?;
-    Ok(Settings {
-        method: method_of(o.method, motion_images, max_samples)?,
-        samples,
-        frames_in_flight: within("frames_in_flight", or(o.frames_in_flight, 2), 8)?,
-        planes: o.flags & ENGINE_PLANES != 0,
-        max_samples,
-        max_side_px: or(o.max_side_px, crate::plane::MAX_SIDE_PX).min(crate::plane::MAX_SIDE_PX),
-        time_limit: Duration::from_secs_f64(if o.time_limit_s == 0.0 { 600.0 } else { o.time_limit_s }),
-        seed: o.seed,
-    })
 }
 
 unsafe fn host_device(host: *const shutterbug_host_device) -> Outcome<HostDevice> {
@@ -227,6 +197,15 @@ pub unsafe extern "C" fn shutterbug_engine_load_scene(engine: Handle, obj_file: 
     })
 }
 
+/// `shutterbug_engine_reset_exposure`.
+#[unsafe(no_mangle)]
+pub extern "C" fn shutterbug_engine_reset_exposure(engine: Handle) -> Status {
+    on_engine(engine, |session| {
+        session.reset_exposure();
+        Ok(())
+    })
+}
+
 /// `shutterbug_engine_set_trajectory`.
 ///
 /// # Safety
@@ -310,10 +289,11 @@ fn engine_info(session: &Session) -> shutterbug_engine_info {
     let (device, sharing) = (session.context().info(), session.context().sharing());
     let (times, epoch_ns) = session.capture_times();
     let size = session.camera().map_or([0, 0], |c| [c.intrinsics.width, c.intrinsics.height]);
-    let bits = [sharing.host_alignment_bytes > 0, sharing.memory_fd, sharing.semaphore_fd];
+    let bits =
+        [sharing.host_alignment_bytes > 0, sharing.memory_fd, sharing.semaphore_fd, sharing.timeline_fd];
     let mut info = shutterbug_engine_info {
         struct_size: size_of::<shutterbug_engine_info>() as u32,
-        capabilities: (0..3).filter(|&i| bits[i]).map(|i| 1 << i).sum(),
+        capabilities: (0..4).filter(|&i| bits[i]).map(|i| 1 << i).sum(),
         device_kind: match device.kind {
             DeviceKind::DiscreteGpu => 1,
             DeviceKind::IntegratedGpu => 2,

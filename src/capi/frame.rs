@@ -9,10 +9,11 @@ use super::Handle;
 use super::handle::{self, Cell, code, find, with};
 use super::image::View;
 use super::session::{Session, Submitted};
+use super::sharing;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{ShutterTiming, Trajectory};
-use crate::engine::Frame;
+use crate::engine::{Delivery, Frame};
 use crate::plane::PixelFormat;
 
 /// Flag of a request: the sharp planes are wanted too.
@@ -25,6 +26,7 @@ pub struct FrameState {
     shutter: ShutterTiming,
     path: Option<Arc<Trajectory>>,
     index: u32,
+    gain: f64,
 }
 
 enum Stage {
@@ -37,7 +39,8 @@ enum Stage {
 impl FrameState {
     pub(super) fn new(engine: Arc<Cell<Session>>, submitted: Submitted) -> Self {
         let (shutter, index, path) = (submitted.shutter, submitted.index, submitted.path.clone());
-        Self { engine, stage: Stage::Pending(submitted), shutter, path, index }
+        let gain = submitted.gain;
+        Self { engine, stage: Stage::Pending(submitted), shutter, path, index, gain }
     }
 
     fn wait(&mut self, limit: Duration) -> Outcome<()> {
@@ -112,6 +115,7 @@ impl FrameState {
             middle: instant(self.shutter.middle_s()),
             last_line_end: instant(self.shutter.end_s()),
             host_ms: frame.host_ms,
+            exposure_gain: self.gain,
         })
     }
 
@@ -183,7 +187,15 @@ pub unsafe extern "C" fn shutterbug_engine_submit(
             if request.flags & !REQUEST_PLANES != 0 || request.reserved != 0 {
                 return Err(Fault::argument("unknown flags, or reserved is not 0"));
             }
-            session.submit(request.frame_index, request.time_s, request.flags & REQUEST_PLANES != 0)
+            let context = session.context().clone();
+            let size = session.camera().map_or([0, 0], |c| [c.intrinsics.width, c.intrinsics.height]);
+            let delivery = Delivery {
+                to: sharing::picture_memory(request.picture_memory, size, &context)?,
+                wait: sharing::semaphore(request.wait, request.wait_value, &context)?,
+                signal: sharing::semaphore(request.signal, request.signal_value, &context)?,
+            };
+            let planes = request.flags & REQUEST_PLANES != 0;
+            session.submit(request.frame_index, request.time_s, planes, &delivery)
         })
     }
 }

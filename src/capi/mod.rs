@@ -7,10 +7,13 @@
 mod camera;
 mod convert;
 mod engine;
+mod exposure;
 mod frame;
+mod gpu_image;
 mod handle;
 mod image;
 mod log;
+mod options;
 mod outside;
 mod session;
 mod sharing;
@@ -20,12 +23,15 @@ mod types;
 pub use convert::*;
 pub use engine::*;
 pub use frame::*;
+pub use gpu_image::{
+    shutterbug_memory_export_image_fd, shutterbug_memory_import_image_fd, shutterbug_memory_use_image,
+};
 pub use log::LogFn;
 pub use outside::*;
 pub use sharing::{
     shutterbug_memory_destroy, shutterbug_memory_export_fd, shutterbug_memory_import_fd,
     shutterbug_memory_import_host, shutterbug_semaphore_destroy, shutterbug_semaphore_export_fd,
-    shutterbug_semaphore_import_fd,
+    shutterbug_semaphore_import_fd, shutterbug_semaphore_use,
 };
 pub use status::{ALL as STATUSES, Status};
 pub use types::*;

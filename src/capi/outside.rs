@@ -13,8 +13,8 @@ use super::sharing;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{Pose, Trajectory};
-use crate::engine::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
-use crate::gpu::{Buffer, Context};
+use crate::engine::{Delivery, MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+use crate::gpu::{Context, Shared, SharedFormat, SharedImageSpec};
 use crate::plane::PixelFormat;
 use crate::reference::unpack::Encoding;
 
@@ -32,10 +32,10 @@ pub unsafe extern "C" fn shutterbug_engine_submit_outside(
     unsafe { hand_out(engine, frame, |session| submit(session, &read(outside)?)) }
 }
 
-/// A checked picture, with the buffer that it lies in if it is shared.
+/// A checked picture, with what it lies in if it is shared.
 struct Picture {
     view: View,
-    shared: Option<Arc<Buffer>>,
+    shared: Option<Shared>,
 }
 
 impl Picture {
@@ -48,30 +48,37 @@ impl Picture {
         context: &Arc<Context>,
     ) -> Outcome<Self> {
         // SAFETY: the caller's promise.
-        let view = View::new(&unsafe { read(image) }?, what)?;
+        let mut image = unsafe { read(image) }?;
+        let shared = match image.memory.is_null() {
+            true => None,
+            false => Some(sharing::shared(image.memory as usize, context)?),
+        };
+        if let Some(Shared::Image(on_device)) = &shared {
+            as_if_packed(&mut image, what, (format_of(on_device.format()), on_device.spec()))?;
+        }
+        let view = View::new(&image, what)?;
         if view.size != size {
             let [w, h] = view.size;
             let text = format!("{what} is {w}x{h} px; the camera with its margin is {}x{}", size[0], size[1]);
             return Err(Fault::argument(text));
         }
-        if view.memory == 0 {
-            return Ok(Self { view, shared: None });
+        if let Some(Shared::Buffer(buffer)) = &shared {
+            let end = view.memory_offset.checked_add(view.bytes as u64);
+            if end.is_none_or(|end| end > buffer.bytes()) {
+                let text =
+                    format!("{what}: the shared memory has {} bytes, fewer than the picture", buffer.bytes());
+                return Err(Fault::new(status::TOO_SMALL, text));
+            }
         }
-        let buffer = sharing::buffer(view.memory, context)?;
-        let end = view.memory_offset.checked_add(view.bytes as u64);
-        if end.is_none_or(|end| end > buffer.bytes()) {
-            let text =
-                format!("{what}: the shared memory has {} bytes, fewer than the picture", buffer.bytes());
-            return Err(Fault::new(status::TOO_SMALL, text));
-        }
-        Ok(Self { view, shared: Some(buffer) })
+        Ok(Self { view, shared })
     }
 
     /// # Safety
     /// The header's promise for the image.
     unsafe fn pixels(&self) -> OutsidePixels<'_> {
         let source = match &self.shared {
-            Some(buffer) => PixelSource::Shared(buffer, self.view.memory_offset),
+            Some(Shared::Buffer(buffer)) => PixelSource::Shared(buffer, self.view.memory_offset),
+            Some(Shared::Image(image)) => PixelSource::Image(image),
             // SAFETY: the caller's promise.
             None => PixelSource::Host(unsafe { self.view.read() }),
         };
@@ -84,6 +91,45 @@ impl Picture {
         }
         Err(Fault::new(status::FORMAT, format!("{what} is {formats}, not {:?}", self.view.format)))
     }
+}
+
+fn format_of(format: SharedFormat) -> PixelFormat {
+    match format {
+        SharedFormat::Rgba8 => PixelFormat::Rgba8,
+        SharedFormat::Bgra8 => PixelFormat::Bgra8,
+        SharedFormat::Rgba16f => PixelFormat::Rgba16f,
+        SharedFormat::Rgba32f => PixelFormat::Rgba32f,
+        SharedFormat::R32f => PixelFormat::R32f,
+        SharedFormat::Rg16f => PixelFormat::Rg16f,
+        SharedFormat::Rg32f => PixelFormat::Rg32f,
+    }
+}
+
+/// A GPU image's picture, as it lies once the device has copied it: nothing but its size is the caller's to say.
+fn as_if_packed(
+    image: &mut shutterbug_image,
+    what: &str,
+    (format, on_device): (PixelFormat, &SharedImageSpec),
+) -> Outcome<()> {
+    if [image.width, image.height] != on_device.size {
+        let [w, h] = on_device.size;
+        let text = format!("{what} is {}x{} px, its GPU image {w}x{h}", image.width, image.height);
+        return Err(Fault::argument(text));
+    }
+    if image.format != 0 && image.format != format as u32 {
+        let text =
+            format!("{what}: the GPU image holds {format:?}; format is that or 0, not {}", image.format);
+        return Err(Fault::new(status::FORMAT, text));
+    }
+    if on_device.layout == 0 {
+        return Err(Fault::argument(format!("{what}: a GPU image in an undefined layout has no content")));
+    }
+    if image.memory_offset != 0 {
+        return Err(Fault::argument(format!("{what}: memory_offset is 0 with a GPU image")));
+    }
+    image.format = format as u32;
+    image.stride_bytes = u64::from(image.width) * format.bytes() as u64;
+    Ok(())
 }
 
 /// # Safety
@@ -114,29 +160,14 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
         // SAFETY: as above.
         motion: unsafe { moving.motion(o) },
         max_samples: session.settings().max_samples,
-        between: [sharing::semaphore(o.wait, &context)?, sharing::semaphore(o.signal, &context)?],
-        copy_to: picture_memory(o, [camera.width, camera.height], &context)?,
+        delivery: Delivery {
+            to: sharing::picture_memory(o.picture_memory, [camera.width, camera.height], &context)?,
+            wait: sharing::semaphore(o.wait, o.wait_value, &context)?,
+            signal: sharing::semaphore(o.signal, o.signal_value, &context)?,
+        },
         request,
     };
-    session.submit_outside(&frame, path)
-}
-
-/// Where the picture goes as well, if it fits there.
-fn picture_memory(
-    o: &shutterbug_outside,
-    size: [u32; 2],
-    context: &Arc<Context>,
-) -> Outcome<Option<Arc<Buffer>>> {
-    if o.picture_memory.is_null() {
-        return Ok(None);
-    }
-    let buffer = sharing::buffer(o.picture_memory as usize, context)?;
-    let needed = u64::from(size[0]) * u64::from(size[1]) * 4;
-    if buffer.bytes() < needed {
-        let text = format!("picture_memory has {} bytes, the picture takes {needed}", buffer.bytes());
-        return Err(Fault::new(status::TOO_SMALL, text));
-    }
-    Ok(Some(buffer))
+    session.submit_outside(frame, path)
 }
 
 fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {

@@ -4,58 +4,21 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::exposure::{Exposure, Place};
+use super::options::Settings;
 use super::status::{self, Fault, Outcome};
 use crate::camera::{Distortion, Intrinsics, Lens, Pose, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::{CameraFile, Capture};
-use crate::chain::Settings as Effects;
+use crate::chain::{Effect, Settings as Effects, Work};
 use crate::effects::{
-    ChromaticAberration, FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset,
+    ChromaticAberration, FocalLengthError, LIST, LensDistortion, MotionBlur, PoseOffset, RollingShutter,
+    TimeOffset,
 };
 use crate::engine::{
-    AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, Frame, FrameRequest, Method,
-    OutsideEngine, OutsideFrame, PaperOptions, Ticket,
+    Delivery, Engine, EngineOptions, Frame, FrameRequest, OutsideEngine, OutsideFrame, Ticket,
 };
 use crate::gpu::Context;
 use crate::scene::{Scene, Shading, load_obj};
-
-/// What an engine was made with, checked.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// How frames of scenes are made.
-    pub method: Method,
-    /// Samples a pixel.
-    pub samples: u32,
-    /// Frames in flight.
-    pub frames_in_flight: u32,
-    /// Whether frames may ask for sharp planes.
-    pub planes: bool,
-    /// Most samples of the blur.
-    pub max_samples: u32,
-    /// Largest side of a picture, px.
-    pub max_side_px: u32,
-    /// Longest time that one submission may take.
-    pub time_limit: Duration,
-    /// Seed of all noise.
-    pub seed: u64,
-}
-
-/// Method numbers of the header.
-pub fn method_of(code: u32, motion_images: u32, max_samples: u32) -> Outcome<Method> {
-    match code {
-        0 | 3 => Ok(Method::Exact(ExactOptions::default())),
-        1 => Ok(Method::Accumulation(AccumulationOptions::default())),
-        2 => {
-            let motion_images = if motion_images == 0 { 2 } else { motion_images };
-            Ok(Method::Paper(PaperOptions { motion_images, max_samples, ..PaperOptions::default() }))
-        }
-        4 => {
-            let motion_images =
-                if motion_images == 0 { FastOptions::default().motion_images } else { motion_images };
-            Ok(Method::Fast(FastOptions { motion_images, max_samples, ..FastOptions::default() }))
-        }
-        other => Err(Fault::new(status::UNSUPPORTED, format!("this library has no method {other}"))),
-    }
-}
 
 /// The state.
 pub struct Session {
@@ -67,6 +30,7 @@ pub struct Session {
     /// Start of each frame of a capture, s.
     frame_times_s: Vec<f64>,
     epoch_ns: i64,
+    exposure: Exposure,
     settings: Settings,
     lost: bool,
     context: Arc<Context>,
@@ -76,6 +40,9 @@ pub struct Session {
 pub struct Submitted {
     ticket: Ticket,
     outside: bool,
+    place: Place,
+    /// Factor on its radiance, automatic exposure included.
+    pub gain: f64,
     /// When its lines are exposed.
     pub shutter: ShutterTiming,
     /// Number of the frame.
@@ -95,6 +62,7 @@ impl Session {
             trajectory: None,
             frame_times_s: Vec::new(),
             epoch_ns: 0,
+            exposure: Exposure::default(),
             settings,
             lost: false,
             context,
@@ -151,6 +119,7 @@ impl Session {
             (self.engine, self.outside) = (None, None);
         }
         camera.warnings.iter().for_each(|w| tracing::warn!("{w}"));
+        self.exposure.set(&camera.settings);
         self.camera = Some(camera);
         Ok(())
     }
@@ -160,6 +129,7 @@ impl Session {
         self.idle("a capture is loaded")?;
         let capture = Capture::read(root, None)?;
         self.set_camera(capture.camera)?;
+        self.exposure.reset();
         self.engine = None;
         self.scene = Some(Arc::new(capture.scene));
         self.trajectory = Some(Arc::new(capture.trajectory));
@@ -174,6 +144,7 @@ impl Session {
         let folder = path.parent().unwrap_or(Path::new("."));
         let mut scene = load_obj(path, folder)?;
         scene.shading = Shading::Unlit;
+        self.exposure.reset();
         self.engine = None;
         self.scene = Some(Arc::new(scene));
         self.frame_times_s.clear();
@@ -181,10 +152,16 @@ impl Session {
         Ok(())
     }
 
+    /// Automatic exposure begins anew.
+    pub fn reset_exposure(&mut self) {
+        self.exposure.reset();
+    }
+
     /// Sets the camera's poses over time.
     pub fn set_trajectory(&mut self, times_s: Vec<f64>, poses: Vec<Pose>) -> Outcome<()> {
         self.idle("the trajectory is set")?;
         let path = Trajectory::new(Path::new("shutterbug_engine_set_trajectory"), times_s, poses)?;
+        self.exposure.reset();
         self.engine = None;
         self.trajectory = Some(Arc::new(path));
         Ok(())
@@ -224,10 +201,47 @@ impl Session {
         Ok(())
     }
 
+    /// A frame whose picture goes to shared memory may not be changed in host memory afterwards.
+    fn check_delivery(&self, delivery: &Delivery) -> Outcome<()> {
+        let settings = self.camera.as_ref().map(|c| &c.settings);
+        let on_host = |e: &&dyn Effect| {
+            matches!(e.work(), Work::Host(_)) && settings.is_some_and(|settings| e.variant(settings) != 0)
+        };
+        match LIST.iter().copied().find(on_host).filter(|_| delivery.to.is_some()) {
+            None => Ok(()),
+            Some(effect) => Err(Fault::new(
+                status::UNSUPPORTED,
+                format!(
+                    "`{}` acts in host memory: with it, pictures are had by shutterbug_frame_read only, not in \
+                     picture_memory",
+                    effect.id()
+                ),
+            )),
+        }
+    }
+
+    fn on_its_way(
+        &mut self,
+        (ticket, outside): (Ticket, bool),
+        request: &FrameRequest,
+        path: Option<Arc<Trajectory>>,
+    ) -> Submitted {
+        let gain = request.settings.number("exposure_gain", "gain", 1.0);
+        let place = self.exposure.submitted();
+        Submitted { ticket, outside, place, gain, shutter: request.shutter, index: request.index, path }
+    }
+
     /// Hands a frame of the scene to the device.
-    pub fn submit(&mut self, index: u32, time_s: f64, planes: bool) -> Outcome<Submitted> {
+    pub fn submit(
+        &mut self,
+        index: u32,
+        time_s: f64,
+        planes: bool,
+        delivery: &Delivery,
+    ) -> Outcome<Submitted> {
         self.not_lost()?;
-        let request = self.request(index, time_s, planes)?;
+        let mut request = self.request(index, time_s, planes)?;
+        self.check_delivery(delivery)?;
         if planes && !self.settings.planes {
             return Err(Fault::new(status::STATE, "the engine was made without SHUTTERBUG_ENGINE_PLANES"));
         }
@@ -239,14 +253,15 @@ impl Session {
         if !engine.has_room() {
             return Err(full(engine.frames_in_flight()));
         }
-        let ticket = engine.submit(&request);
+        self.exposure.apply(&mut request)?;
+        let ticket = engine.submit_to(&request, delivery);
         let ticket = self.watch(ticket)?;
         let path = if request.static_camera {
             Arc::new(Trajectory::fixed(trajectory.pose_at(request.shutter.start_s)))
         } else {
             trajectory
         };
-        Ok(Submitted { ticket, outside: false, shutter: request.shutter, index, path: Some(path) })
+        Ok(self.on_its_way((ticket, false), &request, Some(path)))
     }
 
     fn make_engine(&mut self, request: &FrameRequest, trajectory: &Arc<Trajectory>) -> Outcome<()> {
@@ -287,9 +302,10 @@ impl Session {
     /// Hands a frame from outside to the device.
     pub fn submit_outside(
         &mut self,
-        frame: &OutsideFrame<'_>,
+        mut frame: OutsideFrame<'_>,
         path: Option<Arc<Trajectory>>,
     ) -> Outcome<Submitted> {
+        self.check_delivery(&frame.delivery)?;
         if self.outside.is_none() {
             let camera = self.camera.as_ref().expect("the request has one").intrinsics;
             let (count, limit) = (self.settings.frames_in_flight, self.settings.time_limit);
@@ -300,10 +316,10 @@ impl Session {
         if !outside.has_room() {
             return Err(full(self.settings.frames_in_flight as usize));
         }
-        let ticket = outside.submit(frame);
+        self.exposure.apply(&mut frame.request)?;
+        let ticket = outside.submit(&frame);
         let ticket = self.watch(ticket)?;
-        let (shutter, index) = (frame.request.shutter, frame.request.index);
-        Ok(Submitted { ticket, outside: true, shutter, index, path })
+        Ok(self.on_its_way((ticket, true), &frame.request, path))
     }
 
     /// Whether a frame can be collected without waiting.
@@ -332,12 +348,15 @@ impl Session {
     /// Reads a frame back that was waited for.
     pub fn collect(&mut self, submitted: Submitted) -> Outcome<Frame> {
         self.not_lost()?;
+        let place = submitted.place;
         let frame = match (submitted.outside, &mut self.engine, &mut self.outside) {
             (false, Some(engine), _) => engine.collect(submitted.ticket),
             (true, _, Some(outside)) => outside.collect(submitted.ticket),
             _ => return Err(gone()),
         };
-        self.watch(frame)
+        let frame = self.watch(frame)?;
+        self.exposure.meter(place, &frame);
+        Ok(frame)
     }
 
     /// Runs a call on the device beside the engines, unless the device is lost; notes its loss.

@@ -4,14 +4,15 @@ use std::ffi::c_void;
 use std::sync::Arc;
 
 use super::Handle;
+use super::gpu_image::on_host_device;
 use super::handle::{self, code, find, with};
 use super::session::Session;
 use super::status::{self, Fault, Outcome, Status};
-use crate::gpu::{Buffer, Context, Semaphore};
+use crate::gpu::{Buffer, Context, Semaphore, SemaphoreKind, Shared, SharedFormat, SignalAt};
 
 /// What stands behind shared memory's handle.
 pub struct MemoryState {
-    pub(super) buffer: Arc<Buffer>,
+    pub(super) shared: Shared,
     pub(super) context: Arc<Context>,
 }
 
@@ -21,30 +22,30 @@ pub struct SemaphoreState {
     pub(super) context: Arc<Context>,
 }
 
-fn check_out<T>(out: *mut T, what: &str) -> Outcome<()> {
+pub(super) fn check_out<T>(out: *mut T, what: &str) -> Outcome<()> {
     match out.is_null() || !out.is_aligned() {
         true => Err(Fault::argument(format!("{what} is null or misaligned"))),
         false => Ok(()),
     }
 }
 
-fn check_fd(fd: i32) -> Outcome<()> {
+pub(super) fn check_fd(fd: i32) -> Outcome<()> {
     if fd < 0 { Err(Fault::argument(format!("the descriptor is {fd}"))) } else { Ok(()) }
 }
 
 /// Makes shared memory on an engine's device.
-unsafe fn make_memory(
+pub(super) unsafe fn make_memory(
     engine: Handle,
     memory: *mut Handle,
-    make: impl FnOnce(&Arc<Context>) -> Outcome<Buffer>,
+    make: impl FnOnce(&Arc<Context>) -> Outcome<Shared>,
 ) -> Status {
     code(find::<Session>(engine as usize).and_then(|cell| {
         cell.run(|session| {
             check_out(memory, "memory")?;
             let context = session.context().clone();
-            let buffer = Arc::new(session.use_device(|| make(&context))?);
+            let shared = session.use_device(|| make(&context))?;
             // SAFETY: not null and aligned; writable by the caller's promise.
-            unsafe { memory.write(handle::insert(MemoryState { buffer, context }, None) as Handle) };
+            unsafe { memory.write(handle::insert(MemoryState { shared, context }, None) as Handle) };
             Ok(())
         })
     }))
@@ -67,7 +68,7 @@ pub unsafe extern "C" fn shutterbug_memory_import_host(
             if pointer.is_null() {
                 return Err(Fault::argument("pointer is null"));
             }
-            Ok(Buffer::import_host(context, pointer, bytes)?)
+            Ok(Shared::Buffer(Arc::new(Buffer::import_host(context, pointer, bytes)?)))
         })
     }
 }
@@ -87,7 +88,7 @@ pub unsafe extern "C" fn shutterbug_memory_import_fd(
     unsafe {
         make_memory(engine, memory, |context| {
             check_fd(fd)?;
-            Ok(Buffer::import_fd(context, fd, bytes)?)
+            Ok(Shared::Buffer(Arc::new(Buffer::import_fd(context, fd, bytes)?)))
         })
     }
 }
@@ -111,7 +112,7 @@ pub unsafe extern "C" fn shutterbug_memory_export_fd(
             let exported = buffer.export_fd()?;
             // SAFETY: not null and aligned; writable by the caller's promise.
             fd.write(exported);
-            Ok(buffer)
+            Ok(Shared::Buffer(Arc::new(buffer)))
         })
     }
 }
@@ -140,6 +141,38 @@ unsafe fn make_semaphore(
     }))
 }
 
+fn kind_of(kind: u32) -> Outcome<SemaphoreKind> {
+    match kind {
+        0 => Ok(SemaphoreKind::Binary),
+        1 => Ok(SemaphoreKind::Timeline),
+        kind => Err(Fault::argument(format!("there is no kind {kind} of semaphores"))),
+    }
+}
+
+/// `shutterbug_semaphore_use`.
+///
+/// # Safety
+/// As the header says.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn shutterbug_semaphore_use(
+    engine: Handle,
+    vk_semaphore: u64,
+    kind: u32,
+    semaphore: *mut Handle,
+) -> Status {
+    // SAFETY: the caller's promise, in all of it.
+    unsafe {
+        make_semaphore(engine, semaphore, |context| {
+            let kind = kind_of(kind)?;
+            if vk_semaphore == 0 {
+                return Err(Fault::argument("vk_semaphore is null"));
+            }
+            on_host_device(context, "semaphores")?;
+            Ok(Semaphore::of_host(context, vk_semaphore, kind))
+        })
+    }
+}
+
 /// `shutterbug_semaphore_import_fd`.
 ///
 /// # Safety
@@ -148,13 +181,15 @@ unsafe fn make_semaphore(
 pub unsafe extern "C" fn shutterbug_semaphore_import_fd(
     engine: Handle,
     fd: i32,
+    kind: u32,
     semaphore: *mut Handle,
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
         make_semaphore(engine, semaphore, |context| {
+            let kind = kind_of(kind)?;
             check_fd(fd)?;
-            Ok(Semaphore::import_fd(context, fd)?)
+            Ok(Semaphore::import_fd(context, fd, kind)?)
         })
     }
 }
@@ -166,14 +201,16 @@ pub unsafe extern "C" fn shutterbug_semaphore_import_fd(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn shutterbug_semaphore_export_fd(
     engine: Handle,
+    kind: u32,
     semaphore: *mut Handle,
     fd: *mut i32,
 ) -> Status {
     // SAFETY: the caller's promise.
     unsafe {
         make_semaphore(engine, semaphore, |context| {
+            let kind = kind_of(kind)?;
             check_out(fd, "fd")?;
-            let made = Semaphore::exportable(context)?;
+            let made = Semaphore::exportable(context, kind)?;
             let exported = made.export_fd()?;
             // SAFETY: not null and aligned; writable by the caller's promise.
             fd.write(exported);
@@ -188,21 +225,54 @@ pub extern "C" fn shutterbug_semaphore_destroy(semaphore: Handle) -> Status {
     handle::destroy::<SemaphoreState>(semaphore as usize)
 }
 
-/// The buffer behind a handle, if it is on this device.
-pub(super) fn buffer(memory: usize, context: &Arc<Context>) -> Outcome<Arc<Buffer>> {
+/// What is behind a handle of shared memory, if it is on this device.
+pub(super) fn shared(memory: usize, context: &Arc<Context>) -> Outcome<Shared> {
     with(memory, |state: &mut MemoryState| match Arc::ptr_eq(&state.context, context) {
-        true => Ok(state.buffer.clone()),
+        true => Ok(state.shared.clone()),
         false => Err(Fault::argument("the memory belongs to another engine")),
     })
 }
 
-/// The semaphore behind a handle (none for null), if it is on this device.
-pub(super) fn semaphore(handle: Handle, context: &Arc<Context>) -> Outcome<Option<Arc<Semaphore>>> {
+/// The semaphore behind a handle (none for null) with its value, if it is on this device.
+pub(super) fn semaphore(handle: Handle, value: u64, context: &Arc<Context>) -> Outcome<Option<SignalAt>> {
     if handle.is_null() {
         return Ok(None);
     }
     with(handle as usize, |state: &mut SemaphoreState| match Arc::ptr_eq(&state.context, context) {
-        true => Ok(Some(state.semaphore.clone())),
+        true => Ok(Some((state.semaphore.clone(), value))),
         false => Err(Fault::new(status::ARGUMENT, "the semaphore belongs to another engine")),
     })
+}
+
+/// Where a picture of that size goes as well (null: nowhere), if it fits there.
+pub(super) fn picture_memory(
+    memory: Handle,
+    size: [u32; 2],
+    context: &Arc<Context>,
+) -> Outcome<Option<Shared>> {
+    if memory.is_null() {
+        return Ok(None);
+    }
+    let shared = shared(memory as usize, context)?;
+    let [width, height] = size;
+    match &shared {
+        Shared::Buffer(buffer) => {
+            let needed = u64::from(width) * u64::from(height) * 4;
+            if buffer.bytes() < needed {
+                let text = format!("picture_memory has {} bytes, the picture takes {needed}", buffer.bytes());
+                return Err(Fault::new(status::TOO_SMALL, text));
+            }
+        }
+        Shared::Image(image) if image.format() != SharedFormat::Rgba8 => {
+            let text = "an image that takes the picture is VK_FORMAT_R8G8B8A8_UNORM or _SRGB";
+            return Err(Fault::new(status::FORMAT, text));
+        }
+        Shared::Image(image) if image.spec().size != size => {
+            let [w, h] = image.spec().size;
+            let text = format!("picture_memory is an image of {w}x{h} px, the picture has {width}x{height}");
+            return Err(Fault::argument(text));
+        }
+        Shared::Image(_) => {}
+    }
+    Ok(Some(shared))
 }

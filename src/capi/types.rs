@@ -127,6 +127,11 @@ structs! {
         time_s: f64,
         flags: u32,
         reserved: u32,
+        wait: *mut c_void,
+        signal: *mut c_void,
+        wait_value: u64,
+        signal_value: u64,
+        picture_memory: *mut c_void,
     }
 
     shutterbug_motion_convention {
@@ -167,7 +172,21 @@ structs! {
         poses: *const shutterbug_stamped_pose,
         wait: *mut c_void,
         signal: *mut c_void,
+        wait_value: u64,
+        signal_value: u64,
         picture_memory: *mut c_void,
+    }
+
+    shutterbug_gpu_image {
+        struct_size: u32,
+        vk_format: u32,
+        width: u32,
+        height: u32,
+        vk_layout: u32,
+        vk_layout_after: u32,
+        vk_tiling: u32,
+        vk_usage: u32,
+        vk_image: u64,
     }
 
     shutterbug_frame_info {
@@ -179,6 +198,7 @@ structs! {
         middle: shutterbug_instant,
         last_line_end: shutterbug_instant,
         host_ms: f64,
+        exposure_gain: f64,
     }
 
     shutterbug_pass_time { name: [c_char; 32], ms: f64, }
@@ -196,7 +216,7 @@ macro_rules! sized {
 sized! {
     shutterbug_host_device shutterbug_engine_options shutterbug_camera shutterbug_engine_info shutterbug_image
     shutterbug_request shutterbug_motion_convention shutterbug_depth_convention shutterbug_outside
-    shutterbug_frame_info
+    shutterbug_frame_info shutterbug_gpu_image
 }
 
 /// Checks a pointer and the size that it says.

@@ -182,10 +182,7 @@ impl Exposure<'_> {
     /// read from the disk.
     fn request(&mut self, request: &FrameRequest, requests: &[FrameRequest]) -> Result<Option<FrameRequest>> {
         let index = request.index as usize;
-        for frame in self.control.needs(index).map_or(0..0, |last| 0..last + 1) {
-            if self.control.has(frame) {
-                continue;
-            }
+        for frame in self.control.missing(index).collect::<Vec<_>>() {
             if requests.iter().any(|r| r.index as usize == frame) {
                 return Ok(None);
             }

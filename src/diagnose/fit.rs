@@ -2,6 +2,7 @@
 //! differently at edges, from coarse pictures to fine ones.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -11,8 +12,10 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
-use super::normal::{Equations, half_widths, linearise};
+use super::normal::{Equations, linearise};
 use super::settings::lens;
+use super::tone::Tone;
+use super::weighing::Weighing;
 use crate::camera::Lens;
 use crate::effects::LensDistortion;
 use crate::error::Result;
@@ -57,6 +60,9 @@ pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Qu
 /// The same through a lens.
 pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
 
+/// Most lengths of a step that are tried.
+const MOST_STRETCH: f64 = 8.0;
+
 /// A finished fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fit {
@@ -69,7 +75,8 @@ pub(super) struct Fit {
 struct State {
     theta: Theta,
     cost: f64,
-    delta: f64,
+    /// One per level: costs must compare.
+    weighing: Option<Arc<Weighing>>,
     damping: f64,
 }
 
@@ -95,28 +102,31 @@ fn fit_anew(
     schedule: Schedule,
 ) -> Result<Fit> {
     let mut theta = bounded(forward, start.clone());
-    let mut last: Option<Equations> = None;
     for level in schedule {
         let some = spread_out(frames, level.frames);
-        let mut state = State { theta: theta.clone(), cost: f64::INFINITY, delta: 0.0, damping: 1e-4 };
+        let mut state = State { theta: theta.clone(), cost: f64::INFINITY, weighing: None, damping: 1e-4 };
         for _ in 0..level.iterations {
             if forward.deadline.is_some_and(|d| Instant::now() >= d) {
                 break;
             }
-            let delta = (state.delta > 0.0).then_some(state.delta);
-            let e = linearise(forward, target, &some, &state.theta, free, level, delta)?;
-            // One threshold per level: costs must compare.
-            (state.delta, state.cost) = (e.delta, e.cost);
+            let known = state.weighing.take();
+            let e = linearise(forward, target, &some, &state.theta, free, level, known)?;
+            (state.weighing, state.cost) = (Some(e.weighing.clone()), e.cost);
             let moved = advance(forward, target, &some, &mut state, free, level, &e)?;
-            last = Some(e);
+            tracing::debug!(
+                "block {}: cost {:.5} to {:.5}, moved {moved:.4}, damping {:.1e}",
+                level.block,
+                e.cost,
+                state.cost,
+                state.damping
+            );
             if moved < 5e-3 {
                 break;
             }
         }
         theta = state.theta;
     }
-    let half = last.map(|e| half_widths(&e, free)).unwrap_or_default();
-    Ok(Fit { theta, half })
+    Ok(Fit { theta, half: BTreeMap::new() })
 }
 
 /// At most `most` of the frames, from all over them.
@@ -151,15 +161,57 @@ fn advance(
         }
         let folds = Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err();
         let now =
-            if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, state.delta)? };
+            if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, &e.weighing)? };
         if now < state.cost {
+            let fallen = (state.cost - now) * e.count;
             (state.theta, state.cost) = (trial, now);
             state.damping = (state.damping * 0.1).max(1e-6);
+            let longer = stretch(e, &step, fallen);
+            if longer > 1.4 && moved > 2e-2 {
+                return Ok(moved * go_on(forward, target, frames, state, free, level, e, &step, longer)?);
+            }
             return Ok(moved);
         }
         state.damping = (state.damping * 30.0).max(3e-2);
     }
     Ok(0.0)
+}
+
+/// How many of its lengths a step should have had, if the cost is a parabola along it: at hard edges slopes are spread
+/// over more pixels than differences, and steps come out many times too short.
+fn stretch(e: &Equations, step: &[f64], fallen: f64) -> f64 {
+    let slope: f64 = e.b.iter().zip(step).map(|(b, s)| b * s).sum();
+    let bend = 2.0 * (slope - fallen);
+    if slope <= 0.0 { 1.0 } else { (slope / bend.max(slope / MOST_STRETCH)).min(MOST_STRETCH) }
+}
+
+/// Tries the rest of a step that was too short; returns how much longer the step has become.
+#[allow(clippy::too_many_arguments)]
+fn go_on(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    state: &mut State,
+    free: &[P],
+    level: &Level,
+    e: &Equations,
+    step: &[f64],
+    longer: f64,
+) -> Result<f64> {
+    let mut trial = state.theta.clone();
+    for (&p, s) in free.iter().zip(step) {
+        trial.set(p, state.theta.get(p) + (longer - 1.0) * s * p.spec().step);
+    }
+    let trial = bounded(forward, trial);
+    if Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err() {
+        return Ok(1.0);
+    }
+    let now = cost_of(forward, target, frames, &trial, level, &e.weighing)?;
+    if now >= state.cost {
+        return Ok(1.0);
+    }
+    (state.theta, state.cost) = (trial, now);
+    Ok(longer)
 }
 
 /// Keeps times inside what the trajectory covers.
@@ -173,32 +225,38 @@ pub(super) fn bounded(forward: &Forward, mut theta: Theta) -> Theta {
     theta
 }
 
-/// Robust cost of `theta` on pictures averaged over blocks, DN a value. `delta`: where absolute errors begin, DN.
+/// Robust cost of `theta` on pictures averaged over blocks, per value.
 pub(super) fn cost_of(
     forward: &mut Forward,
     target: Target<'_>,
     frames: &[usize],
     theta: &Theta,
     level: &Level,
-    delta: f64,
+    weighing: &Weighing,
 ) -> Result<f64> {
     let simulated = forward.simulate(frames, theta, level.quality)?;
-    let costs: Vec<(f64, f64)> = frames
-        .par_iter()
-        .zip(&simulated)
-        .map(|(&at, s)| {
-            let r = residual(target, at, s, level.block);
-            let sum: f64 = r.iter().map(|&e| huber(f64::from(e), delta)).sum();
-            (sum, r.len() as f64)
+    let costs: Vec<(f64, f64)> = (0..frames.len())
+        .into_par_iter()
+        .map(|f| {
+            let r = residual(target, frames[f], &simulated[f], level.block);
+            (weighing.cost(f, &r), r.len() as f64)
         })
         .collect();
     let (sum, count) = costs.into_iter().fold((0.0, 0.0), |a, c| (a.0 + c.0, a.1 + c.1));
     Ok(sum / f64::max(count, 1.0))
 }
 
-pub(super) fn huber(e: f64, delta: f64) -> f64 {
-    let e = e.abs();
-    if e <= delta { 0.5 * e * e / delta } else { e - 0.5 * delta }
+/// The weights of `theta`'s noise with a given threshold, DN.
+pub(super) fn weighing_of(
+    forward: &mut Forward,
+    frames: &[usize],
+    theta: &Theta,
+    level: &Level,
+    delta: f64,
+) -> Result<Weighing> {
+    let tone = Tone::new(theta);
+    let means = if tone.is_noisy() { forward.simulate(frames, theta, level.quality)? } else { Vec::new() };
+    Ok(Weighing::new(&means, &tone, level.block, delta))
 }
 
 /// Real minus simulated, averaged over blocks; masked values are 0.

@@ -436,13 +436,14 @@ impl Forward {
 }
 
 pub(super) fn options(quality: Quality) -> EngineOptions {
-    let (samples, chord_px) = match quality {
-        Quality::Coarse => (1, 0.4),
-        Quality::Fit => (4, 0.1),
-        Quality::Fine => (16, 0.05),
+    // A thing right before the lens is cut into as many triangles as there may be, and vertices cost as much as pixels.
+    let (samples, chord_px, most_triangles) = match quality {
+        Quality::Coarse => (1, 0.4, 25_000),
+        Quality::Fit => (4, 0.1, 100_000),
+        Quality::Fine => (16, 0.05, 400_000),
     };
     EngineOptions {
-        method: Method::Exact(ExactOptions { chord_px, ..ExactOptions::default() }),
+        method: Method::Exact(ExactOptions { chord_px, most_triangles }),
         samples,
         frames_in_flight: 2,
         ..EngineOptions::default()

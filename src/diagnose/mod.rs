@@ -12,6 +12,7 @@ mod fit;
 mod flow;
 mod forward;
 mod hot;
+mod intervals;
 mod journal;
 mod judge;
 mod linear;
@@ -33,6 +34,7 @@ mod settings;
 mod starts;
 mod task;
 mod tone;
+mod weighing;
 mod wide;
 
 pub use report::{

@@ -227,8 +227,12 @@ impl Theta {
                 number("depth", depth, wide, "");
                 let turn = half.get(&P::FlickerC).map(|h| h / depth.max(1e-9));
                 let phase = s.atan2(c);
-                number("phase_rad", phase, turn.map(|t| [phase - t, phase + t]), "rad");
-                number("frequency_hz", self.get(P::FlickerF), around(P::FlickerF), "Hz");
+                // Frames whose lines are all exposed at once know the frequency up to multiples of their own rate only:
+                // an interval about one of these aliases would say more than is known.
+                let rolls = self.is_on(P::Readout);
+                let phase_ci = turn.filter(|_| rolls).map(|t| [phase - t, phase + t]);
+                number("phase_rad", phase, phase_ci, "rad");
+                number("frequency_hz", self.get(P::FlickerF), around(P::FlickerF).filter(|_| rolls), "Hz");
             }
             "shot_noise" => {
                 let inverse = self.get(P::Shot);

@@ -30,6 +30,8 @@ pub(super) struct Residue {
 struct Bin {
     sum: f64,
     count: f64,
+    /// Sums of the variances of noise that is new in every value, and of the pattern's, DN^2.
+    noise2: [f64; 2],
 }
 
 /// Measures it. `means` are the simulated values of `frames` (places).
@@ -41,6 +43,7 @@ pub(super) fn residue(
     noise: &NoiseData,
     theta: &Theta,
 ) -> Residue {
+    let tone = Tone::new(theta);
     let mut tables = vec![vec![Bin::default(); BINS * 3]; 5];
     for (f, (&at, mean)) in frames.iter().zip(means).enumerate() {
         let (w, h) = (mean.width, mean.height);
@@ -58,10 +61,13 @@ pub(super) fn residue(
                     x * BINS / w,
                     f,
                 ];
+                let v = tone.spread(m, c);
                 for (table, place) in tables.iter_mut().zip(places) {
                     let bin = &mut table[3 * place.min(BINS - 1) + c];
                     bin.sum += f64::from(r - m);
                     bin.count += 1.0;
+                    bin.noise2[0] += f64::from(v.free);
+                    bin.noise2[1] += f64::from(v.fixed);
                 }
             }
         }
@@ -69,9 +75,10 @@ pub(super) fn residue(
     let bias = |table: &Vec<Bin>| {
         let seen: Vec<&Bin> = table.iter().filter(|b| b.count >= FEWEST).collect();
         let total: f64 = seen.iter().map(|b| b.count).sum();
-        seen.iter().map(|b| b.sum.abs()).sum::<f64>() / total.max(1.0)
+        // A pattern stays the same over the frames, and so does what it leaves in a mean.
+        let chance = |b: &Bin| (b.noise2[0] + b.noise2[1] * frames.len() as f64).sqrt();
+        seen.iter().map(|b| (b.sum.abs() - chance(b)).max(0.0)).sum::<f64>() / total.max(1.0)
     };
-    let tone = Tone::new(theta);
     let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
     let row_dn = rows / means[0].data.len() as f64;
     // Compression leaves differences of its own, which say nothing about noise.
@@ -115,8 +122,8 @@ impl NoiseData {
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
         for [l, v, _] in self.unclipped() {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            // Half a DN: less cannot be told from rounding.
-            let least = 0.25 / slope_dn(l).powi(2);
+            // Quartiles of whole DN are off by up to half a DN to each side: less variance than that says nothing.
+            let least = 0.5 / slope_dn(l).powi(2);
             sum += ((v + least) / (model + least)).ln().abs();
             level += v;
             count += 1.0;

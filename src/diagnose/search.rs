@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::evidence::Evidence;
 use super::fit::{
     COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+    weighing_of,
 };
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
@@ -14,6 +15,7 @@ use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
 use super::residue::Residue;
 use super::starts::best_starts;
+use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -27,6 +29,8 @@ const PARSIMONY: f64 = 0.02;
 const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
 const SHORTLIST: usize = 4;
+/// Beyond which difference sizes are compared instead of squares, DN.
+const COMPARED_DN: f64 = 1.5;
 /// Where costs of discrete candidates are compared.
 const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 4 };
 
@@ -121,15 +125,22 @@ impl<'a> Search<'a> {
     }
 
     /// Robust cost on the frames that fits see.
-    fn cost(&mut self, theta: &Theta, level: &Level) -> Result<f64> {
+    fn cost(&mut self, theta: &Theta, level: &Level, weighing: &Weighing) -> Result<f64> {
         let frames = spread_out(self.fit_frames(), level.frames);
         let target = self.target();
-        cost_of(self.forward, target, &frames, theta, level, 1.5)
+        cost_of(self.forward, target, &frames, theta, level, weighing)
+    }
+
+    /// The weights under which costs of a stage are compared: those of the noise in `theta`.
+    fn weighing(&mut self, theta: &Theta, level: &Level) -> Result<Weighing> {
+        let frames = spread_out(self.fit_frames(), level.frames);
+        weighing_of(self.forward, &frames, theta, level, COMPARED_DN)
     }
 
     /// What the differences that `theta` leaves tell of the noise.
     pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
-        let means = self.forward.simulate(frames, theta, Quality::Fit)?;
+        // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
+        let means = self.forward.simulate(frames, theta, self.judge.quality)?;
         Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
     }
 
@@ -166,18 +177,21 @@ impl<'a> Search<'a> {
         let starts = best_starts(self.forward, target, self.evidence, theta, candidate, 2)?;
         let schedule = if moves(candidate) { COARSE } else { VALUES };
         let last = schedule[schedule.len() - 1];
+        let weighing = self.weighing(theta, &last)?;
+        // Values are looked for with the geometry held, whose renders are kept, but together with the set's other values:
+        // a gain beside a white balance helps only if both move.
+        let who: Vec<_> =
+            joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
         let mut best: Option<(f64, Theta)> = None;
         for start in &starts {
-            // Values are looked for with the geometry held: its renders are kept.
-            let who = if moves(candidate) { &joint[..] } else { &joint[joint.len() - 1..] };
-            let found = self.refit(who, start, schedule)?;
-            let cost = self.cost(&found.theta, &last)?;
+            let found = self.refit(&who, start, schedule)?;
+            let cost = self.cost(&found.theta, &last, &weighing)?;
             if best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, found.theta));
             }
         }
         let (cost, start) = best.expect("there is always a start");
-        let was = self.cost(theta, &last)?;
+        let was = self.cost(theta, &last, &weighing)?;
         // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
         if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
@@ -188,11 +202,12 @@ impl<'a> Search<'a> {
     /// Tries the values of a choice, or qualities from coarse to fine.
     pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
         let p = candidate.parameters[0];
+        let weighing = self.weighing(&theta.with(p, 0.0), &PIXELS)?;
         let mut tried: Vec<(f64, f64)> = Vec::new();
         let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
             let value = value.clamp(1.0, p.spec().range[1]).round();
             if !tried.iter().any(|t| t.0 == value) {
-                let cost = search.cost(&theta.with(p, value), &PIXELS)?;
+                let cost = search.cost(&theta.with(p, value), &PIXELS, &weighing)?;
                 tried.push((value, cost));
             }
             let best = tried.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("just tried");
@@ -220,9 +235,10 @@ impl<'a> Search<'a> {
     pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         let rest = worse.mean() - worse.floor();
-        low > 0.0
-            && gain > 0.12 * self.renderer_difference
-            && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
+        // Under noise a difference counts less than its size in the score: so does that of two renderers.
+        let least = 0.12 * self.renderer_difference;
+        let least = least * (least / (least + better.floor())).max(0.25);
+        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// Runs the search.
@@ -254,7 +270,7 @@ impl<'a> Search<'a> {
             scores = better;
             self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
-        watch.stage("the set to the end", 3);
+        watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
             set,
@@ -439,7 +455,6 @@ impl<'a> Search<'a> {
             let (target, frames) = (self.target(), self.fit_frames());
             let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
             found.fit.theta = last.theta;
-            found.fit.half.extend(last.half);
             self.tune_choices(found)?;
         }
         watch.step("noise");
@@ -448,6 +463,8 @@ impl<'a> Search<'a> {
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
+        watch.step("intervals");
+        self.mean_intervals(found)?;
         watch.step("scores");
         found.after = self.judge.scores(self.forward, &found.fit.theta)?;
         Ok(())

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::evidence::Evidence;
-use super::fit::{Level, Target, cost_of, spread_out};
+use super::fit::{Level, Target, cost_of, spread_out, weighing_of};
 use super::forward::{Forward, Quality};
 use super::model::{CandidateSpec, P, Theta};
 use crate::camera::ScanOrder;
@@ -92,9 +92,10 @@ pub(super) fn best_starts(
         return Ok(all);
     }
     let some = spread_out(&evidence.fit, LOOK.frames);
+    let weighing = weighing_of(forward, &some, theta, &LOOK, 2.0)?;
     let mut costs = Vec::new();
     for (i, start) in all.iter().enumerate() {
-        costs.push((cost_of(forward, target, &some, start, &LOOK, 2.0)?, i));
+        costs.push((cost_of(forward, target, &some, start, &LOOK, &weighing)?, i));
     }
     costs.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(costs.iter().take(most).map(|&(_, i)| all[i].clone()).collect())

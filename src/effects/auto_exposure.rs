@@ -8,6 +8,8 @@
 //! `max_gain`. The first `delay_frames` frames have `initial_gain`. With a delay and a high speed it overshoots, as real
 //! ones do. No random number and no clock: the same frames give the same gains.
 
+use std::collections::VecDeque;
+
 use crate::chain::{Effect, ParamSpec, Settings, Stage, Value};
 use crate::effects::ExposureGain;
 use crate::error::{Error, Result};
@@ -81,10 +83,12 @@ pub struct ExposureControl {
     max_step: f64,
     range: (f64, f64),
     initial: f64,
+    /// Frame that the first entry of the two below belongs to.
+    first: usize,
     /// Logarithms of the gains so far, by frame.
-    log_gains: Vec<f64>,
+    log_gains: VecDeque<f64>,
     /// Metered means, by frame.
-    means: Vec<Option<f64>>,
+    means: VecDeque<Option<f64>>,
 }
 
 impl ExposureControl {
@@ -99,19 +103,29 @@ impl ExposureControl {
             max_step: number("max_step_ev", 10.0) * std::f64::consts::LN_2,
             range: (number("min_gain", GAIN.0).ln(), number("max_gain", GAIN.1).ln()),
             initial: number("initial_gain", 1.0).ln(),
-            log_gains: Vec::new(),
-            means: Vec::new(),
+            first: 0,
+            log_gains: VecDeque::new(),
+            means: VecDeque::new(),
         })
     }
 
-    /// The last frame that must have been metered, like all before it, before the gain of `frame` is asked for.
-    pub fn needs(&self, frame: usize) -> Option<usize> {
-        frame.checked_sub(self.delay)
+    /// The frames that must be metered before the gain of `frame` can be asked for, and were not.
+    pub fn missing(&self, frame: usize) -> impl Iterator<Item = usize> + use<'_> {
+        let end = (frame + 1).saturating_sub(self.delay);
+        (self.first..end).filter(|k| !self.means.get(k - self.first).is_some_and(Option::is_some))
     }
 
-    /// Whether a frame was metered.
-    pub fn has(&self, frame: usize) -> bool {
-        self.means.get(frame).is_some_and(Option::is_some)
+    /// Forgets what no frame from `frame` on answers to: frames before it cannot be asked for any more. A run without end
+    /// takes no more memory then.
+    pub fn forget_before(&mut self, frame: usize) {
+        let keep = frame.saturating_sub(self.delay).max(self.first);
+        // A gain is taken from the one before it.
+        let keep = keep.min((self.first + self.log_gains.len()).saturating_sub(1));
+        while self.first < keep {
+            self.log_gains.pop_front();
+            self.means.pop_front();
+            self.first += 1;
+        }
     }
 
     /// Meters a delivered picture, shape `[height, width, 3]`, 8-bit sRGB.
@@ -128,33 +142,36 @@ impl ExposureControl {
 
     /// The same with a mean linear luminance that is known.
     pub fn meter_mean(&mut self, frame: usize, mean: f64) {
-        self.means.resize(self.means.len().max(frame + 1), None);
-        self.means[frame] = Some(mean);
+        // Of a frame that was forgotten, nothing asks.
+        let Some(at) = frame.checked_sub(self.first) else { return };
+        self.means.resize(self.means.len().max(at + 1), None);
+        self.means[at] = Some(mean);
     }
 
     /// The gain of a frame.
     ///
     /// # Panics
-    /// If a frame up to [`Self::needs`] was not metered: a bug of the caller.
+    /// If a frame of [`Self::missing`] was not metered, or the frame was forgotten: a bug of the caller.
     pub fn gain(&mut self, frame: usize) -> f64 {
         /// A black frame asks for no more than this; the range decides.
         const DARKEST: f64 = 1e-6;
-        while self.log_gains.len() <= frame {
-            let n = self.log_gains.len();
+        while self.first + self.log_gains.len() <= frame {
+            let n = self.first + self.log_gains.len();
             let inside = |log: f64| log.clamp(self.range.0, self.range.1);
-            let next = match self.needs(n) {
+            let next = match n.checked_sub(self.delay) {
                 None => inside(self.initial),
                 Some(k) => {
+                    let k = k - self.first;
                     let mean = self.means[k].expect("frames are metered before they are answered");
                     let wanted = inside(self.log_gains[k] + (self.target / mean.max(DARKEST)).ln());
-                    let before = self.log_gains[n - 1];
+                    let before = self.log_gains[self.log_gains.len() - 1];
                     let step = (self.speed * (wanted - before)).clamp(-self.max_step, self.max_step);
                     inside(before + step)
                 }
             };
-            self.log_gains.push(next);
+            self.log_gains.push_back(next);
         }
-        self.log_gains[frame].exp()
+        self.log_gains[frame - self.first].exp()
     }
 
     /// The settings of a frame: its gain times that of `exposure_gain`.
@@ -236,6 +253,26 @@ mod tests {
         let got = c.settings(1, &settings).expect("in range").number("exposure_gain", "gain", 1.0);
         assert!((got - 3.0 * 0.2 / 0.5).abs() < 1e-9, "half of the picture is white: {got}");
         assert_eq!(ExposureControl::new(&Settings::default()), None);
+    }
+
+    #[test]
+    fn what_no_frame_answers_to_is_forgotten_and_the_gains_stay() {
+        let settings = [("target", 0.18), ("speed", 0.4), ("delay_frames", 3.0)];
+        let light = |n: usize| 0.1 + 0.05 * (n % 7) as f64;
+        let want = gains(control(&settings), light);
+        let mut c = control(&settings);
+        for (n, want) in want.iter().enumerate() {
+            assert_eq!(c.missing(n).next(), None);
+            assert_eq!(c.gain(n), *want, "frame {n}");
+            c.forget_before(n);
+            c.meter_mean(n, want * light(n));
+            assert!(c.log_gains.len() <= 4 && c.means.len() <= 4, "{} {}", c.log_gains.len(), c.means.len());
+        }
+        // Control: a frame that was not metered is missed, once it counts.
+        let n = want.len();
+        c.gain(n);
+        assert_eq!(c.missing(n + 2).next(), None);
+        assert_eq!(c.missing(n + 4).collect::<Vec<_>>(), [n, n + 1]);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
 
 mod accumulation;
+mod delivery;
 mod exact;
 mod fast;
 mod fast_pass;
@@ -38,6 +39,7 @@ use crate::raster::{SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
 pub use accumulation::AccumulationOptions;
+pub use delivery::Delivery;
 pub use exact::ExactOptions;
 pub use fast::FastOptions;
 pub use fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
@@ -257,10 +259,21 @@ impl Engine {
     /// # Panics
     /// If all slots hold frames that were not collected: a bug of the caller.
     pub fn submit(&mut self, request: &FrameRequest) -> Result<Ticket> {
+        self.submit_to(request, &Delivery::default())
+    }
+
+    /// The same; the picture goes elsewhere on the device too.
+    ///
+    /// # Errors
+    /// As for [`Self::submit`].
+    ///
+    /// # Panics
+    /// As [`Self::submit`].
+    pub fn submit_to(&mut self, request: &FrameRequest, delivery: &Delivery) -> Result<Ticket> {
         let index = self.next;
         assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
         // A frame that was given up between its parts may still be at work here.
-        self.slots[index].gpu.wait(self.options.time_limit)?;
+        self.slots[index].wait(self.options.time_limit)?;
         frame::check_coverage(&self.stage, request)?;
         let path = frame::camera_path(&self.stage, request);
         self.fit_lens(request)?;
@@ -284,7 +297,7 @@ impl Engine {
                 pass.submit(&self.stage, slot, request, &path, last, self.options.time_limit)
             }
         };
-        if let Err(error) = done {
+        if let Err(error) = done.and_then(|()| slot.deliver(&self.stage, delivery)) {
             slot.cancel();
             return Err(error);
         }
@@ -352,7 +365,7 @@ impl Engine {
     /// Device lost, or the time limit passed.
     pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
         let slot = &mut self.slots[ticket.slot];
-        slot.gpu.wait(self.options.time_limit)?;
+        slot.wait(self.options.time_limit)?;
         let times: Vec<PassTime> = slot.finish_times()?;
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
         let planes = self.planes.as_ref().filter(|_| slot.wants_planes()).map(|p| p.read(slot.index));

@@ -4,10 +4,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::delivery::Delivery;
 use super::finish::{Finish, prepare};
 use super::frame::{Frame, FrameInstants};
 use super::outside_frame::{
-    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
+    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource, gather_push, pictures,
+    place,
 };
 use super::outside_kernels::{Groups, Kernels, Unpacked};
 use super::slots::FrameSlot;
@@ -15,7 +17,7 @@ use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::Defocus;
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Semaphore, Usage};
+use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Shared, Usage};
 use crate::raster::{SamplePlan, SceneBuffers};
 use crate::reference::motion_from_depth::Push as FromDepthPush;
 use crate::reference::unpack::{ColorPush, DepthPush, Encoding, MotionPush};
@@ -35,8 +37,8 @@ pub struct OutsideEngine {
     stage: Stage,
 }
 
-/// The caller's semaphores and the buffer that a picture is copied to.
-type Kept = ([Option<Arc<Semaphore>>; 2], Option<Arc<Buffer>>);
+/// The caller's things that a frame in flight uses.
+type Kept = (Delivery, Vec<Shared>);
 
 /// Everything whose size depends on the margin.
 struct Images {
@@ -148,6 +150,7 @@ impl OutsideEngine {
     pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
         let slot = &mut self.slots[ticket.slot];
         slot.gpu.wait(self.time_limit)?;
+        self.kept[ticket.slot] = Kept::default();
         let times = slot.finish_times()?;
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
         Ok(slot.take_frame(size, times, None))
@@ -185,11 +188,14 @@ impl OutsideEngine {
         Ok(Images { margin_px, groups, color, motion, depth })
     }
 
-    /// Copies the caller's host memory into the slot's staging buffers. Shared buffers are read where they are.
+    /// Copies the caller's host memory into the slot's staging buffers; makes them for images. Shared buffers are read
+    /// where they are.
     fn upload(&mut self, slot: usize, frame: &OutsideFrame<'_>) -> Result<()> {
         let camera = self.stage.intrinsics.with_margin(frame.margin_px);
         for (i, pixels) in pictures(frame).into_iter().enumerate() {
-            let PixelSource::Host(bytes) = pixels.source else { continue };
+            if let PixelSource::Shared(..) = pixels.source {
+                continue;
+            }
             let row = camera.width as usize * pixels.format.bytes();
             let stride = row.next_multiple_of(4);
             let needed = (stride * camera.height as usize) as u64;
@@ -207,6 +213,8 @@ impl OutsideEngine {
                     images.groups.forget(slot, i);
                 }
             }
+            // Images are copied there by the device.
+            let PixelSource::Host(bytes) = pixels.source else { continue };
             let staging = staging.as_mut().expect("just made");
             if stride == pixels.stride_bytes && bytes.len() >= stride * camera.height as usize {
                 staging.write(0, &bytes[..stride * camera.height as usize]);
@@ -257,6 +265,11 @@ impl OutsideEngine {
         let slot = &mut self.slots[index];
         let mut recorder = slot.gpu.begin()?;
         recorder.mark("unpack");
+        for (pixels, staging) in pictures.iter().zip(&self.uploads[index]) {
+            if let (PixelSource::Image(image), Some(staging)) = (pixels.source, staging) {
+                recorder.copy_shared_to_buffer(image, staging);
+            }
+        }
         let (first_byte, stride_bytes) = placed[0];
         let codes_from = if frame.encoding == Encoding::Linear { 256 } else { 0 };
         let format = frame.color.format as u32;
@@ -286,9 +299,9 @@ impl OutsideEngine {
         let push = gather_push(&self.stage.intrinsics, frame);
         recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
         finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));
-        self.kept[index] = (frame.between.clone(), frame.copy_to.clone());
-        let [wait, signal] = &frame.between;
-        slot.gpu.submit_between(wait.as_deref(), signal.as_deref())
+        self.kept[index] = (frame.delivery.clone(), pictures.iter().filter_map(shared).collect());
+        let Delivery { wait, signal, .. } = &frame.delivery;
+        slot.gpu.submit_between(wait.as_ref(), signal.as_ref())
     }
 }
 
@@ -299,6 +312,15 @@ impl Drop for OutsideEngine {
     }
 }
 
+/// What a picture is read from, if it is the caller's.
+fn shared(pixels: &OutsidePixels<'_>) -> Option<Shared> {
+    match pixels.source {
+        PixelSource::Host(_) => None,
+        PixelSource::Shared(buffer, _) => Some(Shared::Buffer(buffer.clone())),
+        PixelSource::Image(image) => Some(Shared::Image(image.clone())),
+    }
+}
+
 fn finish_frame(
     finish: &Finish,
     mut recorder: Recorder<'_>,
@@ -306,10 +328,7 @@ fn finish_frame(
     to: (&Buffer, &Buffer),
 ) {
     finish.record(&mut recorder, &frame.request, to);
-    if let Some(also) = &frame.copy_to {
-        recorder.copy_buffer(to.0, also, to.0.bytes());
-        recorder.barrier();
-    }
+    frame.delivery.record(&mut recorder, to.0);
     recorder.finish();
 }
 

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::delivery::Delivery;
 use super::frame::FrameRequest;
 use crate::camera::{Intrinsics, Pose};
-use crate::gpu::{Buffer, Semaphore};
+use crate::gpu::{Buffer, SharedImage};
 use crate::plane::PixelFormat;
 use crate::reference::paper_gather::Push as GatherPush;
 use crate::reference::unpack::Encoding;
@@ -20,6 +21,8 @@ pub enum PixelSource<'a> {
     /// In a buffer that the device reads, from this byte on (a multiple of 4). Must not be written until the frame is
     /// collected.
     Shared(&'a Arc<Buffer>, u64),
+    /// In an image of the host's, of the picture's size and a format that lies like the picture's. Copied on the device.
+    Image(&'a Arc<SharedImage>),
 }
 
 /// A picture of the caller.
@@ -73,10 +76,8 @@ pub struct OutsideFrame<'a> {
     pub motion: OutsideMotion<'a>,
     /// Most samples of the blur.
     pub max_samples: u32,
-    /// What the device waits for before it reads the pictures, and what it signals when the frame is done.
-    pub between: [Option<Arc<Semaphore>>; 2],
-    /// Where the picture is copied to as well, as tightly packed RGBA8 (at least `4 width height` bytes).
-    pub copy_to: Option<Arc<Buffer>>,
+    /// Semaphores around it, and where the picture goes as well.
+    pub delivery: Delivery,
 }
 
 /// Colour first, then motion or depth: the order of the staging buffers.
@@ -92,7 +93,9 @@ pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
 /// First byte and stride of a picture where the kernel reads it.
 pub(super) fn place(pixels: &OutsidePixels<'_>, width: u32) -> (u32, u32) {
     match pixels.source {
-        PixelSource::Host(_) => (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32),
+        PixelSource::Host(_) | PixelSource::Image(_) => {
+            (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32)
+        }
         PixelSource::Shared(_, first_byte) => (first_byte as u32, pixels.stride_bytes as u32),
     }
 }

@@ -1,6 +1,6 @@
 //! Pipelines of `outside.rs`, and what they are bound to.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
@@ -61,8 +61,9 @@ pub(super) struct Groups {
 struct Source {
     /// Which kernel it is for.
     role: Role,
-    /// The buffer that it is bound to, where it is not the slot's own: the device uses it until the frame is collected.
-    shared: Option<Arc<Buffer>>,
+    /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it back
+    /// once its frames are collected.
+    shared: Option<Weak<Buffer>>,
     group: BindGroup,
 }
 
@@ -117,11 +118,14 @@ impl Groups {
                 _ => Role::Motion,
             };
             let (buffer, shared) = match pixels.source {
-                PixelSource::Host(_) => (uploads[place].as_ref().expect("filled by `upload`"), None),
+                PixelSource::Host(_) | PixelSource::Image(_) => {
+                    (uploads[place].as_ref().expect("filled by `upload`"), None)
+                }
                 PixelSource::Shared(buffer, _) => (&**buffer, Some(buffer)),
             };
+            // A weak reference keeps its address from being used again.
             let same =
-                |s: &Source| s.role == role && s.shared.as_ref().map(Arc::as_ptr) == shared.map(Arc::as_ptr);
+                |s: &Source| s.role == role && s.shared.as_ref().map(Weak::as_ptr) == shared.map(Arc::as_ptr);
             if self.sources[slot][place].as_ref().is_some_and(same) {
                 continue;
             }
@@ -135,7 +139,8 @@ impl Groups {
                 Role::Motion => kernels.motion.bind(&[source, ("motion", Bound::Storage(to.motion))]),
                 Role::Depth => kernels.depth.bind(&[source, ("depth", Bound::Storage(to.depth))]),
             };
-            self.sources[slot][place] = Some(Source { role, shared: shared.cloned(), group: group? });
+            self.sources[slot][place] =
+                Some(Source { role, shared: shared.map(Arc::downgrade), group: group? });
         }
         Ok(())
     }

@@ -1,8 +1,9 @@
 //! What each frame in flight has of its own: commands, mapped inputs, mapped readback.
 
-use std::time::Instant as Clock;
+use std::time::{Duration, Instant as Clock};
 
 use super::Stage;
+use super::delivery::{After, Delivery};
 use super::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::camera::{Intrinsics, Trajectory};
 use crate::effects;
@@ -17,6 +18,8 @@ pub(super) const MAX_INSTANTS: u32 = 40;
 
 /// A frame in flight.
 pub(super) struct FrameSlot {
+    /// Made when a frame first goes elsewhere too.
+    after: Option<After>,
     pub(super) gpu: Slot,
     pub(super) index: usize,
     pub(super) inputs: SlotInputs,
@@ -50,6 +53,7 @@ impl FrameSlot {
             Buffer::new(&stage.context, name, bytes, Usage::Transfer, Location::Readback)
         };
         Ok(Self {
+            after: None,
             gpu: Slot::new(&stage.context, &format!("frame {index}"))?,
             index,
             inputs: SlotInputs {
@@ -70,6 +74,33 @@ impl FrameSlot {
     /// Whether it holds a frame that was not collected.
     pub(super) fn pending(&self) -> bool {
         self.request.is_some()
+    }
+
+    /// Sends the picture elsewhere too, behind the frame's own work.
+    pub(super) fn deliver(&mut self, stage: &Stage, delivery: &Delivery) -> Result<()> {
+        if delivery.is_empty() {
+            return Ok(());
+        }
+        if self.after.is_none() {
+            self.after = Some(After::new(&stage.context)?);
+        }
+        self.after.as_mut().expect("just made").submit(delivery, &self.picture)
+    }
+
+    /// Whether all of the frame's work has finished; does not wait.
+    pub(super) fn finished(&self) -> Result<bool> {
+        Ok(self.gpu.finished()? && self.after.as_ref().map_or(Ok(true), |a| a.gpu.finished())?)
+    }
+
+    /// Waits for all of the frame's work.
+    pub(super) fn wait(&mut self, limit: Duration) -> Result<()> {
+        let start = Clock::now();
+        self.gpu.wait(limit)?;
+        if let Some(after) = &mut self.after {
+            after.gpu.wait(limit.saturating_sub(start.elapsed()))?;
+            after.release();
+        }
+        Ok(())
     }
 
     pub(super) fn start(&mut self, request: &FrameRequest, instants: FrameInstants) {

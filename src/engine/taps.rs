@@ -46,7 +46,7 @@ impl Engine {
     /// # Errors
     /// Device lost.
     pub fn finished(&self, ticket: &Ticket) -> Result<bool> {
-        self.slots[ticket.slot].gpu.finished()
+        self.slots[ticket.slot].finished()
     }
 
     /// Waits for a frame without taking it.
@@ -54,7 +54,7 @@ impl Engine {
     /// # Errors
     /// Device lost; not finished within `limit`: then it can be waited for again.
     pub fn wait(&mut self, ticket: &Ticket, limit: Duration) -> Result<()> {
-        self.slots[ticket.slot].gpu.wait(limit)
+        self.slots[ticket.slot].wait(limit)
     }
 
     /// Renders a frame by the paper's method and reads back what its gather was given; `None` for other methods.

@@ -10,6 +10,7 @@ use super::context::Context;
 use super::graphics::{Attachments, GraphicsPipeline};
 use super::kernel::ComputePipeline;
 use super::memory::{Buffer, Image};
+use super::shared_image::SharedImage;
 use super::slot::{MAX_QUERIES, Slot};
 
 /// A rectangle of the attachments, px: only it is cleared and drawn.
@@ -280,6 +281,90 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Copies an image of the host into a tightly packed buffer, after a barrier. It is found and left in its layouts.
+    pub fn copy_shared_to_buffer(&mut self, from: &SharedImage, to: &Buffer) {
+        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        self.take_shared(from, layout);
+        let region = [whole(from)];
+        // SAFETY: recording; image and buffer are alive, the buffer holds the image's texels (the caller's sizes).
+        unsafe {
+            self.context.device.cmd_copy_image_to_buffer(
+                self.slot.commands,
+                from.handle,
+                layout,
+                to.handle,
+                &region,
+            );
+        }
+        self.leave_shared(from, layout);
+    }
+
+    /// Fills an image of the host from a tightly packed buffer, after a barrier.
+    pub fn copy_buffer_to_shared(&mut self, from: &Buffer, to: &SharedImage) {
+        let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        self.take_shared(to, layout);
+        let region = [whole(to)];
+        // SAFETY: recording; buffer and image are alive, the buffer holds the image's texels (the caller's sizes).
+        unsafe {
+            self.context.device.cmd_copy_buffer_to_image(
+                self.slot.commands,
+                from.handle,
+                to.handle,
+                layout,
+                &region,
+            );
+        }
+        self.leave_shared(to, layout);
+    }
+
+    fn take_shared(&mut self, image: &SharedImage, layout: vk::ImageLayout) {
+        let found = vk::ImageLayout::from_raw(image.spec().layout);
+        self.hand_over(image, (found, layout), (vk::QUEUE_FAMILY_EXTERNAL, self.context.info().queue_family));
+    }
+
+    fn leave_shared(&mut self, image: &SharedImage, layout: vk::ImageLayout) {
+        let left = vk::ImageLayout::from_raw(image.spec().layout_after);
+        self.hand_over(image, (layout, left), (self.context.info().queue_family, vk::QUEUE_FAMILY_EXTERNAL));
+    }
+
+    /// An image from one layout to the next, and, if it has passed a file descriptor, from one owner to the next.
+    fn hand_over(
+        &mut self,
+        image: &SharedImage,
+        (from, to): (vk::ImageLayout, vk::ImageLayout),
+        (owner, next): (u32, u32),
+    ) {
+        let (owner, next) = match image.external_queue() {
+            true => (owner, next),
+            false => (vk::QUEUE_FAMILY_IGNORED, vk::QUEUE_FAMILY_IGNORED),
+        };
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(image.aspect()).level_count(1).layer_count(1);
+        let barrier = vk::ImageMemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE)
+            .old_layout(from)
+            .new_layout(to)
+            .src_queue_family_index(owner)
+            .dst_queue_family_index(next)
+            .image(image.handle)
+            .subresource_range(range);
+        self.barrier();
+        let stages = vk::PipelineStageFlags::ALL_COMMANDS;
+        // SAFETY: recording, outside a render pass; the image is alive and in that layout (the host's promise).
+        unsafe {
+            self.context.device.cmd_pipeline_barrier(
+                self.slot.commands,
+                stages,
+                stages,
+                vk::DependencyFlags::empty(),
+                &[],
+                &[],
+                &[barrier],
+            );
+        }
+    }
+
     /// Fills a buffer with zeros, after a barrier.
     pub fn clear_buffer(&mut self, buffer: &Buffer) {
         self.barrier();
@@ -309,6 +394,18 @@ impl<'a> Recorder<'a> {
 fn all_layers(image: &Image) -> vk::ImageSubresourceLayers {
     let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR);
     layers.layer_count(image.spec().layers)
+}
+
+/// All of a host's image; of depth and stencil, the depth.
+fn whole(image: &SharedImage) -> vk::BufferImageCopy {
+    let [width, height] = image.spec().size;
+    let aspect = match image.aspect() {
+        a if a.contains(vk::ImageAspectFlags::DEPTH) => vk::ImageAspectFlags::DEPTH,
+        a => a,
+    };
+    vk::BufferImageCopy::default()
+        .image_subresource(vk::ImageSubresourceLayers::default().aspect_mask(aspect).layer_count(1))
+        .image_extent(vk::Extent3D { width, height, depth: 1 })
 }
 
 /// One indexed draw.

@@ -123,6 +123,11 @@ impl Context {
         &self.info
     }
 
+    /// Whether the device is the caller's: then the caller's own Vulkan objects can be used as they are.
+    pub fn is_host_device(&self) -> bool {
+        !self.open.owned
+    }
+
     /// What the validation layer has reported so far; always empty when it is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.root.messenger.as_ref().map_or_else(Vec::new, |m| m.messages.all())

@@ -14,6 +14,7 @@ mod memory;
 mod open;
 mod select;
 mod shared;
+mod shared_image;
 mod slot;
 mod validation;
 
@@ -25,7 +26,8 @@ pub use kernel::ComputePipeline;
 pub use memory::{Buffer, Format, Image, ImageSpec, Location, Sampler, Usage};
 pub use open::{HostDevice, HostHandles, Loader};
 pub use select::{DeviceChoice, DeviceInfo, DeviceKind, devices};
-pub use shared::{Semaphore, Sharing};
+pub use shared::{Semaphore, SemaphoreKind, Sharing, SignalAt};
+pub use shared_image::{Shared, SharedFormat, SharedImage, SharedImageSpec};
 pub use slot::{PassTime, Slot};
 pub use validation::Validation;
 

@@ -42,7 +42,10 @@ pub(super) struct OpenDevice {
     pub(super) queue: vk::Queue,
     /// Names of the enabled ones among [`SHARING`].
     pub(super) sharing: Vec<&'static CStr>,
-    owned: bool,
+    /// Whether timeline semaphores may be made.
+    pub(super) timelines: bool,
+    /// Whether it is destroyed with this; else it is the host's.
+    pub(super) owned: bool,
 }
 
 impl OpenDevice {
@@ -58,17 +61,31 @@ impl OpenDevice {
         let has = |name: &CStr| present.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let sharing: Vec<_> = SHARING.into_iter().filter(|name| has(name)).collect();
         let names: Vec<_> = sharing.iter().map(|name| name.as_ptr()).collect();
-        let create = vk::DeviceCreateInfo::default()
+        // Of no use here unless they can be shared.
+        let timelines = has(ash::khr::external_semaphore_fd::NAME) && has_timelines(instance, info);
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+        let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_features(&features)
             .enabled_extension_names(&names);
+        if timelines {
+            create = create.push_next(&mut timeline);
+        }
         // SAFETY: `create` and all it points to live through the call; the features were checked by `select`.
         let device = unsafe { instance.create_device(info.physical, &create, None) };
         let device = device.map_err(failed("vkCreateDevice"))?;
         // SAFETY: the family and index are those that the device was created with.
         let queue = unsafe { device.get_device_queue(info.queue_family, 0) };
-        Ok(Self { device, queue, sharing, owned: true })
+        Ok(Self { device, queue, sharing, timelines, owned: true })
     }
+}
+
+fn has_timelines(instance: &Instance, info: &DeviceInfo) -> bool {
+    let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut timeline);
+    // SAFETY: the physical device belongs to the live instance; core 1.1 call with a core 1.2 structure.
+    unsafe { instance.get_physical_device_features2(info.physical, &mut features) };
+    timeline.timeline_semaphore == vk::TRUE
 }
 
 impl Drop for OpenDevice {
@@ -160,6 +177,6 @@ impl HostDevice {
     pub(super) fn open(&self, instance: &Instance) -> OpenDevice {
         // SAFETY: the device is alive and was made from this instance (see `new`).
         let device = unsafe { ash::Device::load(instance.fp_v1_0(), self.device) };
-        OpenDevice { device, queue: self.queue, sharing: self.sharing.clone(), owned: false }
+        OpenDevice { device, queue: self.queue, sharing: self.sharing.clone(), timelines: true, owned: false }
     }
 }

@@ -4,7 +4,7 @@
 use std::ffi::c_void;
 use std::sync::Arc;
 
-use ash::vk;
+use ash::vk::{self, Handle as _};
 
 use super::context::Context;
 use super::failed;
@@ -18,8 +18,10 @@ pub struct Sharing {
     pub memory_fd: bool,
     /// The host's own memory; addresses and sizes are multiples of so many bytes. 0: not possible.
     pub host_alignment_bytes: u64,
-    /// Semaphores by opaque file descriptor.
+    /// Binary semaphores by opaque file descriptor.
     pub semaphore_fd: bool,
+    /// Timeline semaphores by opaque file descriptor.
+    pub timeline_fd: bool,
 }
 
 const FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
@@ -32,10 +34,14 @@ impl Context {
         let enabled = |name| self.open.sharing.contains(&name);
         let host_alignment_bytes =
             if enabled(ash::ext::external_memory_host::NAME) { self.host_alignment() } else { 0 };
+        let semaphores = enabled(ash::khr::external_semaphore_fd::NAME);
         Sharing {
             memory_fd: enabled(ash::khr::external_memory_fd::NAME) && self.buffers_can_export(),
             host_alignment_bytes,
-            semaphore_fd: enabled(ash::khr::external_semaphore_fd::NAME) && self.semaphores_can_export(),
+            semaphore_fd: semaphores && self.semaphores_can_export(SemaphoreKind::Binary),
+            timeline_fd: semaphores
+                && self.open.timelines
+                && self.semaphores_can_export(SemaphoreKind::Timeline),
         }
     }
 
@@ -63,8 +69,13 @@ impl Context {
             .contains(vk::ExternalMemoryFeatureFlags::EXPORTABLE | vk::ExternalMemoryFeatureFlags::IMPORTABLE)
     }
 
-    fn semaphores_can_export(&self) -> bool {
-        let info = vk::PhysicalDeviceExternalSemaphoreInfo::default().handle_type(SEMAPHORE_FD);
+    fn semaphores_can_export(&self, kind: SemaphoreKind) -> bool {
+        let mut of_kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(kind.vk());
+        let mut info = vk::PhysicalDeviceExternalSemaphoreInfo::default().handle_type(SEMAPHORE_FD);
+        // Binary ones are asked for without: drivers that know no timelines know no such structure.
+        if kind == SemaphoreKind::Timeline {
+            info = info.push_next(&mut of_kind);
+        }
         let mut properties = vk::ExternalSemaphoreProperties::default();
         // SAFETY: core in Vulkan 1.1; the physical device belongs to the live instance.
         unsafe {
@@ -79,7 +90,7 @@ impl Context {
         )
     }
 
-    fn lacks(&self, what: &str) -> Error {
+    pub(super) fn lacks(&self, what: &str) -> Error {
         Error::DeviceLacks { device: self.info().name.clone(), missing: vec![what.to_owned()] }
     }
 }
@@ -216,37 +227,64 @@ impl Buffer {
     }
 }
 
-/// A binary semaphore that passes between queues of this library and of its host.
+/// The two kinds of semaphores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SemaphoreKind {
+    /// Signalled or not; each wait takes one signal.
+    Binary,
+    /// Counts up: waits are for a value, and may come before the signal.
+    Timeline,
+}
+
+impl SemaphoreKind {
+    fn vk(self) -> vk::SemaphoreType {
+        match self {
+            Self::Binary => vk::SemaphoreType::BINARY,
+            Self::Timeline => vk::SemaphoreType::TIMELINE,
+        }
+    }
+}
+
+/// A semaphore that passes between queues of this library and of its host.
 pub struct Semaphore {
     pub(super) handle: vk::Semaphore,
+    kind: SemaphoreKind,
+    /// Whether it is destroyed with this; else it is the host's own.
+    owned: bool,
     context: Arc<Context>,
 }
 
+/// A semaphore, and the value that a timeline is waited for or set to (unused with binary ones).
+pub type SignalAt = (Arc<Semaphore>, u64);
+
 impl Semaphore {
-    /// One whose descriptor [`Self::export_fd`] hands out.
+    /// The host's own semaphore, of the very device that this context works on.
+    ///
+    /// # Safety
+    /// `semaphore` is a `VkSemaphore` of the context's device and of that kind, and outlives this and all work that uses it.
+    pub unsafe fn of_host(context: &Arc<Context>, semaphore: u64, kind: SemaphoreKind) -> Self {
+        Self { handle: vk::Semaphore::from_raw(semaphore), kind, owned: false, context: context.clone() }
+    }
+
+    /// One whose descriptor [`Self::export_fd`] hands out; timelines start at 0.
     ///
     /// # Errors
     /// A device that cannot; out of memory.
-    pub fn exportable(context: &Arc<Context>) -> Result<Self> {
-        if !context.sharing().semaphore_fd {
-            return Err(context.lacks("VK_KHR_external_semaphore_fd (semaphores by file descriptor)"));
-        }
-        let mut export = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
-        Self::create(context, &vk::SemaphoreCreateInfo::default().push_next(&mut export))
+    pub fn exportable(context: &Arc<Context>, kind: SemaphoreKind) -> Result<Self> {
+        Self::require(context, kind)?;
+        Self::create(context, kind, true)
     }
 
     /// One that another user exported. The descriptor belongs to the driver from a successful call on.
     ///
     /// # Safety
-    /// `fd` is an opaque descriptor of a semaphore that this very device and driver exported.
+    /// `fd` is an opaque descriptor of a semaphore of that kind that this very device and driver exported.
     ///
     /// # Errors
     /// A device that cannot; a descriptor that the driver refuses; out of memory.
-    pub unsafe fn import_fd(context: &Arc<Context>, fd: i32) -> Result<Self> {
-        if !context.sharing().semaphore_fd {
-            return Err(context.lacks("VK_KHR_external_semaphore_fd (semaphores by file descriptor)"));
-        }
-        let semaphore = Self::create(context, &vk::SemaphoreCreateInfo::default())?;
+    pub unsafe fn import_fd(context: &Arc<Context>, fd: i32, kind: SemaphoreKind) -> Result<Self> {
+        Self::require(context, kind)?;
+        let semaphore = Self::create(context, kind, false)?;
         let loader = ash::khr::external_semaphore_fd::Device::new(&context.root.instance, &context.device);
         let info = vk::ImportSemaphoreFdInfoKHR::default()
             .semaphore(semaphore.handle)
@@ -269,16 +307,41 @@ impl Semaphore {
         unsafe { loader.get_semaphore_fd(&info) }.map_err(failed("vkGetSemaphoreFdKHR"))
     }
 
-    fn create(context: &Arc<Context>, info: &vk::SemaphoreCreateInfo<'_>) -> Result<Self> {
+    /// Its kind.
+    pub fn kind(&self) -> SemaphoreKind {
+        self.kind
+    }
+
+    fn require(context: &Context, kind: SemaphoreKind) -> Result<()> {
+        let sharing = context.sharing();
+        match kind {
+            SemaphoreKind::Binary if !sharing.semaphore_fd => {
+                Err(context.lacks("VK_KHR_external_semaphore_fd (semaphores by file descriptor)"))
+            }
+            SemaphoreKind::Timeline if !sharing.timeline_fd => {
+                Err(context.lacks("timeline semaphores by VK_KHR_external_semaphore_fd"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn create(context: &Arc<Context>, kind: SemaphoreKind, export: bool) -> Result<Self> {
+        let mut of_kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(kind.vk());
+        let mut exported = vk::ExportSemaphoreCreateInfo::default().handle_types(SEMAPHORE_FD);
+        let mut info = vk::SemaphoreCreateInfo::default().push_next(&mut of_kind);
+        if export {
+            info = info.push_next(&mut exported);
+        }
         // SAFETY: the device is alive and `info` is complete.
-        let handle = unsafe { context.device.create_semaphore(info, None) };
-        Ok(Self { handle: handle.map_err(failed("vkCreateSemaphore"))?, context: context.clone() })
+        let handle = unsafe { context.device.create_semaphore(&info, None) };
+        let handle = handle.map_err(failed("vkCreateSemaphore"))?;
+        Ok(Self { handle, kind, owned: true, context: context.clone() })
     }
 }
 
 impl Drop for Semaphore {
     fn drop(&mut self) {
-        if self.context.alive() {
+        if self.owned && self.context.alive() {
             // SAFETY: slots wait for their work before the semaphores they use are dropped.
             unsafe { self.context.device.destroy_semaphore(self.handle, None) };
         }

@@ -8,7 +8,7 @@ use ash::vk;
 use super::commands::Recorder;
 use super::context::Context;
 use super::failed;
-use super::shared::Semaphore;
+use super::shared::{SemaphoreKind, SignalAt};
 use crate::error::{Error, Result};
 
 /// Timestamps a submission may write. Each mark takes two: lavapipe 22.3 latches the timestamp before a dispatch late,
@@ -108,11 +108,12 @@ impl Slot {
         self.submit_between(None, None)
     }
 
-    /// The same; the device begins when `wait` is signalled, and signals `signal` at the end. Both must outlive the work.
+    /// The same; the device begins when `wait` is signalled (has its value), and signals `signal` at the end. Both must
+    /// outlive the work.
     ///
     /// # Errors
     /// As for [`Self::submit`].
-    pub fn submit_between(&mut self, wait: Option<&Semaphore>, signal: Option<&Semaphore>) -> Result<()> {
+    pub fn submit_between(&mut self, wait: Option<&SignalAt>, signal: Option<&SignalAt>) -> Result<()> {
         let device = &self.context.device;
         // SAFETY: recording was begun by `begin`.
         unsafe { device.end_command_buffer(self.commands) }.map_err(failed("vkEndCommandBuffer"))?;
@@ -120,14 +121,22 @@ impl Slot {
         // SAFETY: nothing is in flight, so the fence is not in use.
         unsafe { device.reset_fences(&fences) }.map_err(failed("vkResetFences"))?;
         let commands = [self.commands];
-        let waits: Vec<_> = wait.map(|s| s.handle).into_iter().collect();
+        let (waits, wait_values) = split(wait);
         let stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; waits.len()];
-        let signals: Vec<_> = signal.map(|s| s.handle).into_iter().collect();
-        let submits = [vk::SubmitInfo::default()
+        let (signals, signal_values) = split(signal);
+        let mut values = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&wait_values)
+            .signal_semaphore_values(&signal_values);
+        let mut submit = vk::SubmitInfo::default()
             .command_buffers(&commands)
             .wait_semaphores(&waits)
             .wait_dst_stage_mask(&stages)
-            .signal_semaphores(&signals)];
+            .signal_semaphores(&signals);
+        let timeline = |s: Option<&SignalAt>| s.is_some_and(|(s, _)| s.kind() == SemaphoreKind::Timeline);
+        if timeline(wait) || timeline(signal) {
+            submit = submit.push_next(&mut values);
+        }
+        let submits = [submit];
         let queue = self.context.queue();
         // SAFETY: the queue is locked, buffer and fence are not in use.
         let done = unsafe { device.queue_submit(*queue, &submits, self.fence) };
@@ -238,6 +247,11 @@ impl Slot {
         }
         Ok(times)
     }
+}
+
+/// Handle and value as Vulkan's parallel arrays.
+fn split(at: Option<&SignalAt>) -> (Vec<vk::Semaphore>, Vec<u64>) {
+    at.map(|(semaphore, value)| (semaphore.handle, *value)).into_iter().unzip()
 }
 
 impl Drop for Slot {

@@ -129,11 +129,7 @@ impl Placed {
                 &GraphicsSpec { vertex, fragment, constants, format, samples },
             )
         };
-        let variants: &[(bool, bool)] = match kind.has_color() {
-            true => &[(false, false), (true, false), (false, true), (true, true)],
-            false => &[(false, false)],
-        };
-        let pipelines = variants.iter().map(pipeline).collect::<Result<Vec<_>>>()?;
+        let pipelines = kind.variants().iter().map(pipeline).collect::<Result<Vec<_>>>()?;
         let texture = |image| pipelines[0].bind(1, &[("kd_texture", Bound::Sampled(image, &scene.sampler))]);
         let textures = match kind.has_color() {
             true => scene.textures.iter().map(texture).collect::<Result<Vec<_>>>()?,

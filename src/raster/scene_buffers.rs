@@ -10,8 +10,10 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
 use crate::scene::{Draw, Material, PointLight, Scene, Shading};
 
-/// `MAX_LIGHTS` of `raster_frag.glsl`.
+/// `MAX_LIGHTS` of `raster_lights.glsl`.
 pub const MAX_LIGHTS: usize = 64;
+/// `FIXED_LIGHTS` of `raster_lights.glsl`.
+const FIXED_LIGHTS: usize = 8;
 /// An upload that takes longer than this is stuck.
 const UPLOAD_LIMIT: Duration = Duration::from_secs(120);
 
@@ -24,7 +26,7 @@ struct MaterialRow {
 }
 assert_element_layout!("raster_color.vert", "Materials", MaterialRow { kd, ks_ns });
 
-/// `Light` of `raster_frag.glsl`.
+/// `Light` of `raster_lights.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct LightRow {
@@ -48,6 +50,8 @@ pub struct SceneBuffers {
     pub(super) glossy: Vec<bool>,
     pub(super) vertex_count: u32,
     pub(super) light_count: u32,
+    /// Specialization constants of `raster_lights.glsl`.
+    pub(super) fixed_lights: Vec<u32>,
     pub(super) lit: bool,
 }
 
@@ -80,6 +84,7 @@ impl SceneBuffers {
             glossy: scene.draws.iter().map(|draw| shines(scene, draw)).collect(),
             vertex_count: scene.vertices.len() as u32,
             light_count: lights.len() as u32,
+            fixed_lights: fixed_lights(lights),
             lit: matches!(scene.shading, Shading::Lit(_)),
         };
         uploader.run(&buffers)?;
@@ -149,8 +154,9 @@ impl Uploader<'_> {
 /// Whether a material of a draw has a specular colour.
 fn shines(scene: &Scene, draw: &Draw) -> bool {
     let range = draw.first_index as usize..(draw.first_index + draw.index_count) as usize;
-    let material = |i: &u32| &scene.materials[scene.vertices[*i as usize].material as usize];
-    scene.indices[range].iter().any(|i| material(i).ks != [0.0; 3])
+    scene.indices[range]
+        .iter()
+        .any(|i| scene.materials[scene.vertices[*i as usize].material as usize].is_glossy())
 }
 
 fn material_bytes(scene: &Scene) -> Vec<u8> {
@@ -174,4 +180,10 @@ fn light_bytes(lights: &[PointLight]) -> Vec<u8> {
 
 fn four([x, y, z]: [f32; 3]) -> [f32; 4] {
     [x, y, z, 0.0]
+}
+
+/// The bits of the first lights, in the order of the constants in `raster_lights.glsl`.
+fn fixed_lights(lights: &[PointLight]) -> Vec<u32> {
+    let all = lights.iter().take(FIXED_LIGHTS).flat_map(|l| [l.position_m, l.color, l.attenuation]);
+    all.flatten().map(f32::to_bits).collect()
 }

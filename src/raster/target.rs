@@ -56,6 +56,14 @@ impl RasterKind {
         }
     }
 
+    /// `(textured, glossy)` of the pipelines that draw this kind.
+    pub(super) fn variants(self) -> &'static [(bool, bool)] {
+        match self.has_color() {
+            true => &[(false, false), (true, false), (false, true), (true, true)],
+            false => &[(false, false)],
+        }
+    }
+
     pub(super) fn has_color(self) -> bool {
         !matches!(self, Self::Motion | Self::Path)
     }
@@ -91,11 +99,17 @@ const VERTEX_FORMAT: VertexFormat = VertexFormat {
     ],
 };
 
+/// Number of the first specialization constant in `raster_lights.glsl`.
+const FIRST_FIXED_LIGHT: usize = 16;
+
 /// Specialization constants of all pipelines.
 pub(super) fn constants(scene: &SceneBuffers, kind: RasterKind, textured: bool, glossy: bool) -> Vec<u32> {
     let color = kind.has_color();
     let near = (NEAR_M as f32).to_bits();
-    vec![(color && scene.lit).into(), textured.into(), scene.light_count, near, glossy.into()]
+    let mut all = vec![(color && scene.lit).into(), textured.into(), scene.light_count, near, glossy.into()];
+    all.resize(FIRST_FIXED_LIGHT, 0);
+    all.extend(&scene.fixed_lights);
+    all
 }
 
 /// Attachments and pipelines.
@@ -108,7 +122,7 @@ pub struct RasterTarget {
     pub plan: SamplePlan,
     /// The images.
     pub attachments: Attachments,
-    /// Without and with texture (the same one where nothing is coloured).
+    /// By texture and gloss: `2 * glossy + textured`; one where nothing is coloured.
     pipelines: Vec<GraphicsPipeline>,
     /// Set 1 by texture.
     textures: Vec<BindGroup>,
@@ -150,13 +164,12 @@ impl RasterTarget {
         let attachments = Attachments::new(context, &name, texels, plan.msaa, kind.formats())?;
         let (vertex, fragment) = kind.shaders();
         let format = if kind == RasterKind::Exact { PLACED_FORMAT } else { VERTEX_FORMAT };
-        let pipeline = |textured: bool| {
-            let constants = constants(scene, kind, textured, true);
+        let pipeline = |(textured, glossy): &(bool, bool)| {
+            let constants = constants(scene, kind, *textured, *glossy);
             let spec = GraphicsSpec { vertex, fragment, constants, format, samples: plan.msaa };
             GraphicsPipeline::new(context, &attachments, &spec)
         };
-        let variants: &[bool] = if kind.has_color() { &[false, true] } else { &[false] };
-        let pipelines = variants.iter().map(|&t| pipeline(t)).collect::<Result<Vec<_>>>()?;
+        let pipelines = kind.variants().iter().map(pipeline).collect::<Result<Vec<_>>>()?;
         let mut textures = Vec::new();
         if kind.has_color() {
             for image in &scene.textures {
@@ -188,11 +201,7 @@ impl RasterTarget {
     /// # Errors
     /// Out of memory.
     pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
-        let all = [
-            ("Cameras", Bound::Buffer(camera)),
-            ("Materials", Bound::Buffer(&scene.materials)),
-            ("Lights", Bound::Buffer(&scene.lights)),
-        ];
+        let all = [("Cameras", Bound::Buffer(camera)), ("Lights", Bound::Buffer(&scene.lights))];
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
     }
 
@@ -265,8 +274,9 @@ impl RasterTarget {
             let index_count = draws.iter().map(|d| d.index_count).sum();
             return vec![DrawCall { pipeline, groups, first_index: 0, index_count }];
         }
-        let calls = draws.iter().map(|draw| DrawCall {
-            pipeline: &self.pipelines[usize::from(draw.texture.is_some())],
+        // Cutting keeps the runs and their order.
+        let calls = draws.iter().zip(&scene.glossy).map(|(draw, glossy)| DrawCall {
+            pipeline: &self.pipelines[2 * usize::from(*glossy) + usize::from(draw.texture.is_some())],
             groups: vec![&input.group, &self.textures[scene.texture_index(draw)]],
             first_index: draw.first_index,
             index_count: draw.index_count,

@@ -42,18 +42,21 @@ impl Assembler {
     }
 
     /// The finished scene (unlit): triangles sorted by their material's texture, untextured first, then in the order of
-    /// `textures`; within a run in the order in which they were added. Runs without a triangle are left out.
+    /// `textures`, matt before glossy; within a run in the order in which they were added. Runs without a triangle are
+    /// left out.
     pub(super) fn finish(
         self,
         materials: Vec<Material>,
         textures: Vec<Texture>,
         objects: Vec<Object>,
     ) -> Scene {
-        let texture_of = |first: u32| materials[self.vertices[first as usize].material as usize].texture;
-        let mut runs: Vec<Vec<u32>> = vec![Vec::new(); textures.len() + 1];
+        let run_of = |first: u32| {
+            let material = &materials[self.vertices[first as usize].material as usize];
+            2 * material.texture.map_or(0, |texture| texture + 1) + usize::from(material.is_glossy())
+        };
+        let mut runs: Vec<Vec<u32>> = vec![Vec::new(); 2 * (textures.len() + 1)];
         for triangle in self.indices.chunks_exact(3) {
-            let run = texture_of(triangle[0]).map_or(0, |texture| texture + 1);
-            runs[run].extend_from_slice(triangle);
+            runs[run_of(triangle[0])].extend_from_slice(triangle);
         }
         let mut indices = Vec::with_capacity(self.indices.len());
         let mut draws = Vec::new();
@@ -61,7 +64,7 @@ impl Assembler {
             draws.push(Draw {
                 first_index: indices.len() as u32,
                 index_count: triangles.len() as u32,
-                texture: run.checked_sub(1),
+                texture: (run / 2).checked_sub(1),
             });
             indices.extend_from_slice(triangles);
         }

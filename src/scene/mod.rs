@@ -45,6 +45,13 @@ pub struct Material {
     pub texture: Option<usize>,
 }
 
+impl Material {
+    /// Whether it has a specular colour.
+    pub fn is_glossy(&self) -> bool {
+        self.ks != [0.0; 3]
+    }
+}
+
 impl Default for Material {
     /// Nameless, white, matt (no specular colour, exponent 1), untextured.
     fn default() -> Self {
@@ -81,7 +88,8 @@ impl Object {
     }
 }
 
-/// A run of triangles that are drawn together because they share a texture.
+/// A run of triangles that are drawn together because they share a texture. A scene that is read or built keeps glossy
+/// materials apart from matt ones too, which are then drawn without specular terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Draw {
     /// First of the indices in [`Scene::indices`].
@@ -120,7 +128,7 @@ pub struct Scene {
     pub vertices: Vec<Vertex>,
     /// Three indices into `vertices` a triangle, sorted so that each entry of `draws` is one run.
     pub indices: Vec<u32>,
-    /// Runs of triangles by texture: the untextured one first.
+    /// Runs of triangles by texture, the untextured ones first, and by gloss.
     pub draws: Vec<Draw>,
     /// At least one.
     pub materials: Vec<Material>,

@@ -10,17 +10,20 @@ use shutterbug::scene::{Draw, Material, Object, PointLight, Scene, Shading, Text
 
 use super::bench::Scatter;
 
-/// The scene with its runs of triangles by texture, as the device draws them: the untextured ones first.
+/// The scene with its runs of triangles by texture and gloss, as the device draws them: the untextured, matt ones first.
 pub fn drawable(mut scene: Scene) -> Scene {
-    let texture = |i: u32| scene.materials[scene.vertices[i as usize].material as usize].texture;
+    let material = |i: u32| &scene.materials[scene.vertices[i as usize].material as usize];
+    let run = |i: u32| (material(i).texture, material(i).is_glossy());
     let mut triangles: Vec<[u32; 3]> = scene.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-    triangles.sort_by_key(|t| texture(t[0]));
+    triangles.sort_by_key(|t| run(t[0]));
     let mut draws: Vec<Draw> = Vec::new();
     for (i, triangle) in triangles.iter().enumerate() {
-        let texture = texture(triangle[0]);
         match draws.last_mut() {
-            Some(draw) if draw.texture == texture => draw.index_count += 3,
-            _ => draws.push(Draw { first_index: 3 * i as u32, index_count: 3, texture }),
+            Some(draw) if i > 0 && run(triangles[i - 1][0]) == run(triangle[0]) => draw.index_count += 3,
+            _ => {
+                let texture = run(triangle[0]).0;
+                draws.push(Draw { first_index: 3 * i as u32, index_count: 3, texture });
+            }
         }
     }
     (scene.indices, scene.draws) = (triangles.concat(), draws);
@@ -69,10 +72,11 @@ impl Builder {
 /// A textured slanted wall, a floor that passes under and behind the camera, crossing plates, and an object that moves
 /// on its own. `lights`: how many point lights; 0 = unlit.
 pub fn rich(lights: usize) -> Scene {
+    // One of them is matt.
     let material = |kd: [f32; 3], texture: Option<usize>| Material {
         name: "m".into(),
         kd,
-        ks: [0.4, 0.3, 0.2],
+        ks: if kd[0] < 0.3 { [0.0; 3] } else { [0.4, 0.3, 0.2] },
         ns: 24.0,
         texture,
     };
@@ -100,10 +104,13 @@ pub fn rich(lights: usize) -> Scene {
     b.quad([[0.1, -0.2, 2.2], [0.8, -0.3, 1.6], [0.8, 0.3, 1.6], [0.1, 0.4, 2.2]], 0, 3);
     b.quad([[-0.3, -0.2, 0.02], [0.25, -0.25, -0.04], [0.3, 0.2, 0.03], [-0.25, 0.25, 0.1]], 1, 4);
     if lights > 0 {
-        let light = |i: usize| PointLight {
-            position_m: [i as f32 - 2.0, -1.5 + 0.3 * i as f32, 0.5 + 0.4 * i as f32],
-            color: [0.5, 0.4 + 0.1 * i as f32, 0.6],
-            attenuation: [1.0, 0.2, 0.1 * i as f32],
+        let light = |i: usize| {
+            let (j, row) = ((i % 5) as f32, (i / 5) as f32);
+            PointLight {
+                position_m: [j - 2.0 + 0.3 * row, -1.5 + 0.3 * j, 0.5 + 0.4 * j],
+                color: [0.5, 0.4 + 0.1 * j, 0.6],
+                attenuation: [1.0, 0.2, 0.1 * j],
+            }
         };
         b.0.shading = Shading::Lit((0..lights).map(light).collect());
     }

@@ -3,6 +3,8 @@
 mod contact_sheet;
 mod demo_capture;
 mod font;
+mod overlay;
+mod pitch;
 mod table1_scene;
 mod timings;
 
@@ -34,6 +36,8 @@ enum Command {
     },
     /// Puts frames of several folders side by side: one column a folder, one row a frame name.
     ContactSheet(contact_sheet::Args),
+    /// Puts further effects on a capture's real frames: a capture with a known answer from another renderer's frames.
+    Overlay(overlay::Args),
     /// Prints the time of each pass from the timings that `simulate --timings` wrote.
     Timings(timings::Args),
 }
@@ -43,6 +47,7 @@ fn main() -> ExitCode {
         Command::DemoCapture { out } => demo_capture::write(&out),
         Command::Table1Scene { out } => table1_scene::write(&out),
         Command::ContactSheet(args) => contact_sheet::write(&args),
+        Command::Overlay(args) => overlay::write(&args),
         Command::Timings(args) => timings::print(&args),
     };
     match done {

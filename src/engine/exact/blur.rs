@@ -31,15 +31,11 @@ const MOST_RADIUS: f64 = 8.0;
 struct PathsPush {
     size: [u32; 2],
     line_count: u32,
-    group_count: u32,
     columns: u32,
-    near_m: f32,
     lens: LensPush,
+    near_m: f32,
 }
-assert_push_layout!(
-    "exact_paths_ms.comp",
-    PathsPush { size, line_count, group_count, columns, near_m, lens }
-);
+assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, columns, lens, near_m });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -226,7 +222,6 @@ impl Blur {
         PathsPush {
             size: self.target.size,
             line_count: part.line_count,
-            group_count: part.group_count,
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
             lens: LensPush::NONE,
@@ -308,9 +303,8 @@ fn bind_gather(
 
 /// What a frame tells the kernels.
 pub(super) struct Part {
-    /// Number of lines whose matrices were written, and of motion groups.
+    /// Number of lines whose matrices were written.
     pub(super) line_count: u32,
-    pub(super) group_count: u32,
     /// Time that its paths span, s.
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.

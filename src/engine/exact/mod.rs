@@ -6,6 +6,7 @@
 
 mod blur;
 mod cut;
+mod cuts;
 mod still;
 mod times;
 
@@ -20,12 +21,14 @@ use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
-use crate::gpu::{BindGroup, Buffer, Context, Image, Location, RenderArea, Usage};
+use crate::gpu::{Buffer, Context, Image, Location, RenderArea, Usage};
 use crate::raster::{
-    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow, View,
+    KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow, View,
     relative_rows,
 };
 use blur::{Blur, Part, orientation};
+use cut::Limits;
+use cuts::{Cuts, Placeable, Source, Span};
 use still::Still;
 use times::{BlurReach, exposures, lines_of, measure_reach, place_push};
 
@@ -62,13 +65,9 @@ pub(super) struct Exact {
     /// The knots of each frame in flight.
     knots: Vec<Buffer>,
     whole: Placeable,
-    /// Triangles cut for readouts up to this long, s, whose lines are rows or not.
-    cut: Option<(f64, bool, Placeable)>,
+    cuts: Cuts,
     mesh: Mesh,
     groups: MotionGroups,
-    frames: Vec<(f64, f64)>,
-    /// So many of `frames` were expected from the start.
-    expected: usize,
     /// By what frames were looked at already.
     known: HashMap<Key, BlurReach>,
     options: ExactOptions,
@@ -76,20 +75,6 @@ pub(super) struct Exact {
 
 /// Everything that the reach of a frame's blur depends on, bit by bit.
 type Key = ([u64; 3], bool);
-
-/// Triangles, bound to the knots of each frame in flight.
-struct Placeable {
-    groups: Vec<BindGroup>,
-    geometry: Geometry,
-}
-
-impl Placeable {
-    fn new(stage: &Stage, place: &Place, knots: &[Buffer], mesh: &Mesh) -> Result<Self> {
-        let geometry = Geometry::new(&stage.context, mesh)?;
-        let groups = knots.iter().map(|k| place.bind(&geometry, k)).collect::<Result<_>>()?;
-        Ok(Self { groups, geometry })
-    }
-}
 
 /// What a frame in flight has of its own in each set of images.
 struct Input {
@@ -144,11 +129,9 @@ impl Exact {
             whole: Placeable::new(stage, &place, &knots, &mesh)?,
             place,
             knots,
-            cut: None,
+            cuts: Cuts::new(expected.iter().map(span).collect()),
             mesh,
             groups,
-            frames: expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect(),
-            expected: expected.len(),
             known: HashMap::new(),
             options: *options,
         };
@@ -162,6 +145,9 @@ impl Exact {
         }
         if let Some(longest) = expected.iter().max_by(|a, b| readout_s(a).total_cmp(&readout_s(b))) {
             exact.fit(stage, slots, radiance, longest)?;
+        }
+        for request in expected {
+            exact.fit_cut(stage, request)?;
         }
         Ok(exact)
     }
@@ -177,7 +163,7 @@ impl Exact {
 
     /// What depends on the lens must be made anew.
     pub(super) fn forget_lens(&mut self) {
-        self.cut = None;
+        self.cuts.forget();
         self.known.clear();
     }
 
@@ -185,13 +171,12 @@ impl Exact {
     pub(super) fn forget(&mut self) {
         self.forget_lens();
         (self.still, self.blur) = (None, None);
-        self.frames.truncate(self.expected);
+        self.cuts.begin();
     }
 
     fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
-        let (readout_s, rows) = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let fits = |cut: &(f64, bool, Placeable)| readout_s <= cut.0 * (1.0 + 1e-9) && rows == cut.1;
-        (readout_s > 0.0 || stage.lens.is_some()) && !self.cut.as_ref().is_some_and(fits)
+        let bends = readout_s(request) > 0.0 || stage.lens.is_some();
+        bends && self.cuts.of(span(request), lines(request)).is_none()
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -215,22 +200,17 @@ impl Exact {
             let needed = self.reach(stage, request).margin_px;
             self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
         }
+        self.fit_cut(stage, request)
+    }
+
+    fn fit_cut(&mut self, stage: &Stage, request: &FrameRequest) -> Result<()> {
         if !self.needs_cut(stage, request) {
             return Ok(());
         }
-        if self.frames.is_empty() {
-            self.frames.push((request.shutter.start_s, request.shutter.end_s()));
-        }
-        let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let limits = (self.options.chord_px, self.options.most_triangles as usize);
-        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
-        let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
-        tracing::info!(
-            "{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most",
-            lines.0
-        );
-        self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
-        Ok(())
+        let limits = Limits { chord_px: self.options.chord_px, most: self.options.most_triangles as usize };
+        let (place, knots, mesh, groups) = (&self.place, &self.knots[..], &self.mesh, &self.groups);
+        let source = Source { place, knots, mesh, groups, limits };
+        self.cuts.make(stage, &source, span(request), lines(request))
     }
 
     fn make_images(
@@ -286,10 +266,9 @@ impl Exact {
         let ending = Ending::new(planes, stage, slot, request, path);
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
-        let placeable = match &self.cut {
-            Some((_, _, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
-            _ => &self.whole,
-        };
+        let bent = push.knot_count > 1 || stage.lens.is_some();
+        let cut = bent.then(|| self.cuts.of(span(request), lines(request))).flatten();
+        let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {
             let push = PlacePush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
@@ -338,7 +317,6 @@ impl Exact {
         };
         self.knots[slot].write(0, &rows);
         input.camera.write(0, &[eye]);
-        let group_count = self.groups.count() as u32;
         let mut line_count = 1;
         if blurs {
             let exposures = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
@@ -348,13 +326,20 @@ impl Exact {
         }
         let part = Part {
             line_count: line_count as u32,
-            group_count,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
             channel: Channel::GREEN,
         };
         (place_push(view.camera, shutter, times.len()), part)
     }
+}
+
+fn span(request: &FrameRequest) -> Span {
+    (request.shutter.start_s, request.shutter.end_s())
+}
+
+fn lines(request: &FrameRequest) -> (f64, bool) {
+    (readout_s(request), request.shutter.scan_order.lines_are_rows())
 }
 
 fn readout_s(request: &FrameRequest) -> f64 {
