@@ -145,12 +145,13 @@ fn simulate_with_the_camera_found_gives_the_reported_gap() {
     let after = gap(folder.path(), held, &ensemble(&context.0, &found, held));
     let before = gap(folder.path(), held, &ensemble(&context.0, &capture, held));
     eprintln!("after {after} ({}), before {before} ({})", report.gap.after, report.gap.before);
-    // Measured: see docs/diagnose.md. Normal distributions stand for clipped and rounded ones in the report.
+    // Measured: after 4.094 here and 4.132 in the report (normal distributions stand for clipped and rounded ones there),
+    // before 9.378 and 9.051 (without noise the report forgives half a DN of rounding).
     assert!((after / report.gap.after - 1.0).abs() < 0.04, "{after} {:?}", report.gap);
     assert!((before / report.gap.before - 1.0).abs() < 0.08, "{before} {:?}", report.gap);
     // Control: without its noise the camera found does not give that figure.
     let text = std::fs::read_to_string(&camera).unwrap();
-    let silent = text.split("[read_noise]").next().unwrap();
+    let silent = text.split("[row_noise]").next().unwrap();
     std::fs::write(out.path().join("silent.toml"), silent).unwrap();
     let silent = Capture::read(folder.path(), Some(&out.path().join("silent.toml"))).unwrap();
     let without = gap(folder.path(), held, &ensemble(&context.0, &silent, held));

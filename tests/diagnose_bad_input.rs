@@ -105,7 +105,7 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
     let Some(context) = device("no_poses") else { return };
     let folder = tempfile::tempdir().unwrap();
     let capture = make(&context.0, folder.path(), "", "", 1.0, 7);
-    // Two frames long after the trajectory's end are left out, and said so.
+    // Frames long after the trajectory's end: an error that names frame and span, and no report.
     let csv = |late: usize| {
         let stamp = |f: usize| {
             100_000_000_000_i64 + 40_000_000 * f as i64 + if f >= 9 - late { 60_000_000_000 } else { 0 }
@@ -118,17 +118,15 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
         .unwrap();
     };
     let reread = || Capture::read(folder.path(), None).map_err(|e| e.to_string());
-    csv(1);
-    let report = reread().and_then(|c| brief(&context, &c)).unwrap();
-    assert!(
-        report.input.left_out.iter().any(|l| l.index == 8 && l.why.contains("trajectory")),
-        "{:?}",
-        report.input.left_out
-    );
-    // All of them: an error that names frame and span, and no report.
-    csv(9);
-    let said = reread().and_then(|c| brief(&context, &c).map(|_| ())).unwrap_err();
-    assert!(said.contains("trajectory") && (said.contains("160.") || said.contains("60.")), "{said}");
+    for (late, first) in [(1, "frame 8 (000008.png)"), (9, "frame 0 (000000.png)")] {
+        csv(late);
+        let said = reread().and_then(|c| brief(&context, &c).map(|_| ())).unwrap_err();
+        assert!(
+            said.contains(first) && said.contains("trajectory.tum") && said.contains("covers only"),
+            "{said}"
+        );
+        assert!(said.contains("160."), "the span: {said}");
+    }
     csv(0);
     assert!(brief(&context, &reread().unwrap()).is_ok(), "control");
 

@@ -22,7 +22,8 @@ type Places = Arc<Vec<[f32; 2]>>;
 /// What is kept of the larger picture.
 #[derive(Default)]
 pub(super) struct Wide {
-    engines: [Option<Engine>; 2],
+    /// By quality: what triangles are cut to differs too.
+    engines: [Option<Engine>; 3],
     /// Px beyond each side.
     pub(super) margin_px: u32,
     map: Option<(Vec<u64>, Places)>,
@@ -33,7 +34,7 @@ impl Wide {
     pub(super) fn begin(&mut self, margin_px: u32) -> Result<()> {
         self.map = None;
         if self.margin_px != margin_px {
-            (self.engines, self.margin_px) = ([None, None], margin_px);
+            (self.engines, self.margin_px) = ([None, None, None], margin_px);
         }
         self.engines.iter_mut().flatten().try_for_each(Engine::forget)
     }
@@ -64,7 +65,7 @@ impl Forward {
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
-            self.bench.wide.engines = [None, None];
+            self.bench.wide.engines = [None, None, None];
             self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
         }
@@ -89,15 +90,15 @@ impl Forward {
 
     /// The engine of the larger picture.
     pub(super) fn wide_engine(&mut self, quality: Quality) -> Result<&mut Engine> {
-        let fine = usize::from(quality == Quality::Fine);
-        if self.bench.wide.engines[fine].is_none() {
+        let place = quality as usize;
+        if self.bench.wide.engines[place].is_none() {
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
             // Four pixels are one: a sample in each is four.
-            let options = EngineOptions { samples: [1, 4][fine], ..super::forward::options(quality) };
+            let options = EngineOptions { samples: [1, 1, 4][place], ..super::forward::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics);
-            self.bench.wide.engines[fine] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
+            self.bench.wide.engines[place] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
         }
-        Ok(self.bench.wide.engines[fine].as_mut().expect("just made"))
+        Ok(self.bench.wide.engines[place].as_mut().expect("just made"))
     }
 
     /// A request for the larger picture: lines beyond the picture keep the sensor's pace.
