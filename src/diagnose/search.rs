@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::evidence::Evidence;
 use super::fit::{
-    COARSE, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
+    COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
     weighing_of,
 };
 use super::forward::{Forward, Quality};
@@ -31,6 +31,8 @@ const MOST_EFFECTS: usize = 6;
 const SHORTLIST: usize = 4;
 /// Beyond which difference sizes are compared instead of squares, DN.
 const COMPARED_DN: f64 = 1.5;
+/// Most turns between values and the quality of compression.
+const TURNS: usize = 4;
 /// Where costs of discrete candidates are compared.
 const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 4 };
 
@@ -175,7 +177,12 @@ impl<'a> Search<'a> {
         }
         let target = self.target();
         let starts = best_starts(self.forward, target, self.evidence, theta, candidate, 2)?;
-        let schedule = if moves(candidate) { COARSE } else { VALUES };
+        let schedule = match candidate.name {
+            // Means over blocks know nothing of a px more or less of sharpness.
+            "sharpening" => DETAILS,
+            _ if moves(candidate) => COARSE,
+            _ => VALUES,
+        };
         let last = schedule[schedule.len() - 1];
         let weighing = self.weighing(theta, &last)?;
         // Values are looked for with the geometry held, whose renders are kept, but together with the set's other values:
@@ -184,7 +191,10 @@ impl<'a> Search<'a> {
             joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
         let mut best: Option<(f64, Theta)> = None;
         for start in &starts {
-            let found = self.refit(&who, start, schedule)?;
+            let mut found = self.refit(&who, start, schedule)?;
+            if set.contains(&"jpeg") {
+                found = self.beside_compression(&who, found, schedule)?;
+            }
             let cost = self.cost(&found.theta, &last, &weighing)?;
             if best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, found.theta));
@@ -197,6 +207,20 @@ impl<'a> Search<'a> {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
         self.refit(&joint, &start, FINE)
+    }
+
+    /// Fits values and the quality of compression in turns: what sharpening adds, a compression that is taken for weaker
+    /// than it is removes, and neither moves without the other.
+    fn beside_compression(&mut self, who: &[&'static str], start: Fit, schedule: Schedule) -> Result<Fit> {
+        let mut found = start;
+        for _ in 0..TURNS {
+            let quality = self.add_discrete(candidate_of("jpeg"), &found.theta)?.theta;
+            if quality.get(P::Quality) == found.theta.get(P::Quality) {
+                break;
+            }
+            found = self.refit(who, &quality, schedule)?;
+        }
+        Ok(found)
     }
 
     /// Tries the values of a choice, or qualities from coarse to fine.
