@@ -51,7 +51,10 @@ fn what_moved_agrees_less_and_what_moved_far_hardly_at_all() {
     }
     let [corners, _, blobs] = moved(2.0);
     assert!(corners.share > 0.9 && blobs.share > 0.9, "{corners:?} {blobs:?}");
-    assert!((corners.offset_px - 2.0).abs() < 0.2 && (blobs.offset_px - 2.0).abs() < 0.2, "{corners:?} {blobs:?}");
+    assert!(
+        (corners.offset_px - 2.0).abs() < 0.2 && (blobs.offset_px - 2.0).abs() < 0.2,
+        "{corners:?} {blobs:?}"
+    );
     let [corners, lines, blobs] = moved(9.0);
     assert!(corners.share < 0.3 && blobs.share == 0.0, "{corners:?} {blobs:?}");
     // Level edges that moved along themselves are the same lines, upright ones are not.
