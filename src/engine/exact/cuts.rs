@@ -69,11 +69,6 @@ impl Cuts {
         self.lines = Default::default();
     }
 
-    /// As if no frame but those announced had ever been asked for.
-    pub(super) fn begin(&mut self) {
-        *self = Self::new(self.announced.iter().map(|(span, _)| *span).collect());
-    }
-
     /// Triangles for a frame; `None` where they are to be made.
     pub(super) fn of(&self, span: Span, lines: (f64, bool)) -> Option<&Placeable> {
         if lines.0 > self.lines.0 * (1.0 + 1e-9) || lines.1 != self.lines.1 {
