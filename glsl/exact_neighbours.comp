@@ -55,32 +55,43 @@ const uint MOST_GROUPS = 65535u;
         } \
     }
 
+vec2 reach_of(vec4 facts) {
+    return vec2(facts.z, facts.w < EXACT_JUMPS ? facts.w : facts.w - EXACT_JUMPS);
+}
+
 void main() {
     ivec2 tile = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(uvec2(tile), push.size))) {
         return;
     }
     vec4 own = texelFetch(tile_facts, tile, 0);
+    vec2 own_reach = reach_of(own);
     ivec2 nearest = tile, farthest = tile;
-    vec4 facts = own;
+    float near_inverse = own.x, far_inverse = own.y;
+    vec2 reach = own_reach;
+    bool jumps = own.w >= EXACT_JUMPS;
     ivec2 low = max(tile - push.radius, ivec2(0));
     ivec2 high = min(tile + push.radius, ivec2(push.size) - 1);
     for (int y = low.y; y <= high.y; ++y) {
         for (int x = low.x; x <= high.x; ++x) {
             vec4 other = texelFetch(tile_facts, ivec2(x, y), 0);
-            ivec2 steps = max(abs(ivec2(x, y) - tile) - 1, ivec2(0));
+            vec2 other_reach = reach_of(other);
+            vec2 steps = vec2(max(abs(ivec2(x, y) - tile) - 1, ivec2(0)));
             // What rests here may be read from as far as this tile's own content moves, and what moves there may come
             // here.
-            if (float(max(steps.x, steps.y)) * push.tile_px > max(other.z, own.z)) {
+            if (any(greaterThan(steps * push.tile_px, max(other_reach, own_reach)))) {
                 continue;
             }
-            if (other.x > facts.x) {
+            if (other.x > near_inverse) {
                 nearest = ivec2(x, y);
+                near_inverse = other.x;
             }
-            if (other.y < facts.y) {
+            if (other.y < far_inverse) {
                 farthest = ivec2(x, y);
+                far_inverse = other.y;
             }
-            facts = vec4(max(facts.x, other.x), min(facts.y, other.y), max(facts.zw, other.zw));
+            reach = max(reach, other_reach);
+            jumps = jumps || other.w >= EXACT_JUMPS;
         }
     }
     imageStore(around_near, tile, texelFetch(tile_near, nearest, 0));
@@ -89,9 +100,9 @@ void main() {
         return;
     }
     uint number = uint(tile.y) * push.size.x + uint(tile.x);
-    if (facts.z < EXACT_SHORTEST_PX) {
+    if (max(reach.x, reach.y) < EXACT_SHORTEST_PX) {
         PUT(resting, number)
-    } else if (facts.w < EXACT_SMOOTH_PX) {
+    } else if (!jumps) {
         PUT(smooth_tiles, number)
     } else {
         PUT(layered, number)

@@ -32,6 +32,14 @@ layout(set = 0, binding = 1, std430) readonly buffer Knots {
     Knot knots[];
 };
 
+struct Material {
+    vec4 kd;
+    vec4 ks_ns;
+};
+layout(set = 0, binding = 3, std430) readonly buffer Materials {
+    Material materials[];
+};
+
 // What the vertex stage reads. Depth is reversed and infinite: clip.z is the near distance for every vertex.
 struct Placed {
     float clip_xyw[3];
@@ -39,7 +47,8 @@ struct Placed {
     float normal[3];
     float eye_m[3];
     float uv[2];
-    uint material;
+    float kd[3];
+    float ks_ns[4];
     uint group;
 };
 layout(set = 0, binding = 2, std430) writeonly buffer PlacedVertices {
@@ -131,6 +140,7 @@ void main() {
         k = knot_before(place);
         weight = place - float(k);
     }
+    Material m = materials[v.material];
     placed[index].clip_xyw = float[3](clip.x, clip.y, clip.w);
     if (LIT) {
         mat4 centred = knots[first + k].centred_from_object;
@@ -144,8 +154,9 @@ void main() {
         placed[index].position_m = float[3](seen.x, seen.y, seen.z);
         placed[index].normal = float[3](normal.x, normal.y, normal.z);
         placed[index].eye_m = float[3](eye.x, eye.y, eye.z);
+        placed[index].ks_ns = float[4](m.ks_ns.x, m.ks_ns.y, m.ks_ns.z, m.ks_ns.w);
     }
     placed[index].uv = v.uv;
-    placed[index].material = v.material;
+    placed[index].kd = float[3](m.kd.x, m.kd.y, m.kd.z);
     placed[index].group = v.group;
 }

@@ -7,7 +7,7 @@ layout(set = 0, binding = 0) uniform sampler2D texels;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2, rgba16f) uniform writeonly image2D tile_near;
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D tile_far;
-// 1/m of nearest and farthest; reach, px; largest jump of the path from one px to the next, px.
+// 1/m of nearest and farthest; reach in x and in y, px, EXACT_JUMPS more in y where paths jump from one px to the next.
 layout(set = 0, binding = 4, rgba32f) uniform writeonly image2D tile_facts;
 layout(push_constant) uniform Push {
     // Tiles.
@@ -27,7 +27,8 @@ void main() {
         return;
     }
     vec4 near = vec4(0.0), far = vec4(0.0);
-    float near_inverse = -1.0, far_inverse = 1e30, reach = 0.0, jump = 0.0;
+    float near_inverse = -1.0, far_inverse = 1e30, jump = 0.0;
+    vec2 reach = vec2(0.0);
     ivec2 last = push.picture - 1;
     for (int y = 0; y < EXACT_TILE; ++y) {
         for (int x = 0; x < EXACT_TILE; ++x) {
@@ -37,7 +38,7 @@ void main() {
             vec4 right = texelFetch(paths, min(at + ivec2(1, 0), last), 0);
             vec4 below = texelFetch(paths, min(at + ivec2(0, 1), last), 0);
             jump = max(jump, max(larger(right - path), larger(below - path)));
-            reach = max(reach, larger(path));
+            reach = max(reach, max(abs(path.xy), abs(path.zw)));
             if (inverse > near_inverse) {
                 near_inverse = inverse;
                 near = path;
@@ -50,5 +51,6 @@ void main() {
     }
     imageStore(tile_near, ivec2(tile), near);
     imageStore(tile_far, ivec2(tile), far);
-    imageStore(tile_facts, ivec2(tile), vec4(near_inverse, far_inverse, reach, jump));
+    float jumps = jump < EXACT_SMOOTH_PX ? 0.0 : EXACT_JUMPS;
+    imageStore(tile_facts, ivec2(tile), vec4(near_inverse, far_inverse, reach.x, reach.y + jumps));
 }

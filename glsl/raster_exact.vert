@@ -5,16 +5,10 @@ layout(location = 1) in vec3 position_m;
 layout(location = 2) in vec3 normal;
 layout(location = 3) in vec3 eye_m;
 layout(location = 4) in vec2 uv;
-layout(location = 5) in uint material;
-layout(location = 6) in uint group;
+layout(location = 5) in vec3 kd;
+layout(location = 6) in vec4 ks_ns;
+layout(location = 7) in uint group;
 
-struct Material {
-    vec4 kd;
-    vec4 ks_ns;
-};
-layout(set = 0, binding = 1, std430) readonly buffer Materials {
-    Material materials[];
-};
 layout(push_constant) uniform Push {
     float near_m;
 } push;
@@ -32,8 +26,8 @@ void main() {
     out_position_m = position_m;
     out_normal = normal;
     out_uv = uv;
-    out_kd = materials[material].kd.rgb;
-    out_ks_ns = materials[material].ks_ns;
+    out_kd = kd;
+    out_ks_ns = ks_ns;
     out_eye_m = eye_m;
     out_group = float(group + 1u);
 }

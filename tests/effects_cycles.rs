@@ -5,60 +5,16 @@
 mod effects_support;
 mod gpu_support;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use effects_support::by_id;
+use effects_support::answered;
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::chain::{Settings, Value};
+use shutterbug::chain::Settings;
 use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
 use shutterbug::plane::metrics::mean_absolute_difference;
 use shutterbug::plane::{Plane, read_rgb8};
-
-/// The capture with the answer's effects switched on, or `None`, said loudly.
-fn answered(name: &str, test: &str) -> Option<(Capture, PathBuf)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cycles-dev").join(name);
-    if !root.is_dir() {
-        eprintln!("SKIPPED {test}: ../shared/data/cycles-dev/{name} is absent");
-        return None;
-    }
-    let mut capture = Capture::read(&root, None).unwrap();
-    let answer = std::fs::read_to_string(root.join("answer.json")).unwrap();
-    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
-    for effect in answer["effects"].as_array().unwrap() {
-        let id = effect["name"].as_str().unwrap();
-        for (key, value) in effect
-            .as_object()
-            .unwrap()
-            .iter()
-            .filter(|(k, _)| !["name", "unit", "model", "sign"].contains(&k.as_str()))
-        {
-            // The answers call some parameters differently.
-            let key = match key.as_str() {
-                "readout_s" => "readout_time_s",
-                "exposure_s" => "exposure_time_s",
-                "direction" => "scan_order",
-                "full_well" => "full_well_e",
-                other => other,
-            };
-            let value = match value.as_f64() {
-                Some(number) => Value::Number(number),
-                None => Value::Choice(option(id, key, value.as_str().unwrap())),
-            };
-            let spec = by_id(id).specs().iter().find(|s| s.name == key);
-            assert!(spec.is_some(), "{name}: {id}.{key} is not modelled");
-            capture.camera.settings.set(by_id(id), key, value).unwrap();
-        }
-    }
-    Some((capture, root))
-}
-
-fn option(id: &str, key: &str, value: &str) -> &'static str {
-    let spec = by_id(id).specs().iter().find(|s| s.name == key).unwrap();
-    let shutterbug::chain::ParamKind::Choice { options, .. } = spec.kind else { panic!("{id}.{key}") };
-    options.iter().find(|o| **o == value).unwrap()
-}
 
 /// Every `step`th frame, simulated and real.
 fn frames(test: &str, capture: &Capture, root: &Path, step: usize) -> Option<Vec<(Plane<u8>, Plane<u8>)>> {

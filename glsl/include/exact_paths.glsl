@@ -26,11 +26,10 @@ layout(push_constant) uniform Push {
     uvec2 size;
     // Lines whose matrices there are (in the order of the picture): all, or one for all.
     uint line_count;
-    uint group_count;
     // Lines are columns.
     uint columns;
-    float near_m;
     Lens lens;
+    float near_m;
 } push;
 
 // Where the matrix that begins at `row` puts a point, from where it is.
@@ -75,13 +74,9 @@ void main() {
     }
     vec2 ndc = (vec2(pixel) + 0.5) / vec2(push.size) * 2.0 - 1.0;
     vec4 point = vec4(lens_ideal(push.lens, ndc), depth, 1.0);
-    ivec2 row = ivec2(0, min(across, push.line_count - 1u));
+    // Each pixel reads the matrices of its own group alone; where nothing is, those of what rests.
+    int own = 6 * max(int(group) - 1, 0);
+    ivec2 row = ivec2(own, min(across, push.line_count - 1u));
     vec4 path = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
-    // What moves by itself.
-    for (uint g = 1u; g < push.group_count; ++g) {
-        row.x += 6;
-        vec4 other = vec4(moved_px(row, point, ndc), moved_px(row + ivec2(3, 0), point, ndc));
-        path = uint(group) == g + 1u ? other : path;
-    }
     imageStore(paths, pixel, clamp(path, -4096.0, 4096.0));
 }

@@ -8,5 +8,7 @@ const int EXACT_TILE = 8;
 const float EXACT_SHORTEST_PX = 0.02;
 // Paths that jump by less from one px to the next are those of one surface.
 const float EXACT_SMOOTH_PX = 0.35;
+// More than any reach, px: it marks a tile whose paths jump.
+const float EXACT_JUMPS = 8192.0;
 
 #endif

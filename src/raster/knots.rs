@@ -150,7 +150,8 @@ pub struct RelativeRow {
     end: [[f32; 4]; 3],
 }
 
-/// Where the points of a line's picture, taken at the middle of its exposure, are at its begin and end: matrices from
+/// Where the points of a line's picture, taken at the middle of its exposure, are at its begin and end (of the parabola
+/// that is nearest to their way): matrices from
 /// `(ndc x, ndc y, depth, 1)` with the rasterizer's depth to clip space. What rests in the world moves with the camera
 /// alone; what moves by itself, with both. `exposures_s` holds begin, middle and end of equally spaced lines in scan
 /// order; the rows are those of `line_count` lines, linear in between, in the picture's order (the reverse of the scan's
@@ -163,10 +164,7 @@ pub fn relative_rows(
 ) -> Vec<RelativeRow> {
     let mut rows = vec![RelativeRow::default(); groups.count() * line_count];
     for group in 0..groups.count() {
-        let known = exposures_s.iter().map(|&[begin_s, middle_s, end_s]| {
-            let from_clip = groups.clip_from_object(view, group, middle_s).inverse();
-            [begin_s, end_s].map(|t| groups.clip_from_object(view, group, t) * from_clip)
-        });
+        let known = exposures_s.iter().map(|exposure_s| fitted(groups, view, group, exposure_s));
         let known: Vec<[DMat4; 2]> = known.collect();
         for line in 0..line_count {
             let at = line as f64 / (line_count.max(2) - 1) as f64 * (known.len() - 1) as f64;
@@ -179,6 +177,32 @@ pub fn relative_rows(
         }
     }
     rows
+}
+
+/// Matrices from clip space at the middle of an exposure to that at its begin and end, such that the parabola through them
+/// is nearest to the way over all of the exposure: a camera that shakes within it is not where it was at the ends.
+fn fitted(
+    groups: &MotionGroups,
+    view: &View<'_>,
+    group: usize,
+    &[begin_s, middle_s, end_s]: &[f64; 3],
+) -> [DMat4; 2] {
+    /// Instants that are looked at.
+    const COUNT: usize = 10;
+    let from_clip = groups.clip_from_object(view, group, middle_s).inverse();
+    let (mut linear, mut square) = (DMat4::ZERO, DMat4::ZERO);
+    let (mut taus2, mut taus4) = (0.0, 0.0);
+    for i in 0..COUNT {
+        let tau = (i as f64 + 0.5) / COUNT as f64 - 0.5;
+        let half_s = if tau < 0.0 { middle_s - begin_s } else { end_s - middle_s };
+        let moved = groups.clip_from_object(view, group, middle_s + 2.0 * tau * half_s) * from_clip;
+        // Nothing has moved at the middle, so no constant is fitted.
+        let way = moved - DMat4::IDENTITY;
+        (linear, square) = (linear + way * tau, square + way * (tau * tau));
+        (taus2, taus4) = (taus2 + tau * tau, taus4 + tau.powi(4));
+    }
+    let (linear, square) = (linear * (0.5 / taus2), square * (0.25 / taus4));
+    [DMat4::IDENTITY + square - linear, DMat4::IDENTITY + square + linear]
 }
 
 fn xyw(matrix: DMat4) -> [[f32; 4]; 3] {

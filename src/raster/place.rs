@@ -47,11 +47,12 @@ pub(super) struct Placed {
     normal: [f32; 3],
     eye_m: [f32; 3],
     uv: [f32; 2],
-    material: u32,
+    kd: [f32; 3],
+    ks_ns: [f32; 4],
     group: u32,
 }
 // The shader reads vertices as they are.
-const _: () = assert!(size_of::<Vertex>() == 40 && size_of::<Placed>() == 64);
+const _: () = assert!(size_of::<Vertex>() == 40 && size_of::<Placed>() == 88);
 
 pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
     stride: size_of::<Placed>() as u32,
@@ -61,7 +62,8 @@ pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
         (offset_of!(Placed, normal) as u32, 3),
         (offset_of!(Placed, eye_m) as u32, 3),
         (offset_of!(Placed, uv) as u32, 2),
-        (offset_of!(Placed, material) as u32, 0),
+        (offset_of!(Placed, kd) as u32, 3),
+        (offset_of!(Placed, ks_ns) as u32, 4),
         (offset_of!(Placed, group) as u32, 0),
     ],
 };
@@ -87,10 +89,11 @@ impl Place {
     ///
     /// # Errors
     /// Out of memory.
-    pub fn bind(&self, geometry: &Geometry, knots: &Buffer) -> Result<BindGroup> {
+    pub fn bind(&self, scene: &SceneBuffers, geometry: &Geometry, knots: &Buffer) -> Result<BindGroup> {
         self.kernels[0].bind(&[
             ("Vertices", Bound::Buffer(&geometry.vertices)),
             ("Knots", Bound::Buffer(knots)),
+            ("Materials", Bound::Buffer(&scene.materials)),
             ("PlacedVertices", Bound::Buffer(&geometry.placed)),
         ])
     }

@@ -201,11 +201,7 @@ impl RasterTarget {
     /// # Errors
     /// Out of memory.
     pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
-        let all = [
-            ("Cameras", Bound::Buffer(camera)),
-            ("Materials", Bound::Buffer(&scene.materials)),
-            ("Lights", Bound::Buffer(&scene.lights)),
-        ];
+        let all = [("Cameras", Bound::Buffer(camera)), ("Lights", Bound::Buffer(&scene.lights))];
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
     }
 

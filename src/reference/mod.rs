@@ -11,6 +11,12 @@
 pub mod accumulate;
 pub mod chain;
 pub mod develop;
+pub mod exact_gather;
+pub mod exact_neighbours;
+pub mod exact_paths;
+pub mod exact_place;
+pub mod exact_still;
+pub mod exact_tiles;
 pub mod fast_claims;
 pub mod fast_gather;
 pub mod fast_push;

@@ -1,11 +1,12 @@
 //! What the tests of effects share: settings of every effect, scenes that give a known radiance, frames through the engine.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use shutterbug::camera::{Intrinsics, Pose, ScanOrder, ShutterTiming, Trajectory};
+use shutterbug::capture::Capture;
 use shutterbug::chain::{Effect, ParamKind, Settings, Value, View, rng};
 use shutterbug::plane::Plane;
 
@@ -179,4 +180,48 @@ pub fn neighbour_correlation(values: &[f64], width: usize) -> (f64, f64) {
         right.extend_from_slice(&row[1..]);
     }
     (correlation(&here, &right), correlation(&values[..values.len() - width], &values[width..]))
+}
+
+/// The capture with the answer's effects switched on, or `None`, said loudly.
+pub fn answered(name: &str, test: &str) -> Option<(Capture, PathBuf)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cycles-dev").join(name);
+    if !root.is_dir() {
+        eprintln!("SKIPPED {test}: ../shared/data/cycles-dev/{name} is absent");
+        return None;
+    }
+    let mut capture = Capture::read(&root, None).unwrap();
+    let answer = std::fs::read_to_string(root.join("answer.json")).unwrap();
+    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    for effect in answer["effects"].as_array().unwrap() {
+        let id = effect["name"].as_str().unwrap();
+        for (key, value) in effect
+            .as_object()
+            .unwrap()
+            .iter()
+            .filter(|(k, _)| !["name", "unit", "model", "sign"].contains(&k.as_str()))
+        {
+            // The answers call some parameters differently.
+            let key = match key.as_str() {
+                "readout_s" => "readout_time_s",
+                "exposure_s" => "exposure_time_s",
+                "direction" => "scan_order",
+                "full_well" => "full_well_e",
+                other => other,
+            };
+            let value = match value.as_f64() {
+                Some(number) => Value::Number(number),
+                None => Value::Choice(option(id, key, value.as_str().unwrap())),
+            };
+            let spec = by_id(id).specs().iter().find(|s| s.name == key);
+            assert!(spec.is_some(), "{name}: {id}.{key} is not modelled");
+            capture.camera.settings.set(by_id(id), key, value).unwrap();
+        }
+    }
+    Some((capture, root))
+}
+
+fn option(id: &str, key: &str, value: &str) -> &'static str {
+    let spec = by_id(id).specs().iter().find(|s| s.name == key).unwrap();
+    let shutterbug::chain::ParamKind::Choice { options, .. } = spec.kind else { panic!("{id}.{key}") };
+    options.iter().find(|o| **o == value).unwrap()
 }

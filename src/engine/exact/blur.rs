@@ -8,6 +8,7 @@ use super::super::finish::prepare;
 use super::super::lens::Channel;
 use super::super::slots::FrameSlot;
 use super::Input;
+use super::uncover::Uncover;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
 use crate::error::Result;
@@ -31,15 +32,11 @@ const MOST_RADIUS: f64 = 8.0;
 struct PathsPush {
     size: [u32; 2],
     line_count: u32,
-    group_count: u32,
     columns: u32,
-    near_m: f32,
     lens: LensPush,
+    near_m: f32,
 }
-assert_push_layout!(
-    "exact_paths_ms.comp",
-    PathsPush { size, line_count, group_count, columns, near_m, lens }
-);
+assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, columns, lens, near_m });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -80,6 +77,9 @@ assert_push_layout!(
 /// `WAY` of `exact_gather.comp`: how a tile is gathered.
 const WAYS: [(u32, &str); 3] = [(0, "resting"), (1, "smooth_tiles"), (2, "layered")];
 
+/// Place in [`WAYS`] of tiles of several surfaces: the last.
+const LAYERED: usize = 2;
+
 /// Images of one margin, and the kernels that work on them.
 pub(super) struct Blur {
     pub(super) inputs: Vec<Input>,
@@ -89,8 +89,11 @@ pub(super) struct Blur {
     kernels: [ComputePipeline; 2],
     /// By [`WAYS`].
     gathers: Vec<(ComputePipeline, BindGroup)>,
+    /// Several surfaces, with what objects uncover.
+    layered: Option<(ComputePipeline, BindGroup)>,
     _samplers: [Sampler; 2],
     pub(super) target: RasterTarget,
+    pub(super) uncover: Option<Uncover>,
     images: Images,
     pub(super) margin_px: [u32; 2],
 }
@@ -137,7 +140,7 @@ impl Blur {
         slots: &mut [FrameSlot],
         radiance: &Image,
         group_count: usize,
-        margin_px: [u32; 2],
+        (margin_px, uncovers): ([u32; 2], bool),
     ) -> Result<Self> {
         let context = &stage.context;
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
@@ -159,22 +162,28 @@ impl Blur {
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
+        let uncover = uncovers.then(|| Uncover::new(stage, slots, size, &inputs)).transpose()?;
         let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
-        let gathers = WAYS.iter().zip(&images.lists).map(|((way, _), list)| {
+        let gather = |way: u32, uncover: Option<&Uncover>| {
+            let constants = [way, uncover.is_some().into()];
             let kernel =
-                ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &[*way])?;
-            let group = bind_gather(&kernel, &images, list, radiance, (&sampler, &linear))?;
+                ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &constants)?;
+            let list = &images.lists[way as usize];
+            let group = bind_gather(&kernel, (&images, list), uncover, radiance, (&sampler, &linear))?;
             Ok((kernel, group))
-        });
-        let gathers = gathers.collect::<Result<_>>()?;
+        };
+        let gathers = WAYS.iter().map(|(way, _)| gather(*way, None)).collect::<Result<_>>()?;
+        let layered = uncover.as_ref().map(|u| gather(LAYERED as u32, Some(u))).transpose()?;
         Ok(Self {
             inputs,
             paths,
             groups,
             kernels,
             gathers,
+            layered,
             _samplers: [sampler, linear],
             target,
+            uncover,
             images,
             margin_px,
         })
@@ -217,7 +226,9 @@ impl Blur {
         recorder.dispatch(&self.kernels[1], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        for ((kernel, group), list) in self.gathers.iter().zip(&self.images.lists) {
+        let layered = self.layered.as_ref().filter(|_| part.uncovers).unwrap_or(&self.gathers[LAYERED]);
+        let gathers = self.gathers[..LAYERED].iter().chain([layered]);
+        for ((kernel, group), list) in gathers.zip(&self.images.lists) {
             recorder.dispatch_indirect(kernel, group, &push, list);
         }
     }
@@ -226,7 +237,6 @@ impl Blur {
         PathsPush {
             size: self.target.size,
             line_count: part.line_count,
-            group_count: part.group_count,
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
             lens: LensPush::NONE,
@@ -288,13 +298,15 @@ fn bind(
 
 fn bind_gather(
     kernel: &ComputePipeline,
-    images: &Images,
-    list: &Buffer,
+    (images, list): (&Images, &Buffer),
+    uncover: Option<&Uncover>,
     radiance: &Image,
     (sampler, linear): (&Sampler, &Sampler),
 ) -> Result<BindGroup> {
     let fetched = |image| Bound::Sampled(image, sampler);
     let [around_near, around_far] = &images.around;
+    // A kernel that is compiled without them reads neither.
+    let [early, late] = [0, 1].map(|i| uncover.map_or(&images.texels, |u| u.picture(i)));
     kernel.bind(&[
         ("texels", Bound::Sampled(&images.texels, linear)),
         ("inverses", fetched(&images.texels)),
@@ -303,18 +315,21 @@ fn bind_gather(
         ("around_far", fetched(around_far)),
         ("radiance", Bound::Storage(radiance)),
         ("listed", Bound::Buffer(list)),
+        ("early", Bound::Sampled(early, linear)),
+        ("late", Bound::Sampled(late, linear)),
     ])
 }
 
 /// What a frame tells the kernels.
 pub(super) struct Part {
-    /// Number of lines whose matrices were written, and of motion groups.
+    /// Number of lines whose matrices were written.
     pub(super) line_count: u32,
-    pub(super) group_count: u32,
     /// Time that its paths span, s.
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
+    /// Whether the pictures of the exposure's begin and end were drawn.
+    pub(super) uncovers: bool,
     /// The colour that is drawn.
     pub(super) channel: Channel,
 }

@@ -34,30 +34,50 @@ struct Seen {
     pass_change: f64,
 }
 
-/// Cuts the mesh for a readout so that chords are off by at most `chord_px`, or by as little as `most` triangles allow;
-/// also returns what was reached, px.
+/// What the triangles are cut for.
+#[derive(Clone, Copy)]
+pub(super) struct Limits {
+    /// Largest distance of a chord from its curve, px.
+    pub(super) chord_px: f64,
+    /// Most triangles.
+    pub(super) most: usize,
+}
+
+/// When they are seen.
+pub(super) struct Views<'a> {
+    /// In order of time, s.
+    pub(super) frames: &'a [(f64, f64)],
+    /// At any other time too.
+    pub(super) everywhere: bool,
+}
+
+/// Cuts the mesh for a readout (s; are its lines rows) so that chords are off by at most what the limits say, or by as
+/// little as the triangles that they allow give; also returns what was reached, px.
 pub(super) fn cut(
     stage: &Stage,
     groups: &MotionGroups,
     mesh: &Mesh,
-    frames: &[(f64, f64)],
+    views: &Views<'_>,
     (readout_time_s, lines_are_rows): (f64, bool),
-    (chord_px, most): (f64, usize),
+    limits: Limits,
 ) -> (Mesh, f64) {
-    let times = sample_times(&stage.trajectory, frames);
+    let (times, stride) = sample_times(&stage.trajectory, views);
     let seen: Vec<Vec<Seen>> = (0..groups.count())
         .map(|g| times.iter().filter_map(|&t| see(&stage.trajectory, groups, g, t, readout_time_s)).collect())
         .collect();
     let lens = stage.lens.as_ref().map(|l| &l.extended);
-    let bound = Bound::new(&stage.intrinsics, lens, readout_time_s, lines_are_rows);
-    let mut allowed_px = chord_px;
+    let mut bound = Bound::new(&stage.intrinsics, lens, readout_time_s, lines_are_rows);
+    if stride > 1 && !views.everywhere {
+        bound.allow_for_gaps(&seen);
+    }
+    let mut allowed_px = limits.chord_px;
     loop {
         let long = |a: &Vertex, b: &Vertex| {
             let group = a.object as usize;
             bound.is_long(&seen[group], a, b, allowed_px)
                 || stage.lens.as_ref().is_some_and(|l| l.chords.is_long(group, a, b, allowed_px))
         };
-        match mesh.split(long, most) {
+        match mesh.split(long, limits.most) {
             Some(cut) => return (cut, allowed_px),
             None => allowed_px *= 2.0,
         }
@@ -67,16 +87,40 @@ pub(super) fn cut(
     }
 }
 
-fn sample_times(path: &Trajectory, frames: &[(f64, f64)]) -> Vec<f64> {
-    let stride = (3 * frames.len()).div_ceil(FRAME_SAMPLES).max(1);
-    let mut times: Vec<f64> =
-        frames.iter().step_by(stride).flat_map(|&(from, to)| [from, 0.5 * (from + to), to]).collect();
+/// How strongly the camera moves in a frame, as the logarithm to base 2 of the chord error of an edge as wide as the
+/// picture is far, over `chord_px`; 0 where nothing needs to be cut.
+pub(super) fn strength(
+    stage: &Stage,
+    groups: &MotionGroups,
+    (from_s, to_s): (f64, f64),
+    readout_s: f64,
+    chord_px: f64,
+) -> i32 {
+    let focal_px = stage.intrinsics.fx.max(stage.intrinsics.fy);
+    let mut most = 0.0_f64;
+    for group in 0..groups.count() {
+        for time_s in [from_s, 0.5 * (from_s + to_s), to_s] {
+            let Some(s) = see(&stage.trajectory, groups, group, time_s, readout_s) else { continue };
+            let speed = s.turn.length() + s.pass.length();
+            let change = (s.turn_change + s.pass_change) * readout_s;
+            most = most.max(focal_px * readout_s * (0.25 * speed + 0.125 * change));
+        }
+    }
+    (most / chord_px).max(1.0).log2().min(30.0) as i32
+}
+
+/// Three times in each of the frames, or of so many of them that there are not too many, and the span of the trajectory;
+/// and how many frames were passed over for each that was not.
+fn sample_times(path: &Trajectory, views: &Views<'_>) -> (Vec<f64>, usize) {
+    let stride = (3 * views.frames.len()).div_ceil(FRAME_SAMPLES).max(1);
+    let sampled = views.frames.iter().step_by(stride);
+    let mut times: Vec<f64> = sampled.flat_map(|&(from, to)| [from, 0.5 * (from + to), to]).collect();
     let (from_s, to_s) = path.span_s();
-    if from_s.is_finite() && to_s.is_finite() {
+    if views.everywhere && from_s.is_finite() && to_s.is_finite() {
         let step_s = (to_s - from_s) / (PATH_SAMPLES - 1) as f64;
         times.extend((0..PATH_SAMPLES).map(|i| from_s + step_s * i as f64));
     }
-    times
+    (times, stride)
 }
 
 /// Differences over a quarter of the readout; `None` where there are no poses for them.
@@ -108,23 +152,40 @@ struct Bound {
     readout_time_s: f64,
     lines_are_rows: bool,
     cone: Cone,
+    widest_rad: f64,
+    /// How far the camera moves between one sample and the next, m.
+    gap_m: f64,
 }
 
 impl Bound {
+    /// Widens the cone by what the camera turns and moves from one sample to the next.
+    fn allow_for_gaps(&mut self, seen: &[Vec<Seen>]) {
+        let mut turn_rad = 0.0_f64;
+        for pair in seen.iter().flat_map(|s| s.windows(2)) {
+            let step = pair[1].camera_from_object.then_from(&pair[0].camera_from_object.inverse());
+            turn_rad = turn_rad.max(step.rotation.to_scaled_axis().length());
+            self.gap_m = self.gap_m.max(step.translation_m.length());
+        }
+        self.cone = Cone::new(self.widest_rad + turn_rad);
+    }
+
     fn new(k: &Intrinsics, lens: Option<&ExtendedLens>, readout_time_s: f64, lines_are_rows: bool) -> Self {
         let (w, h) = (f64::from(k.width), f64::from(k.height));
         let corners = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)];
         let widest = corners.map(|(x, y)| k.ray(DVec2::new(x, y)).angle_between(DVec3::Z));
         let stretch = lens.map_or(1.0, ExtendedLens::stretch);
+        let widest_rad = match lens {
+            Some(lens) => lens.radius().atan(),
+            None => widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
+        };
         Self {
             camera: Intrinsics { fx: stretch * k.fx, fy: stretch * k.fy, ..*k },
             line_delay_s: readout_time_s / if lines_are_rows { h } else { w },
             readout_time_s,
             lines_are_rows,
-            cone: Cone::new(match lens {
-                Some(lens) => lens.radius().atan(),
-                None => widest.into_iter().fold(0.0, f64::max) + CONE_GUARD,
-            }),
+            cone: Cone::new(widest_rad),
+            widest_rad,
+            gap_m: 0.0,
         }
     }
 
@@ -136,7 +197,7 @@ impl Bound {
             let middle = 0.5 * (a + b);
             let along = ((-a).dot(b - a) / (length_m * length_m).max(1e-12)).clamp(0.0, 1.0);
             let away_m = (a + along * (b - a)).length();
-            if away_m > NEAREST_M && self.cone.misses(middle, 0.5 * length_m) {
+            if away_m > NEAREST_M && self.cone.misses(middle, 0.5 * length_m + self.gap_m) {
                 return false;
             }
             let away_m = away_m.max(NEAREST_M);

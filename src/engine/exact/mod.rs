@@ -6,8 +6,10 @@
 
 mod blur;
 mod cut;
+mod cuts;
 mod still;
 mod times;
+mod uncover;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -20,14 +22,17 @@ use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
-use crate::gpu::{BindGroup, Buffer, Context, Image, Location, RenderArea, Usage};
+use crate::gpu::{Buffer, Context, Image, Location, Recorder, RenderArea, Usage};
 use crate::raster::{
-    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow, View,
-    relative_rows,
+    Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow,
+    SceneBuffers, View, relative_rows,
 };
 use blur::{Blur, Part, orientation};
+use cut::Limits;
+use cuts::{Cuts, Placeable, Source, Span};
 use still::Still;
 use times::{BlurReach, exposures, lines_of, measure_reach, place_push};
+use uncover::Bounds;
 
 /// Most knots of a frame.
 const MAX_KNOTS: usize = 129;
@@ -62,11 +67,10 @@ pub(super) struct Exact {
     /// The knots of each frame in flight.
     knots: Vec<Buffer>,
     whole: Placeable,
-    /// Triangles cut for readouts up to this long, s, whose lines are rows or not.
-    cut: Option<(f64, bool, Placeable)>,
+    cuts: Cuts,
     mesh: Mesh,
     groups: MotionGroups,
-    frames: Vec<(f64, f64)>,
+    bounds: Bounds,
     /// By what frames were looked at already.
     known: HashMap<Key, BlurReach>,
     options: ExactOptions,
@@ -74,20 +78,6 @@ pub(super) struct Exact {
 
 /// Everything that the reach of a frame's blur depends on, bit by bit.
 type Key = ([u64; 3], bool);
-
-/// Triangles, bound to the knots of each frame in flight.
-struct Placeable {
-    groups: Vec<BindGroup>,
-    geometry: Geometry,
-}
-
-impl Placeable {
-    fn new(stage: &Stage, place: &Place, knots: &[Buffer], mesh: &Mesh) -> Result<Self> {
-        let geometry = Geometry::new(&stage.context, mesh)?;
-        let groups = knots.iter().map(|k| place.bind(&geometry, k)).collect::<Result<_>>()?;
-        Ok(Self { groups, geometry })
-    }
-}
 
 /// What a frame in flight has of its own in each set of images.
 struct Input {
@@ -142,23 +132,27 @@ impl Exact {
             whole: Placeable::new(stage, &place, &knots, &mesh)?,
             place,
             knots,
-            cut: None,
+            cuts: Cuts::new(expected.iter().map(span).collect()),
+            bounds: Bounds::new(&mesh, &groups),
             mesh,
             groups,
-            frames: expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect(),
             known: HashMap::new(),
             options: *options,
         };
-        let mut margin_px = [0; 2];
+        let (mut margin_px, mut uncovers) = ([0; 2], false);
         for request in expected {
             let reach = exact.reach(stage, request);
             margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
+            uncovers |= reach.uncovers;
         }
         if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
-            exact.make_images(stage, slots, radiance, first, margin_px)?;
+            exact.make_images(stage, slots, radiance, first, (margin_px, uncovers))?;
         }
         if let Some(longest) = expected.iter().max_by(|a, b| readout_s(a).total_cmp(&readout_s(b))) {
             exact.fit(stage, slots, radiance, longest)?;
+        }
+        for request in expected {
+            exact.fit_cut(stage, request)?;
         }
         Ok(exact)
     }
@@ -174,22 +168,28 @@ impl Exact {
 
     /// What depends on the lens must be made anew.
     pub(super) fn forget_lens(&mut self) {
-        self.cut = None;
+        self.cuts.forget();
         self.known.clear();
     }
 
+    /// Everything that frames have left behind goes.
+    pub(super) fn forget(&mut self) {
+        self.forget_lens();
+        (self.still, self.blur) = (None, None);
+    }
+
     fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
-        let (readout_s, rows) = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let fits = |cut: &(f64, bool, Placeable)| readout_s <= cut.0 * (1.0 + 1e-9) && rows == cut.1;
-        (readout_s > 0.0 || stage.lens.is_some()) && !self.cut.as_ref().is_some_and(fits)
+        let bends = readout_s(request) > 0.0 || stage.lens.is_some();
+        bends && self.cuts.of(span(request), lines(request)).is_none()
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
         if request.shutter.exposure_time_s <= 0.0 {
             return self.still.is_none();
         }
-        let needed = self.reach(stage, request).margin_px;
-        self.blur.as_ref().is_none_or(|b| (0..2).any(|i| needed[i] > b.margin_px[i]))
+        let BlurReach { margin_px: needed, uncovers, .. } = self.reach(stage, request);
+        let lacks = |b: &Blur| uncovers && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i]);
+        self.blur.as_ref().is_none_or(lacks)
     }
 
     /// See [`Self::needs_fit`].
@@ -202,25 +202,22 @@ impl Exact {
     ) -> Result<()> {
         if self.needs_images(stage, request) {
             let have = self.margin_px();
-            let needed = self.reach(stage, request).margin_px;
-            self.make_images(stage, slots, radiance, request, [0, 1].map(|i| needed[i].max(have[i])))?;
+            let BlurReach { margin_px: needed, mut uncovers, .. } = self.reach(stage, request);
+            uncovers |= self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
+            let margin_px = [0, 1].map(|i| needed[i].max(have[i]));
+            self.make_images(stage, slots, radiance, request, (margin_px, uncovers))?;
         }
+        self.fit_cut(stage, request)
+    }
+
+    fn fit_cut(&mut self, stage: &Stage, request: &FrameRequest) -> Result<()> {
         if !self.needs_cut(stage, request) {
             return Ok(());
         }
-        if self.frames.is_empty() {
-            self.frames.push((request.shutter.start_s, request.shutter.end_s()));
-        }
-        let lines = (readout_s(request), request.shutter.scan_order.lines_are_rows());
-        let limits = (self.options.chord_px, self.options.most_triangles as usize);
-        let (mesh, chord_px) = cut::cut(stage, &self.groups, &self.mesh, &self.frames, lines, limits);
-        let (from, to) = (self.mesh.triangle_count(), mesh.triangle_count());
-        tracing::info!(
-            "{from} triangles cut into {to} for a readout of {} s: {chord_px} px at most",
-            lines.0
-        );
-        self.cut = Some((lines.0, lines.1, Placeable::new(stage, &self.place, &self.knots, &mesh)?));
-        Ok(())
+        let limits = Limits { chord_px: self.options.chord_px, most: self.options.most_triangles as usize };
+        let (place, knots, mesh, groups) = (&self.place, &self.knots[..], &self.mesh, &self.groups);
+        let source = Source { place, knots, mesh, groups, limits };
+        self.cuts.make(stage, &source, span(request), lines(request))
     }
 
     fn make_images(
@@ -229,13 +226,13 @@ impl Exact {
         slots: &mut [FrameSlot],
         radiance: &Image,
         request: &FrameRequest,
-        margin_px: [u32; 2],
+        extent: ([u32; 2], bool),
     ) -> Result<()> {
         let count = self.groups.count();
         if request.shutter.exposure_time_s > 0.0 {
             // The old images go first: they are large.
             self.blur = None;
-            self.blur = Some(Blur::new(stage, slots, radiance, count, margin_px)?);
+            self.blur = Some(Blur::new(stage, slots, radiance, count, extent)?);
         } else {
             self.still = Some(Still::new(stage, slots, radiance, count)?);
         }
@@ -254,7 +251,8 @@ impl Exact {
         if self.known.len() >= MOST_KNOWN {
             self.known.clear();
         }
-        let reach = measure_reach(stage, request);
+        let uncovers = self.bounds.uncover(stage, &self.groups, request);
+        let reach = BlurReach { uncovers, ..measure_reach(stage, request) };
         self.known.insert(key, reach);
         reach
     }
@@ -276,13 +274,20 @@ impl Exact {
         let ending = Ending::new(planes, stage, slot, request, path);
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
-        let placeable = match &self.cut {
-            Some((_, _, cut)) if push.knot_count > 1 || stage.lens.is_some() => cut,
-            _ => &self.whole,
-        };
+        let bent = push.knot_count > 1 || stage.lens.is_some();
+        let cut = bent.then(|| self.cuts.of(span(request), lines(request))).flatten();
+        let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {
-            let push = PlacePush { lens: stage.lens_push(channel, [camera.width, camera.height]), ..push };
+            let lens = stage.lens_push(channel, [camera.width, camera.height]);
+            let push = PlacePush { lens, ..push };
+            if let (Some(blur), true) = (&self.blur, reach.uncovers) {
+                let pushes = uncover::INSTANTS.map(|tau| PlacePush {
+                    lens,
+                    ..place_push(&camera, &request.shutter, push.knot_count as usize, tau)
+                });
+                self.draw_uncovered(&mut recorder, blur, scene, (placeable, index), &pushes, area);
+            }
             recorder.mark("exact_place");
             self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
             recorder.mark("raster");
@@ -305,6 +310,24 @@ impl Exact {
         slot.gpu.submit()
     }
 
+    /// The pictures of the begin and the end of the exposure.
+    fn draw_uncovered(
+        &self,
+        recorder: &mut Recorder<'_>,
+        blur: &Blur,
+        scene: (&SceneBuffers, &Geometry),
+        (placeable, slot): (&Placeable, usize),
+        pushes: &[PlacePush; 2],
+        area: RenderArea,
+    ) {
+        let Some(uncover) = &blur.uncover else { return };
+        recorder.mark("exact_uncover");
+        for (instant, push) in pushes.iter().enumerate() {
+            self.place.record(recorder, &placeable.geometry, &placeable.groups[slot], push);
+            uncover.draw(recorder, scene, (slot, instant), area);
+        }
+    }
+
     fn write_inputs(
         &mut self,
         stage: &Stage,
@@ -314,7 +337,7 @@ impl Exact {
         reach: BlurReach,
     ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
-        let times = if rolls {
+        let times = if rolls || reach.uncovers {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
         } else {
             vec![shutter.middle_s()]
@@ -328,7 +351,6 @@ impl Exact {
         };
         self.knots[slot].write(0, &rows);
         input.camera.write(0, &[eye]);
-        let group_count = self.groups.count() as u32;
         let mut line_count = 1;
         if blurs {
             let exposures = exposures(view, shutter, times.len(), covered_span_s(stage, view.path));
@@ -338,13 +360,21 @@ impl Exact {
         }
         let part = Part {
             line_count: line_count as u32,
-            group_count,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
+            uncovers: reach.uncovers,
             channel: Channel::GREEN,
         };
-        (place_push(view.camera, shutter, times.len()), part)
+        (place_push(view.camera, shutter, times.len(), 0.0), part)
     }
+}
+
+fn span(request: &FrameRequest) -> Span {
+    (request.shutter.start_s, request.shutter.end_s())
+}
+
+fn lines(request: &FrameRequest) -> (f64, bool) {
+    (readout_s(request), request.shutter.scan_order.lines_are_rows())
 }
 
 fn readout_s(request: &FrameRequest) -> f64 {

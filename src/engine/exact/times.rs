@@ -20,6 +20,8 @@ const UNSEEN_PX: f64 = 1e-3;
 pub(super) struct BlurReach {
     pub(super) margin_px: [u32; 2],
     pub(super) reach_px: f64,
+    /// Whether objects uncover what is seen.
+    pub(super) uncovers: bool,
 }
 
 /// Lines of the attachment, margin included.
@@ -74,10 +76,15 @@ pub(super) fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach 
     found
 }
 
-/// Where the vertex stage finds the time of a line: the middle of its exposure, in places among knots that are spread
+/// Where the vertex stage finds the time of a line: the instant `tau` of its exposure (-0.5 to 0.5), in places among knots that are spread
 /// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
 /// time belongs to its middle.
-pub(super) fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_count: usize) -> PlacePush {
+pub(super) fn place_push(
+    camera: &Intrinsics,
+    shutter: &ShutterTiming,
+    knot_count: usize,
+    tau: f64,
+) -> PlacePush {
     let span_s = shutter.end_s() - shutter.start_s;
     if knot_count < 2 {
         return PlacePush {
@@ -94,7 +101,7 @@ pub(super) fn place_push(camera: &Intrinsics, shutter: &ShutterTiming, knot_coun
     let per_s = (knot_count - 1) as f64 / span_s;
     let lines = f64::from(shutter.line_count);
     let delay_s = shutter.line_delay_s();
-    let place = |line: f64| per_s * (0.5 * shutter.exposure_time_s + delay_s * (line - 0.5));
+    let place = |line: f64| per_s * ((0.5 + tau) * shutter.exposure_time_s + delay_s * (line - 0.5));
     let (rows, reversed) = orientation(shutter.scan_order);
     let side = f64::from(if rows { camera.height } else { camera.width });
     let per_ndc = (per_s * delay_s * 0.5 * side * if reversed { -1.0 } else { 1.0 }) as f32;

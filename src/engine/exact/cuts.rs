@@ -1,0 +1,122 @@
+//! Triangles as they are drawn: whole, and cut for the motion of the frames that draw them.
+//!
+//! Frames that were announced are sorted by how strongly the camera moves, in classes of a factor of two, and each class
+//! has a cut of its own: one frame of strong acceleration would otherwise make every other frame draw its triangles. A
+//! frame that nobody announced is drawn with triangles cut for the whole trajectory.
+
+use super::super::Stage;
+use super::cut::{Limits, Views, cut, strength};
+use crate::error::Result;
+use crate::gpu::{BindGroup, Buffer};
+use crate::raster::{Geometry, Mesh, MotionGroups, Place};
+
+/// Spans that differ by less are the same frame's, s.
+const SAME_S: f64 = 1e-9;
+
+/// Triangles, bound to the knots of each frame in flight.
+pub(super) struct Placeable {
+    pub(super) groups: Vec<BindGroup>,
+    pub(super) geometry: Geometry,
+}
+
+impl Placeable {
+    pub(super) fn new(stage: &Stage, place: &Place, knots: &[Buffer], mesh: &Mesh) -> Result<Self> {
+        let geometry = Geometry::new(&stage.context, mesh)?;
+        let groups = knots.iter().map(|k| place.bind(&stage.buffers, &geometry, k)).collect::<Result<_>>()?;
+        Ok(Self { groups, geometry })
+    }
+}
+
+/// From the first line's start to the last line's end, s.
+pub(super) type Span = (f64, f64);
+
+struct Cut {
+    /// `None`: any frame.
+    class: Option<i32>,
+    placeable: Placeable,
+}
+
+/// All of a scene's cuts for one readout.
+#[derive(Default)]
+pub(super) struct Cuts {
+    /// Longest readout that they are good for, s, and whether its lines are rows.
+    lines: (f64, bool),
+    cuts: Vec<Cut>,
+    /// Frames that were announced, in order, with their classes at that readout.
+    announced: Vec<(Span, i32)>,
+}
+
+/// What a cut is made from.
+pub(super) struct Source<'a> {
+    pub(super) place: &'a Place,
+    pub(super) knots: &'a [Buffer],
+    pub(super) mesh: &'a Mesh,
+    pub(super) groups: &'a MotionGroups,
+    pub(super) limits: Limits,
+}
+
+impl Cuts {
+    /// For frames of these spans.
+    pub(super) fn new(mut frames: Vec<Span>) -> Self {
+        frames.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        frames.dedup();
+        Self { announced: frames.into_iter().map(|span| (span, 0)).collect(), ..Self::default() }
+    }
+
+    /// Everything is to be made anew.
+    pub(super) fn forget(&mut self) {
+        self.cuts.clear();
+    }
+
+    /// Triangles for a frame; `None` where they are to be made.
+    pub(super) fn of(&self, span: Span, lines: (f64, bool)) -> Option<&Placeable> {
+        if lines.0 > self.lines.0 * (1.0 + 1e-9) || lines.1 != self.lines.1 {
+            return None;
+        }
+        let class = self.class_of(span);
+        let found = self.cuts.iter().find(|c| c.class == class);
+        found.map(|c| &c.placeable)
+    }
+
+    /// Of a frame that was announced.
+    fn class_of(&self, (from_s, to_s): Span) -> Option<i32> {
+        let first = self.announced.partition_point(|((from, _), _)| *from < from_s - SAME_S);
+        let near = self.announced[first..].iter().take_while(|((from, _), _)| *from <= from_s + SAME_S);
+        // A shorter readout or exposure than announced lies inside.
+        near.filter(|((_, to), _)| *to >= to_s - SAME_S).map(|(_, class)| *class).max()
+    }
+
+    /// Makes what [`Self::of`] asks for.
+    pub(super) fn make(
+        &mut self,
+        stage: &Stage,
+        source: &Source<'_>,
+        span: Span,
+        lines: (f64, bool),
+    ) -> Result<()> {
+        if lines.0 > self.lines.0 * (1.0 + 1e-9) || lines.1 != self.lines.1 {
+            self.cuts.clear();
+            self.lines = lines;
+            for (span, class) in &mut self.announced {
+                *class = strength(stage, source.groups, *span, lines.0, source.limits.chord_px);
+            }
+        }
+        let class = self.class_of(span);
+        let of_class = self.announced.iter().filter(|(_, c)| class.is_none_or(|class| *c == class));
+        let mut frames: Vec<Span> = of_class.map(|(span, _)| *span).collect();
+        if class.is_none() {
+            frames.push(span);
+        }
+        let views = Views { frames: &frames, everywhere: class.is_none() };
+        let (mesh, chord_px) = cut(stage, source.groups, source.mesh, &views, self.lines, source.limits);
+        let (from, to) = (source.mesh.triangle_count(), mesh.triangle_count());
+        tracing::info!(
+            "{from} triangles cut into {to} for a readout of {} s and {} frames: {chord_px} px at most",
+            self.lines.0,
+            frames.len()
+        );
+        let placeable = Placeable::new(stage, source.place, source.knots, &mesh)?;
+        self.cuts.push(Cut { class, placeable });
+        Ok(())
+    }
+}

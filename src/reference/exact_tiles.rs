@@ -1,0 +1,69 @@
+//! `--method exact` with an exposure: tiles of the picture, what is in them, and what may come into them. Twin of
+//! `glsl/exact_tiles.comp` (its constants are those of `glsl/include/exact_tile.glsl`).
+
+use glam::{Vec2, Vec4};
+
+use crate::plane::Plane;
+
+/// Pixels a side.
+pub const TILE: usize = 8;
+/// Shorter paths are not seen, px.
+pub const SHORTEST_PX: f32 = 0.02;
+/// Paths that jump by less from one px to the next are those of one surface.
+pub const SMOOTH_PX: f32 = 0.35;
+
+/// A tile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tile {
+    /// Path of its nearest pixel.
+    pub near: Vec4,
+    /// Path of its farthest pixel.
+    pub far: Vec4,
+    /// 1/m.
+    pub near_inverse: f32,
+    /// 1/m.
+    pub far_inverse: f32,
+    /// Longest way to an end of a path along x and along y, px.
+    pub reach: Vec2,
+    /// Whether some path differs much from that of the pixel to the right or below.
+    pub jumps: bool,
+}
+
+/// All tiles, row by row. `texels`: radiance and inverse distance, `grid` a pixel's side; `paths`: `[height, width, 4]`.
+///
+/// # Panics
+/// If shapes do not fit.
+pub fn exact_tiles(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize) -> Vec<Tile> {
+    let tiles = [paths.width.div_ceil(TILE), paths.height.div_ceil(TILE)];
+    let all = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y]));
+    all.map(|tile| exact_tile(texels, paths, grid, tile)).collect()
+}
+
+fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize; 2]) -> Tile {
+    let last = [paths.width - 1, paths.height - 1];
+    let path = |x: usize, y: usize| Vec4::from_slice(paths.pixel(x.min(last[0]), y.min(last[1])));
+    let mut found = Tile {
+        near: Vec4::ZERO,
+        far: Vec4::ZERO,
+        near_inverse: -1.0,
+        far_inverse: 1e30,
+        reach: Vec2::ZERO,
+        jumps: false,
+    };
+    for (row, column) in (0..TILE).flat_map(|row| (0..TILE).map(move |column| (row, column))) {
+        // Beyond the border the last pixel is repeated.
+        let (x, y) = ((tile[0] * TILE + column).min(last[0]), (tile[1] * TILE + row).min(last[1]));
+        let own = path(x, y);
+        let jump = (path(x + 1, y) - own).abs().max_element().max((path(x, y + 1) - own).abs().max_element());
+        found.jumps |= jump >= SMOOTH_PX;
+        found.reach = found.reach.max(own.abs().truncate().truncate().max(Vec2::new(own.z, own.w).abs()));
+        let inverse = texels.pixel(x * grid, y * grid)[3];
+        if inverse > found.near_inverse {
+            (found.near_inverse, found.near) = (inverse, own);
+        }
+        if inverse < found.far_inverse {
+            (found.far_inverse, found.far) = (inverse, own);
+        }
+    }
+    found
+}
