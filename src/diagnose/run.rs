@@ -128,9 +128,21 @@ pub fn diagnose(
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
+    report.warnings.extend(uncontrolled(&capture.camera.settings));
     report.next = next(&report, capture);
     report.input.seconds = clock.elapsed().as_secs_f64();
     Ok(Diagnosis { report, camera, frames })
+}
+
+/// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,
+/// which needs all frames before, is not run; a gain that changes from frame to frame stays in the gap.
+fn uncontrolled(given: &crate::chain::Settings) -> Option<String> {
+    use crate::chain::Effect as _;
+    (crate::effects::AutoExposure.variant(given) != 0).then(|| {
+        "auto_exposure of the given camera is not simulated here (frames are judged one by one): all frames have \
+         exposure_gain alone, and what the control changed from frame to frame counts as gap"
+            .to_owned()
+    })
 }
 
 /// Simulates all frames of the evidence before and after, and says where they differ.
@@ -279,4 +291,19 @@ fn renderer_difference(means: &[Plane<f32>]) -> f64 {
         }
     }
     0.1 + 0.06 * sum / f64::max(count, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::uncontrolled;
+    use crate::chain::{Settings, Value};
+    use crate::effects::AutoExposure;
+
+    #[test]
+    fn a_camera_with_automatic_exposure_is_said_to_be_simulated_without() {
+        let mut given = Settings::default();
+        assert_eq!(uncontrolled(&given), None);
+        given.set(&AutoExposure, "target", Value::Number(0.2)).expect("in range");
+        assert!(uncontrolled(&given).expect("said").contains("auto_exposure of the given camera is not simulated"));
+    }
 }
