@@ -140,7 +140,7 @@ pub(super) fn level(
     by: By,
 ) -> Result<Levelled> {
     let pair = &pairs[0];
-    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options, SIMULATED_PAIRS)?;
+    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options)?;
     let without = compare(real, &simulated);
     let good = without.within_10_percent_or_chance.iter().all(|share| *share > 0.95);
     if good || !camera.bayer {
@@ -162,10 +162,10 @@ pub(super) fn level(
         options,
         by,
     )?;
-    let (there, _) = simulate(&*by.make(&of_seen)?, &unseen, step, options, SIMULATED_PAIRS)?;
+    let (there, _) = simulate(&*by.make(&of_seen)?, &unseen, step, options)?;
     let held_out = compare(&measure(std::slice::from_ref(&unseen), step, options.encoding), &there);
     let camera = with_level_gain(&camera, pair, real, step, options, by)?;
-    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options, SIMULATED_PAIRS)?;
+    let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options)?;
     Ok(Levelled { camera, simulated, shown, without, held_out: Some(held_out) })
 }
 
@@ -177,7 +177,7 @@ const MAX_KNOT_CHANCE: f64 = 0.4;
 const SURFACES: f64 = 0.03;
 
 /// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
-const LEVEL_ROUNDS: usize = 6;
+const LEVEL_ROUNDS: usize = 9;
 /// A round must bring the deviation down to this share of the least before.
 const WORTH: f64 = 0.97;
 
@@ -194,15 +194,16 @@ pub(super) fn with_level_gain(
     let mut best: Option<(f64, IspCamera)> = None;
     let mut idle = 0;
     for round in 0..=LEVEL_ROUNDS {
-        let (simulated, _) = simulate(&*by.make(&levelled)?, pair, step, options, 1)?;
-        let compared = compare(real, &simulated);
+        let simulated = simulated_curves(&*by.make(&levelled)?, pair, step, options)?;
+        // Neighbours do not change with the level: the real ones stand for them.
+        let compared = compare(real, &Measured { curves: simulated, ..real.clone() });
         let off: f64 = compared.mean_deviation.iter().sum();
-        // Little was gained twice: the rest is chance, and what a curve cannot do.
+        // Little was gained three times: the rest is chance, and what a curve cannot do.
         idle = if best.as_ref().is_some_and(|(least, _)| off > WORTH * least) { idle + 1 } else { 0 };
         if best.as_ref().is_none_or(|(least, _)| off < *least) {
             best = Some((off, levelled.clone()));
         }
-        if idle == 2 {
+        if idle == 3 {
             break;
         }
         if round < LEVEL_ROUNDS {
@@ -282,19 +283,37 @@ pub(super) fn simulated_frames(
 /// Pairs that are simulated for the comparison: their own chance is then small beside the real pair's.
 const SIMULATED_PAIRS: u32 = 2;
 
-/// Measures so many simulated pairs as the real one, at the same pixels and in the same bins.
+/// The photon transfer curves alone of one simulated pair.
+fn simulated_curves(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<[Vec<ptc::Bin>; 3]> {
+    let (mean, moved) = (pair.mean(), pair.registration.moved);
+    let frames = simulated_frames(camera, pair, options, 1000)?;
+    let encoded = difference(&frames, &pair.usable, moved, |v| v);
+    let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
+    let curves = [0, 1, 2].map(|c| {
+        let mut curve = Curve::default();
+        curve.add(&mean, [&encoded, &linear], &pair.usable, c, options.encoding);
+        curve.bins(step, options.encoding)
+    });
+    Ok(curves)
+}
+
+/// Measures simulated pairs as the real one, at the same pixels and in the same bins.
 pub(super) fn simulate(
     camera: &dyn CameraModel,
     pair: &AlignedPair,
     step: f32,
     options: NoiseOptions,
-    pairs: u32,
 ) -> Result<(Measured, [Plane<f32>; 2])> {
     let mean = pair.mean();
     let mut curves = [Curve::default(), Curve::default(), Curve::default()];
     let mut first = None;
     let moved = pair.registration.moved;
-    for k in 0..pairs {
+    for k in 0..SIMULATED_PAIRS {
         let frames = simulated_frames(camera, pair, options, 1000 + 2 * k)?;
         let encoded = difference(&frames, &pair.usable, moved, |v| v);
         let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
