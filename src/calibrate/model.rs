@@ -82,9 +82,7 @@ impl IspCamera {
         }
         let encoded = color.map(|v| f64::from(srgb_encode(v as f32)));
         let luma: f64 = (0..3).map(|c| LUMA[c] * encoded[c]).sum();
-        encoded.map(|v| {
-            f64::from(srgb_decode((luma + (v - luma) / self.saturation).clamp(0.0, 1.0) as f32))
-        })
+        encoded.map(|v| f64::from(srgb_decode((luma + (v - luma) / self.saturation).clamp(0.0, 1.0) as f32)))
     }
 
     /// What the sensor must have seen for this colour: the inverse of matrix and gains, not below 0.

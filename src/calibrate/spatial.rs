@@ -48,7 +48,8 @@ struct Standardized {
 
 impl Standardized {
     fn new(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool], channel: usize) -> Self {
-        let at = |i: usize| if usable[i] { d.data[3 * i + channel] / sigma.data[3 * i + channel] } else { 0.0 };
+        let at =
+            |i: usize| if usable[i] { d.data[3 * i + channel] / sigma.data[3 * i + channel] } else { 0.0 };
         let value: Vec<f32> = (0..usable.len()).map(at).collect();
         let square = value.iter().map(|v| v * v).collect();
         Self { value, square }
@@ -123,8 +124,8 @@ pub fn correlations(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool]) -> ([Co
             }
         })
         .collect();
-    let cross = [[0, 1], [1, 2], [0, 2]]
-        .map(|[a, b]| coefficient([&channels[a], &channels[b]], &mask, size, (0, 0)));
+    let cross =
+        [[0, 1], [1, 2], [0, 2]].map(|[a, b]| coefficient([&channels[a], &channels[b]], &mask, size, (0, 0)));
     ([own[0], own[1], own[2]], cross)
 }
 

@@ -64,10 +64,7 @@ fn isp_settings(camera: &IspCamera, out: &mut Settings) -> Result<()> {
     if camera.saturation != 1.0 {
         set(out, "saturation", "factor", number(camera.saturation))?;
     }
-    if camera.white_balance != [1.0; 3]
-        || camera.color_matrix != identity
-        || bent
-        || camera.saturation != 1.0
+    if camera.white_balance != [1.0; 3] || camera.color_matrix != identity || bent || camera.saturation != 1.0
     {
         set(out, "sensor_color", "match", Value::Choice("delivered"))?;
         set(out, "white_balance", "r", number(camera.white_balance[0]))?;

@@ -121,6 +121,7 @@ pub fn diagnose(
     }
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
+    report.warnings.extend(uncontrolled(&capture.camera.settings));
     let frames = show(&mut search, &found, &evidence, &mut report)?;
     let mut camera = capture.camera.clone();
     for name in apply(&mut camera.settings, &found.fit.theta, &found.set)? {
@@ -128,7 +129,6 @@ pub fn diagnose(
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
-    report.warnings.extend(uncontrolled(&capture.camera.settings));
     report.next = next(&report, capture);
     report.input.seconds = clock.elapsed().as_secs_f64();
     Ok(Diagnosis { report, camera, frames })
