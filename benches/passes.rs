@@ -47,6 +47,7 @@ const USUAL: &[(&str, &str, f64)] = &[
     ("color_matrix", "rg", -0.2),
     ("gamma", "exponent", 1.1),
     ("tone_curve", "contrast", 0.2),
+    ("saturation", "factor", 0.75),
     ("sharpening", "amount", 0.5),
     ("sharpening", "radius_px", 0.7),
     ("noise_reduction", "luma_sigma_px", 0.5),

@@ -199,7 +199,9 @@ fn what_stands_between_resamplings_is_one_dispatch() {
     assert_eq!(tail.iter().filter(|v| **v != 0).count(), pointwise.len());
     let mut looking = with_edges.clone();
     looking.push(("defocus", "sigma_px", 1.0));
-    assert_eq!(count(&looking), 4, "an effect that looks at what the lens made waits for all of it");
+    assert_eq!(count(&looking), 3, "the noise looks at what the lens and the effects behind it made");
+    let last = Plan::new(LIST, &settings(&looking), false).steps.pop().unwrap();
+    assert!(matches!(last, Step::Pointwise { last: true, .. }), "{last:?}");
 }
 
 /// The chain without further effects is `develop`, which was written on its own.

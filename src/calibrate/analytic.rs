@@ -2,6 +2,7 @@
 //! small noise, so its effect on the power spectrum is a product. Averaged over the phases of mosaic and subsampling.
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 use super::cells::PAIRS;
 use super::frames::Encoding;
@@ -21,45 +22,76 @@ struct Arriving {
     chroma: [Kernel; 3],
 }
 
+/// Number of frequencies.
+const POINTS: usize = GRID * GRID;
+
+/// What does not depend on the camera, at each frequency: the mosaic's power (red and blue, green; or no mosaic) times the
+/// wave of a lag. The fit asks for the rest some ten thousand times.
+struct Waves {
+    tent: [Vec<f64>; 7],
+    cross: [Vec<f64>; 7],
+    flat: [Vec<f64>; 7],
+}
+
+fn omega(i: usize) -> f64 {
+    PI * (i as f64 + 0.5) / GRID as f64
+}
+
+static WAVES: LazyLock<Waves> = LazyLock::new(|| {
+    let of = |power: fn(f64, f64) -> f64| -> [Vec<f64>; 7] {
+        std::array::from_fn(|k| {
+            let at = |p: usize| {
+                let (wx, wy) = (omega(p % GRID), omega(p / GRID));
+                let lag = match k {
+                    0 => 1.0,
+                    k => (LAGS[k - 1].0 as f64 * wx).cos() * (LAGS[k - 1].1 as f64 * wy).cos(),
+                };
+                lag * power(wx, wy) / POINTS as f64
+            };
+            (0..POINTS).map(at).collect()
+        })
+    };
+    // Bilinear demosaic: a tent around every fourth pixel for red and blue, a cross around every second for green.
+    Waves {
+        tent: of(|wx, wy| ((1.0 + wx.cos()) * (1.0 + wy.cos())).powi(2) / 4.0),
+        cross: of(|wx, wy| (1.0 + 0.5 * (wx.cos() + wy.cos())).powi(2) / 2.0),
+        flat: of(|_, _| 1.0),
+    }
+});
+
 fn arriving(camera: &IspCamera) -> Arriving {
-    let omega: [f64; GRID] = std::array::from_fn(|i| PI * (i as f64 + 0.5) / GRID as f64);
-    let gaussian = |sigma: f64| omega.map(|w| (-0.5 * (sigma * w).powi(2)).exp());
-    let (luma, smooth) = (gaussian(camera.luma_sigma_px), gaussian(camera.chroma_sigma_px));
+    let gaussian = |sigma: f64, w: f64| (-0.5 * (sigma * w).powi(2)).exp();
     // Mean of 2, then linear interpolation back: (1/2 1/2) * (1/4 3/4 3/4 1/4) / 2 has this response.
     let halved = |w: f64| (0.5 * w).cos() * (0.75 * (0.5 * w).cos() + 0.25 * (1.5 * w).cos());
+    let luma: [f64; GRID] = std::array::from_fn(|i| gaussian(camera.luma_sigma_px, omega(i)));
     let chroma: [[f64; GRID]; 2] = [0, 1].map(|axis| {
         let on = camera.chroma_step[axis] == 2;
-        std::array::from_fn(|i| smooth[i] * if on { halved(omega[i]) } else { 1.0 })
+        std::array::from_fn(|i| {
+            let w = omega(i);
+            gaussian(camera.chroma_sigma_px, w) * if on { halved(w) } else { 1.0 }
+        })
     });
-    let mut out = Arriving { luma: [[0.0; 7]; 3], mixed: [[0.0; 7]; 3], chroma: [[0.0; 7]; 3] };
-    for (j, wy) in omega.iter().enumerate() {
-        for (i, wx) in omega.iter().enumerate() {
-            // Bilinear demosaic: a tent around every fourth pixel for red and blue, a cross around every second for green.
-            let (tent, cross) = ((1.0 + wx.cos()) * (1.0 + wy.cos()), 1.0 + 0.5 * (wx.cos() + wy.cos()));
-            let source = if camera.bayer {
-                [tent * tent / 4.0, cross * cross / 2.0, tent * tent / 4.0]
-            } else {
-                [1.0; 3]
-            };
-            let (y, c) = (luma[i] * luma[j], chroma[0][i] * chroma[1][j]);
-            let lag = |k: usize| {
-                if k == 0 {
-                    1.0
-                } else {
-                    (LAGS[k - 1].0 as f64 * wx).cos() * (LAGS[k - 1].1 as f64 * wy).cos()
-                }
-            };
-            for k in 0..7 {
-                let wave = lag(k) / (GRID * GRID) as f64;
-                for (channel, power) in source.iter().enumerate() {
-                    out.luma[channel][k] += wave * power * y * y;
-                    out.mixed[channel][k] += wave * power * y * c;
-                    out.chroma[channel][k] += wave * power * c * c;
-                }
-            }
-        }
+    let response = |of: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
+        let at = |p: usize| {
+            let (i, j) = (p % GRID, p / GRID);
+            of(luma[i] * luma[j], chroma[0][i] * chroma[1][j])
+        };
+        (0..POINTS).map(at).collect()
+    };
+    let waves = &*WAVES;
+    let sources = if camera.bayer { [&waves.tent, &waves.cross] } else { [&waves.flat, &waves.flat] };
+    let kernels = |response: Vec<f64>| -> [Kernel; 3] {
+        let of = |source: &[Vec<f64>; 7]| -> Kernel {
+            std::array::from_fn(|k| source[k].iter().zip(&response).map(|(w, r)| w * r).sum())
+        };
+        let [outer, green] = sources.map(of);
+        [outer, green, outer]
+    };
+    Arriving {
+        luma: kernels(response(&|y, _| y * y)),
+        mixed: kernels(response(&|y, c| y * c)),
+        chroma: kernels(response(&|_, c| c * c)),
     }
-    out
 }
 
 /// Covariances of one colour as in [`super::cells::Cell`].
@@ -78,8 +110,9 @@ pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>
     let rounding = camera.step.powi(2) / 12.0;
     let one = |encoded: &[f64; 3]| {
         let color: [f64; 3] = encoded.map(|v| f64::from(encoding.decode(v as f32)));
-        let slope = color.map(|v| encoding.slope(v));
+        let slope = camera.vivid(color).map(|v| encoding.slope(v));
         let seen = camera.sensor_color(&inverse, color);
+        let saturation = if camera.srgb { camera.saturation } else { 1.0 };
         let variance: [f64; 3] =
             std::array::from_fn(|k| seen[k] / camera.full_well_e + camera.read_sigma.powi(2));
         // How sensor channel k reaches luma, and what of it picture channel i has beyond that.
@@ -88,7 +121,8 @@ pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>
         let covariance = |a: usize, b: usize, lag: usize| -> f64 {
             (0..3)
                 .map(|k| {
-                    let (y, ca, cb) = (to_luma[k], gain(a, k) - to_luma[k], gain(b, k) - to_luma[k]);
+                    let y = to_luma[k];
+                    let [ca, cb] = [a, b].map(|i| saturation * (gain(i, k) - y));
                     variance[k]
                         * (y * y * kernels.luma[k][lag]
                             + y * (ca + cb) * kernels.mixed[k][lag]

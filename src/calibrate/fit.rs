@@ -131,15 +131,16 @@ fn cost(camera: &IspCamera, targets: &[&Target], colors: &[[f64; 3]]) -> f64 {
     sum / weights.max(1e-12) + 0.01 * off + 0.01 * gains
 }
 
-/// The camera nearest to the targets, from `start`.
-pub fn fit(start: &IspCamera, targets: &HashMap<Key, Target>) -> IspCamera {
+/// The camera nearest to the targets, from `start`; `near`: that is known to be nearly it.
+pub fn fit(start: &IspCamera, targets: &HashMap<Key, Target>, near: bool) -> IspCamera {
     let mut keys: Vec<&Key> = targets.keys().collect();
     // A map has no order; the search must not depend on it.
     keys.sort();
     let list: Vec<&Target> = keys.iter().map(|k| &targets[*k]).collect();
     let colors: Vec<[f64; 3]> = list.iter().map(|t| t.mean).collect();
     let mut best = to_vector(start);
-    for scale in [0.5, 0.3, 0.15, 0.1] {
+    let scales: &[f64] = if near { &[0.15, 0.1] } else { &[0.5, 0.3, 0.15, 0.1] };
+    for &scale in scales {
         best = simplex(&best, scale, 1500, |v| cost(&from_vector(start, v), &list, &colors));
     }
     from_vector(start, &best)

@@ -6,10 +6,9 @@
 //! correlation ([`spatial`]). An ISP mixes colours and smooths, so those are not yet the sensor's: [`fit`] finds sensor,
 //! colour matrix and smoothing ([`model`]) whose simulated frames measure the same.
 //!
-//! `camera.toml` holds the same camera for the engine's chain, whose own simulation it was fitted to. On the three pairs of a
-//! Nao robot's canteen its variance misses by 7.3 5.4 33.8 %, 4.0 4.5 9.2 % and 2.8 3.8 3.8 % in the mean (R, G, B), on
-//! blocks without fit by 8.3 4.4 15.9 %, 12.1 7.0 11.8 % and 4.3 3.7 5.6 %, and neighbour correlation by at most 0.14
-//! (the first pair's blue), 0.06 and 0.04. The first pair's blue is dark: its noise is clipped at black before it is smoothed.
+//! `camera.toml` holds the same camera for the engine's chain, whose own simulation it was fitted to. `docs/sensor.md` has what
+//! both reach on three pairs of a Nao robot's canteen, and what they miss. Where an ISP clips at black and takes colours
+//! towards luma behind that, vivid colours pile up at a share of luma: the factor of `saturation` is read from there.
 //!
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.

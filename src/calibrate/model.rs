@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::filter::{convolve_separable, gaussian};
 use crate::chain::rng::{random_bits, random_normal, seed_words};
 use crate::error::{Error, Result};
-use crate::plane::{Plane, srgb_encode};
+use crate::plane::{Plane, srgb_decode, srgb_encode};
 
 /// Makes frames of a noise-free picture.
 pub trait CameraModel: Sync {
@@ -32,6 +32,8 @@ pub struct IspCamera {
     pub white_balance: [f64; 3],
     /// From the sensor's colours to the picture's, rows sum to 1.
     pub color_matrix: [[f64; 3]; 3],
+    /// Factor on the differences from luma, behind the encoding and its clipping at black (sRGB only); 1 = none.
+    pub saturation: f64,
     /// Gaussian smoothing of luma (encoded values), px.
     pub luma_sigma_px: f64,
     /// Gaussian smoothing of both chroma planes, px.
@@ -62,6 +64,7 @@ impl IspCamera {
             bayer: false,
             white_balance: [1.0; 3],
             color_matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            saturation: 1.0,
             luma_sigma_px: 0.0,
             chroma_sigma_px: 0.0,
             chroma_step: [1, 1],
@@ -72,8 +75,19 @@ impl IspCamera {
         }
     }
 
+    /// The (linear) colour ahead of the saturation, not below black.
+    pub fn vivid(&self, color: [f64; 3]) -> [f64; 3] {
+        if self.saturation == 1.0 || !self.srgb {
+            return color;
+        }
+        let encoded = color.map(|v| f64::from(srgb_encode(v as f32)));
+        let luma: f64 = (0..3).map(|c| LUMA[c] * encoded[c]).sum();
+        encoded.map(|v| f64::from(srgb_decode((luma + (v - luma) / self.saturation).clamp(0.0, 1.0) as f32)))
+    }
+
     /// What the sensor must have seen for this colour: the inverse of matrix and gains, not below 0.
     pub fn sensor_color(&self, inverse: &[[f64; 3]; 3], color: [f64; 3]) -> [f64; 3] {
+        let color = self.vivid(color);
         std::array::from_fn(|k| {
             let raw: f64 = (0..3).map(|i| inverse[k][i] * color[i]).sum();
             raw.max(0.0) / self.white_balance[k]
@@ -177,6 +191,10 @@ impl IspCamera {
             for (c, row) in self.color_matrix.iter().enumerate() {
                 let value = (0..3).map(|k| row[k] * balanced[k]).sum::<f64>() as f32;
                 p[c] = if self.srgb { srgb_encode(value) } else { value };
+            }
+            if self.srgb && self.saturation != 1.0 {
+                let luma: f32 = (0..3).map(|c| LUMA[c] as f32 * p[c]).sum();
+                p.iter_mut().for_each(|v| *v = luma + self.saturation as f32 * (*v - luma));
             }
         }
         self.smoothed(picture)

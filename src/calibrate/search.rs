@@ -4,7 +4,7 @@ use super::cells::cells;
 use super::curve::{self, Point};
 use super::fit;
 use super::frames::{Encoding, Frame};
-use super::model::{CameraModel, IspCamera, at_knots};
+use super::model::{CameraModel, IspCamera, LUMA, at_knots};
 use super::noise::{Comparison, Measured, NoiseOptions, compare, expected_sigma, mean_variance, measure};
 use super::ptc::{self, Curve, PtcFit};
 use super::spatial::{column_noise, correlations, row_noise};
@@ -47,11 +47,40 @@ pub(super) fn fit_camera(
         color_matrix: [[1.5, -0.25, -0.25], [-0.25, 1.5, -0.25], [-0.25, -0.25, 1.5]],
         luma_sigma_px: 1.0,
         chroma_sigma_px: 2.0,
+        saturation: if srgb { saturation(&pair.frames[0]) } else { 1.0 },
         chroma_step: frame.jpeg.map_or([1, 1], |j| j.chroma_step),
         jpeg_quality: frame.jpeg.map(|j| j.quality),
         ..camera
     };
     refit(&camera, pair, options, By::Model)
+}
+
+/// Saturation of the ISP by its trace: behind the clipping at black a factor below 1 leaves no channel under 1 - factor of
+/// the luma, so vivid colours pile up there. 1 where they do not.
+fn saturation(encoded: &Plane<f32>) -> f64 {
+    /// Least channel over luma, in hundredths.
+    const PLACES: usize = 100;
+    let mut counts = [0.0; PLACES];
+    for p in encoded.data.chunks_exact(3) {
+        let luma: f64 = (0..3).map(|c| LUMA[c] * f64::from(p[c])).sum();
+        let (least, most) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
+        // Clear of black's own noise, and of clipping at white.
+        if luma > 0.15 && most < 0.98 {
+            let place = (f64::from(least) / luma * PLACES as f64) as usize;
+            counts[place.min(PLACES - 1)] += 1.0;
+        }
+    }
+    let all: f64 = counts.iter().sum();
+    let mut below = 0.0;
+    // Where the lowest hundredth ends; noise and JPEG put a few lower.
+    let floor = counts.iter().position(|n| {
+        below += n;
+        below > 0.01 * all
+    });
+    let Some(floor) = floor.filter(|f| (5..PLACES - 15).contains(f)) else { return 1.0 };
+    let share = |from: usize| counts[from..from + 5].iter().sum::<f64>();
+    let piled = share(floor) > 1.5 * share(floor + 7) && share(floor) > 0.02 * all;
+    if piled { 1.0 - (floor as f64 + 0.5) / PLACES as f64 } else { 1.0 }
 }
 
 /// What makes the frames of a camera.
@@ -82,7 +111,7 @@ pub(super) fn refit(
     let measured = fit::targets(&cells(&pair.mean(), &pair.difference(|v| v), &pair.usable));
     let (mut camera, mut goal) = (start.clone(), measured.clone());
     for round in 0..ROUNDS {
-        camera = fit::fit(&camera, &goal);
+        camera = fit::fit(&camera, &goal, round > 0);
         if round + 1 < ROUNDS {
             let frames = simulated_frames(&*by.make(&camera)?, pair, options, 0)?;
             let d = difference(&frames, &pair.usable, pair.registration.moved, |v| v);
@@ -148,7 +177,9 @@ const MAX_KNOT_CHANCE: f64 = 0.4;
 const SURFACES: f64 = 0.03;
 
 /// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
-const LEVEL_ROUNDS: usize = 6;
+const LEVEL_ROUNDS: usize = 9;
+/// A round must bring the deviation down to this share of the least before.
+const WORTH: f64 = 0.97;
 
 /// The camera with the factors that bring its simulated curve to the real one.
 pub(super) fn with_level_gain(
@@ -161,12 +192,19 @@ pub(super) fn with_level_gain(
 ) -> Result<IspCamera> {
     let mut levelled = camera.clone();
     let mut best: Option<(f64, IspCamera)> = None;
+    let mut idle = 0;
     for round in 0..=LEVEL_ROUNDS {
-        let (simulated, _) = simulate(&*by.make(&levelled)?, pair, step, options)?;
-        let compared = compare(real, &simulated);
+        let simulated = simulated_curves(&*by.make(&levelled)?, pair, step, options)?;
+        // Neighbours do not change with the level: the real ones stand for them.
+        let compared = compare(real, &Measured { curves: simulated, ..real.clone() });
         let off: f64 = compared.mean_deviation.iter().sum();
+        // Little was gained three times: the rest is chance, and what a curve cannot do.
+        idle = if best.as_ref().is_some_and(|(least, _)| off > WORTH * least) { idle + 1 } else { 0 };
         if best.as_ref().is_none_or(|(least, _)| off < *least) {
             best = Some((off, levelled.clone()));
+        }
+        if idle == 3 {
+            break;
         }
         if round < LEVEL_ROUNDS {
             improve(&mut levelled, &compared.variance_ratio, by);
@@ -244,6 +282,25 @@ pub(super) fn simulated_frames(
 
 /// Pairs that are simulated for the comparison: their own chance is then small beside the real pair's.
 const SIMULATED_PAIRS: u32 = 2;
+
+/// The photon transfer curves alone of one simulated pair.
+fn simulated_curves(
+    camera: &dyn CameraModel,
+    pair: &AlignedPair,
+    step: f32,
+    options: NoiseOptions,
+) -> Result<[Vec<ptc::Bin>; 3]> {
+    let (mean, moved) = (pair.mean(), pair.registration.moved);
+    let frames = simulated_frames(camera, pair, options, 1000)?;
+    let encoded = difference(&frames, &pair.usable, moved, |v| v);
+    let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
+    let curves = [0, 1, 2].map(|c| {
+        let mut curve = Curve::default();
+        curve.add(&mean, [&encoded, &linear], &pair.usable, c, options.encoding);
+        curve.bins(step, options.encoding)
+    });
+    Ok(curves)
+}
 
 /// Measures simulated pairs as the real one, at the same pixels and in the same bins.
 pub(super) fn simulate(

@@ -40,27 +40,55 @@ impl Correlation {
     }
 }
 
-/// Correlation coefficient of `d(channel a)` with `d(channel b)` at a lag, over pairs of usable pixels, with each
-/// pixel divided by `sigma` first, so that no bright area decides alone.
+/// A channel of the noise over its expected sigma, so that no bright area decides alone; 0 where a pixel is not usable.
+struct Standardized {
+    value: Vec<f32>,
+    square: Vec<f32>,
+}
+
+impl Standardized {
+    fn new(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool], channel: usize) -> Self {
+        let at =
+            |i: usize| if usable[i] { d.data[3 * i + channel] / sigma.data[3 * i + channel] } else { 0.0 };
+        let value: Vec<f32> = (0..usable.len()).map(at).collect();
+        let square = value.iter().map(|v| v * v).collect();
+        Self { value, square }
+    }
+}
+
+/// Sum of products; in parts, so that the compiler may take several at once.
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut sums = [0.0f32; 16];
+    let (whole_a, whole_b) = (a.chunks_exact(16), b.chunks_exact(16));
+    let rest: f32 = whole_a.remainder().iter().zip(whole_b.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in whole_a.zip(whole_b) {
+        for k in 0..16 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    sums.iter().map(|s| f64::from(*s)).sum::<f64>() + f64::from(rest)
+}
+
+/// Correlation coefficient of `a` with `b` at a lag, over pairs of usable pixels (`usable`: 1 or 0).
 fn coefficient(
-    d: &Plane<f32>,
-    sigma: &Plane<f32>,
-    usable: &[bool],
-    channels: [usize; 2],
+    [a, b]: [&Standardized; 2],
+    usable: &[f32],
+    [width, height]: [usize; 2],
     lag: (i64, i64),
 ) -> f64 {
-    let (width, height) = (d.width as i64, d.height as i64);
-    let (mut xy, mut xx, mut yy) = (0.0f64, 0.0f64, 0.0f64);
-    for y in (-lag.1).max(0)..height.min(height - lag.1) {
-        for x in (-lag.0).max(0)..width.min(width - lag.0) {
-            let i = (y * width + x) as usize;
-            let j = ((y + lag.1) * width + x + lag.0) as usize;
-            if usable[i] && usable[j] {
-                let (p, q) = (i * 3 + channels[0], j * 3 + channels[1]);
-                let (a, b) = (f64::from(d.data[p] / sigma.data[p]), f64::from(d.data[q] / sigma.data[q]));
-                (xy, xx, yy) = (xy + a * b, xx + a * a, yy + b * b);
-            }
-        }
+    let (mut xy, mut xx, mut yy) = (0.0, 0.0, 0.0);
+    let across = lag.0.unsigned_abs() as usize;
+    let down = usize::try_from(lag.1).expect("lags go down");
+    if across >= width {
+        return 0.0;
+    }
+    for y in 0..height.saturating_sub(down) {
+        let (here, there) = (y * width, (y + down) * width);
+        let (i, j) = if lag.0 >= 0 { (here, there + across) } else { (here + across, there) };
+        let (i, j) = (i..i + width - across, j..j + width - across);
+        xy += dot(&a.value[i.clone()], &b.value[j.clone()]);
+        xx += dot(&a.square[i.clone()], &usable[j.clone()]);
+        yy += dot(&usable[i], &b.square[j]);
     }
     if xx * yy > 0.0 { xy / (xx * yy).sqrt() } else { 0.0 }
 }
@@ -69,10 +97,13 @@ fn coefficient(
 /// `sigma`: the noise expected at each pixel (shape of `d`), for standardization.
 pub fn correlations(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool]) -> ([Correlation; 3], [f64; 3]) {
     use rayon::prelude::*;
+    let size = [d.width, d.height];
+    let mask: Vec<f32> = usable.iter().map(|u| f32::from(u8::from(*u))).collect();
+    let channels = [0, 1, 2].map(|c| Standardized::new(d, sigma, usable, c));
     let own: Vec<Correlation> = (0..3)
         .into_par_iter()
         .map(|c| {
-            let at = |x: i64, y: i64| coefficient(d, sigma, usable, [c, c], (x, y));
+            let at = |x: i64, y: i64| coefficient([&channels[c]; 2], &mask, size, (x, y));
             let lags: Vec<(i64, i64)> = (0..=REACH)
                 .flat_map(|y| (-REACH..=REACH).map(move |x| (x, y)))
                 .filter(|(x, y)| *y > 0 || *x > 0)
@@ -93,7 +124,8 @@ pub fn correlations(d: &Plane<f32>, sigma: &Plane<f32>, usable: &[bool]) -> ([Co
             }
         })
         .collect();
-    let cross = [[0, 1], [1, 2], [0, 2]].map(|channels| coefficient(d, sigma, usable, channels, (0, 0)));
+    let cross =
+        [[0, 1], [1, 2], [0, 2]].map(|[a, b]| coefficient([&channels[a], &channels[b]], &mask, size, (0, 0)));
     ([own[0], own[1], own[2]], cross)
 }
 

@@ -61,7 +61,11 @@ fn isp_settings(camera: &IspCamera, out: &mut Settings) -> Result<()> {
     let number = Value::Number;
     let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let bent = camera.level_gain.iter().any(|knots| !knots.is_empty());
-    if camera.white_balance != [1.0; 3] || camera.color_matrix != identity || bent {
+    if camera.saturation != 1.0 {
+        set(out, "saturation", "factor", number(camera.saturation))?;
+    }
+    if camera.white_balance != [1.0; 3] || camera.color_matrix != identity || bent || camera.saturation != 1.0
+    {
         set(out, "sensor_color", "match", Value::Choice("delivered"))?;
         set(out, "white_balance", "r", number(camera.white_balance[0]))?;
         set(out, "white_balance", "b", number(camera.white_balance[2]))?;

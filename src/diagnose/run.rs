@@ -144,6 +144,7 @@ pub fn diagnose(
     report.warnings.extend(not_simulated(capture));
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
+    report.warnings.extend(uncontrolled(&capture.camera.settings));
     let frames = show(&mut search, &found, &evidence, &mut report)?;
     let mut camera = capture.camera.clone();
     for name in apply(&mut camera.settings, &found.fit.theta, &found.set)? {
@@ -159,6 +160,17 @@ pub fn diagnose(
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
     Ok(Diagnosis { report, camera, frames, percepts })
+}
+
+/// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,
+/// which needs all frames before, is not run; a gain that changes from frame to frame stays in the gap.
+fn uncontrolled(given: &crate::chain::Settings) -> Option<String> {
+    use crate::chain::Effect as _;
+    (crate::effects::AutoExposure.variant(given) != 0).then(|| {
+        "auto_exposure of the given camera is not simulated here (frames are judged one by one): all frames have \
+         exposure_gain alone, and what the control changed from frame to frame counts as gap"
+            .to_owned()
+    })
 }
 
 /// Simulates all frames of the evidence before and after, and says where they differ.
@@ -328,4 +340,19 @@ fn renderer_difference(means: &[Plane<f32>]) -> f64 {
         }
     }
     0.1 + 0.06 * sum / f64::max(count, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::uncontrolled;
+    use crate::chain::{Settings, Value};
+    use crate::effects::AutoExposure;
+
+    #[test]
+    fn a_camera_with_automatic_exposure_is_said_to_be_simulated_without() {
+        let mut given = Settings::default();
+        assert_eq!(uncontrolled(&given), None);
+        given.set(&AutoExposure, "target", Value::Number(0.2)).expect("in range");
+        assert!(uncontrolled(&given).expect("said").contains("auto_exposure of the given camera is not simulated"));
+    }
 }

@@ -21,6 +21,13 @@ fn dark_current(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| v + p.number(0))
 }
 
+impl DarkCurrent {
+    /// What it adds to every pixel of a frame, fraction of full scale.
+    pub(super) fn mean(settings: &Settings, view: &View) -> f64 {
+        settings.number("dark_current", "rate_per_s", 0.0) * view.shutter.exposure_time_s
+    }
+}
+
 impl Effect for DarkCurrent {
     fn id(&self) -> &'static str {
         "dark_current"
@@ -47,6 +54,6 @@ impl Effect for DarkCurrent {
     }
 
     fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number("dark_current", "rate_per_s", 0.0) * view.shutter.exposure_time_s);
+        packer.number(Self::mean(settings, view));
     }
 }

@@ -1,7 +1,9 @@
 //! No two pixels are alike: L (1 + prnu n1) + dsnu n2, n1 and n2 normal (CAPTURE contract; DSNU and PRNU as the spatial
-//! standard deviations of EMVA 1288, 4). The pattern belongs to the sensor: it depends on `sensor_seed` only, not on the
-//! frame or the run. Electrons.
+//! standard deviations of EMVA 1288, 4). Gains are those of the response to light: the mean of [`super::DarkCurrent`], which
+//! no light made, is left alone, so that what EMVA 1288 calls PRNU is `prnu` at any exposure. The pattern belongs to the
+//! sensor: it depends on `sensor_seed` only, not on the frame or the run. Electrons.
 
+use super::DarkCurrent;
 use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
@@ -29,7 +31,7 @@ fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
     if at.variant & PRNU != 0 {
         let n = normal(STREAM_FIXED_PATTERN_PRNU);
-        seen = [0, 1, 2].map(|c| seen[c] + seen[c] * (p.number(1) * n[c]));
+        seen = [0, 1, 2].map(|c| seen[c] + (seen[c] - p.number(4)) * (p.number(1) * n[c]));
     }
     if at.variant & DSNU != 0 {
         let n = normal(STREAM_FIXED_PATTERN_DSNU);
@@ -60,10 +62,11 @@ impl Effect for FixedPatternNoise {
         Work::Pointwise(fixed_pattern_noise)
     }
 
-    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+    fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
         packer.number(settings.number(self.id(), "dsnu", 0.0));
         packer.number(settings.number(self.id(), "prnu", 0.0));
         let seed = settings.number(self.id(), "sensor_seed", 0.0) as u64;
         seed_words(seed).into_iter().for_each(|word| packer.bits(word));
+        packer.number(DarkCurrent::mean(settings, view));
     }
 }

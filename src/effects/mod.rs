@@ -28,6 +28,7 @@ mod response;
 mod response_curve;
 mod rolling_shutter;
 mod row_noise;
+mod saturation;
 mod sensor_color;
 mod sharpening;
 mod shot_noise;
@@ -65,6 +66,7 @@ pub use read_noise::{ReadNoise, STREAM_READ_NOISE};
 pub use response_curve::ResponseCurve;
 pub use rolling_shutter::RollingShutter;
 pub use row_noise::{RowNoise, STREAM_COLUMN_NOISE, STREAM_ROW_NOISE};
+pub use saturation::Saturation;
 pub use sensor_color::SensorColor;
 pub use sharpening::Sharpening;
 pub use shot_noise::{STREAM_SHOT_NOISE, ShotNoise, poisson};
@@ -105,6 +107,7 @@ pub const LIST: &[&dyn Effect] = &[
     &ColorMatrix,
     &Gamma,
     &ToneCurve,
+    &Saturation,
     &NoiseReduction,
     &ResponseCurve,
     &Sharpening,

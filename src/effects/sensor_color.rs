@@ -1,14 +1,14 @@
 //! What the sensor sees of the scene's colours. A rendered scene has the colours that a camera is to deliver; behind a
-//! sensor stand `white_balance`, `color_matrix` and `response_curve`, which change them. With `match = "delivered"` the
+//! sensor stand `white_balance`, `color_matrix`, `saturation` and `response_curve`, which change them. With `match = "delivered"` the
 //! light is taken through their inverse first: the sensor sees what these turn back into the scene's colours (its colour
 //! filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise gets the ISP's
 //! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped; so is
-//! what is brighter than white, where a response is undone.
+//! what is brighter than white or more vivid than `saturation` can deliver, where a response or a saturation is undone.
 //! Linear radiance, ahead of the sensor.
 
 use glam::{DMat3, DVec3};
 
-use super::response;
+use super::{Saturation, response, saturation};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::error::{Error, Result};
 use crate::plane::{srgb_decode, srgb_encode};
@@ -24,12 +24,15 @@ const SINGULAR: f64 = 1e-3;
 const SPECS: &[ParamSpec] = &[ParamSpec::choice(
     "match",
     &["radiance", DELIVERED],
-    "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix and \
-     response_curve turn back into them",
+    "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix, \
+     saturation and response_curve turn back into them",
 )];
 
 const MATRIX: u32 = 1;
 const CURVE: u32 = 2;
+const SATURATION: u32 = 4;
+/// Parameter with one over the saturation's factor, behind matrix and curve.
+const UNDO: usize = 60;
 
 /// From the delivered linear colours to the sensor's: the inverse of matrix and gains. `None` if there is none.
 fn inverse(settings: &Settings) -> Option<DMat3> {
@@ -50,8 +53,16 @@ fn inverse(settings: &Settings) -> Option<DMat3> {
 /// The function of the same name in `glsl/include/effects/sensor_color.glsl`.
 fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
-    if at.variant & CURVE != 0 {
-        seen = [0, 1, 2].map(|c| srgb_decode(response::to_sensor(srgb_encode(seen[c]), c, p, 9)));
+    if at.variant & (CURVE | SATURATION) != 0 {
+        seen = seen.map(srgb_encode);
+        if at.variant & CURVE != 0 {
+            seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
+        }
+        if at.variant & SATURATION != 0 {
+            let y = saturation::luma(seen);
+            seen = seen.map(|v| (y + p.number(UNDO) * (v - y)).clamp(0.0, 1.0));
+        }
+        seen = seen.map(srgb_decode);
     }
     if at.variant & MATRIX != 0 {
         let [r, g, b] = seen;
@@ -82,8 +93,13 @@ impl Effect for SensorColor {
                 "color_matrix and white_balance have no inverse: match = \"delivered\" cannot be".to_owned();
             return Err(Error::Contradiction { effect: ID, what });
         }
+        if Saturation::factor(settings) == 0.0 {
+            let what = "saturation.factor = 0 has no inverse: match = \"delivered\" cannot be".to_owned();
+            return Err(Error::Contradiction { effect: ID, what });
+        }
         let idle = self.variant(settings) == 0;
-        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix or response_curve";
+        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix, saturation or \
+                    response_curve";
         Ok(idle.then(|| said.to_owned()).into_iter().collect())
     }
 
@@ -93,7 +109,8 @@ impl Effect for SensorColor {
         }
         let straight = inverse(settings).is_none_or(|m| m == DMat3::IDENTITY);
         let matrix = if straight { 0 } else { MATRIX };
-        matrix | if response::densities(settings).is_some() { CURVE } else { 0 }
+        let curve = if response::densities(settings).is_some() { CURVE } else { 0 };
+        matrix | curve | if Saturation::factor(settings) != 1.0 { SATURATION } else { 0 }
     }
 
     fn work(&self) -> Work {
@@ -103,9 +120,9 @@ impl Effect for SensorColor {
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
         let rows = inverse(settings).unwrap_or(DMat3::IDENTITY).transpose().to_cols_array();
         rows.into_iter().for_each(|v| packer.number(v));
-        if let Some(densities) = response::densities(settings) {
-            response::pack(&densities, packer);
-        }
+        let straight = [[1.0; response::KNOTS]; 3];
+        response::pack(&response::densities(settings).unwrap_or(straight), packer);
+        packer.number(1.0 / Saturation::factor(settings));
     }
 }
 

@@ -151,6 +151,22 @@ fn cameras_that_are_odd_but_possible_are_read_with_a_warning() {
         warnings[0]
             .starts_with("rolling_shutter.readout_time_s = 0.02 s is longer than frame_period_s = 0.015 s")
     );
+    let exposed = CAMERA.replace("exposure_time_s = 0.01", "exposure_time_s = 0.05");
+    let long = "motion_blur.exposure_time_s = 0.05 s is longer than frame_period_s = 0.04 s: exposures overlap in time";
+    for (text, said) in [
+        (exposed.clone(), long.to_owned()),
+        (
+            exposed.replace("readout_time_s = 0.02", "readout_time_s = 0.0"),
+            format!("{long}, which no sensor with a global shutter can do"),
+        ),
+    ] {
+        let camera = CameraFile::parse(Path::new("camera.toml"), &text).expect("allowed");
+        assert_eq!(camera.warnings, [said]);
+    }
+    // Control: an exposure of the whole period is said nothing about.
+    let whole = exposed.replace("exposure_time_s = 0.05", "exposure_time_s = 0.04");
+    let camera = CameraFile::parse(Path::new("camera.toml"), &whole).expect("allowed");
+    assert!(camera.warnings.is_empty(), "{:?}", camera.warnings);
     fixture.write("camera.toml", CAMERA.replace("0.04", "40"));
     let warnings = fixture.read().expect("allowed").camera.warnings;
     assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in s?"]);

@@ -103,6 +103,7 @@ fn visible_value(effect: &str, name: &str, kind: &ParamKind) -> Value {
         ("white_balance", "b") => 0.8,
         ("gamma", _) => 1.3,
         ("tone_curve", _) => 0.5,
+        ("saturation", _) => 0.6,
         ("defocus", "aperture_m") => 0.01,
         ("defocus", "focus_m") => 0.2,
         ("defocus", "max_radius_px") => 3.0,

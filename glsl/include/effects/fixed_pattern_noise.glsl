@@ -12,7 +12,8 @@ vec3 fixed_pattern_noise(vec3 value, uvec2 pixel, uint slot) {
     precise vec3 seen = value;
     if ((VARIANT_fixed_pattern_noise & FIXED_PATTERN_NOISE_PRNU) != 0u) {
         vec3 n = random_normal(pixel, FIXED_FRAME, STREAM_FIXED_PATTERN_PRNU, sensor).xyz;
-        seen = seen + seen * (parameter(slot, 1u) * n);
+        // Dark current is no response to light.
+        seen = seen + (seen - parameter(slot, 4u)) * (parameter(slot, 1u) * n);
     }
     if ((VARIANT_fixed_pattern_noise & FIXED_PATTERN_NOISE_DSNU) != 0u) {
         vec3 n = random_normal(pixel, FIXED_FRAME, STREAM_FIXED_PATTERN_DSNU, sensor).xyz;

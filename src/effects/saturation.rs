@@ -1,0 +1,51 @@
+//! Strength of colours: v' = Y + factor (v - Y) on encoded values, Y the luma of ITU-R BT.601, as in JFIF: what ISPs call
+//! saturation, behind the tone curve and its clipping at black. With a factor below 1 no delivered channel falls below
+//! (1 - factor) Y: in all six photographs of a Nao robot's head camera that this was measured on, the least channel of vivid
+//! colours piles up at 0.25 Y, whatever Y is.
+
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+
+/// The effect; its values live in [`Settings`].
+pub struct Saturation;
+
+const ID: &str = "saturation";
+const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")];
+
+pub(super) fn luma([r, g, b]: [f32; 3]) -> f32 {
+    0.299 * r + 0.587 * g + 0.114 * b
+}
+
+impl Saturation {
+    pub(super) fn factor(settings: &Settings) -> f64 {
+        settings.number(ID, "factor", 1.0)
+    }
+}
+
+/// The function of the same name in `glsl/include/effects/saturation.glsl`.
+fn saturation(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
+    let y = luma(value);
+    value.map(|v| y + p.number(0) * (v - y))
+}
+
+impl Effect for Saturation {
+    fn id(&self) -> &'static str {
+        ID
+    }
+
+    fn specs(&self) -> &'static [ParamSpec] {
+        SPECS
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn work(&self) -> Work {
+        Work::Pointwise(saturation)
+    }
+
+    fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
+        packer.number(Self::factor(settings));
+    }
+}
