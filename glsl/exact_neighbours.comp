@@ -8,6 +8,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(set = 0, binding = 0) uniform sampler2D tile_near;
 layout(set = 0, binding = 1) uniform sampler2D tile_far;
 layout(set = 0, binding = 2) uniform sampler2D tile_facts;
+layout(set = 0, binding = 9) uniform sampler2D tile_colors;
 layout(set = 0, binding = 3, rgba16f) uniform writeonly image2D around_near;
 layout(set = 0, binding = 4, rgba16f) uniform writeonly image2D around_far;
 struct List {
@@ -70,6 +71,8 @@ void main() {
     float near_inverse = own.x, far_inverse = own.y;
     vec2 reach = own_reach;
     bool jumps = own.w >= EXACT_JUMPS;
+    vec3 color = texelFetch(tile_colors, tile, 0).rgb;
+    float differs = 0.0;
     ivec2 low = max(tile - push.radius, ivec2(0));
     ivec2 high = min(tile + push.radius, ivec2(push.size) - 1);
     for (int y = low.y; y <= high.y; ++y) {
@@ -91,6 +94,9 @@ void main() {
                 far_inverse = other.y;
             }
             reach = max(reach, other_reach);
+            vec4 other_color = texelFetch(tile_colors, ivec2(x, y), 0);
+            vec3 away = abs(other_color.rgb - color) + other_color.a;
+            differs = max(differs, max(away.r, max(away.g, away.b)));
             jumps = jumps || other.w >= EXACT_JUMPS;
         }
     }
@@ -100,7 +106,10 @@ void main() {
         return;
     }
     uint number = uint(tile.y) * push.size.x + uint(tile.x);
-    if (max(reach.x, reach.y) < EXACT_SHORTEST_PX) {
+    // Where all that may come has one colour, nothing that moves is seen to. Not so near a silhouette: what it hides may
+    // have any colour.
+    bool flat_color = !jumps && differs <= EXACT_FLAT_SHARE * max(color.r, max(color.g, color.b)) + EXACT_FLAT;
+    if (flat_color || max(reach.x, reach.y) < EXACT_SHORTEST_PX) {
         PUT(resting, number)
     } else if (!jumps) {
         PUT(smooth_tiles, number)

@@ -52,6 +52,10 @@ fn scene(size: [usize; 2], grid: usize, speed_px: f32, scatter: &mut Scatter) ->
     let texels = Plane::from_fn(size[0] * grid, size[1] * grid, |x, y| {
         let distance_m = [4.0, 1.5, 8.0][layer_at(x / grid, y / grid)] + 0.01 * (x % 5) as f32;
         let bright = if (x / 7 + y / 5) % 2 == 0 { 1.0 } else { 0.1 };
+        // Below, one colour, nearly.
+        if y / grid > 2 * size[1] / 3 {
+            return [0.5, 0.25, 1.0 + 0.001 * scatter.number(), 1.0 / distance_m].map(half);
+        }
         [bright * scatter.number(), bright, 6.0 * scatter.number(), 1.0 / distance_m].map(half)
     });
     Scene { texels, paths, grid }
@@ -66,7 +70,7 @@ struct TilesPush {
 }
 assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
 
-fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 3] {
+fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 4] {
     let sampler = Sampler::new(&bench.watched.0, false).unwrap();
     let texels = bench.upload(std::slice::from_ref(&scene.texels), Format::Rgba32f, false);
     let paths = bench.upload(std::slice::from_ref(&scene.paths), Format::Rgba32f, false);
@@ -74,12 +78,14 @@ fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 3] {
     let near = bench.empty(tiles, Format::Rgba16f, 1, false);
     let far = bench.empty(tiles, Format::Rgba16f, 1, false);
     let facts = bench.empty(tiles, Format::Rgba32f, 1, false);
+    let colors = bench.empty(tiles, Format::Rgba16f, 1, false);
     let resources = [
         ("texels", Bound::Sampled(&texels, &sampler)),
         ("paths", Bound::Sampled(&paths, &sampler)),
         ("tile_near", Bound::Storage(&near)),
         ("tile_far", Bound::Storage(&far)),
         ("tile_facts", Bound::Storage(&facts)),
+        ("tile_colors", Bound::Storage(&colors)),
     ];
     let push = TilesPush {
         size: tiles.map(|s| s as u32),
@@ -87,11 +93,11 @@ fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 3] {
         grid: scene.grid as i32,
     };
     bench.run(const { kernel("exact_tiles.comp") }, &[], &resources, &push, push.size);
-    [near, far, facts].map(|image| bench.read(&image).remove(0))
+    [near, far, facts, colors].map(|image| bench.read(&image).remove(0))
 }
 
 /// Tiles as the kernels keep them.
-fn planes([width, height]: [usize; 2], tiles: &[Tile]) -> [Plane<f32>; 3] {
+fn planes([width, height]: [usize; 2], tiles: &[Tile]) -> [Plane<f32>; 4] {
     let plane =
         |f: &dyn Fn(&Tile) -> [f32; 4]| Plane::from_fn(width, height, |x, y| f(&tiles[y * width + x]));
     [
@@ -101,6 +107,7 @@ fn planes([width, height]: [usize; 2], tiles: &[Tile]) -> [Plane<f32>; 3] {
             let jumps = if t.jumps { JUMPS } else { 0.0 };
             [t.near_inverse, t.far_inverse, t.reach.x, t.reach.y + jumps]
         }),
+        plane(&|t| t.color.extend(t.away).to_array()),
     ]
 }
 
@@ -118,9 +125,10 @@ fn exact_tiles_is_its_twin() {
             let want = exact_tiles(&scene.texels, &scene.paths, grid);
             let label = format!("{size:?}, grid {grid}, {speed_px} px");
             let got = run_tiles(&mut bench, &scene);
-            for (got, want) in got.iter().zip(&planes(tiles, &want)) {
-                // Paths are halves already; the sum with the mark is a float's.
-                assert_eq!(differing(got, want, 1e-7).1, 0, "{label}");
+            // Paths are halves already, and the sum with the mark is a float's; colours are rounded to halves.
+            let want_planes = planes(tiles, &want);
+            for (i, (got, want)) in got.iter().zip(&want_planes).enumerate() {
+                assert_eq!(differing(got, want, if i < 3 { 1e-7 } else { HALF }).1, 0, "{label}, {i}");
             }
             if size[0] > 60 && speed_px > 10.0 {
                 let shifted = Plane::from_fn(size[0], size[1], |x, y| {
@@ -147,7 +155,7 @@ assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, first, end, 
 /// Near, far, and the three lists (sorted: nothing depends on their order).
 type Neighbours = (Plane<f32>, Plane<f32>, [Vec<u32>; 3]);
 
-fn run_neighbours(bench: &mut Bench, tiles: &[Plane<f32>; 3], push: &NeighboursPush) -> Neighbours {
+fn run_neighbours(bench: &mut Bench, tiles: &[Plane<f32>; 4], push: &NeighboursPush) -> Neighbours {
     let sampler = Sampler::new(&bench.watched.0, false).unwrap();
     let images = tiles.each_ref().map(|p| bench.upload(std::slice::from_ref(p), Format::Rgba32f, false));
     let size = push.size.map(|s| s as usize);
@@ -158,6 +166,7 @@ fn run_neighbours(bench: &mut Bench, tiles: &[Plane<f32>; 3], push: &NeighboursP
         ("tile_near", Bound::Sampled(&images[0], &sampler)),
         ("tile_far", Bound::Sampled(&images[1], &sampler)),
         ("tile_facts", Bound::Sampled(&images[2], &sampler)),
+        ("tile_colors", Bound::Sampled(&images[3], &sampler)),
         ("around_near", Bound::Storage(&near)),
         ("around_far", Bound::Storage(&far)),
         ("resting", Bound::Buffer(&lists[0])),

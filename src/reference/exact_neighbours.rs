@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use glam::Vec4;
 
-use super::exact_tiles::{SHORTEST_PX, TILE, Tile};
+use super::exact_tiles::{FLAT, FLAT_SHARE, SHORTEST_PX, TILE, Tile};
 
 /// How a tile is gathered; the number is `WAY` of `exact_gather.comp`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// Nothing moves.
+    /// Nothing moves, or nothing that moves has another colour.
     Resting = 0,
     /// One surface.
     Smooth = 1,
@@ -40,7 +40,8 @@ pub fn exact_neighbours(
 ) -> Vec<Around> {
     let around = |x: usize, y: usize| {
         let own = &tiles[y * width + x];
-        let (mut near, mut far, mut reach, mut jumps) = (own, own, own.reach, own.jumps);
+        let (mut near, mut far, mut reach, mut jumps, mut differs) =
+            (own, own, own.reach, own.jumps, 0.0_f32);
         for v in y.saturating_sub(radius)..=(y + radius).min(height - 1) {
             for u in x.saturating_sub(radius)..=(x + radius).min(width - 1) {
                 let other = &tiles[v * width + u];
@@ -54,9 +55,11 @@ pub fn exact_neighbours(
                 far = if other.far_inverse < far.far_inverse { other } else { far };
                 reach = reach.max(other.reach);
                 jumps |= other.jumps;
+                differs = differs.max((other.color - own.color).abs().max_element() + other.away);
             }
         }
-        let way = match (reach.max_element() < SHORTEST_PX, jumps) {
+        let flat = !jumps && differs <= FLAT_SHARE * own.color.max_element() + FLAT;
+        let way = match (flat || reach.max_element() < SHORTEST_PX, jumps) {
             (true, _) => Way::Resting,
             (false, false) => Way::Smooth,
             (false, true) => Way::Layered,

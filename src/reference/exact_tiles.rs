@@ -1,7 +1,7 @@
 //! `--method exact` with an exposure: tiles of the picture, what is in them, and what may come into them. Twin of
 //! `glsl/exact_tiles.comp` (its constants are those of `glsl/include/exact_tile.glsl`).
 
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::plane::Plane;
 
@@ -11,6 +11,11 @@ pub const TILE: usize = 8;
 pub const SHORTEST_PX: f32 = 0.02;
 /// Paths that jump by less from one px to the next are those of one surface.
 pub const SMOOTH_PX: f32 = 0.35;
+
+/// What differs by less, as a share of the brightest channel and by itself, is one colour.
+pub const FLAT_SHARE: f32 = 1.0 / 256.0;
+/// See [`FLAT_SHARE`].
+pub const FLAT: f32 = 1.0 / 8192.0;
 
 /// A tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +32,10 @@ pub struct Tile {
     pub reach: Vec2,
     /// Whether some path differs much from that of the pixel to the right or below.
     pub jumps: bool,
+    /// Radiance half way between the least and the most of every channel.
+    pub color: Vec3,
+    /// Largest distance of a channel from it.
+    pub away: f32,
 }
 
 /// All tiles, row by row. `texels`: radiance and inverse distance, `grid` a pixel's side; `paths`: `[height, width, 4]`.
@@ -49,7 +58,10 @@ fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize
         far_inverse: 1e30,
         reach: Vec2::ZERO,
         jumps: false,
+        color: Vec3::ZERO,
+        away: 0.0,
     };
+    let (mut least, mut most) = (Vec3::splat(1e30), Vec3::splat(-1e30));
     for (row, column) in (0..TILE).flat_map(|row| (0..TILE).map(move |column| (row, column))) {
         // Beyond the border the last pixel is repeated.
         let (x, y) = ((tile[0] * TILE + column).min(last[0]), (tile[1] * TILE + row).min(last[1]));
@@ -57,6 +69,10 @@ fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize
         let jump = (path(x + 1, y) - own).abs().max_element().max((path(x, y + 1) - own).abs().max_element());
         found.jumps |= jump >= SMOOTH_PX;
         found.reach = found.reach.max(own.abs().truncate().truncate().max(Vec2::new(own.z, own.w).abs()));
+        for corner in [0, grid - 1] {
+            let color = Vec3::from_slice(texels.pixel(x * grid + corner, y * grid + corner));
+            (least, most) = (least.min(color), most.max(color));
+        }
         let inverse = texels.pixel(x * grid, y * grid)[3];
         if inverse > found.near_inverse {
             (found.near_inverse, found.near) = (inverse, own);
@@ -65,5 +81,7 @@ fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize
             (found.far_inverse, found.far) = (inverse, own);
         }
     }
+    found.color = 0.5 * (least + most);
+    found.away = (0.5 * (most - least)).max_element();
     found
 }

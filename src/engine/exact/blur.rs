@@ -102,7 +102,7 @@ struct Images {
     texels: Image,
     relatives: Image,
     paths: Image,
-    tiles: [Image; 3],
+    tiles: [Image; 4],
     around: [Image; 2],
     /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
     lists: Vec<Buffer>,
@@ -128,7 +128,12 @@ impl Images {
                 Format::Rgba32f,
             )?,
             paths: image("paths", picture, Format::Rgba16f)?,
-            tiles: [path("tile_near")?, path("tile_far")?, image("tile_facts", tiles, Format::Rgba32f)?],
+            tiles: [
+                path("tile_near")?,
+                path("tile_far")?,
+                image("tile_facts", tiles, Format::Rgba32f)?,
+                path("tile_colors")?,
+            ],
             around: [path("around_near")?, path("around_far")?],
         })
     }
@@ -267,7 +272,7 @@ fn bind(
     sampler: &Sampler,
 ) -> Result<[BindGroup; 3]> {
     let fetched = |image| Bound::Sampled(image, sampler);
-    let ([near, far, facts], [around_near, around_far]) = (&images.tiles, &images.around);
+    let ([near, far, facts, colors], [around_near, around_far]) = (&images.tiles, &images.around);
     Ok([
         paths.bind(&[
             ("color_samples", fetched(&target.attachments.colors()[0])),
@@ -282,11 +287,13 @@ fn bind(
             ("tile_near", Bound::Storage(near)),
             ("tile_far", Bound::Storage(far)),
             ("tile_facts", Bound::Storage(facts)),
+            ("tile_colors", Bound::Storage(colors)),
         ])?,
         kernels[1].bind(&[
             ("tile_near", fetched(near)),
             ("tile_far", fetched(far)),
             ("tile_facts", fetched(facts)),
+            ("tile_colors", fetched(colors)),
             ("around_near", Bound::Storage(around_near)),
             ("around_far", Bound::Storage(around_far)),
             ("resting", Bound::Buffer(&images.lists[0])),
