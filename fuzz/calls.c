@@ -24,7 +24,7 @@ static int kinds[HANDLES], alive[HANDLES];
  * pictures end there. And pages for import_host. */
 static unsigned char *ends[3], *pages;
 /* How often each call gave each status: what --statistics prints. */
-static unsigned long counts[24][22];
+static unsigned long counts[32][22];
 
 static void fail(const char *why, ...) {
     va_list list;
@@ -200,6 +200,8 @@ static void load(shutterbug_engine *engine) {
     char text[260] = "width = 20\nheight = 14\nfx = 12\nfy = 12\ncx = 10\ncy = 7\nframe_period_s = 0.04\n"
                      "[rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.01\n[lens_distortion]\nk1 = -0.1";
     if (one_in(2)) *strstr(text, "[lens") = 0;
+    if (one_in(3)) strcpy(strstr(text, "[motion"), "[auto_exposure]\ntarget = 0.5");
+    if (one_in(8)) seen(24, shutterbug_engine_reset_exposure(engine), engine, ENGINE);
     shutterbug_stamped_pose poses[3] = {{0, {{0}, {0, 0, 0, 1}}}, {0.1, {{0.1}, {0, 0, 0, 1}}}, {1, {{1}, {0, 0, 0, 1}}}};
     switch (byte() % 4) {
     case 0:
@@ -219,8 +221,32 @@ static void submit(shutterbug_engine *engine, double zero_s) {
     SIZED(shutterbug_request, request);
     request.frame_index = byte(), request.time_s = zero_s + (one_in(16) ? real() : byte() / 1000.0);
     request.flags = number(2);
+    if (one_in(6)) request.picture_memory = any_handle(MEMORY);
     shutterbug_frame *frame = NULL;
     made(12, seen(12, shutterbug_engine_submit(engine, &request, &frame), engine, ENGINE), FRAME, (void **)&frame);
+}
+
+/* Images that are the engine's own; of a host's device there are none here. */
+static void share_image(shutterbug_engine *engine, shutterbug_memory **memory, int *fd) {
+    static const uint32_t formats[] = {37, 43, 44, 50, 97, 109, 100, 126, 83, 103, 1};
+    SIZED(shutterbug_gpu_image, it);
+    uint64_t bytes = 0;
+    it.vk_format = one_in(16) ? word() : formats[byte() % 11];
+    it.width = one_in(16) ? word() : 1 + number(SIDE), it.height = one_in(16) ? word() : 1 + number(SIDE);
+    it.vk_layout = one_in(8) ? number(9) : 1, it.vk_layout_after = number(3) % 2;
+    it.vk_tiling = one_in(4) ? number(3) : 0, it.vk_usage = one_in(8) ? byte() : 3, it.vk_image = one_in(16);
+    if (one_in(8)) {
+        seen(22, shutterbug_memory_use_image(engine, &it, memory), engine, ENGINE);
+        return;
+    }
+    made(20, seen(20, shutterbug_memory_export_image_fd(engine, &it, memory, fd, &bytes), engine, ENGINE), MEMORY,
+         (void **)memory);
+    if (*fd < 0 || one_in(2)) return;
+    shutterbug_memory *again = NULL;
+    if (one_in(4)) bytes = byte();
+    shutterbug_status status = seen(21, shutterbug_memory_import_image_fd(engine, &it, *fd, bytes, &again), engine, ENGINE);
+    if (!status) *fd = -1; /* the driver's now */
+    made(21, status, MEMORY, (void **)&again);
 }
 
 static void share(shutterbug_engine *engine) {
@@ -228,7 +254,7 @@ static void share(shutterbug_engine *engine) {
     shutterbug_memory *memory = NULL;
     shutterbug_semaphore *semaphore = NULL;
     uint64_t bytes = one_in(8) ? (uint64_t)word() << byte() % 33 : 4096 * (1 + byte() % 16);
-    switch (byte() % 4) {
+    switch (byte() % 6) {
     case 0:
         /* 16 pages that stay as long as the program runs. */
         bytes = bytes > 65536 ? bytes | 1 : bytes;
@@ -240,6 +266,8 @@ static void share(shutterbug_engine *engine) {
              MEMORY, (void **)&memory);
         break;
     case 2: made(15, seen(15, shutterbug_semaphore_export_fd(engine, number(3), &semaphore, &fd), engine, ENGINE), SEMAPHORE, (void **)&semaphore); break;
+    case 3: share_image(engine, &memory, &fd); break;
+    case 4: seen(23, shutterbug_semaphore_use(engine, one_in(2) ? 0 : 7, number(3), &semaphore), engine, ENGINE); break;
     default: made(16, seen(16, shutterbug_memory_import_fd(engine, -1, bytes, &memory), engine, ENGINE), MEMORY, (void **)&memory);
     }
     if (fd >= 0) close(fd);
@@ -345,7 +373,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 void shutterbug_fuzz_statistics(void) {
     static const char *names[] = {"create", "set_camera", "submit_outside", "poll", "wait", "read", "frame_info", "frame_times",
                                   "camera_text", "load_capture", "load_scene", "trajectory", "submit", "import_host",
-                                  "memory_export", "semaphore_export", "import_fd", "destroy", "engine_info", "capture_times"};
+                                  "memory_export", "semaphore_export", "import_fd", "destroy", "engine_info", "capture_times",
+                                  "export_image", "import_image", "use_image", "semaphore_use", "reset_exposure"};
     for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
         printf("%s", names[i]);
         for (int s = 0; s <= SHUTTERBUG_VULKAN; ++s)

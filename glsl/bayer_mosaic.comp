@@ -2,15 +2,17 @@
 // bayer_mosaic: of each pixel only the colour of its filter is read, the others are made from its neighbours. Twin:
 // src/effects/bayer_mosaic.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
 // Column (bit 0) and row (bit 1) of the red pixel in each block of 2x2.
-layout(constant_id = 0) const uint RED = 0u;
+layout(constant_id = 50) const uint RED = 0u;
 // 0: bilinear, 1: Malvar-He-Cutler.
-layout(constant_id = 1) const uint DEMOSAIC = 0u;
+layout(constant_id = 51) const uint DEMOSAIC = 0u;
 
 #include "chain.glsl"
+#include "deliver.glsl"
 
 // x even: a column with red; y even: a row with red.
 ivec2 filter_place(ivec2 pixel) {
@@ -60,5 +62,5 @@ void main() {
     } else {
         rgb = place.y == 0 ? vec3(row_mean, own, column_mean) : vec3(column_mean, own, row_mean);
     }
-    imageStore(target, pixel, vec4(rgb, imageLoad(source, pixel).a));
+    deliver(uvec2(pixel), vec4(rgb, imageLoad(source, pixel).a));
 }

@@ -1,13 +1,15 @@
 #version 460
 // defocus: a Gaussian along the rows, then along the columns, or a disc, or by depth. Twin: src/effects/defocus.rs.
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
 // 0: Gaussian along a row, 1: along a column, 2: disc; by depth, 3: discs, 4: Gaussians.
-layout(constant_id = 0) const uint MODE = 0u;
+layout(constant_id = 50) const uint MODE = 0u;
 
 #include "chain.glsl"
+#include "deliver.glsl"
 #include "gaussian.glsl"
 
 vec3 disc(ivec2 pixel, int radius, uint weights) {
@@ -70,7 +72,7 @@ void main() {
             } else {
                 value = by_depth(pixel, parameter_bits(push.slot, 2u));
             }
-            imageStore(target, pixel, vec4(value, source_at(pixel).a));
+            deliver(uvec2(pixel), vec4(value, source_at(pixel).a));
         }
         return;
     }
@@ -82,12 +84,12 @@ void main() {
     if (any(greaterThanEqual(first, ivec2(push.size)))) {
         return;
     }
-    vec3 sums[GAUSSIAN_RUN];
+    vec4 sums[GAUSSIAN_RUN];
     gaussian(first, axis, 3u, sums);
-    for (int j = 0; j < GAUSSIAN_RUN; ++j) {
+    [[unroll]] for (int j = 0; j < GAUSSIAN_RUN; ++j) {
         ivec2 pixel = first + j * axis;
         if (all(lessThan(pixel, ivec2(push.size)))) {
-            imageStore(target, pixel, vec4(sums[j], source_at(pixel).a));
+            deliver(uvec2(pixel), sums[j]);
         }
     }
 }

@@ -204,6 +204,23 @@ pub enum Error {
         /// Frames wanted.
         total: usize,
     },
+    /// The user asked a diagnosis to stop.
+    #[error("interrupted at `{at}`; {}", kept_text(.kept))]
+    DiagnosisInterrupted {
+        /// Stage and step.
+        at: String,
+        /// The file that holds what was worked out; nothing if it was kept nowhere.
+        kept: Option<PathBuf>,
+    },
+}
+
+fn kept_text(kept: &Option<PathBuf>) -> String {
+    match kept {
+        Some(path) => {
+            format!("what was worked out is kept in {}: run the same command again to go on", path.display())
+        }
+        None => "nothing was kept".to_owned(),
+    }
 }
 
 impl Error {

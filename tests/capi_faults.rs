@@ -129,6 +129,7 @@ table! {
         vkCreateSemaphore(device: H, info: P, alloc: P, out: P) makes "semaphore";
         vkGetMemoryFdKHR(device: H, info: P, out: P) makes "";
         vkGetSemaphoreFdKHR(device: H, info: P, out: P) makes "";
+        vkGetPhysicalDeviceImageFormatProperties2(physical: H, info: P, out: P) makes "";
         vkGetMemoryHostPointerPropertiesEXT(device: H, kind: u32, pointer: P, out: P) makes "";
         vkBeginCommandBuffer(commands: H, info: P) makes "";
         vkEndCommandBuffer(commands: H) makes "";
@@ -221,7 +222,13 @@ fn scene_frame(engine: Handle, method_camera: &str) -> Result<Vec<u8>, (Status, 
     let mut request: shutterbug_request = sized();
     (request.time_s, request.flags) = (10.05, 1);
     let mut frame = std::ptr::null_mut();
-    check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) }, engine)?;
+    if info(engine).capabilities & 2 != 0 {
+        request.picture_memory = exported_image(engine)?;
+    }
+    let submitted = check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) }, engine);
+    // The frame keeps what it uses.
+    assert_eq!(shutterbug_memory_destroy(request.picture_memory), OK);
+    submitted?;
     let mut rgb = vec![0; 16 * 12 * 3];
     let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
     let done = check(shutterbug_frame_wait(frame, -1.0), frame)
@@ -253,12 +260,8 @@ fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
         }
         let mut fd = -1;
         if can & 2 != 0 {
-            check(
-                unsafe { shutterbug_memory_export_fd(engine, 4096, &mut o.picture_memory, &mut fd) },
-                engine,
-            )?;
+            o.picture_memory = exported_image(engine)?;
             made.push((o.picture_memory, shutterbug_memory_destroy));
-            close(fd);
         }
         if can & 4 != 0 {
             check(unsafe { shutterbug_semaphore_export_fd(engine, 0, &mut o.signal, &mut fd) }, engine)?;
@@ -281,6 +284,20 @@ fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
         assert_eq!(destroy(handle), OK);
     }
     done
+}
+
+/// An image of 16x12 px that takes pictures, and that can be shared.
+fn exported_image(engine: Handle) -> Result<Handle, (Status, String)> {
+    let mut d: shutterbug_gpu_image = sized();
+    (d.vk_format, d.width, d.height, d.vk_layout, d.vk_usage) = (37, 16, 12, 1, 3);
+    let (mut memory, mut fd, mut bytes) = (std::ptr::null_mut(), -1, 0);
+    match unsafe { shutterbug_memory_export_image_fd(engine, &d, &mut memory, &mut fd, &mut bytes) } {
+        OK => {
+            close(fd);
+            Ok(memory)
+        }
+        code => Err((code, error_of(engine))),
+    }
 }
 
 fn close(fd: i32) {
@@ -468,4 +485,42 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
+}
+
+#[test]
+fn memory_that_the_host_destroys_is_given_back_though_its_engine_lives() {
+    let test = "memory_that_the_host_destroys_is_given_back_though_its_engine_lives";
+    let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if !ready(test) {
+        return;
+    }
+    let mut o = options(2, 0);
+    o.get_instance_proc_addr = instance_proc as *const c_void;
+    let engine = create(o).unwrap();
+    must(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) }, engine);
+    let small = Small::new(16, 12);
+    process(engine, &small.outside, [16, 12]).unwrap();
+    let living = |what: &str| state().live.get(what).copied().unwrap_or(0);
+    let before = (living("memory"), living("buffer"));
+    if info(engine).capabilities & 1 != 0 {
+        let pages = Pages::new(16 * 12 * 16);
+        let mut memory = std::ptr::null_mut();
+        let bytes = pages.1.size() as u64;
+        must(unsafe { shutterbug_memory_import_host(engine, pages.0.cast(), bytes, &mut memory) }, engine);
+        let mut color = unsafe { *small.outside.color };
+        (color.pixels, color.memory) = (std::ptr::null_mut(), memory);
+        let mut o = small.outside;
+        o.color = &color;
+        process(engine, &o, [16, 12]).unwrap();
+        assert_eq!(living("memory"), before.0 + 1, "control: it is counted");
+        assert_eq!(shutterbug_memory_destroy(memory), OK);
+        // Now the host may free its pages.
+        assert_eq!((living("memory"), living("buffer")), before, "kept by the engine");
+    } else {
+        eprintln!("SKIPPED {test}: the device cannot import host memory");
+    }
+    // Another buffer in its place.
+    process(engine, &small.outside, [16, 12]).unwrap();
+    assert_eq!(shutterbug_engine_destroy(engine), OK);
+    nothing_is_left(test);
 }

@@ -6,10 +6,10 @@ mod gpu_support;
 
 use std::fs;
 
-use diagnose_support::{make, run};
+use diagnose_support::{CAMERA, make, run};
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Progress, diagnose};
+use shutterbug::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
 use shutterbug::plane::{Plane, write_png_atomic};
 
 struct Silent;
@@ -63,4 +63,113 @@ fn frames_that_cannot_be_judged_are_refused() {
     assert!(error(&all, &capture).contains("no such file") || error(&all, &capture).contains("usable"));
     fs::remove_dir_all(&real).unwrap();
     assert!(error(&all, &capture).contains("no such folder"));
+}
+
+/// Diagnoses with a few candidates only: what is asked here does not depend on the others.
+fn brief(context: &gpu_support::Watched, capture: &Capture) -> Result<Report, String> {
+    let kept = ["exposure_gain", "gamma", "vignetting", "read_noise", "pose_offset", "defocus"];
+    let without = effect_names().into_iter().filter(|n| !kept.contains(n)).map(str::to_owned).collect();
+    let options = DiagnoseOptions { without, ..DiagnoseOptions::default() };
+    diagnose(&context.0, capture, &options, &mut Silent).map(|d| d.report).map_err(|e| e.to_string())
+}
+
+#[test]
+fn frames_of_another_scene_are_no_effect_of_the_camera() {
+    let Some(context) = device("another_scene") else { return };
+    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let capture = make(&context.0, folder.path(), "", "", 1.0, 7);
+    make(&context.0, other.path(), "", "", 1.0, 1234);
+    for f in 0..9 {
+        let name = format!("real/{f:06}.png");
+        fs::copy(other.path().join(&name), folder.path().join(&name)).unwrap();
+    }
+    let report = brief(&context, &capture).unwrap();
+    assert_eq!(report.verdict, Verdict::UnknownEffect, "{:?}", report.gap);
+    assert!(report.effects.is_empty(), "an invented cause: {:?}", report.effects);
+    assert_eq!(report.gap.closed_fraction, 0.0);
+    assert!(report.sentence.contains("this scene") && report.sentence.contains("no effect of the camera"));
+    assert!(
+        report.warnings.iter().any(|w| w.contains("do not seem to show this scene")),
+        "{:?}",
+        report.warnings
+    );
+    // Control: its own frames with an effect that is no candidate are a gap of another kind.
+    let capture = make(&context.0, folder.path(), "[white_balance]\nr = 1.3\nb = 0.8\n", "", 1.0, 7);
+    let report = brief(&context, &capture).unwrap();
+    assert!(!report.sentence.contains("this scene") && report.gap.before > 2.0, "{}", report.sentence);
+    assert!(!report.warnings.iter().any(|w| w.contains("this scene")), "{:?}", report.warnings);
+}
+
+#[test]
+fn times_without_poses_and_masks_without_pixels_are_refused() {
+    let Some(context) = device("no_poses") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "", "", 1.0, 7);
+    // Two frames long after the trajectory's end are left out, and said so.
+    let csv = |late: usize| {
+        let stamp = |f: usize| {
+            100_000_000_000_i64 + 40_000_000 * f as i64 + if f >= 9 - late { 60_000_000_000 } else { 0 }
+        };
+        let lines: Vec<String> = (0..9).map(|f| format!("{},{f:06}.png", stamp(f))).collect();
+        fs::write(
+            folder.path().join("frames.csv"),
+            format!("#timestamp [ns],filename\n{}\n", lines.join("\n")),
+        )
+        .unwrap();
+    };
+    let reread = || Capture::read(folder.path(), None).map_err(|e| e.to_string());
+    csv(1);
+    let report = reread().and_then(|c| brief(&context, &c)).unwrap();
+    assert!(
+        report.input.left_out.iter().any(|l| l.index == 8 && l.why.contains("trajectory")),
+        "{:?}",
+        report.input.left_out
+    );
+    // All of them: an error that names frame and span, and no report.
+    csv(9);
+    let said = reread().and_then(|c| brief(&context, &c).map(|_| ())).unwrap_err();
+    assert!(said.contains("trajectory") && (said.contains("160.") || said.contains("60.")), "{said}");
+    csv(0);
+    assert!(brief(&context, &reread().unwrap()).is_ok(), "control");
+
+    // Too few frames.
+    for f in 3..9 {
+        fs::rename(
+            folder.path().join(format!("real/{f:06}.png")),
+            folder.path().join(format!("real/kept{f}")),
+        )
+        .unwrap();
+    }
+    let said = brief(&context, &capture).unwrap_err();
+    assert!(
+        said.contains("3 usable frames") && said.contains("no such file") && said.contains("at least 4"),
+        "{said}"
+    );
+    for f in 3..9 {
+        fs::rename(
+            folder.path().join(format!("real/kept{f}")),
+            folder.path().join(format!("real/{f:06}.png")),
+        )
+        .unwrap();
+    }
+
+    // A scene that fills hardly any of the picture, whose background is not to be compared.
+    let text = "mtllib scene.mtl\nusemtl m1\nv 50 0 0\nv 50 1 0\nv 50 0 1\nf 1 2 3\n";
+    fs::write(folder.path().join("scene.obj"), text).unwrap();
+    fs::write(folder.path().join("camera.toml"), format!("{CAMERA}background = \"ignore\"\n")).unwrap();
+    let said = brief(&context, &reread().unwrap()).unwrap_err();
+    assert!(said.contains("leaves less than 1 % of the pixels") && said.contains("camera.toml"), "{said}");
+}
+
+#[test]
+fn what_is_not_simulated_is_said() {
+    let Some(context) = device("auto_exposure") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "", "[auto_exposure]\ntarget = 0.2\n", 1.0, 7);
+    let report = brief(&context, &capture).unwrap();
+    let said =
+        report.warnings.iter().any(|w| w.contains("[auto_exposure]") && w.contains("does not simulate"));
+    assert!(said, "{:?}", report.warnings);
+    let capture = make(&context.0, folder.path(), "", "[gamma]\nexponent = 1.0\n", 1.0, 7);
+    assert!(brief(&context, &capture).unwrap().warnings.is_empty(), "control");
 }

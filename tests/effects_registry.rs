@@ -193,9 +193,13 @@ fn what_stands_between_resamplings_is_one_dispatch() {
     assert_eq!(count(&with_edges), 2, "the gradient is that of the picture before the noise");
     let mut with_lens = pointwise.clone();
     with_lens.push(("defocus", "sigma_px", 1.0));
-    assert_eq!(count(&with_lens), 3);
+    assert_eq!(count(&with_lens), 2, "the second pass of the lens runs the fused effects behind it");
     let last = Plan::new(LIST, &settings(&with_lens), false).steps.pop().unwrap();
-    assert!(matches!(last, Step::Pointwise { last: true, .. }));
+    let Step::Neighbourhood { id: "defocus", tail, last: true, .. } = last else { panic!("{last:?}") };
+    assert_eq!(tail.iter().filter(|v| **v != 0).count(), pointwise.len());
+    let mut looking = with_edges.clone();
+    looking.push(("defocus", "sigma_px", 1.0));
+    assert_eq!(count(&looking), 4, "an effect that looks at what the lens made waits for all of it");
 }
 
 /// The chain without further effects is `develop`, which was written on its own.

@@ -72,8 +72,10 @@ fn run(bench: &mut Bench, name: &str, push: &Push, color: &Plane<f32>, motion: &
     let sampler =
         if file.contains("sampler") { Sampler::in_texels(&context) } else { Sampler::new(&context, false) };
     let sampler = sampler.unwrap();
+    let bytes = shutterbug::chain::PARAMETER_BYTES;
     let parameters =
-        shutterbug::gpu::Buffer::new(&context, "parameters", 4096, Usage::Uniform, Location::Device).unwrap();
+        shutterbug::gpu::Buffer::new(&context, "parameters", bytes, Usage::Uniform, Location::Device)
+            .unwrap();
     let (tables, pixels) = (bench.buffer(64), bench.buffer(4 * (push.size[0] * push.size[1]) as usize));
     let mut constants = vec![0u32; 45];
     assert!(POINTWISE.len() < 40 && kernel.name == name);

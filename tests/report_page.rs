@@ -47,10 +47,11 @@ fn a_page_of_twenty_frames_is_one_valid_file_without_links() {
         let to = element.value().attr("src").or(element.value().attr("href")).unwrap_or_default();
         assert!(to.starts_with("data:image/"), "{}", &to[..to.len().min(60)]);
     }
-    assert_eq!(count(&page, "img"), 9, "three pictures, two differences, four maps");
+    assert_eq!(count(&page, "img"), 12, "three pictures, two differences, four maps, three with percepts");
     assert_eq!(count(&page, "img:not([alt])"), 0);
     assert_eq!(count(&page, "#where svg"), 10, "one chart a profile");
     assert_eq!(count(&page, "#waterfall rect"), 5);
+    assert_eq!(count(&page, "#percepts tbody tr"), 3);
     for text in
         ["98.3 %", "0.020135", "0.0199 to 0.0203", "top_to_bottom", "two exposures", "[rolling_shutter]"]
     {
@@ -60,6 +61,11 @@ fn a_page_of_twenty_frames_is_one_valid_file_without_links() {
         page.select(&Selector::parse("#data").expect("a selector")).next().expect("there").inner_html();
     let frames: Vec<serde_json::Value> = serde_json::from_str(&json).expect("JSON");
     assert_eq!(frames.len(), 20);
+    assert_eq!(
+        frames[0]["percepts"]["simulated"][1],
+        "M20.5 30.5h0M5 6L70 80M93.0 50a7 7 0 1 0 14.0 0a7 7 0 1 0 -14.0 0"
+    );
+    assert_eq!(frames[0]["percepts"]["simulated"][0], "", "none of them agrees");
     let kept = std::env::var_os("KEEP_REPORT_PAGE");
     if let Some(path) = kept {
         std::fs::write(path, html).expect("written");
@@ -104,6 +110,44 @@ fn a_report_with_nothing_in_it_is_a_page_too() {
     assert!(page.errors.is_empty(), "{:?}", page.errors);
     assert_eq!((count(&page, "img"), count(&page, "script")), (0, 0));
     assert!(html.contains("Unknown effect") && !html.contains("NaN"));
+}
+
+#[test]
+fn a_report_comes_back_as_it_was_written_with_figures_that_are_not_finite() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut report = sample(folder.path(), 2, "desk");
+    report.measures.iter_mut().for_each(|m| m.after = 1.0 / 3.0);
+    report.gap.closed_fraction = 0.1 + 0.2;
+    let back = Report::from_json(folder.path(), &report.to_json()).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(back, report, "every digit");
+    let absent = report.to_json().matches("null").count();
+    report.gap.before = f64::NAN;
+    report.gap.after_ci95 = [0.5, f64::INFINITY];
+    report.measures[1].before = f64::NEG_INFINITY;
+    report.places.by_row[3].bias_after = f64::NAN;
+    report.frames[1].after = f64::NAN;
+    report.bootstrap.closed_fraction = vec![0.1, f64::NAN];
+    report.effects[0].gain_ci95 = [f64::NAN; 2];
+    report.percepts.kinds[0].matched_floor = f64::NAN;
+    let text = report.to_json();
+    assert_eq!(text.matches("null").count(), absent + 9, "nine made here");
+    let back = Report::from_json(folder.path(), &text).unwrap_or_else(|e| panic!("{e}"));
+    assert!(back.gap.before.is_nan() && back.gap.after_ci95[1].is_nan() && back.measures[1].before.is_nan());
+    assert!(back.places.by_row[3].bias_after.is_nan() && back.frames[1].after.is_nan());
+    assert!(back.bootstrap.closed_fraction[1].is_nan() && back.effects[0].gain_ci95[1].is_nan());
+    assert!(back.percepts.kinds[0].matched_floor.is_nan());
+    assert_eq!(back.gap.after_ci95[0], 0.5, "its neighbours stay");
+    assert_eq!(back.to_json(), text, "and once more");
+    let (html, page) = page_of(&back, folder.path());
+    assert!(page.errors.is_empty() && !without_pictures(&html).contains("NaN"), "{:?}", page.errors);
+    // Control: what is missing, or a word, is no figure.
+    for broken in [
+        text.replacen("\"floor\":", "\"flour\":", 1),
+        text.replacen("\"floor\": 1.2", "\"floor\": \"1.2\"", 1),
+    ] {
+        let error = Report::from_json(folder.path(), &broken).expect_err("no report").to_string();
+        assert!(error.contains("line") || error.contains(':'), "{error}");
+    }
 }
 
 #[test]

@@ -10,7 +10,9 @@ use std::path::Path;
 use scraper::Html;
 use sha2::{Digest as _, Sha256};
 use shutterbug::diagnose::{Report, Verdict};
-use shutterbug::withhold::{CaseScore, Kind, ParameterScore, Summary, Tally, WithholdOptions, withhold};
+use shutterbug::withhold::{
+    CaseScore, CurveOptions, Kind, ParameterScore, Summary, Tally, WithholdOptions, curves, withhold,
+};
 
 /// Cases up to here hold every kind (see `PATTERN` in `withhold/hidden.rs`).
 const CASES: usize = 7;
@@ -156,6 +158,52 @@ fn unknown_effect_is_right_where_the_effect_was_left_out() {
     assert_eq!(result.summary.false_alarms, Tally { right: 0, of: 1 });
 }
 
+#[test]
+fn curves_count_what_was_named_at_each_strength_and_go_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = player(folder.path(), |report| report.effects.truncate(1));
+    let options = options(folder.path(), &program);
+    let curve = CurveOptions {
+        effects: vec!["rolling_shutter".to_owned(), "gamma".to_owned()],
+        points: 2,
+        repeats: 2,
+    };
+    let typo = CurveOptions { effects: vec!["gama".to_owned()], ..curve.clone() };
+    let error = curves(&options, &typo, &mut |_| (), &|| false).expect_err("no such effect").to_string();
+    assert!(error.contains("gama") && error.contains("gamma"), "{error}");
+    let stopping = std::cell::Cell::new(0);
+    let stop = || {
+        stopping.set(stopping.get() + 1);
+        stopping.get() > 9
+    };
+    let error = curves(&options, &curve, &mut |_| (), &stop).expect_err("stopped").to_string();
+    assert!(error.contains("interrupted"), "{error}");
+    let calls = || fs::read_to_string(folder.path().join("log")).expect("written").matches("CALL").count();
+    let before = calls();
+    assert!((1..8).contains(&before), "{before} captures before the stop");
+    let result = curves(&options, &curve, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+    assert!((8..=9).contains(&calls()), "at most the one that was stopped is diagnosed again: {}", calls());
+    let again = curves(&options, &curve, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+    assert!(calls() <= 9 && again.curves == result.curves);
+    // The player says "rolling_shutter" always.
+    let rates: Vec<_> =
+        result.curves.iter().map(|c| (c.effect.as_str(), c.points[0].rate, c.points[1].rate)).collect();
+    assert_eq!(rates, [("rolling_shutter", 1.0, 1.0), ("gamma", 0.0, 0.0)]);
+    assert!(result.curves.iter().all(|c| c.half_detected.is_none() && c.points.iter().all(|p| p.cases == 2)));
+    let html = fs::read_to_string(options.out.join("curves.html")).expect("written");
+    let page = Html::parse_document(&html);
+    assert!(page.errors.is_empty(), "{:?}", page.errors);
+    assert!(!html.contains("http://") && !html.contains("https://") && html.contains("data:image/png"));
+    // More strengths later: what is there stays.
+    let more = CurveOptions { effects: vec!["gamma".to_owned()], points: 3, repeats: 1 };
+    let wider = curves(&options, &more, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((wider.curves[0].points.len(), wider.cases.len()), (3, 3));
+    assert!(calls() <= 10);
+    // Each blind: no answer lies beside the capture.
+    let log = fs::read_to_string(folder.path().join("log")).expect("written");
+    assert!(!log.contains("answer") || log.matches("answer.json").count() == 0, "{log}");
+}
+
 fn case(kind: Kind, hidden: &[&str], found: &[&str]) -> CaseScore {
     let names = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
     CaseScore {
@@ -184,6 +232,7 @@ fn the_table_counts_what_it_says() {
         value: 1.0 + relative_error,
         relative_error,
         covered: Some(covered),
+        half_width: None,
     };
     let mut cases = vec![
         case(Kind::Single, &["defocus"], &["defocus"]),

@@ -7,9 +7,10 @@ layout(set = 0, binding = 0, rgba32f) uniform readonly image2D source;
 // The picture before this effect's first pass.
 layout(set = 0, binding = 1, rgba32f) uniform readonly image2D original;
 layout(set = 0, binding = 2, rgba32f) uniform writeonly image2D target;
-// Four rows an effect, from the row of its slot on.
+// Sixteen rows an effect, from the row of its slot on: 64 words. A software device reads a word of these once for all of
+// its lanes where the place is known when the kernel is made; a word of the tables costs as much as a texel.
 layout(set = 0, binding = 3, std140) uniform Parameters {
-    uvec4 parameter_rows[256];
+    uvec4 parameter_rows[1024];
 };
 // What does not fit: lines, weights, bit masks. Parameters hold the place of the first word.
 layout(set = 0, binding = 4, std430) readonly buffer Tables {
@@ -27,9 +28,9 @@ layout(push_constant) uniform Push {
 } push;
 #endif
 
-const uint SLOT_ROWS = 4u;
+const uint SLOT_ROWS = 16u;
 
-// Parameter `index` (0 to 15) of a slot, as bits and as a number.
+// Parameter `index` (0 to 63) of a slot, as bits and as a number.
 uint parameter_bits(uint slot, uint index) {
     return parameter_rows[SLOT_ROWS * slot + (index >> 2u)][index & 3u];
 }

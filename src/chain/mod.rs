@@ -7,9 +7,9 @@ mod params;
 mod plan;
 pub mod rng;
 
-pub use pack::{Packed, Packer, Parameters, SLOT_ROWS, slot_of};
+pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
-pub use plan::{Plan, Step, check_order};
+pub use plan::{PASS_CONSTANTS, Plan, Step, check_order};
 
 use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;
@@ -74,7 +74,7 @@ pub struct At<'a> {
 pub struct Pass {
     /// File name of its kernel.
     pub file: &'static str,
-    /// Specialization constants 0, 1.
+    /// Specialization constants [`PASS_CONSTANTS`] and the next.
     pub constants: [u32; 2],
     /// Columns and rows that one invocation makes.
     pub run: [u32; 2],

@@ -3,9 +3,11 @@
 use super::{Effect, Settings, View, Work};
 
 /// Rows of four words that an effect has for its parameters.
-pub const SLOT_ROWS: usize = 4;
+pub const SLOT_ROWS: usize = 16;
 /// Rows of the kernels' uniform block.
-const MAX_ROWS: usize = 256;
+const MAX_ROWS: usize = 1024;
+/// Its size; Vulkan promises that so much can be bound.
+pub const PARAMETER_BYTES: u64 = 16 * MAX_ROWS as u64;
 /// Number of parameters that fit in a slot.
 const SLOT_WORDS: usize = 4 * SLOT_ROWS;
 

@@ -4,6 +4,9 @@ use super::pack::pointwise;
 use super::{Domain, Effect, Settings, Stage, Work, slot_of};
 use crate::error::{Error, Result};
 
+/// First specialization constant of a pass of its own; before it are those of the fused effects.
+pub const PASS_CONSTANTS: usize = 50;
+
 /// One dispatch.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Step {
@@ -29,7 +32,45 @@ pub enum Step {
         constants: [u32; 2],
         /// Columns and rows that one invocation makes.
         run: [u32; 2],
+        /// The variants of the fused effects that it runs on what it has made; empty: it runs none.
+        tail: Vec<u32>,
+        /// As for `Pointwise`.
+        last: bool,
     },
+}
+
+impl Step {
+    /// Takes in the fused effects that follow, if it is a pass that can.
+    fn absorb(&mut self, variants: &[u32], delivers: bool) -> bool {
+        match self {
+            Self::Neighbourhood { tail, last, .. } => {
+                *tail = variants.to_vec();
+                *last = delivers;
+                true
+            }
+            Self::Pointwise { .. } => false,
+        }
+    }
+
+    /// Whether it writes 8-bit pixels.
+    pub fn delivers(&self) -> bool {
+        match self {
+            Self::Pointwise { last, .. } | Self::Neighbourhood { last, .. } => *last,
+        }
+    }
+
+    /// Its specialization constants, from 0.
+    pub fn constants(&self) -> Vec<u32> {
+        let (variants, own) = match self {
+            Self::Pointwise { variants, .. } => (variants, [0; 2]),
+            Self::Neighbourhood { tail, constants, .. } => (tail, *constants),
+        };
+        let mut all = vec![0; PASS_CONSTANTS + own.len()];
+        all[0] = u32::from(self.delivers());
+        all[1..=variants.len()].copy_from_slice(variants);
+        all[PASS_CONSTANTS..].copy_from_slice(&own);
+        all
+    }
 }
 
 /// What settings ask for: equal plans share their pipelines.
@@ -43,11 +84,16 @@ impl Plan {
     /// The dispatches of the effects that are not neutral; with `floats` the last one writes a picture of floats too.
     pub fn new(list: &[&dyn Effect], settings: &Settings, floats: bool) -> Self {
         let empty = vec![0; pointwise(list).count()];
-        let (mut steps, mut open) = (Vec::new(), empty.clone());
-        let close = |open: &mut Vec<u32>, steps: &mut Vec<Step>| {
-            if open.iter().any(|v| *v != 0) {
-                let variants = std::mem::replace(open, empty.clone());
-                steps.push(Step::Pointwise { variants, last: false });
+        // Whether the first of the open effects looks at the picture that a pass before it makes.
+        let (mut steps, mut open, mut looks) = (Vec::<Step>::new(), empty.clone(), false);
+        let close = |open: &mut Vec<u32>, looks: &mut bool, steps: &mut Vec<Step>, last: bool| {
+            let variants = std::mem::replace(open, empty.clone());
+            let looks = std::mem::take(looks);
+            if !last && variants.iter().all(|v| *v == 0) {
+                return;
+            }
+            if looks || !steps.last_mut().is_some_and(|step| step.absorb(&variants, last && !floats)) {
+                steps.push(Step::Pointwise { variants, last: last && !floats });
             }
         };
         for effect in list {
@@ -56,12 +102,13 @@ impl Plan {
                 _ if variant == 0 => {}
                 Work::Pointwise(_) => {
                     if effect.reads_neighbours(settings) {
-                        close(&mut open, &mut steps);
+                        close(&mut open, &mut looks, &mut steps, false);
+                        looks = true;
                     }
                     open[slot_of(list, effect.id())] = variant;
                 }
                 Work::Neighbourhood { passes, .. } => {
-                    close(&mut open, &mut steps);
+                    close(&mut open, &mut looks, &mut steps, false);
                     let slot = slot_of(list, effect.id()) as u32;
                     let step = |(pass, p): (usize, super::Pass)| Step::Neighbourhood {
                         id: effect.id(),
@@ -70,13 +117,15 @@ impl Plan {
                         file: p.file,
                         constants: p.constants,
                         run: p.run,
+                        tail: Vec::new(),
+                        last: false,
                     };
                     steps.extend(passes(settings).into_iter().enumerate().map(step));
                 }
                 Work::Elsewhere | Work::Host(_) => {}
             }
         }
-        steps.push(Step::Pointwise { variants: open, last: !floats });
+        close(&mut open, &mut looks, &mut steps, true);
         Self { steps }
     }
 }

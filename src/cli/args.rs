@@ -307,6 +307,16 @@ pub struct Withhold {
     /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
     #[arg(long)]
     pub trajectories: Option<PathBuf>,
+    /// Detection over strength instead: these effects (or all), each alone at graded strengths; writes curves.json,
+    /// curves.png, curves.html
+    #[arg(long, value_delimiter = ',', conflicts_with = "count")]
+    pub curve: Vec<String>,
+    /// --curve: strengths an effect
+    #[arg(long, default_value_t = 6, value_parser = in_steps(2, 40))]
+    pub points: usize,
+    /// --curve: captures a strength
+    #[arg(long, default_value_t = 3, value_parser = in_steps(1, 1000))]
+    pub repeats: usize,
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,
@@ -447,6 +457,14 @@ fn samples(text: &str) -> Result<u32, String> {
     match text.parse() {
         Ok(n @ (1 | 4 | 16)) => Ok(n),
         _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
+    }
+}
+
+/// A whole number between two.
+fn in_steps(from: usize, to: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
+    move |text| match text.parse() {
+        Ok(n) if (from..=to).contains(&n) => Ok(n),
+        _ => Err(format!("{from} to {to}")),
     }
 }
 

@@ -3,7 +3,10 @@
 use std::fs;
 use std::time::{Duration, Instant};
 
+use indicatif::{ProgressBar, ProgressStyle};
+
 use super::args::Diagnose;
+use super::interrupt::Interrupt;
 use crate::capture::Capture;
 use crate::diagnose::{DiagnoseOptions, Progress, diagnose};
 use crate::error::{Error, Result};
@@ -11,6 +14,9 @@ use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
+
+/// What has been worked out so far, in the folder of the report; it goes when the report is there.
+const JOURNAL_FILE: &str = "progress.jsonl";
 
 /// Runs the command.
 pub fn run(args: &Diagnose) -> Result<()> {
@@ -22,35 +28,56 @@ pub fn run(args: &Diagnose) -> Result<()> {
         seed: args.seed,
         without: args.without.clone(),
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
+        journal: Some(args.out.join(JOURNAL_FILE)),
+        stop: Some(Interrupt::listen().flag()),
     };
-    let mut lines =
-        Lines { stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL };
-    let diagnosis = diagnose(&context, &capture, &options, &mut lines)?;
-    let report = diagnosis.write(&args.out, &capture)?;
+    let mut lines = Lines::new();
+    let diagnosis = diagnose(&context, &capture, &options, &mut lines);
+    lines.bar.finish_and_clear();
+    let report = diagnosis?.write(&args.out, &capture)?;
     crate::report::write_html(&report, &args.out)?;
+    // It is done: there is nothing to go on with.
+    let journal = args.out.join(JOURNAL_FILE);
+    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))?;
     eprintln!("{}", report.sentence);
     eprintln!("{}", args.out.join(crate::report::PAGE_FILE).display());
     Ok(())
 }
 
-/// Progress as lines on stderr, at most one every two seconds.
+/// Stage, candidate and time left: a bar on a terminal, lines in a log, at most one every two seconds.
 struct Lines {
+    bar: ProgressBar,
     stage: String,
     begun: Instant,
     said: Instant,
 }
 
+impl Lines {
+    fn new() -> Self {
+        let bar = ProgressBar::new(1);
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}");
+        bar.set_style(style.expect("a constant template"));
+        bar.enable_steady_tick(Duration::from_millis(500));
+        Self { bar, stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL }
+    }
+}
+
 impl Progress for Lines {
     fn step(&mut self, stage: &str, what: &str, step: usize, steps: usize) {
-        if self.stage != stage {
+        let fresh = self.stage != stage;
+        if fresh {
             (self.stage, self.begun) = (stage.to_owned(), Instant::now());
-        } else if self.said.elapsed() < LOG_INTERVAL {
-            return;
         }
-        self.said = Instant::now();
         let spent_s = self.begun.elapsed().as_secs_f64();
         let left_s = if step > 1 { spent_s / (step - 1) as f64 * (steps + 1 - step) as f64 } else { 0.0 };
         let eta = if step > 1 { format!(", {left_s:.0} s left in this stage") } else { String::new() };
-        eprintln!("{stage}: {what} ({step}/{steps}{eta})");
+        if !self.bar.is_hidden() {
+            self.bar.set_length(steps as u64);
+            self.bar.set_position(step as u64 - 1);
+            self.bar.set_message(format!("{stage}: {what}{eta}"));
+        } else if fresh || self.said.elapsed() >= LOG_INTERVAL {
+            self.said = Instant::now();
+            eprintln!("{stage}: {what} ({step}/{steps}{eta})");
+        }
     }
 }

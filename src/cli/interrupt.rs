@@ -24,6 +24,11 @@ impl Interrupt {
         interrupt
     }
 
+    /// What becomes true.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        self.0.clone()
+    }
+
     /// Whether to stop.
     pub fn requested(&self) -> bool {
         self.0.load(Ordering::SeqCst)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::args::Withhold;
 use super::interrupt::Interrupt;
 use crate::error::{Error, Result};
-use crate::withhold::{WithholdOptions, withhold};
+use crate::withhold::{CurveOptions, WithholdOptions, curves, graded_effects, withhold};
 
 /// Runs the command.
 pub fn run(args: &Withhold) -> Result<()> {
@@ -22,6 +22,15 @@ pub fn run(args: &Withhold) -> Result<()> {
         keep_frames: args.keep_frames,
     };
     let interrupt = Interrupt::listen();
+    if !args.curve.is_empty() {
+        let all = args.curve == ["all"];
+        let effects =
+            if all { graded_effects().into_iter().map(str::to_owned).collect() } else { args.curve.clone() };
+        let curve = CurveOptions { effects, points: args.points, repeats: args.repeats };
+        curves(&options, &curve, &mut |line| eprintln!("{line}"), &|| interrupt.requested())?;
+        eprintln!("{}", args.out.join("curves.html").display());
+        return Ok(());
+    }
     let result = withhold(&options, &mut |line| eprintln!("{line}"), &|| interrupt.requested())?;
     let summary = serde_json::to_string_pretty(&result.summary).expect("all keys are strings");
     println!("{summary}");

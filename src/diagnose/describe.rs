@@ -7,7 +7,7 @@ use super::forward::Quality;
 use super::judge::closed_fraction;
 use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
-use super::search::{Alone, Found, Search};
+use super::search::{Alone, Found, Search, damped};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -56,13 +56,14 @@ pub(super) fn describe(
     let k = &capture.camera.intrinsics;
     Ok(Report {
         verdict,
-        sentence: sentence(verdict, &gap, &effects),
+        sentence: if another_scene(found) { wrong_scene(&gap) } else { sentence(verdict, &gap, &effects) },
         waterfall: waterfall(&gap, &effects),
         gap,
         effects,
         candidates,
         places: Where::default(),
         measures: Vec::new(),
+        percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
         input: Input {
@@ -117,10 +118,16 @@ fn another_scene(found: &Found) -> bool {
     found.residue.likeness < LEAST_LIKENESS
 }
 
-/// A set that leaves most of the gap is none: its effects are candidates like all others.
+/// Least share of the gap to be closed, and of it to lie where it is closed altogether, for effects to be named that leave
+/// more than a quarter of it: they are there, beside one that is not among the candidates.
+const BESIDE: [f64; 2] = [0.2, 0.15];
+
+/// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
+/// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
-    if closed < CLOSED[1] || another_scene(found) {
+    let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
+    if (closed < CLOSED[1] && !beside) || another_scene(found) {
         found.set.clear();
         found.fit.theta = search.base.clone();
         found.fit.half.clear();
@@ -149,7 +156,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         return Verdict::UnknownEffect;
     }
     let (after, floor) = (found.after.mean(), found.after.floor());
-    let difference = search.renderer_difference.max(1.5 * found.sampling_dn);
+    let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
     let closed = closed_fraction(found.before.mean(), after, floor);
     let shaped = left.bias_dn > MOST_BIAS_DN
         || left.spread > MOST_SPREAD
@@ -157,10 +164,10 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let rest = (after - floor).abs();
     let whole = found.before.mean() - found.before.floor();
     if found.set.is_empty() {
-        let nothing = whole <= 1.2 * difference && !shaped;
+        let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn) && !shaped;
         return if nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
     }
-    let small = rest <= f64::max(0.5 * difference, 0.03 * whole);
+    let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
     let explained = small || (rest <= difference && closed > 0.8);
     if explained && !shaped && closed >= CLOSED[0] {
         Verdict::Explained
@@ -169,6 +176,14 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     } else {
         Verdict::PartlyExplained
     }
+}
+
+fn wrong_scene(gap: &Gap) -> String {
+    format!(
+        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from where the \
+         trajectory says. That is no effect of the camera.",
+        gap.before
+    )
 }
 
 fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {

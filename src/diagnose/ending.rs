@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{FINE, Level};
+use super::fit::FINE;
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
-use super::residue::residue;
+use super::residue::{residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
 use crate::error::Result;
@@ -37,7 +37,6 @@ impl Search<'_> {
         tracing::info!("with {more:?}: {:.3} to {:.3} DN", was.mean(), now.mean());
         if low > 0.0 && gain > LEAST_SHARE * was.mean() && gain > 0.12 * self.renderer_difference {
             found.fit.theta = freed.theta;
-            found.fit.half.extend(freed.half.into_iter().filter(|(p, _)| more.contains(p)));
             found.more = more;
         }
         Ok(())
@@ -83,12 +82,12 @@ impl Search<'_> {
             free.extend(&found.more);
             let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
             if free.is_empty() {
-                (found.fit.theta, found.fit.half) = (theta, BTreeMap::new());
+                found.fit.theta = theta;
                 continue;
             }
             let fit =
                 super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
-            (found.fit.theta, found.fit.half) = (fit.theta, fit.half);
+            found.fit.theta = fit.theta;
         }
         Ok(())
     }
@@ -146,6 +145,8 @@ impl Search<'_> {
         found.sampling_dn = difference(&means, &coarser);
         let left = self.noise_data(&theta, held)?;
         found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
+        let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
+        found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, &theta);
         tracing::info!("left: {:?}", found.residue);
         found.fit.theta = theta;
         found.set.extend(names);
@@ -175,6 +176,20 @@ impl Search<'_> {
         gain > 0.0 && (0..FAMILIES.len()).any(clear)
     }
 
+    /// Half widths of the parameters that change the mean.
+    pub(super) fn mean_intervals(&mut self, found: &mut Found) -> Result<()> {
+        let mut free = Self::free(&found.set);
+        free.extend(&found.more);
+        let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+        let last = last_of(&free);
+        let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
+        self.forward.native = false;
+        let half = super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
+        self.forward.native = true;
+        found.fit.half.extend(half);
+        Ok(())
+    }
+
     /// Half widths of the noise parameters, by leaving out one frame at a time (jackknife).
     fn noise_intervals(&mut self, names: &[&'static str], theta: &Theta, found: &mut Found) -> Result<()> {
         let parameters: Vec<P> =
@@ -182,15 +197,16 @@ impl Search<'_> {
         if parameters.is_empty() {
             return Ok(());
         }
-        let level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 6 };
-        let frames = super::fit::spread_out(&self.evidence.fit, level.frames);
-        let means = self.forward.simulate(&frames, theta, level.quality)?;
+        let frames = super::fit::spread_out(&self.evidence.fit, 6);
+        let means = self.forward.simulate(&frames, theta, self.judge.quality)?;
+        let masks = Some(self.masks);
+        let whole = NoiseData::measure(self.evidence, &frames, &means, theta, masks);
+        let known = whole.errors(theta, names);
         let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
         for i in 0..frames.len() {
             let rest = |j: &usize| *j != i;
             let rest_frames: Vec<_> = (0..frames.len()).filter(rest).map(|j| frames[j]).collect();
             let rest_means: Vec<_> = (0..frames.len()).filter(rest).map(|j| means[j].clone()).collect();
-            let masks = Some(self.masks);
             let part = NoiseData::measure(self.evidence, &rest_frames, &rest_means, theta, masks);
             let part = part.fit(theta, &self.base, names);
             parameters.iter().for_each(|&p| spread.entry(p).or_default().push(part.get(p)));
@@ -204,8 +220,9 @@ impl Search<'_> {
                 P::Hot => {
                     0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
                 }
-                // Bins of brightness and the flatness rule leave a per cent or two beyond what frames tell.
-                _ => 2.4 * variance.sqrt() + 0.02 * theta.get(p),
+                // A pattern is the same in all frames, and a bin of brightness is off by the same in all of them: that
+                // comes from the bins. The flatness rule leaves a per cent beyond.
+                _ => 2.4 * variance.sqrt().hypot(known.get(&p).copied().unwrap_or(0.0)) + 0.01 * theta.get(p),
             };
             found.fit.half.insert(p, half);
         }

@@ -13,6 +13,9 @@ const FEWEST_FRAMES: usize = 4;
 const MOST_FIT: usize = 6;
 /// See [`MOST_FIT`].
 const MOST_HELD_OUT: usize = 8;
+/// Share of pixels that repeat their neighbours to the left and above below which a frame counts as dithered. Noise of
+/// half a DN leaves about 2 %.
+const MOST_SOLID: f64 = 0.05;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(super) const BLOCK: usize = 2;
 
@@ -40,6 +43,8 @@ pub(super) struct Evidence {
     pub left_out: Vec<LeftOut>,
     /// How far before its timestamp and after it every used frame has poses, s.
     pub reach_s: [f64; 2],
+    /// Whether noise or texture leaves no solid colours, so that rounding is an error like any other.
+    pub dithered: bool,
     /// What a reader should know.
     pub warnings: Vec<String>,
 }
@@ -93,7 +98,9 @@ impl Evidence {
             warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
         }
         let (fit, held_out) = split(frames.len());
-        Ok(Self { frames, fit, held_out, left_out, reach_s, warnings })
+        let dithered =
+            frames.iter().map(|f| solid_share(&f.dn)).sum::<f64>() < MOST_SOLID * frames.len() as f64;
+        Ok(Self { frames, fit, held_out, left_out, reach_s, dithered, warnings })
     }
 }
 
@@ -109,6 +116,19 @@ fn useless(picture: &Plane<u8>) -> Option<&'static str> {
     } else {
         None
     }
+}
+
+/// Share of the pixels, neither black nor saturated, that repeat both the one to the left and the one above.
+fn solid_share(dn: &Plane<f32>) -> f64 {
+    let (mut solid, mut all) = (0, 0);
+    for (x, y) in (1..dn.height).flat_map(|y| (1..dn.width).map(move |x| (x, y))) {
+        let here = dn.pixel(x, y);
+        if here.iter().all(|v| (1.0..255.0).contains(v)) {
+            all += 1;
+            solid += usize::from(here == dn.pixel(x - 1, y) && here == dn.pixel(x, y - 1));
+        }
+    }
+    f64::from(solid as u32) / f64::from(all.max(1) as u32)
 }
 
 /// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
@@ -166,6 +186,19 @@ mod tests {
             assert!(fit.iter().all(|f| !held.contains(f)) && fit.len() <= MOST_FIT);
             assert!(fit.iter().chain(&held).all(|&f| f < count));
         }
+    }
+
+    #[test]
+    fn noise_leaves_no_solid_colours_and_shading_does() {
+        let noise = |x: usize, y: usize, c: usize| ((x * 7919 + y * 104_729 + c * 31) % 97) as f32 / 97.0;
+        let frame = |sigma: f32| {
+            Plane::from_fn(64, 48, |x, y| {
+                [0, 1, 2].map(|c| (100.0 + 0.2 * x as f32 + sigma * 3.46 * (noise(x, y, c) - 0.5)).round())
+            })
+        };
+        assert!(solid_share(&frame(0.0)) > 10.0 * MOST_SOLID, "{}", solid_share(&frame(0.0)));
+        assert!(solid_share(&frame(0.1)) > MOST_SOLID, "{}", solid_share(&frame(0.1)));
+        assert!(solid_share(&frame(1.0)) < 0.5 * MOST_SOLID, "{}", solid_share(&frame(1.0)));
     }
 
     #[test]

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
-use super::normal::{Equations, half_widths, linearise};
+use super::normal::{Equations, linearise};
 use super::settings::lens;
 use super::tone::Tone;
 use super::weighing::Weighing;
@@ -59,8 +60,11 @@ pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Qu
 /// The same through a lens.
 pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
 
+/// Most lengths of a step that are tried.
+const MOST_STRETCH: f64 = 8.0;
+
 /// A finished fit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fit {
     pub theta: Theta,
     /// Half widths of 95 % intervals; empty where they were not asked for.
@@ -76,7 +80,7 @@ struct State {
     damping: f64,
 }
 
-/// Fits the `free` parameters on `frames` (places), starting from `start`.
+/// Fits the `free` parameters on `frames` (places), starting from `start`; once, if there is a journal.
 pub(super) fn fit(
     forward: &mut Forward,
     target: Target<'_>,
@@ -85,8 +89,19 @@ pub(super) fn fit(
     free: &[P],
     schedule: Schedule,
 ) -> Result<Fit> {
+    let key = format!("{frames:?} {start:?} {free:?} {schedule:?}");
+    Forward::tried(forward, |f| f, ("fit", &key), |f| fit_anew(f, target, frames, start, free, schedule))
+}
+
+fn fit_anew(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    start: &Theta,
+    free: &[P],
+    schedule: Schedule,
+) -> Result<Fit> {
     let mut theta = bounded(forward, start.clone());
-    let mut last: Option<Equations> = None;
     for level in schedule {
         let some = spread_out(frames, level.frames);
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, weighing: None, damping: 1e-4 };
@@ -98,15 +113,20 @@ pub(super) fn fit(
             let e = linearise(forward, target, &some, &state.theta, free, level, known)?;
             (state.weighing, state.cost) = (Some(e.weighing.clone()), e.cost);
             let moved = advance(forward, target, &some, &mut state, free, level, &e)?;
-            last = Some(e);
+            tracing::debug!(
+                "block {}: cost {:.5} to {:.5}, moved {moved:.4}, damping {:.1e}",
+                level.block,
+                e.cost,
+                state.cost,
+                state.damping
+            );
             if moved < 5e-3 {
                 break;
             }
         }
         theta = state.theta;
     }
-    let half = last.map(|e| half_widths(&e, free)).unwrap_or_default();
-    Ok(Fit { theta, half })
+    Ok(Fit { theta, half: BTreeMap::new() })
 }
 
 /// At most `most` of the frames, from all over them.
@@ -143,13 +163,55 @@ fn advance(
         let now =
             if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, &e.weighing)? };
         if now < state.cost {
+            let fallen = (state.cost - now) * e.count;
             (state.theta, state.cost) = (trial, now);
             state.damping = (state.damping * 0.1).max(1e-6);
+            let longer = stretch(e, &step, fallen);
+            if longer > 1.4 && moved > 2e-2 {
+                return Ok(moved * go_on(forward, target, frames, state, free, level, e, &step, longer)?);
+            }
             return Ok(moved);
         }
         state.damping = (state.damping * 30.0).max(3e-2);
     }
     Ok(0.0)
+}
+
+/// How many of its lengths a step should have had, if the cost is a parabola along it: at hard edges slopes are spread
+/// over more pixels than differences, and steps come out many times too short.
+fn stretch(e: &Equations, step: &[f64], fallen: f64) -> f64 {
+    let slope: f64 = e.b.iter().zip(step).map(|(b, s)| b * s).sum();
+    let bend = 2.0 * (slope - fallen);
+    if slope <= 0.0 { 1.0 } else { (slope / bend.max(slope / MOST_STRETCH)).min(MOST_STRETCH) }
+}
+
+/// Tries the rest of a step that was too short; returns how much longer the step has become.
+#[allow(clippy::too_many_arguments)]
+fn go_on(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    state: &mut State,
+    free: &[P],
+    level: &Level,
+    e: &Equations,
+    step: &[f64],
+    longer: f64,
+) -> Result<f64> {
+    let mut trial = state.theta.clone();
+    for (&p, s) in free.iter().zip(step) {
+        trial.set(p, state.theta.get(p) + (longer - 1.0) * s * p.spec().step);
+    }
+    let trial = bounded(forward, trial);
+    if Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err() {
+        return Ok(1.0);
+    }
+    let now = cost_of(forward, target, frames, &trial, level, &e.weighing)?;
+    if now >= state.cost {
+        return Ok(1.0);
+    }
+    (state.theta, state.cost) = (trial, now);
+    Ok(longer)
 }
 
 /// Keeps times inside what the trajectory covers.

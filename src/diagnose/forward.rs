@@ -2,13 +2,16 @@
 //! kept; the rest is pointwise or a small filter, on the CPU.
 
 use std::collections::{HashMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::evidence::Evidence;
+use super::journal::Journal;
 use super::model::{P, Theta};
 use super::photometric::{LineTimes, develop};
 use super::settings::lens;
@@ -53,11 +56,14 @@ pub(super) struct Sharp {
 
 /// Renders the frames of a capture for any parameters.
 pub(super) struct Forward {
-    engines: [Option<Engine>; 3],
+    pub(super) bench: Bench,
+    /// The other bench: while something is tried, the one that waits; else the one for what is tried.
+    aside: Bench,
+    /// Whether something is tried.
+    trying: bool,
     pub(super) context: Arc<Context>,
     /// Whether the engine draws through a lens, as in what is reported; else fits' quicker way is taken.
     pub(super) native: bool,
-    pub(super) wide: Wide,
     pub(super) scene: Arc<Scene>,
     pub(super) trajectory: Arc<Trajectory>,
     pub(super) static_camera: bool,
@@ -70,12 +76,22 @@ pub(super) struct Forward {
     pub(super) reach_s: [f64; 2],
     /// Sharp planes by place.
     pub(super) sharp: Vec<Sharp>,
-    cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
-    clock: u64,
     /// When fits are to end where they are.
     pub(super) deadline: Option<Instant>,
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
+    /// What has been worked out.
+    pub(super) journal: Arc<Mutex<Journal>>,
+}
+
+/// What renders leave behind. An engine's pictures depend, in their last bits, on the frames before them (how triangles are
+/// cut, how far images reach), and so does what is kept of them.
+#[derive(Default)]
+pub(super) struct Bench {
+    engines: [Option<Engine>; 3],
+    pub(super) wide: Wide,
+    cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
+    clock: u64,
 }
 
 /// Place, how well, times, order of lines, and the set-up and lens.
@@ -92,10 +108,11 @@ const GEOMETRY: [P; 9] = [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::
 impl Forward {
     pub(super) fn new(context: &Arc<Context>, capture: &Capture, evidence: &Evidence) -> Result<Self> {
         let mut forward = Self {
-            engines: [None, None, None],
+            bench: Bench::default(),
+            aside: Bench::default(),
+            trying: false,
             context: context.clone(),
             native: false,
-            wide: Wide::default(),
             scene: Arc::new(capture.scene.clone()),
             trajectory: Arc::new(capture.trajectory.clone()),
             static_camera: capture.camera.static_camera,
@@ -104,10 +121,9 @@ impl Forward {
             starts_s: evidence.frames.iter().map(|f| f.start_s).collect(),
             reach_s: evidence.reach_s,
             sharp: Vec::new(),
-            cache: HashMap::new(),
-            clock: 0,
             deadline: None,
             renders: (0, 0.0),
+            journal: Arc::default(),
         };
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
         let (scene, path) = (forward.scene.clone(), forward.trajectory.clone());
@@ -156,9 +172,9 @@ impl Forward {
         }
     }
 
-    /// Longest readout or exposure that every frame has poses for, s.
+    /// Longest readout or exposure: no line is exposed or read again before it is done, and every frame needs poses for it.
     pub(super) fn longest_s(&self) -> f64 {
-        self.reach_s[1].min(2.0 * self.period_s)
+        self.reach_s[1].min(self.period_s)
     }
 
     /// Earliest and latest offset, s.
@@ -230,8 +246,14 @@ impl Forward {
             (at, quality, times, s.scan_order, geometry.clone())
         };
         let keys: Vec<Key> = frames.iter().map(|&at| key(at)).collect();
-        let missing: Vec<_> = (0..frames.len()).filter(|&i| !self.cache.contains_key(&keys[i])).collect();
+        let kept = |key: &Key| {
+            let aside = self.trying.then(|| self.aside.cache.get(key)).flatten();
+            self.bench.cache.get(key).or(aside).map(|(_, plane)| plane.clone())
+        };
+        let mut found: Vec<Option<Arc<Plane<f32>>>> = keys.iter().map(kept).collect();
+        let missing: Vec<_> = (0..frames.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
+            self.journal().go_on()?;
             let requests: Vec<_> = missing.iter().map(|&i| self.request(frames[i], theta)).collect();
             let clock = Instant::now();
             let done = if reads {
@@ -243,16 +265,18 @@ impl Forward {
             self.renders.0 += done.len();
             self.renders.1 += clock.elapsed().as_secs_f64();
             for (&i, plane) in missing.iter().zip(done) {
-                self.cache.insert(keys[i].clone(), (0, Arc::new(plane)));
+                let plane = Arc::new(plane);
+                self.bench.cache.insert(keys[i].clone(), (0, plane.clone()));
+                found[i] = Some(plane);
             }
         }
-        self.clock += 1;
-        let mut out = Vec::with_capacity(frames.len());
+        self.bench.clock += 1;
         for key in &keys {
-            let entry = self.cache.get_mut(key).expect("just rendered");
-            entry.0 = self.clock;
-            out.push(entry.1.clone());
+            if let Some(entry) = self.bench.cache.get_mut(key) {
+                entry.0 = self.bench.clock;
+            }
         }
+        let out = found.into_iter().map(|f| f.expect("just rendered")).collect();
         self.forget();
         Ok(out)
     }
@@ -261,10 +285,56 @@ impl Forward {
     fn has_room(&self, theta: &Theta) -> bool {
         let (k, s) = (&self.intrinsics, self.shutter(0, theta));
         let lines = f64::from(theta.scan_order.line_count(k.width, k.height));
-        let more_s = s.readout_time_s * (f64::from(self.wide.margin_px.max(24)) + 1.0) / lines;
+        let more_s = s.readout_time_s * (f64::from(self.bench.wide.margin_px.max(24)) + 1.0) / lines;
         let early_s = theta.get(P::Offset) - more_s;
         let late_s = theta.get(P::Offset) + s.readout_time_s + s.exposure_time_s + more_s;
         early_s >= -self.reach_s[0] && late_s <= self.reach_s[1]
+    }
+
+    /// What `work` works out from `key` and the input, or what an earlier run has left of it. It is worked out on a bench of
+    /// its own, which begins as if nothing had been rendered, and leaves the other bench as it was: whether it is worked out
+    /// or taken from the journal, all that follows is the same to the last bit. Within such work nothing is kept.
+    ///
+    /// # Errors
+    /// Those of `work`; a journal that cannot be written.
+    pub(super) fn tried<W, T: Serialize + DeserializeOwned>(
+        who: &mut W,
+        forward: fn(&mut W) -> &mut Self,
+        (kind, key): (&str, &str),
+        work: impl FnOnce(&mut W) -> Result<T>,
+    ) -> Result<T> {
+        let this = forward(who);
+        if this.trying {
+            return work(who);
+        }
+        let key = format!("{key} {}", this.native);
+        if let Some(value) = this.journal().recall(kind, &key) {
+            return Ok(value);
+        }
+        this.swap_benches(true)?;
+        let value = work(who)?;
+        let this = forward(who);
+        this.swap_benches(false)?;
+        // What the time limit has cut short is no result.
+        if this.deadline.is_none_or(|d| Instant::now() < d) {
+            this.journal().note(kind, &key, &value)?;
+        }
+        Ok(value)
+    }
+
+    fn swap_benches(&mut self, trying: bool) -> Result<()> {
+        std::mem::swap(&mut self.bench, &mut self.aside);
+        self.trying = trying;
+        if trying {
+            self.bench.cache.clear();
+            self.bench.engines.iter_mut().flatten().try_for_each(Engine::forget)?;
+            self.bench.wide.begin(self.aside.wide.margin_px)?;
+        }
+        Ok(())
+    }
+
+    fn journal(&self) -> std::sync::MutexGuard<'_, Journal> {
+        self.journal.lock().expect("nobody panics while it is held")
     }
 
     /// Frames through a lens, read from larger ones without it.
@@ -300,7 +370,7 @@ impl Forward {
 
     /// Forgets what was read from a picture with less margin.
     pub(super) fn forget_wide(&mut self) {
-        self.cache.retain(|key, _| key.4.last() != Some(&READ));
+        self.bench.cache.retain(|key, _| key.4.last() != Some(&READ));
     }
 
     fn rendered(
@@ -312,7 +382,7 @@ impl Forward {
     ) -> Result<Vec<Plane<f32>>> {
         let path = self.path(theta);
         let k = self.magnified(theta, scale);
-        let slot = &mut self.engines[quality as usize];
+        let slot = &mut self.bench.engines[quality as usize];
         if slot.is_none() {
             let (scene, trajectory) = (self.scene.clone(), self.trajectory.clone());
             *slot =
@@ -325,17 +395,18 @@ impl Forward {
 
     fn forget(&mut self) {
         let bytes = |p: &Plane<f32>| p.data.len() * 4;
-        let mut total: usize = self.cache.values().map(|(_, p)| bytes(p)).sum();
+        let mut total: usize = self.bench.cache.values().map(|(_, p)| bytes(p)).sum();
         if total <= CACHE_BYTES {
             return;
         }
-        let mut ages: Vec<_> = self.cache.iter().map(|(k, (age, p))| (*age, k.clone(), bytes(p))).collect();
+        let mut ages: Vec<_> =
+            self.bench.cache.iter().map(|(k, (age, p))| (*age, k.clone(), bytes(p))).collect();
         ages.sort_by(|a, b| (a.0, a.1.0, &a.1.2).cmp(&(b.0, b.1.0, &b.1.2)));
         for (_, key, size) in ages {
             if total <= CACHE_BYTES / 2 {
                 break;
             }
-            self.cache.remove(&key);
+            self.bench.cache.remove(&key);
             total -= size;
         }
     }
@@ -365,13 +436,14 @@ impl Forward {
 }
 
 pub(super) fn options(quality: Quality) -> EngineOptions {
-    let (samples, chord_px) = match quality {
-        Quality::Coarse => (1, 0.4),
-        Quality::Fit => (4, 0.1),
-        Quality::Fine => (16, 0.05),
+    // A thing right before the lens is cut into as many triangles as there may be, and vertices cost as much as pixels.
+    let (samples, chord_px, most_triangles) = match quality {
+        Quality::Coarse => (1, 0.4, 25_000),
+        Quality::Fit => (4, 0.1, 100_000),
+        Quality::Fine => (16, 0.05, 400_000),
     };
     EngineOptions {
-        method: Method::Exact(ExactOptions { chord_px, ..ExactOptions::default() }),
+        method: Method::Exact(ExactOptions { chord_px, most_triangles }),
         samples,
         frames_in_flight: 2,
         ..EngineOptions::default()

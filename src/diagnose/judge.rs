@@ -81,6 +81,7 @@ impl<'a> Judge<'a> {
                 real: &self.evidence.frames[at].dn,
                 mean,
                 mask: self.masks.map(|m| &m[at]),
+                dithered: self.evidence.dithered,
             })
             .collect();
         let scores = (0..frames.len())

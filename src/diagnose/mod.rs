@@ -12,6 +12,8 @@ mod fit;
 mod flow;
 mod forward;
 mod hot;
+mod intervals;
+mod journal;
 mod judge;
 mod linear;
 mod model;
@@ -19,6 +21,7 @@ mod noise;
 mod normal;
 mod output;
 mod parts;
+pub mod percepts;
 mod photometric;
 mod places;
 mod report;
@@ -26,14 +29,17 @@ mod residue;
 mod run;
 mod score;
 mod search;
+mod sentences;
 mod settings;
 mod starts;
+mod task;
 mod tone;
 mod weighing;
 mod wide;
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
-    Maps, Measure, NextStep, Parameter, REPORT_FILE, Report, Verdict, WaterfallStep, Where,
+    Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict, WaterfallStep,
+    Where,
 };
 pub use run::{DiagnoseOptions, Diagnosis, Progress, diagnose, effect_names};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::report::Parameter;
@@ -27,7 +28,7 @@ pub(super) struct ParameterSpec {
 macro_rules! parameters {
     ($($index:ident: $effect:literal $name:literal $unit:literal, $neutral:expr, $step:expr, $lo:expr, $hi:expr;)*) => {
         /// Places in the vector.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         pub(super) enum P { $(#[doc = $name] $index,)* }
         /// What stands at each place.
         pub(super) const PARAMETERS: &[ParameterSpec] = &[$(ParameterSpec {
@@ -162,7 +163,7 @@ impl P {
 }
 
 /// A point in the space of all parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Theta {
     values: Vec<f64>,
     /// Which line is read first.
@@ -226,8 +227,12 @@ impl Theta {
                 number("depth", depth, wide, "");
                 let turn = half.get(&P::FlickerC).map(|h| h / depth.max(1e-9));
                 let phase = s.atan2(c);
-                number("phase_rad", phase, turn.map(|t| [phase - t, phase + t]), "rad");
-                number("frequency_hz", self.get(P::FlickerF), around(P::FlickerF), "Hz");
+                // Frames whose lines are all exposed at once know the frequency up to multiples of their own rate only:
+                // an interval about one of these aliases would say more than is known.
+                let rolls = self.is_on(P::Readout);
+                let phase_ci = turn.filter(|_| rolls).map(|t| [phase - t, phase + t]);
+                number("phase_rad", phase, phase_ci, "rad");
+                number("frequency_hz", self.get(P::FlickerF), around(P::FlickerF).filter(|_| rolls), "Hz");
             }
             "shot_noise" => {
                 let inverse = self.get(P::Shot);

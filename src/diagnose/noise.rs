@@ -3,6 +3,8 @@
 //! Differences are high-passed over [`APART`] px along the row, so that a mean that is a little wrong counts little, and a
 //! row's common value not at all; what a pixel keeps over the frames is told from what is new in each.
 
+use std::collections::BTreeMap;
+
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::tone::{Tone, noise_gain};
@@ -10,6 +12,8 @@ use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
 const FLAT_DN: f32 = 10.0;
+/// Least share of the pixels to measure at: where texture is everywhere, the flattest of it has to do.
+const LEAST_FLAT: f64 = 0.25;
 /// Distance over which differences are taken, px; the second where demosaicking and sharpening mix pixels.
 const APART: [usize; 2] = [2, 4];
 /// Variance of a difference to the mean of two others.
@@ -51,19 +55,25 @@ struct Values {
 /// Where the simulated picture is flat.
 pub(super) fn flat_map(mean: &Plane<f32>) -> Vec<bool> {
     let (w, h) = (mean.width, mean.height);
-    (0..w * h)
-        .map(|i| {
-            let (x, y) = (i % w, i / w);
-            if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
-                return false;
-            }
-            let here = &mean.data[3 * i..3 * i + 3];
-            [-2, 2, -2 * w as i64, 2 * w as i64, -1 - w as i64, 1 + w as i64].iter().all(|d| {
-                let there = 3 * (i as i64 + d) as usize;
-                (0..3).all(|c| (mean.data[there + c] - here[c]).abs() < FLAT_DN)
-            })
-        })
-        .collect()
+    let steep = |i: usize| -> f32 {
+        let (x, y) = (i % w, i / w);
+        if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
+            return f32::INFINITY;
+        }
+        let here = &mean.data[3 * i..3 * i + 3];
+        let there = [-2, 2, -2 * w as i64, 2 * w as i64, -1 - w as i64, 1 + w as i64];
+        let offs = there.iter().flat_map(|d| {
+            let there = 3 * (i as i64 + d) as usize;
+            (0..3).map(move |c| (mean.data[there + c] - here[c]).abs())
+        });
+        offs.fold(0.0, f32::max)
+    };
+    let slopes: Vec<f32> = (0..w * h).map(steep).collect();
+    let mut sorted = slopes.clone();
+    let at = (sorted.len() as f64 * LEAST_FLAT) as usize;
+    let quarter = *sorted.select_nth_unstable_by(at.min(slopes.len() - 1), f32::total_cmp).1;
+    let most = if quarter.is_finite() { quarter.max(FLAT_DN) } else { FLAT_DN };
+    slopes.into_iter().map(|s| s < most).collect()
 }
 
 impl NoiseData {
@@ -146,7 +156,7 @@ impl NoiseData {
             theta.set(P::Row, self.row2.sqrt());
         }
         if on("fixed_pattern_noise") {
-            let [dsnu2, prnu2] = line(&self.fixed, |l| [1.0, l * l]);
+            let [dsnu2, prnu2] = line(&self.unclipped_fixed(), PATTERN).0;
             theta.set(P::Dsnu, dsnu2.sqrt());
             theta.set(P::Prnu, prnu2.sqrt());
         }
@@ -159,9 +169,9 @@ impl NoiseData {
         let rest: Vec<[f64; 3]> =
             self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
         let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
-            (true, true) => line(&rest, |l| [1.0, l]),
-            (true, false) => line(&rest, |_| [1.0, 0.0]),
-            (false, true) => line(&rest, |l| [0.0, l]),
+            (true, true) => line(&rest, |l| [1.0, l]).0,
+            (true, false) => line(&rest, |_| [1.0, 0.0]).0,
+            (false, true) => line(&rest, |l| [0.0, l]).0,
             (false, false) => [0.0, 0.0],
         };
         if on("read_noise") {
@@ -184,9 +194,46 @@ impl NoiseData {
 impl NoiseData {
     /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
     pub(super) fn unclipped(&self) -> Vec<[f64; 3]> {
-        let free = self.total.iter().filter(|[l, v, _]| *l > 2.5 * v.sqrt() && *l < 1.0 - 2.5 * v.sqrt());
+        let inside = |[l, v, _]: &&[f64; 3]| {
+            let reach = 2.5 * (v + self.row2).sqrt();
+            *l > reach && *l < 1.0 - reach
+        };
+        let free = self.total.iter().filter(inside);
         let free: Vec<_> = free.copied().collect();
         if free.len() >= 4 { free } else { self.total[self.total.len().saturating_sub(4)..].to_vec() }
+    }
+
+    /// The same bins of the fixed pattern.
+    fn unclipped_fixed(&self) -> Vec<[f64; 3]> {
+        let free = self.unclipped();
+        let from = free.first().map_or(0.0, |b| b[0]);
+        let to = free.last().map_or(1.0, |b| b[0]);
+        let inside: Vec<_> =
+            self.fixed.iter().filter(|b| (0.98 * from..=1.02 * to).contains(&b[0])).copied().collect();
+        if inside.len() >= 2 { inside } else { self.fixed.clone() }
+    }
+
+    /// Standard errors of the parameters of `names` from those of the bins.
+    pub(super) fn errors(&self, theta: &Theta, names: &[&str]) -> BTreeMap<P, f64> {
+        let on = |name: &str| names.contains(&name);
+        let mut out = BTreeMap::new();
+        // A parameter is the root of its coefficient.
+        let root = |p: P, variance: f64| (p, variance.sqrt() / (2.0 * theta.get(p)).max(1e-6));
+        if on("fixed_pattern_noise") {
+            let variances = line(&self.unclipped_fixed(), PATTERN).1;
+            out.extend([root(P::Dsnu, variances[0]), root(P::Prnu, variances[1])]);
+        }
+        let (read, shot) = (f64::from(u8::from(on("read_noise"))), f64::from(u8::from(on("shot_noise"))));
+        if read + shot > 0.0 {
+            let variances = line(&self.unclipped(), |l| [read, shot * l]).1;
+            if read > 0.0 {
+                out.extend([root(P::Read, variances[0])]);
+            }
+            if shot > 0.0 {
+                out.insert(P::Shot, variances[1].sqrt());
+            }
+        }
+        out
     }
 
     /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
@@ -298,9 +345,13 @@ fn robust_variance(values: &mut [f32]) -> f64 {
     f64::from(high - low).powi(2)
 }
 
-/// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance.
-fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
-    let solve = |use_: [bool; 2], previous: [f64; 2]| -> [f64; 2] {
+/// How the variance of a fixed pattern grows with brightness.
+const PATTERN: fn(f64) -> [f64; 2] = |l| [1.0, l * l];
+
+/// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance, and the
+/// variances of the coefficients.
+fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    let equations = |previous: [f64; 2]| {
         let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
         for &[l, v, n] in bins {
             let g = f(l);
@@ -311,6 +362,10 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
                 (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);
             }
         }
+        (a, b)
+    };
+    let solve = |use_: [bool; 2], previous: [f64; 2]| -> [f64; 2] {
+        let (a, b) = equations(previous);
         let one = |i: usize| if a[i][i] > 0.0 { b[i] / a[i][i] } else { 0.0 };
         match use_ {
             [true, true] => {
@@ -336,7 +391,13 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         }
         x = x.map(|v| v.max(0.0));
     }
-    x
+    let (a, _) = equations(x);
+    let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    let variances = [0, 1].map(|i| {
+        let j = 1 - i;
+        if x[j] > 0.0 && det > 1e-12 * a[0][0] * a[1][1] { a[j][j] / det } else { 1.0 / a[i][i].max(1e-30) }
+    });
+    (x, variances)
 }
 
 #[cfg(test)]
@@ -347,11 +408,12 @@ mod tests {
     fn coefficients_are_recovered_and_never_negative() {
         let bins: Vec<[f64; 3]> =
             (1..20).map(|i| f64::from(i) / 20.0).map(|l| [l, 3e-5 + l / 800.0, 1000.0]).collect();
-        let [read2, inverse] = line(&bins, |l| [1.0, l]);
+        let ([read2, inverse], errors) = line(&bins, |l| [1.0, l]);
+        assert!(errors[0] > 0.0 && errors[0] < read2.powi(2) && errors[1] < inverse.powi(2), "{errors:?}");
         assert!((read2 - 3e-5).abs() < 1e-8 && (inverse - 1.0 / 800.0).abs() < 1e-8, "{read2} {inverse}");
         let falling: Vec<[f64; 3]> =
             (1..20).map(|i| [f64::from(i) / 20.0, 1e-3 - 4e-5 * f64::from(i), 1e3]).collect();
-        let [read2, inverse] = line(&falling, |l| [1.0, l]);
+        let ([read2, inverse], _) = line(&falling, |l| [1.0, l]);
         assert!(read2 > 0.0 && inverse == 0.0);
     }
 }

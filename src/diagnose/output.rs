@@ -41,12 +41,14 @@ impl Diagnosis {
             .map(|f| write_frame(folder, f, capture, scale_dn))
             .collect::<Result<_>>()?;
         self.report.maps = write_maps(folder, &self.frames, scale_dn)?;
+        super::task::write(folder, &self.frames, &self.percepts)?;
         self.report.write(folder)?;
         Ok(self.report)
     }
 }
 
-/// Full white of the difference pictures: what 99 % of the differences before stay below, at least 8 DN.
+/// Full white of the difference pictures: what 97 % of the differences before stay below, at least 8 DN. (More, and a gap
+/// at edges leaves all else black.)
 fn scale(frames: &[Shown]) -> f64 {
     let mut all: Vec<f32> = frames
         .iter()
@@ -55,11 +57,15 @@ fn scale(frames: &[Shown]) -> f64 {
     if all.is_empty() {
         return 8.0;
     }
-    let at = all.len() * 99 / 100;
-    f64::from(*all.select_nth_unstable_by(at, f32::total_cmp).1).max(8.0).ceil()
+    f64::from(percentile(&mut all, 97)).max(8.0).ceil()
 }
 
-fn bytes(plane: &Plane<f32>) -> Plane<u8> {
+fn percentile(values: &mut [f32], percent: usize) -> f32 {
+    let at = values.len() * percent / 100;
+    *values.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+pub(super) fn bytes(plane: &Plane<f32>) -> Plane<u8> {
     let data = plane.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
     Plane { width: plane.width, height: plane.height, channels: plane.channels, data }
 }
@@ -113,7 +119,10 @@ fn write_maps(folder: &Path, frames: &[Shown], scale_dn: f64) -> Result<Maps> {
             sums[3][i] += a;
         }
     }
-    let factor = 255.0 / scale_dn as f32 / held.len() as f32;
+    // Both pairs on one scale of their own: means are smaller than what single frames differ by.
+    let mut means: Vec<f32> = sums[0].iter().map(|v| v / held.len() as f32).collect();
+    let mean_scale_dn = f64::from(percentile(&mut means, 98)).max(4.0).ceil();
+    let factor = 255.0 / mean_scale_dn as f32 / held.len() as f32;
     let names = ["map_before.png", "map_after.png", "bias_before.png", "bias_after.png"];
     for (i, (sum, name)) in sums.iter().zip(names).enumerate() {
         let shade = |v: f32| if i < 2 { v * factor } else { 128.0 + 0.5 * v * factor };
@@ -121,5 +130,5 @@ fn write_maps(folder: &Path, frames: &[Shown], scale_dn: f64) -> Result<Maps> {
         write_png_atomic(&folder.join(name), &Plane { width: w, height: h, channels: 3, data })?;
     }
     let [before, after, bias_before, bias_after] = names.map(str::to_owned);
-    Ok(Maps { scale_dn, before, after, bias_before, bias_after })
+    Ok(Maps { scale_dn, mean_scale_dn, before, after, bias_before, bias_after })
 }

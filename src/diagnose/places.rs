@@ -132,9 +132,12 @@ pub(super) fn places(
         by_channel: by[6].bins(1.0, |c, _| ["red", "green", "blue"][c as usize].to_owned()),
         by_frequency: frequencies(frames),
         by_object: objects(frames, forward, evidence),
-        by_frame: by[7].bins(1.0, named("frame")),
+        by_frame: by[7].bins(1.0, |frame, _| {
+            let at = evidence.frames.iter().find(|f| f.index == frame as usize).map_or(0.0, |f| f.start_s);
+            format!("frame {frame:.0}, {:.3} s", at - evidence.frames[0].start_s)
+        }),
     };
-    places.summary = sentences(&places, frames, nothing);
+    places.summary = super::sentences::sentences(&places, frames, nothing);
     places
 }
 
@@ -191,78 +194,6 @@ fn objects(frames: &[Compared<'_>], forward: &Forward, evidence: &Evidence) -> V
     }
     let names = forward.object_names();
     by.bins(1.0, |from, _| names.get(from as usize).cloned().unwrap_or_default())
-}
-
-/// The two or three most telling facts.
-fn sentences(places: &Where, frames: &[Compared<'_>], nothing: bool) -> Vec<String> {
-    let total: f64 = places.by_channel.iter().map(|b| b.before * b.weight).sum();
-    if nothing || total <= 0.0 {
-        return vec![format!("The frames differ by {total:.2} DN on average, evenly, and mostly at edges.")];
-    }
-    let mut said: Vec<(f64, String)> = Vec::new();
-    said.extend(edges(frames, total));
-    said.extend(trend(&places.by_row, total, "from the top row to the bottom row"));
-    said.extend(trend(&places.by_column, total, "from the left column to the right one"));
-    said.extend(trend(&places.by_radius, total, "from the middle of the picture to its corners"));
-    said.extend(trend(&places.by_speed, total, "from content at rest to the fastest"));
-    said.extend(trend(&places.by_intensity, total, "from dark to bright"));
-    let bias: f64 = places.by_channel.iter().map(|b| b.bias_before * b.weight).sum();
-    if bias.abs() > 0.4 * total {
-        let word = if bias > 0.0 { "brighter" } else { "darker" };
-        said.push((
-            bias.abs() / total,
-            format!("The real frames are {word} by {:.1} DN on average.", bias.abs()),
-        ));
-    }
-    said.sort_by(|a, b| b.0.total_cmp(&a.0));
-    said.into_iter().take(3).map(|s| s.1).collect()
-}
-
-/// Share of the gap on edges.
-fn edges(frames: &[Compared<'_>], total: f64) -> Option<(f64, String)> {
-    let (mut on, mut all, mut pixels, mut count) = (0.0, 0.0, 0.0, 0.0);
-    for f in frames {
-        for y in 1..f.real.height {
-            for x in 1..f.real.width {
-                let (here, left, above) =
-                    (f.before.pixel(x, y), f.before.pixel(x - 1, y), f.before.pixel(x, y - 1));
-                let edge = (0..3).any(|c| (here[c] - left[c]).abs().max((here[c] - above[c]).abs()) > 12.0);
-                let gap: f64 = (0..3).map(|c| f64::from((f.real.pixel(x, y)[c] - here[c]).abs())).sum();
-                all += gap;
-                count += 1.0;
-                if edge {
-                    on += gap;
-                    pixels += 1.0;
-                }
-            }
-        }
-    }
-    let (share, area) = (on / f64::max(all, 1e-9), pixels / f64::max(count, 1.0));
-    (share > 2.0 * area && total > 0.0).then(|| {
-        let text = format!(
-            "{:.0} % of the gap lies on edges, which cover {:.0} % of the picture.",
-            100.0 * share,
-            100.0 * area
-        );
-        (share, text)
-    })
-}
-
-/// A profile that grows or falls along its axis, if it does so clearly.
-fn trend(bins: &[Bin], total: f64, along: &str) -> Option<(f64, String)> {
-    let parts = |bins: &[Bin]| {
-        let weight: f64 = bins.iter().map(|b| b.weight).sum();
-        bins.iter().map(|b| b.before * b.weight).sum::<f64>() / weight.max(1e-9)
-    };
-    let third = bins.len() / 3;
-    if third == 0 {
-        return None;
-    }
-    let (first, last) = (parts(&bins[..third]), parts(&bins[bins.len() - third..]));
-    let size = (last - first).abs() / total;
-    let word = if last > first { "grows" } else { "falls" };
-    (size > 0.3 && last.max(first) > 1.4 * last.min(first))
-        .then(|| (size, format!("The gap {word} {along}: {first:.1} to {last:.1} DN.")))
 }
 
 /// Measures for people: mean absolute difference, PSNR and SSIM.

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::plane::write_atomic;
@@ -34,6 +34,9 @@ pub struct Report {
     pub waterfall: Vec<WaterfallStep>,
     /// Other measures of the same gap, for people.
     pub measures: Vec<Measure>,
+    /// The task-level gap: what image processing finds.
+    #[serde(default)]
+    pub percepts: Percepts,
     /// One entry per frame of the capture that could be compared.
     pub frames: Vec<FrameEntry>,
     /// Mean maps over the held-out frames.
@@ -69,22 +72,30 @@ pub struct Gap {
     /// "DN".
     pub unit: String,
     /// Of the given camera.
+    #[serde(deserialize_with = "figure")]
     pub before: f64,
     /// With the effects found.
+    #[serde(deserialize_with = "figure")]
     pub after: f64,
     /// What the model with the effects found would score on frames of its own.
+    #[serde(deserialize_with = "figure")]
     pub floor: f64,
     /// `(before - after) / (before - floor)`, 0 to 1; 0 when there is no gap.
+    #[serde(deserialize_with = "figure")]
     pub closed_fraction: f64,
     /// 95 % interval by block bootstrap over held-out frames.
+    #[serde(deserialize_with = "pair")]
     pub closed_fraction_ci95: [f64; 2],
     /// Number of held-out frames.
     pub held_out_frames: usize,
     /// 95 % interval of `before`.
+    #[serde(deserialize_with = "pair")]
     pub before_ci95: [f64; 2],
     /// 95 % interval of `after`.
+    #[serde(deserialize_with = "pair")]
     pub after_ci95: [f64; 2],
     /// Mean absolute difference that two correct renderers may have on these frames, DN: below it nothing is claimed.
+    #[serde(deserialize_with = "figure")]
     pub renderer_difference: f64,
 }
 
@@ -94,16 +105,21 @@ pub struct EffectFound {
     /// Name of the contract.
     pub name: String,
     /// Shapley share of the gap that the set closes; the shares of all effects sum to 1.
+    #[serde(deserialize_with = "figure")]
     pub share: f64,
     /// By the contract's names.
     pub parameters: BTreeMap<String, Parameter>,
     /// Gap with all effects found but this one (the others fitted anew).
+    #[serde(deserialize_with = "figure")]
     pub gap_without: f64,
     /// Gap with all effects found.
+    #[serde(deserialize_with = "figure")]
     pub gap_with: f64,
     /// Gap with this effect alone (fitted alone).
+    #[serde(deserialize_with = "figure")]
     pub gap_alone: f64,
     /// Held-out gain of this effect in the set, DN: 95 % interval by block bootstrap.
+    #[serde(deserialize_with = "pair")]
     pub gain_ci95: [f64; 2],
 }
 
@@ -179,20 +195,27 @@ pub struct Where {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bin {
     /// Lower edge in the profile's unit; the index for profiles without a unit.
+    #[serde(deserialize_with = "figure")]
     pub from: f64,
     /// Upper edge.
+    #[serde(deserialize_with = "figure")]
     pub to: f64,
     /// Name for people: "red", "120-160 px", "frame 3".
     pub label: String,
     /// Mean absolute difference before, DN.
+    #[serde(deserialize_with = "figure")]
     pub before: f64,
     /// The same with the effects found, DN.
+    #[serde(deserialize_with = "figure")]
     pub after: f64,
     /// Mean signed difference (real minus simulated) before, DN.
+    #[serde(deserialize_with = "figure")]
     pub bias_before: f64,
     /// The same with the effects found, DN.
+    #[serde(deserialize_with = "figure")]
     pub bias_after: f64,
     /// Share of all compared values, 0 to 1.
+    #[serde(deserialize_with = "figure")]
     pub weight: f64,
 }
 
@@ -202,8 +225,10 @@ pub struct WaterfallStep {
     /// "before", an effect's name, "unexplained", "floor".
     pub name: String,
     /// Gap at the start of the step, DN.
+    #[serde(deserialize_with = "figure")]
     pub from: f64,
     /// Gap at its end, DN.
+    #[serde(deserialize_with = "figure")]
     pub to: f64,
 }
 
@@ -215,9 +240,52 @@ pub struct Measure {
     /// "DN", "dB", "".
     pub unit: String,
     /// Of the given camera.
+    #[serde(deserialize_with = "figure")]
     pub before: f64,
     /// With the effects found.
+    #[serde(deserialize_with = "figure")]
     pub after: f64,
+}
+
+/// The task-level gap: corners, lines and blobs found in real and in simulated frames, over the held-out frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percepts {
+    /// The file with the percepts of all frames.
+    pub file: String,
+    /// How far apart percepts may lie to be the same one, px.
+    #[serde(deserialize_with = "figure")]
+    pub tolerance_px: f64,
+    /// "corners", "lines", "blobs".
+    pub kinds: Vec<PerceptGap>,
+}
+
+/// How percepts of one kind agree: means over the held-out frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PerceptGap {
+    /// "corners", "lines", "blobs".
+    pub name: String,
+    /// Number a real frame.
+    #[serde(deserialize_with = "figure")]
+    pub real: f64,
+    /// Number a frame simulated with the given camera.
+    #[serde(deserialize_with = "figure")]
+    pub before: f64,
+    /// Number a frame simulated with the effects found.
+    #[serde(deserialize_with = "figure")]
+    pub after: f64,
+    /// Twice the pairs over the percepts in both frames, real and simulated with the given camera: 0 to 1.
+    #[serde(deserialize_with = "figure")]
+    pub matched_before: f64,
+    /// The same with the effects found.
+    #[serde(deserialize_with = "figure")]
+    pub matched_after: f64,
+    /// The same of two simulated frames that differ by their noise alone: what a perfect model reaches.
+    #[serde(deserialize_with = "figure")]
+    pub matched_floor: f64,
+    /// Mean distance of pairs before, px; absent where there is none.
+    pub offset_before_px: Option<f64>,
+    /// The same with the effects found, px.
+    pub offset_after_px: Option<f64>,
 }
 
 /// One frame.
@@ -228,12 +296,15 @@ pub struct FrameEntry {
     /// Its file name there.
     pub filename: String,
     /// Its timestamp, s after the first frame's.
+    #[serde(deserialize_with = "figure")]
     pub time_s: f64,
     /// Whether it was kept from the fits.
     pub held_out: bool,
     /// Gap before and after, DN.
+    #[serde(deserialize_with = "figure")]
     pub before: f64,
     /// See `before`.
+    #[serde(deserialize_with = "figure")]
     pub after: f64,
     /// The pictures.
     pub pictures: FramePictures,
@@ -257,13 +328,17 @@ pub struct FramePictures {
 /// Maps of the mean absolute difference.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Maps {
-    /// Full white of all difference pictures, DN.
+    /// Full white of the difference pictures of single frames, DN.
+    #[serde(deserialize_with = "figure")]
     pub scale_dn: f64,
+    /// Full white of the mean maps, DN; those of the signed ones are this much brighter or darker.
+    #[serde(default, deserialize_with = "figure")]
+    pub mean_scale_dn: f64,
     /// Mean over the held-out frames, before.
     pub before: String,
     /// The same, after.
     pub after: String,
-    /// Mean SIGNED difference before: grey 128 is none, white is `scale_dn` brighter in reality.
+    /// Mean SIGNED difference before: grey 128 is none, white is `mean_scale_dn` brighter in reality.
     pub bias_before: String,
     /// The same, after.
     pub bias_after: String,
@@ -289,6 +364,7 @@ pub struct Input {
     /// Frames left out, with the reason.
     pub left_out: Vec<LeftOut>,
     /// Share of pixels that were compared, 0 to 1.
+    #[serde(deserialize_with = "figure")]
     pub compared_share: f64,
     /// Seed of everything random.
     pub seed: u64,
@@ -297,7 +373,14 @@ pub struct Input {
     /// How frames were rendered.
     pub method: String,
     /// Seconds that the diagnosis took.
+    #[serde(deserialize_with = "figure")]
     pub seconds: f64,
+    /// Frames rendered in this run.
+    #[serde(default)]
+    pub renders: usize,
+    /// Seconds of it that they took.
+    #[serde(default, deserialize_with = "figure")]
+    pub render_seconds: f64,
     /// Version of this program.
     pub version: String,
 }
@@ -321,6 +404,7 @@ pub struct Bootstrap {
     /// Frames a block.
     pub block: usize,
     /// Closed fraction of each resample, sorted.
+    #[serde(deserialize_with = "figures")]
     pub closed_fraction: Vec<f64>,
 }
 
@@ -333,6 +417,21 @@ pub struct NextStep {
     pub command: String,
 }
 
+/// A figure; `null`, as which JSON has what is not finite, is NaN.
+fn figure<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+/// See [`figure`].
+fn pair<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<[f64; 2], D::Error> {
+    Ok(<[Option<f64>; 2]>::deserialize(from)?.map(|v| v.unwrap_or(f64::NAN)))
+}
+
+/// See [`figure`].
+fn figures<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<f64>, D::Error> {
+    Ok(Vec::<Option<f64>>::deserialize(from)?.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect())
+}
+
 impl Report {
     /// The text of `report.json`. Figures that are not finite become `null`.
     ///
@@ -342,7 +441,8 @@ impl Report {
         serde_json::to_string_pretty(self).expect("all keys are strings")
     }
 
-    /// Reads the text of `report.json`; `path` is what errors name.
+    /// Reads the text of `report.json`; `path` is what errors name. Where a figure is `null` it is NaN, so that a report
+    /// comes back as it was written, but for the sign of what is infinite.
     ///
     /// # Errors
     /// Text that is no report, with the line.

@@ -24,12 +24,16 @@ pub(super) struct Residue {
     pub structure: [f64; 2],
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
     pub likeness: f64,
+    /// Share of the gap that lies where it is closed altogether, see [`solved`].
+    pub solved: f64,
 }
 
 #[derive(Clone, Copy, Default)]
 struct Bin {
     sum: f64,
     count: f64,
+    /// Sums of the variances of noise that is new in every value, and of the pattern's, DN^2.
+    noise2: [f64; 2],
 }
 
 /// Measures it. `means` are the simulated values of `frames` (places).
@@ -41,6 +45,7 @@ pub(super) fn residue(
     noise: &NoiseData,
     theta: &Theta,
 ) -> Residue {
+    let tone = Tone::new(theta);
     let mut tables = vec![vec![Bin::default(); BINS * 3]; 5];
     for (f, (&at, mean)) in frames.iter().zip(means).enumerate() {
         let (w, h) = (mean.width, mean.height);
@@ -58,10 +63,13 @@ pub(super) fn residue(
                     x * BINS / w,
                     f,
                 ];
+                let v = tone.spread(m, c);
                 for (table, place) in tables.iter_mut().zip(places) {
                     let bin = &mut table[3 * place.min(BINS - 1) + c];
                     bin.sum += f64::from(r - m);
                     bin.count += 1.0;
+                    bin.noise2[0] += f64::from(v.free);
+                    bin.noise2[1] += f64::from(v.fixed);
                 }
             }
         }
@@ -69,9 +77,10 @@ pub(super) fn residue(
     let bias = |table: &Vec<Bin>| {
         let seen: Vec<&Bin> = table.iter().filter(|b| b.count >= FEWEST).collect();
         let total: f64 = seen.iter().map(|b| b.count).sum();
-        seen.iter().map(|b| b.sum.abs()).sum::<f64>() / total.max(1.0)
+        // A pattern stays the same over the frames, and so does what it leaves in a mean.
+        let chance = |b: &Bin| (b.noise2[0] + b.noise2[1] * frames.len() as f64).sqrt();
+        seen.iter().map(|b| (b.sum.abs() - chance(b)).max(0.0)).sum::<f64>() / total.max(1.0)
     };
-    let tone = Tone::new(theta);
     let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
     let row_dn = rows / means[0].data.len() as f64;
     // Compression leaves differences of its own, which say nothing about noise.
@@ -83,7 +92,46 @@ pub(super) fn residue(
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, likeness }
+    Residue { bias_dn, spread, structure, likeness, solved: 0.0 }
+}
+
+/// Side of the blocks of [`solved`], px.
+const BLOCK_PX: usize = 8;
+/// What may be left of the gap of a block that is solved.
+const SOLVED: f64 = 0.15;
+
+/// Share of the gap before that lies in blocks in which nearly nothing of it is left. An effect that is there explains the
+/// places where nothing else acts altogether; one that only resembles what is there explains a part everywhere.
+pub(super) fn solved(
+    evidence: &Evidence,
+    frames: &[usize],
+    pictures: [&[Plane<f32>]; 2],
+    masks: &[Plane<f32>],
+    theta: &Theta,
+) -> f64 {
+    let tone = Tone::new(theta);
+    let (mut all, mut gone) = (0.0, 0.0);
+    for (f, &at) in frames.iter().enumerate() {
+        let real = &evidence.frames[at].dn;
+        let across = real.width.div_ceil(BLOCK_PX);
+        let mut blocks = vec![[0.0f64; 2]; across * real.height.div_ceil(BLOCK_PX)];
+        for i in (0..real.width * real.height).filter(|&i| masks[at].data[i] > 0.5) {
+            let block = &mut blocks[i / real.width / BLOCK_PX * across + i % real.width / BLOCK_PX];
+            for c in 3 * i..3 * i + 3 {
+                let v = tone.spread(pictures[1][f].data[c], c % 3);
+                // Rounding and the mean size of the noise are no gap.
+                let chance = 0.5 + 0.8 * (v.free + v.row + v.fixed).sqrt();
+                for (sum, picture) in block.iter_mut().zip(pictures) {
+                    *sum += f64::from((real.data[c] - picture[f].data[c]).abs() - chance);
+                }
+            }
+        }
+        for [before, after] in blocks {
+            all += before.max(0.0);
+            gone += if after < SOLVED * before { before.max(0.0) } else { 0.0 };
+        }
+    }
+    gone / f64::max(all, 1e-9)
 }
 
 /// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.
@@ -115,8 +163,8 @@ impl NoiseData {
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
         for [l, v, _] in self.unclipped() {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            // Half a DN: less cannot be told from rounding.
-            let least = 0.25 / slope_dn(l).powi(2);
+            // Quartiles of whole DN are off by up to half a DN to each side: less variance than that says nothing.
+            let least = 0.5 / slope_dn(l).powi(2);
             sum += ((v + least) / (model + least)).ln().abs();
             level += v;
             count += 1.0;

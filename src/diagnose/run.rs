@@ -1,12 +1,15 @@
 //! A diagnosis from beginning to end.
 
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::describe::{describe, without_motion, without_time};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
+use super::journal::{Journal, key};
 use super::judge::Judge;
 use super::model::candidate_of;
 use super::output::Shown;
@@ -14,6 +17,7 @@ use super::places::{Compared, measures, places};
 use super::report::*;
 use super::search::{Found, Search, Watch, all_names};
 use super::settings::{apply, theta_of};
+use super::task::{Drawn, FramePercepts, figures, percepts};
 use crate::capture::{CameraFile, Capture};
 use crate::error::{Error, Result};
 use crate::gpu::Context;
@@ -31,6 +35,10 @@ pub struct DiagnoseOptions {
     pub without: Vec<String>,
     /// When to come to an end with what is known by then; candidates that were not reached are `undetermined`.
     pub time_limit: Option<Duration>,
+    /// Where to keep what has been worked out; a diagnosis that was stopped goes on from there.
+    pub journal: Option<PathBuf>,
+    /// Ends the diagnosis with [`Error::DiagnosisInterrupted`] soon after it becomes true.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 /// Told where a diagnosis stands: the stage, the candidate, and which of how many steps of the stage it is.
@@ -47,6 +55,8 @@ pub struct Diagnosis {
     pub camera: CameraFile,
     /// What [`Diagnosis::write`] makes pictures of.
     pub(super) frames: Vec<Shown>,
+    /// By frame.
+    pub(super) percepts: Vec<FramePercepts>,
 }
 
 /// Names of all candidates, in light-path order.
@@ -56,6 +66,7 @@ pub fn effect_names() -> Vec<&'static str> {
 
 struct Relay<'a> {
     progress: &'a mut dyn Progress,
+    journal: Arc<Mutex<Journal>>,
     stage: String,
     step: usize,
     steps: usize,
@@ -68,7 +79,12 @@ impl Watch for Relay<'_> {
 
     fn step(&mut self, what: &str) {
         self.step += 1;
-        self.progress.step(&self.stage, what, self.step, self.steps.max(self.step));
+        let steps = self.steps.max(self.step);
+        let mut journal = self.journal.lock().expect("nobody panics while it is held");
+        // A step is for people: what cannot be written, or a stop, comes up with the next result or render.
+        let _ = journal.step(&self.stage, what, self.step, steps);
+        drop(journal);
+        self.progress.step(&self.stage, what, self.step, steps);
     }
 }
 
@@ -86,7 +102,13 @@ pub fn diagnose(
     let clock = Instant::now();
     let names = candidates(options)?;
     let evidence = Evidence::read(capture)?;
+    let journal = Journal::open(options, || key(context, capture, &evidence, options))?;
+    if journal.found > 0 {
+        progress.step("going on", &format!("{} results of an earlier run are there", journal.found), 1, 1);
+    }
     let mut forward = Forward::new(context, capture, &evidence)?;
+    let journal = Arc::new(Mutex::new(journal));
+    forward.journal = journal.clone();
     let masks = if capture.camera.background_ignored { Some(masks(&forward, capture)?) } else { None };
     let base = theta_of(&capture.camera.settings);
     let motion_px = typical_motion_px(&forward, &evidence);
@@ -107,7 +129,7 @@ pub fn diagnose(
         names: tried,
         deadline: options.time_limit.map(|limit| clock + limit),
     };
-    let mut relay = Relay { progress, stage: String::new(), step: 0, steps: 0 };
+    let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
     let mut found = search.run(&mut relay)?;
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
     for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
@@ -119,6 +141,7 @@ pub fn diagnose(
             report.candidates.push(without_time(name));
         }
     }
+    report.warnings.extend(not_simulated(capture));
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
     let frames = show(&mut search, &found, &evidence, &mut report)?;
@@ -128,9 +151,14 @@ pub fn diagnose(
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
+    let before = Drawn { theta: &search.base.clone(), settings: &capture.camera.settings };
+    let after = Drawn { theta: &found.fit.theta, settings: &camera.settings };
+    let percepts = percepts(search.forward, &frames, &before, &after)?;
+    report.percepts = figures(&frames, &percepts);
     report.next = next(&report, capture);
+    (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
-    Ok(Diagnosis { report, camera, frames })
+    Ok(Diagnosis { report, camera, frames, percepts })
 }
 
 /// Simulates all frames of the evidence before and after, and says where they differ.
@@ -198,6 +226,27 @@ fn next(report: &Report, capture: &Capture) -> Vec<NextStep> {
         });
     }
     steps
+}
+
+/// Effects of the given camera that the simulation here leaves out.
+fn not_simulated(capture: &Capture) -> Vec<String> {
+    let known = &capture.camera.settings;
+    let left_out = crate::effects::LIST.iter().filter(|e| {
+        let candidate = super::model::CANDIDATES.iter().any(|c| c.name == e.id());
+        known.has(e.id()) && !candidate && !known.is_neutral(e.id(), e.specs())
+    });
+    let said = |e: &&dyn crate::chain::Effect| {
+        match e.id() {
+        "auto_exposure" => "camera.toml has [auto_exposure], which diagnose does not simulate: its gain changes from frame to \
+                            frame, and what it changes is part of the gap here. Record with the exposure locked, or take it \
+                            out of camera.toml and look at where.by_frame"
+            .to_owned(),
+        name => {
+            format!("camera.toml has [{name}], which diagnose does not simulate: what it does is part of the gap here")
+        }
+    }
+    };
+    left_out.map(said).collect()
 }
 
 fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {

@@ -1,7 +1,8 @@
 //! The gap as a number: the continuous ranked probability score (CRPS, Gneiting and Raftery 2007) of a real frame under
 //! the simulator's predictive distribution, of pixels and of a fixed bank of linear statistics.
 //!
-//! Without noise the error of a value is its distance to the values that round to the real one.
+//! Without noise the error of a value is its distance to the values that round to the real one, unless the real frames
+//! are dithered: noise makes rounding one more, independent, error of variance 1/12, for models with noise and without.
 //! The distribution of every statistic is taken to be normal with the mean and the spread that the model gives; without
 //! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
 //! patterns and banding count, which single pixels cannot show.
@@ -35,6 +36,8 @@ pub(super) struct Scored<'a> {
     pub mean: &'a Plane<f32>,
     /// 1 where compared.
     pub mask: Option<&'a Plane<f32>>,
+    /// Whether the real frames are dithered.
+    pub dithered: bool,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -90,7 +93,7 @@ impl Mean {
 /// Scores a frame; `before` is the frame before it, where that is held out too.
 pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone: &Tone) -> FrameScore {
     let (w, h) = (frame.real.width, frame.real.height);
-    let rounds = !tone.is_noisy();
+    let rounds = !tone.is_noisy() && !frame.dithered;
     let error_of = |f: &Scored<'_>, i: usize| -> f32 {
         let error = f.real.data[i] - f.mean.data[i];
         // Without noise every value that rounds to the real one is right. (Rounding the mean instead would make a
@@ -248,11 +251,34 @@ mod tests {
     }
 
     #[test]
+    fn little_noise_lowers_the_score_of_frames_that_have_it() {
+        // 1 DN of spread about values between two whole ones, rounded: without noise in the model its error would be
+        // counted from the nearest half, and no noise of this size could ever gain.
+        let draw = |x: usize, y: usize, c: usize| {
+            let bits = crate::chain::rng::random_bits([x as u32, y as u32], c as u32, 7, [1, 2]);
+            bits.iter().map(|b| f64::from(*b) / f64::from(u32::MAX) - 0.5).sum::<f64>() * 3.0_f64.sqrt()
+        };
+        let real = Plane::from_fn(64, 64, |x, y| [0, 1, 2].map(|c| (128.3 + draw(x, y, c) as f32).round()));
+        let mean = Plane::from_fn(64, 64, |_, _| [128.3f32; 3]);
+        let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
+        let gain = |dithered: bool| {
+            let scored = Scored { real: &real, mean: &mean, mask: None, dithered };
+            let [none, right] = [0.0, 1.0 / slope].map(|sigma| {
+                score_frame(&scored, None, &Tone::new(&Theta::neutral().with(P::Read, sigma))).score
+            });
+            1.0 - right / none
+        };
+        assert!(gain(true) > 0.1, "{}", gain(true));
+        // Control: counted from the nearest half.
+        assert!(gain(false) < 0.02, "{}", gain(false));
+    }
+
+    #[test]
     fn row_noise_is_seen_by_row_means_and_not_by_pixels_alone() {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None };
+        let scored = Scored { real: &real, mean: &mean, mask: None, dithered: false };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));

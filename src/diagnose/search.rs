@@ -139,7 +139,8 @@ impl<'a> Search<'a> {
 
     /// What the differences that `theta` leaves tell of the noise.
     pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
-        let means = self.forward.simulate(frames, theta, Quality::Fit)?;
+        // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
+        let means = self.forward.simulate(frames, theta, self.judge.quality)?;
         Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
     }
 
@@ -154,8 +155,19 @@ impl<'a> Search<'a> {
         Ok(noisy)
     }
 
-    /// Fits a candidate beside a set.
+    /// Fits a candidate beside a set; once, if there is a journal.
     fn add(&mut self, candidate: &'static CandidateSpec, set: &[&'static str], theta: &Theta) -> Result<Fit> {
+        let key = format!("{} {set:?} {theta:?}", candidate.name);
+        let work = |search: &mut Self| search.add_anew(candidate, set, theta);
+        Forward::tried(self, |search| search.forward, ("candidate", &key), work)
+    }
+
+    fn add_anew(
+        &mut self,
+        candidate: &'static CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Fit> {
         let mut joint = set.to_vec();
         joint.push(candidate.name);
         if is_discrete(candidate) {
@@ -166,11 +178,13 @@ impl<'a> Search<'a> {
         let schedule = if moves(candidate) { COARSE } else { VALUES };
         let last = schedule[schedule.len() - 1];
         let weighing = self.weighing(theta, &last)?;
+        // Values are looked for with the geometry held, whose renders are kept, but together with the set's other values:
+        // a gain beside a white balance helps only if both move.
+        let who: Vec<_> =
+            joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
         let mut best: Option<(f64, Theta)> = None;
         for start in &starts {
-            // Values are looked for with the geometry held: its renders are kept.
-            let who = if moves(candidate) { &joint[..] } else { &joint[joint.len() - 1..] };
-            let found = self.refit(who, start, schedule)?;
+            let found = self.refit(&who, start, schedule)?;
             let cost = self.cost(&found.theta, &last, &weighing)?;
             if best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, found.theta));
@@ -221,9 +235,8 @@ impl<'a> Search<'a> {
     pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         let rest = worse.mean() - worse.floor();
-        low > 0.0
-            && gain > 0.12 * self.renderer_difference
-            && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
+        let least = damped(0.12 * self.renderer_difference, better.floor());
+        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// Runs the search.
@@ -255,7 +268,7 @@ impl<'a> Search<'a> {
             scores = better;
             self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
-        watch.stage("the set to the end", 3);
+        watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
             set,
@@ -440,7 +453,6 @@ impl<'a> Search<'a> {
             let (target, frames) = (self.target(), self.fit_frames());
             let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
             found.fit.theta = last.theta;
-            found.fit.half.extend(last.half);
             self.tune_choices(found)?;
         }
         watch.step("noise");
@@ -449,6 +461,8 @@ impl<'a> Search<'a> {
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
+        watch.step("intervals");
+        self.mean_intervals(found)?;
         watch.step("scores");
         found.after = self.judge.scores(self.forward, &found.fit.theta)?;
         Ok(())
@@ -499,6 +513,11 @@ fn probe(theta: &Theta) -> Theta {
         probe.set(P::Radius, 1.0);
     }
     probe
+}
+
+/// What a difference of pictures counts in the score beside noise that scores `floor`: less than its size, DN.
+pub(super) fn damped(difference_dn: f64, floor: f64) -> f64 {
+    difference_dn * (difference_dn / (difference_dn + floor)).max(0.25)
 }
 
 /// Names of all candidates.

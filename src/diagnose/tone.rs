@@ -7,11 +7,12 @@ use crate::plane::srgb_encode;
 /// Entries of the table of encoded values per unit: linear interpolation is within 0.01 DN above linear 0.001.
 const TABLE: usize = 8192;
 /// Entries of the tables of what noise does.
-const COARSE: usize = 512;
-/// The sensor's values in the tables of noise: from here on, a span of [`SPAN`].
-const LOW: f32 = -0.2;
+const COARSE: usize = 768;
+/// Roots of the sensor's values in the tables of noise (the sign goes along): from here on, a span of [`SPAN`]. Roots,
+/// because encoding and clipping bend most near black.
+const LOW: f32 = -0.45;
 /// See [`LOW`].
-const SPAN: f32 = 1.6;
+const SPAN: f32 = 1.64;
 /// Points of the integral over the noise, each side of the mean, and their distance in standard deviations.
 const POINTS: i32 = 12;
 /// See [`POINTS`].
@@ -128,7 +129,8 @@ impl Tone {
         match &self.noise {
             None => plain,
             Some(tables) => {
-                let at = ((sensor - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
+                let root = sensor.abs().sqrt().copysign(sensor);
+                let at = ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
                 let i = (at as usize).min(COARSE - 2);
                 let f = at - i as f32;
                 plain + tables[channel][i].0 * (1.0 - f) + tables[channel][i + 1].0 * f
@@ -174,7 +176,7 @@ impl Tone {
         let total: f32 = weights.iter().sum();
         (0..COARSE)
             .map(|i| {
-                let sensor = LOW + SPAN * i as f32 / (COARSE - 1) as f32;
+                let sensor = sensor_at(i);
                 let parts = noise.at((sensor - self.black) / keep).map(|v| v * keep * keep);
                 let linear2: f32 = parts.iter().sum();
                 let sigma = linear2.sqrt();
@@ -198,7 +200,7 @@ impl Tone {
 
     fn spread_by_dn(&self, table: &[(f32, Variances)], channel: usize) -> Vec<Variances> {
         let mean = |i: usize| {
-            let sensor = LOW + SPAN * i as f32 / (COARSE - 1) as f32;
+            let sensor = sensor_at(i);
             self.plain(sensor, channel) + table[i].0
         };
         let mut at = 0;
@@ -216,6 +218,12 @@ impl Tone {
             })
             .collect()
     }
+}
+
+/// The sensor's value at a place of the tables of noise.
+fn sensor_at(place: usize) -> f32 {
+    let root = LOW + SPAN * place as f32 / (COARSE - 1) as f32;
+    root * root.abs()
 }
 
 /// Variance that white noise keeps behind the steps that mix pixels: demosaicking averages it, sharpening lifts it.

@@ -46,7 +46,8 @@ impl Weighing {
         self
     }
 
-    fn noise_at(&self, frame: usize, i: usize) -> f32 {
+    /// Variance that noise gives a value, DN^2.
+    pub(super) fn noise_at(&self, frame: usize, i: usize) -> f32 {
         self.noise2.get(frame).map_or(0.0, |v| v[i])
     }
 

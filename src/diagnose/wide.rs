@@ -28,12 +28,23 @@ pub(super) struct Wide {
     map: Option<(Vec<u64>, Places)>,
 }
 
+impl Wide {
+    /// As if nothing had been rendered, with a margin.
+    pub(super) fn begin(&mut self, margin_px: u32) -> Result<()> {
+        self.map = None;
+        if self.margin_px != margin_px {
+            (self.engines, self.margin_px) = ([None, None], margin_px);
+        }
+        self.engines.iter_mut().flatten().try_for_each(Engine::forget)
+    }
+}
+
 impl Forward {
     /// Where each of the 2x2 parts of each pixel looks, px of the picture without the lens; makes the margin wide enough.
     pub(super) fn lens_map(&mut self, theta: &Theta) -> Arc<Vec<[f32; 2]>> {
         let key: Vec<u64> =
             [P::K1, P::K2, P::P1, P::P2, P::K3, P::Focal].iter().map(|&p| theta.get(p).to_bits()).collect();
-        if let Some((known, map)) = &self.wide.map
+        if let Some((known, map)) = &self.bench.wide.map
             && *known == key
         {
             return map.clone();
@@ -52,19 +63,19 @@ impl Forward {
             map.iter().fold(0.0f32, |m, p| m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below));
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
-        if needed > self.wide.margin_px {
-            self.wide.engines = [None, None];
-            self.wide.margin_px = needed.max(24).next_multiple_of(8);
+        if needed > self.bench.wide.margin_px {
+            self.bench.wide.engines = [None, None];
+            self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
         }
         let map = Arc::new(map);
-        self.wide.map = Some((key, map.clone()));
+        self.bench.wide.map = Some((key, map.clone()));
         map
     }
 
     /// The camera of the larger picture, px of that.
     pub(super) fn wide_intrinsics(&self, k: &Intrinsics) -> Intrinsics {
-        let k = k.with_margin([self.wide.margin_px; 2]);
+        let k = k.with_margin([self.bench.wide.margin_px; 2]);
         let s = f64::from(SCALE);
         Intrinsics {
             width: k.width * SCALE,
@@ -79,20 +90,20 @@ impl Forward {
     /// The engine of the larger picture.
     pub(super) fn wide_engine(&mut self, quality: Quality) -> Result<&mut Engine> {
         let fine = usize::from(quality == Quality::Fine);
-        if self.wide.engines[fine].is_none() {
+        if self.bench.wide.engines[fine].is_none() {
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
             // Four pixels are one: a sample in each is four.
             let options = EngineOptions { samples: [1, 4][fine], ..super::forward::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics);
-            self.wide.engines[fine] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
+            self.bench.wide.engines[fine] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
         }
-        Ok(self.wide.engines[fine].as_mut().expect("just made"))
+        Ok(self.bench.wide.engines[fine].as_mut().expect("just made"))
     }
 
     /// A request for the larger picture: lines beyond the picture keep the sensor's pace.
     pub(super) fn widened(&self, mut request: FrameRequest) -> FrameRequest {
         let k = &self.intrinsics;
-        let margin_px = self.wide.margin_px;
+        let margin_px = self.bench.wide.margin_px;
         let shutter = &mut request.shutter;
         let inner = f64::from(shutter.scan_order.line_count(k.width, k.height));
         let count = shutter.scan_order.line_count(k.width + 2 * margin_px, k.height + 2 * margin_px);
@@ -123,7 +134,7 @@ impl Forward {
             ScanOrder::LeftToRight => (0, 1.0),
             ScanOrder::RightToLeft => (0, -1.0),
         };
-        let (scale, margin) = (SCALE as f32, self.wide.margin_px as f32);
+        let (scale, margin) = (SCALE as f32, self.bench.wide.margin_px as f32);
         let place = |mut p: [f32; 2], px: [f32; 2]| {
             if let Some(v) = velocity {
                 let at = |i: usize, n: usize| (p[i].max(0.0) as usize).min(n - 1);

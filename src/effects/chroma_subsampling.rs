@@ -38,8 +38,8 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let constants = [block_rows(settings) as u32, 0];
-    vec![Pass { file: "chroma_subsampling.comp", constants, run: [1, 1] }]
+    let rows = block_rows(settings) as u32;
+    vec![Pass { file: "chroma_subsampling.comp", constants: [rows, 0], run: [2, rows] }]
 }
 
 impl Effect for ChromaSubsampling {

@@ -13,10 +13,10 @@ pub(super) fn weights(sigma_px: f64) -> Vec<f32> {
     (0..=radius).map(|k| (bell(k) / sum) as f32).collect()
 }
 
-/// Largest radius whose weights have room in an effect's slot behind the others.
-const MAX_UNROLLED: usize = 9;
+/// Largest radius whose loops are unrolled, with weights in the effect's slot.
+pub(super) const MAX_UNROLLED: usize = 9;
 /// Pixels that one invocation makes (`GAUSSIAN_RUN`).
-const RUN: u32 = 4;
+pub(super) const RUN: u32 = 4;
 
 /// The two passes, along rows and along columns, of a kernel whose constant 0 is the axis.
 pub(super) fn passes(file: &'static str, sigma_px: f64) -> [Pass; 2] {

@@ -13,6 +13,8 @@ use crate::plane::Plane;
 pub struct NoiseReduction;
 
 const ID: &str = "noise_reduction";
+/// Bit of the kernel's mode.
+const SPARED: u32 = 2;
 const SPECS: &[ParamSpec] = &[
     ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
     ParamSpec::number(
@@ -46,6 +48,12 @@ fn weights(settings: &Settings) -> [Vec<f32>; 2] {
     let longest = both[0].len().max(both[1].len());
     both.iter_mut().for_each(|w| w.resize(longest, 0.0));
     both
+}
+
+/// The radius, if the kernel's loops are unrolled.
+fn unrolled(settings: &Settings) -> Option<u32> {
+    let radius = weights(settings)[0].len() - 1;
+    (radius <= gaussian::MAX_UNROLLED).then_some(radius as u32)
 }
 
 /// Luma, and red and blue against it.
@@ -90,8 +98,13 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let spared = u32::from(edge(settings) > 0.0);
-    [0, 1].map(|axis| Pass { file: "noise_reduction.comp", constants: [axis, spared], run: [1, 1] }).to_vec()
+    let spared = if edge(settings) > 0.0 { SPARED } else { 0 };
+    let pass = |axis: u32| Pass {
+        file: "noise_reduction.comp",
+        constants: [axis | spared, unrolled(settings).unwrap_or(0)],
+        run: if axis == 0 { [gaussian::RUN, 1] } else { [1, gaussian::RUN] },
+    };
+    vec![pass(0), pass(1)]
 }
 
 impl Effect for NoiseReduction {
@@ -122,5 +135,8 @@ impl Effect for NoiseReduction {
         packer.table(luma);
         packer.table(chroma);
         packer.number(if edge(settings) > 0.0 { 0.5 / edge(settings).powi(2) } else { 0.0 });
+        if unrolled(settings).is_some() {
+            weights(settings).iter().flatten().for_each(|w| packer.number(f64::from(*w)));
+        }
     }
 }

@@ -1,5 +1,8 @@
-//! A monotone curve per channel on encoded values, as a table, both ways: what [`super::ResponseCurve`] applies and what
+//! A monotone curve per channel on encoded values, both ways: what [`super::ResponseCurve`] applies and what
 //! [`super::SensorColor`] takes back. Twin of `glsl/include/response.glsl`; no effect itself.
+//!
+//! One over the steepness is the curve's density: how much of the scale ahead of it a delivered step takes. It is linear
+//! between the knots, so the value ahead of the curve is a quadratic in the delivered one, and the way back a square root.
 
 use crate::chain::{Packer, Parameters, Settings};
 
@@ -7,8 +10,8 @@ use crate::chain::{Packer, Parameters, Settings};
 pub(super) const ID: &str = "response_curve";
 /// Values, equally spaced from 0 to 1, at which the steepness is given.
 pub(super) const KNOTS: usize = 17;
-/// Pieces of the table, equally long in delivered values.
-pub(super) const PIECES: usize = 64;
+/// Pieces between them, equally long in delivered values.
+const PIECES: f32 = (KNOTS - 1) as f32;
 
 /// Names of the steepness of red, green and blue.
 #[rustfmt::skip]
@@ -18,54 +21,69 @@ pub(super) const NAMES: [[&str; KNOTS]; 3] = [
     ["b0", "b1", "b2", "b3", "b4", "b5", "b6", "b7", "b8", "b9", "b10", "b11", "b12", "b13", "b14", "b15", "b16"],
 ];
 
-/// The value ahead of the curve at the begin of each piece and at the end of the last, for red, green and blue, so that 0
-/// is 0 and 1 is 1; `None`: the curve is straight.
-pub(super) fn tables(settings: &Settings) -> Option<[Vec<f64>; 3]> {
+/// One over the steepness at the knots, for red, green and blue, so that 0 is 0 and 1 is 1; `None`: the curve is straight.
+pub(super) fn densities(settings: &Settings) -> Option<[[f64; KNOTS]; 3]> {
     let steepness = NAMES.map(|names| names.map(|name| settings.number(ID, name, 1.0)));
     if steepness.iter().all(|knots| knots.iter().all(|s| *s == knots[0])) {
         return None;
     }
-    let at = |knots: &[f64; KNOTS], delivered: f64| {
-        let place = delivered * (KNOTS - 1) as f64;
-        let before = (place as usize).min(KNOTS - 2);
-        knots[before] + (knots[before + 1] - knots[before]) * (place - before as f64)
-    };
     Some(steepness.map(|knots| {
-        let mut values = vec![0.0];
-        for j in 0..PIECES {
-            values.push(values[j] + 1.0 / at(&knots, (j as f64 + 0.5) / PIECES as f64));
-        }
-        let all = values[PIECES];
-        values.into_iter().map(|v| v / all).collect()
+        let density = knots.map(|s| 1.0 / s);
+        let all: f64 = density.windows(2).map(|d| 0.5 * (d[0] + d[1]) / (KNOTS - 1) as f64).sum();
+        density.map(|d| d / all)
     }))
 }
 
-/// Packs the tables; the parameter is the place of red's first value.
-pub(super) fn pack(tables: &[Vec<f64>; 3], packer: &mut Packer<'_>) {
-    packer.table(tables.iter().flatten().map(|v| *v as f32));
+/// Packs them, red's first.
+pub(super) fn pack(densities: &[[f64; KNOTS]; 3], packer: &mut Packer<'_>) {
+    densities.iter().flatten().for_each(|v| packer.number(*v));
 }
 
-/// Entry of channel `c` in the table that parameter `index` points to.
-fn entry(p: &Parameters, index: usize, c: usize, j: usize) -> f32 {
-    p.table(index, c * (PIECES + 1) + j)
+/// A piece of the curve: number, value ahead of the curve where it begins, density at both ends.
+struct Piece {
+    number: f32,
+    start: f32,
+    low: f32,
+    high: f32,
 }
 
-/// From a delivered value to the one ahead of the curve; beyond 0 and 1 the outer pieces go on.
-pub(super) fn to_sensor(delivered: f32, c: usize, p: &Parameters, index: usize) -> f32 {
-    let place = delivered * PIECES as f32;
-    let j = (place.max(0.0) as usize).min(PIECES - 1);
-    let (low, high) = (entry(p, index, c, j), entry(p, index, c, j + 1));
-    low + (place - j as f32) * (high - low)
+/// The density of channel `c` at a knot; `first`: parameter with red's first.
+fn density(p: &Parameters, first: usize, c: usize, knot: usize) -> f32 {
+    p.number(first + c * KNOTS + knot)
+}
+
+/// The last piece that begins at or below `value`, which counts pieces or is ahead of the curve.
+fn piece(value: f32, counts: bool, at: impl Fn(usize) -> f32) -> Piece {
+    let mut piece = Piece { number: 0.0, start: 0.0, low: at(0), high: at(1) };
+    let mut sum = 0.0;
+    for k in 1..KNOTS - 1 {
+        sum += (at(k - 1) + at(k)) * (0.5 / PIECES);
+        if value >= if counts { k as f32 } else { sum } {
+            piece = Piece { number: k as f32, start: sum, low: at(k), high: at(k + 1) };
+        }
+    }
+    piece
+}
+
+/// From a delivered value to the one ahead of the curve; beyond 0 and 1 it goes on straight.
+pub(super) fn to_sensor(delivered: f32, c: usize, p: &Parameters, first: usize) -> f32 {
+    let at = |knot| density(p, first, c, knot);
+    let inside = delivered.clamp(0.0, 1.0);
+    let place = inside * PIECES;
+    let piece = piece(place, true, at);
+    let t = place - piece.number;
+    let value = piece.start + t * (piece.low + 0.5 * (piece.high - piece.low) * t) * (1.0 / PIECES);
+    value + (delivered - inside) * at(if delivered < 0.0 { 0 } else { KNOTS - 1 })
 }
 
 /// The inverse of [`to_sensor`].
-pub(super) fn from_sensor(sensor: f32, c: usize, p: &Parameters, index: usize) -> f32 {
-    // The last piece that begins at or below the value: six halvings of 64.
-    let (mut j, mut step) = (0, PIECES / 2);
-    while step > 0 {
-        j += if entry(p, index, c, j + step) <= sensor { step } else { 0 };
-        step /= 2;
-    }
-    let (low, high) = (entry(p, index, c, j), entry(p, index, c, j + 1));
-    (j as f32 + (sensor - low) / (high - low)) / PIECES as f32
+pub(super) fn from_sensor(sensor: f32, c: usize, p: &Parameters, first: usize) -> f32 {
+    let at = |knot| density(p, first, c, knot);
+    let inside = sensor.clamp(0.0, 1.0);
+    let piece = piece(inside, false, at);
+    let rise = (inside - piece.start) * PIECES;
+    let square = piece.low * piece.low + 2.0 * (piece.high - piece.low) * rise;
+    let t = 2.0 * rise / (piece.low + square.max(0.0).sqrt());
+    let value = (piece.number + t) * (1.0 / PIECES);
+    value + (sensor - inside) / at(if sensor < 0.0 { 0 } else { KNOTS - 1 })
 }

@@ -53,7 +53,7 @@ impl Effect for ResponseCurve {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        u32::from(response::tables(settings).is_some())
+        u32::from(response::densities(settings).is_some())
     }
 
     fn work(&self) -> Work {
@@ -61,8 +61,8 @@ impl Effect for ResponseCurve {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        if let Some(tables) = response::tables(settings) {
-            response::pack(&tables, packer);
+        if let Some(densities) = response::densities(settings) {
+            response::pack(&densities, packer);
         }
     }
 }

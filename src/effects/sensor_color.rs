@@ -93,7 +93,7 @@ impl Effect for SensorColor {
         }
         let straight = inverse(settings).is_none_or(|m| m == DMat3::IDENTITY);
         let matrix = if straight { 0 } else { MATRIX };
-        matrix | if response::tables(settings).is_some() { CURVE } else { 0 }
+        matrix | if response::densities(settings).is_some() { CURVE } else { 0 }
     }
 
     fn work(&self) -> Work {
@@ -103,8 +103,8 @@ impl Effect for SensorColor {
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
         let rows = inverse(settings).unwrap_or(DMat3::IDENTITY).transpose().to_cols_array();
         rows.into_iter().for_each(|v| packer.number(v));
-        if let Some(tables) = response::tables(settings) {
-            response::pack(&tables, packer);
+        if let Some(densities) = response::densities(settings) {
+            response::pack(&densities, packer);
         }
     }
 }

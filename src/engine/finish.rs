@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use super::frame::FrameRequest;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
-use crate::chain::{Packed, Plan, Settings, Step, View, check_order};
+use crate::chain::{PARAMETER_BYTES, Packed, Plan, Settings, Step, View, check_order};
 use crate::effects;
 use crate::error::{Error, Result};
 use crate::gpu::{
@@ -78,7 +78,13 @@ impl Finish {
         let table_bytes = 4 * Packed::table_capacity(size) as u64;
         let input = |_: usize| {
             Ok(ChainInputs {
-                parameters: Buffer::new(context, "parameters", 4096, Usage::Uniform, Location::Upload)?,
+                parameters: Buffer::new(
+                    context,
+                    "parameters",
+                    PARAMETER_BYTES,
+                    Usage::Uniform,
+                    Location::Upload,
+                )?,
                 tables: Buffer::new(context, "tables", table_bytes, Usage::Storage, Location::Upload)?,
             })
         };
@@ -182,17 +188,12 @@ impl Finish {
         let steps = plan.steps.iter().zip(pictures);
         steps
             .map(|(step, pictures)| {
-                let (name, slot, file, constants, run) = match step {
-                    Step::Pointwise { variants, last } => {
-                        let constants = std::iter::once(u32::from(*last)).chain(variants.iter().copied());
-                        ("pointwise", 0, "pointwise.comp", constants.collect::<Vec<_>>(), [1, 1])
-                    }
-                    Step::Neighbourhood { id, slot, file, constants, run, .. } => {
-                        (*id, *slot, *file, constants.to_vec(), *run)
-                    }
+                let (name, slot, file, run) = match step {
+                    Step::Pointwise { .. } => ("pointwise", 0, "pointwise.comp", [1, 1]),
+                    Step::Neighbourhood { id, slot, file, run, .. } => (*id, *slot, *file, *run),
                 };
                 let found = TABLE.iter().find(|k| k.file == file).expect("a kernel of the table");
-                let pipeline = ComputePipeline::specialized(&self.context, found, &constants)?;
+                let pipeline = ComputePipeline::specialized(&self.context, found, &step.constants())?;
                 let groups = self.inputs.iter().map(|inputs| self.bind(&pipeline, *pictures, inputs));
                 let groups = groups.collect::<Result<Vec<_>>>()?;
                 Ok(Dispatch { name, slot, run, groups, pipeline })
@@ -278,9 +279,9 @@ fn pictures_of(plan: &Plan) -> Vec<Pictures> {
         if first {
             original = current;
         }
-        let last = matches!(step, Step::Pointwise { last: true, .. });
         let free = (0..).find(|i| current != Some(*i) && original != Some(*i));
-        let pictures = Pictures { source: current, original, target: if last { None } else { free } };
+        let pictures =
+            Pictures { source: current, original, target: if step.delivers() { None } else { free } };
         current = pictures.target;
         pictures
     };

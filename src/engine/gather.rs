@@ -216,7 +216,7 @@ impl Trial {
         let buffer = |name, bytes, usage| Buffer::new(context, name, bytes, usage, Location::Device);
         let pixels = u64::from(TRIAL_SIZE[0] * TRIAL_SIZE[1]) * 4;
         let buffers = [
-            buffer("trial parameters", 4096, Usage::Uniform)?,
+            buffer("trial parameters", crate::chain::PARAMETER_BYTES, Usage::Uniform)?,
             buffer("trial tables", 64, Usage::Storage)?,
             buffer("trial pixels", pixels, Usage::Storage)?,
         ];

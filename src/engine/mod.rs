@@ -219,6 +219,23 @@ impl Engine {
         (self.stage.intrinsics, self.stage.trajectory) = (intrinsics, trajectory);
     }
 
+    /// Lets go of what the frames so far have left behind for those that follow: triangles cut for the longest readout,
+    /// images with the widest margin, a lens. The pictures of the exact method are from here on those of a fresh engine, to
+    /// the last bit; the next frame takes longer.
+    ///
+    /// # Errors
+    /// Device lost, or the time limit passed: frames in flight are waited for.
+    pub fn forget(&mut self) -> Result<()> {
+        for slot in &mut self.slots {
+            slot.gpu.wait(self.options.time_limit)?;
+        }
+        self.stage.lens = None;
+        if let Renderer::Exact(exact) = &mut self.renderer {
+            exact.forget();
+        }
+        Ok(())
+    }
+
     /// Pixels rendered beyond each side of the picture (columns, rows).
     pub fn margin_px(&self) -> [u32; 2] {
         match &self.renderer {

@@ -77,7 +77,10 @@ pub struct SharedImage {
 
 impl Context {
     /// Whether images of this kind can be imported and exported by file descriptor.
-    fn shares_image(&self, spec: &SharedImageSpec) -> bool {
+    ///
+    /// # Errors
+    /// Out of memory.
+    fn shares_image(&self, spec: &SharedImageSpec) -> Result<bool> {
         let mut external = vk::PhysicalDeviceExternalImageFormatInfo::default().handle_type(FD);
         let info = vk::PhysicalDeviceImageFormatInfo2::default()
             .format(vk::Format::from_raw(spec.format))
@@ -98,10 +101,12 @@ impl Context {
         let largest = properties.image_format_properties.max_extent;
         let features = found.external_memory_properties.external_memory_features;
         let both = vk::ExternalMemoryFeatureFlags::EXPORTABLE | vk::ExternalMemoryFeatureFlags::IMPORTABLE;
-        asked.is_ok()
-            && features.contains(both)
-            && spec.size[0] <= largest.width
-            && spec.size[1] <= largest.height
+        match asked {
+            Ok(()) => {}
+            Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => return Ok(false),
+            Err(error) => return Err(failed("vkGetPhysicalDeviceImageFormatProperties2")(error)),
+        }
+        Ok(features.contains(both) && spec.size[0] <= largest.width && spec.size[1] <= largest.height)
     }
 }
 
@@ -204,7 +209,7 @@ impl SharedImage {
         if !context.sharing().memory_fd {
             return Err(context.lacks("VK_KHR_external_memory_fd (memory by file descriptor)"));
         }
-        if SharedFormat::of(spec.format).is_none() || !context.shares_image(&spec) {
+        if SharedFormat::of(spec.format).is_none() || !context.shares_image(&spec)? {
             return Err(context.lacks(&format!(
                 "images of VkFormat {}, {}x{} px, with that tiling and usage by file descriptor",
                 spec.format, spec.size[0], spec.size[1]

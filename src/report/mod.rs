@@ -11,6 +11,7 @@ mod chart;
 mod embed;
 mod format;
 mod page;
+mod percepts;
 
 use std::path::Path;
 

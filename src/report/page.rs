@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::chart::{Chart, line_chart};
 use super::embed::{PictureBudget, data_uri, size_of_picture};
+use super::percepts::{self, Overlay};
 use crate::diagnose::{Bin, Candidate, CandidateState, FrameEntry, Report, Verdict};
 use crate::error::Result;
 
@@ -39,6 +40,7 @@ struct FrameView<'a> {
     diagnosed: String,
     difference_before: String,
     difference_after: String,
+    percepts: Overlay,
 }
 
 #[derive(Serialize)]
@@ -92,6 +94,7 @@ impl<'a> Page<'a> {
         let total = shown.iter().flat_map(|f| names(f)).map(size).sum();
         let budget = PictureBudget::for_total(total);
         let uri = |name: &str| data_uri(folder, name, budget);
+        let overlays = percepts::read(folder, &report.percepts.file)?;
         let view = |entry: &'a FrameEntry| -> Result<FrameView<'a>> {
             let [real, simulated, diagnosed, before, after] = names(entry).map(|n| uri(n));
             let (real, simulated, diagnosed) = (real?, simulated?, diagnosed?);
@@ -102,6 +105,7 @@ impl<'a> Page<'a> {
                 diagnosed,
                 difference_before: before?,
                 difference_after: after?,
+                percepts: overlays.get(&entry.index).cloned().unwrap_or_default(),
             })
         };
         let frames = shown.into_iter().map(view).collect::<Result<Vec<_>>>()?;

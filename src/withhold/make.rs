@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::draw::Draw;
-use super::hidden::{Hidden, draw as draw_hidden};
+use super::hidden::Hidden;
 use super::{WithholdOptions, motion, room};
 use crate::camera::accumulation::AccumulationPlan;
 use crate::camera::samples::sample_positions;
@@ -37,15 +37,17 @@ pub(super) struct Case {
 }
 
 impl Case {
-    /// Draws the case and writes everything but its frames into `folder`.
+    /// Draws the case and writes everything but its frames into `folder`. `plain`: the nominal camera models no effect.
+    /// `hide` chooses what is hidden beside what the nominal camera models.
     ///
     /// # Errors
     /// Files that cannot be written, recordings that cannot be read.
     pub(super) fn make(
         options: &WithholdOptions,
-        available: &[&'static str],
         index: usize,
         folder: &Path,
+        plain: bool,
+        hide: &dyn Fn(&Settings) -> Result<Hidden>,
     ) -> Result<Self> {
         let stream = |purpose: &str| Draw::new(options.seed, index, purpose);
         for made in [folder.to_owned(), folder.join("objects"), folder.join("real")] {
@@ -54,7 +56,10 @@ impl Case {
         let room = room::write(folder, &mut stream("scene"))?;
         let mut draw = stream("camera");
         let frames = options.frames.unwrap_or_else(|| 10 + draw.index(7));
-        let camera = camera(options, &mut draw, room.lit, folder);
+        let mut camera = camera(options, &mut draw, room.lit, folder);
+        if plain {
+            camera.settings = Settings::default();
+        }
         let duration_s = 2.0 * MARGIN_S + (frames + 2) as f64 * FRAME_PERIOD_S;
         let motion = motion::Motion::draw(&mut stream("motion"), &options.recordings, duration_s)?;
         let from_s = START_S - MARGIN_S;
@@ -70,7 +75,7 @@ impl Case {
         }
         write_atomic(&folder.join("frames.csv"), csv.as_bytes())?;
         write_atomic(&folder.join("camera.toml"), camera.to_toml().as_bytes())?;
-        let hidden = draw_hidden(options.seed, index, available, &camera.settings)?;
+        let hidden = hide(&camera.settings)?;
         // What a stranger would read, but with the true camera; its file is written only when the answer is opened.
         let nominal = Capture::read(folder, None)?;
         let truth = CameraFile { settings: hidden.settings.clone(), ..nominal.camera };

@@ -8,6 +8,8 @@
 //!   question is what it says without that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
 
+mod curve;
+mod curve_page;
 mod draw;
 mod hidden;
 mod make;
@@ -24,6 +26,7 @@ use std::time::Instant;
 
 use sha2::{Digest as _, Sha256};
 
+pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
 pub use hidden::Kind;
 pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
@@ -33,7 +36,7 @@ use crate::plane::write_atomic;
 use make::Case;
 
 /// Goes up with every change of what a seed makes, so that no run goes on with cases of another generator.
-const GENERATOR: u32 = 3;
+const GENERATOR: u32 = 4;
 
 /// What to make and check.
 #[derive(Clone, Debug)]
@@ -130,7 +133,8 @@ fn one_case(
     stop: &dyn Fn() -> bool,
 ) -> Result<CaseScore> {
     let capture = folder.join("capture");
-    let case = Case::make(options, available, index, &capture)?;
+    let hide = |known: &crate::chain::Settings| hidden::draw(options.seed, index, available, known);
+    let case = Case::make(options, index, &capture, false, &hide)?;
     let answer = case.answer();
     let seal = sha256_hex(answer.as_bytes());
     say(&format!("case {}/{}: sealed answer {seal}", index + 1, options.count));

@@ -54,6 +54,9 @@ pub struct ParameterScore {
     pub relative_error: f64,
     /// Whether the 95 % interval holds the truth; nothing where none was given.
     pub covered: Option<bool>,
+    /// Half the width of the interval.
+    #[serde(default)]
+    pub half_width: Option<f64>,
 }
 
 impl CaseScore {
@@ -161,6 +164,7 @@ fn number(name: String, truth: &Value, value: &Value, interval: &Value) -> Optio
         value,
         relative_error: (value - truth).abs() / truth.abs().max(1e-12),
         covered: ends.map(|(from, to)| from <= truth && truth <= to),
+        half_width: ends.map(|(from, to)| 0.5 * (to - from)),
     })
 }
 

@@ -113,6 +113,10 @@ int main(int argc, char **argv) {
     int bad = 0, leak = !strcmp(control, "leak"), over = !strcmp(control, "overflow");
     /* One heap for all threads: else the drivers' short-lived threads spread it over ever more pages for 400 cycles. */
     mallopt(M_ARENA_MAX, 1);
+    /* Large blocks straight from and to the system. lavapipe (Mesa's u_upload_mgr) fills a block of 1 MiB with what it uploads,
+     * some thousand of these frames, then takes the next and frees the first. glibc's threshold grows with what is freed, so
+     * that the third block comes from the heap and stays resident: one step of 1028 KiB in 3 of 4 runs, in 0 of 4 with this. */
+    mallopt(M_MMAP_THRESHOLD, 128 << 10);
     for (long i = 0; i < cycles; ++i) {
         shutterbug_engine *engine = make();
         process(engine, 0);
@@ -121,6 +125,7 @@ int main(int argc, char **argv) {
         if (over) overflow(engine);
         must(shutterbug_engine_destroy(engine), NULL);
         if (i == cycles / 2) before = resident_kib();
+        if (i % 100 == 99) fprintf(stderr, "%ld cycles\n", i + 1);
     }
     if (cycles) bad |= grew("cycles", before, 512);
     if (frames) {
@@ -130,8 +135,7 @@ int main(int argc, char **argv) {
             if (leak) memset(malloc(3000), 1, 3000);
             if (i == frames / 2) before = resident_kib();
         }
-        /* Twice in the first 10 000 frames, and never in the 20 000 after, a block of 1028 KiB is taken: one is allowed. */
-        bad |= grew("frames", before, 1280);
+        bad |= grew("frames", before, 64);
         must(shutterbug_engine_destroy(engine), NULL);
     }
     return bad ? 4 : 0;

@@ -9,10 +9,14 @@ use std::sync::{Mutex, OnceLock};
 /// Exit code of the C programs where there is no device.
 pub const NO_DEVICE: i32 = 77;
 
-/// The prefix, installed once by `tools/capi-install --plain`.
+/// The prefix, installed once by `tools/capi-install --plain`; or that of `SHUTTERBUG_PREFIX` as it is (one made by
+/// `cargo cinstall`, with the library in `lib`).
 pub fn prefix() -> &'static Path {
     static PREFIX: OnceLock<PathBuf> = OnceLock::new();
     PREFIX.get_or_init(|| {
+        if let Some(there) = std::env::var_os("SHUTTERBUG_PREFIX") {
+            return PathBuf::from(there);
+        }
         let prefix = Path::new(env!("CARGO_TARGET_TMPDIR")).join(env!("CARGO_CRATE_NAME"));
         let _ = std::fs::remove_dir_all(&prefix);
         let done = Command::new("tools/capi-install").arg(&prefix).arg("--plain").output().unwrap();

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 use shutterbug::diagnose::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
-    Maps, Measure, NextStep, Parameter, Report, Verdict, WaterfallStep, Where,
+    Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, Report, Verdict, WaterfallStep, Where,
 };
 use shutterbug::plane::{Plane, write_png_atomic};
 
@@ -165,6 +165,41 @@ fn candidates() -> Vec<Candidate> {
     ]
 }
 
+/// Percepts of the first frame, as they lie beside a report.
+fn percepts(folder: &Path) -> Percepts {
+    let kinds = |matched: Option<bool>| {
+        let kind = |at: serde_json::Value| match matched {
+            Some(m) => json!({ "at": [at], "matched": [m] }),
+            None => json!({ "at": [at] }),
+        };
+        json!({
+            "corners": kind(json!([20.5, 30.5])), "lines": kind(json!([5.0, 6.0, 70.0, 80.0])),
+            "blobs": kind(json!([100.0, 50.0, 7.0])),
+        })
+    };
+    let frame = json!({
+        "index": 0, "real": kinds(None), "simulated": kinds(Some(false)), "diagnosed": kinds(Some(true)),
+    });
+    let text = json!({ "frames": [frame] }).to_string();
+    std::fs::write(folder.join("percepts.json"), text).expect("written");
+    let kind = |name: &str| PerceptGap {
+        name: name.to_owned(),
+        real: 31.0,
+        before: 29.5,
+        after: 30.25,
+        matched_before: 0.125,
+        matched_after: 0.875,
+        matched_floor: 1.0,
+        offset_before_px: None,
+        offset_after_px: Some(0.31),
+    };
+    Percepts {
+        file: "percepts.json".to_owned(),
+        tolerance_px: 3.2,
+        kinds: ["corners", "lines", "blobs"].map(kind).to_vec(),
+    }
+}
+
 /// A whole report whose pictures lie in `folder`. `hostile` stands wherever a stranger's text can.
 pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
     let frames: Vec<_> =
@@ -202,9 +237,11 @@ pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
             Measure { name: "psnr".to_owned(), unit: "dB".to_owned(), before: 21.2, after: 34.9 },
             Measure { name: "ssim".to_owned(), unit: String::new(), before: 0.71, after: f64::NAN },
         ],
+        percepts: percepts(folder),
         frames,
         maps: Maps {
             scale_dn: 40.0,
+            mean_scale_dn: 12.0,
             before: write(folder, "maps/before.png", &mean),
             after: write(folder, "maps/after.png", &Plane::from_fn(SIZE.0, SIZE.1, |x, _| [(x / 16) as u8])),
             bias_before: write(folder, "maps/bias_before.png", &mean),
@@ -228,6 +265,8 @@ pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
             device: "llvmpipe".to_owned(),
             method: "exact".to_owned(),
             seconds: 41.3,
+            renders: 812,
+            render_seconds: 25.5,
             version: "0.1.0".to_owned(),
         },
         bootstrap: Bootstrap { resamples: 1000, block: 2, closed_fraction: vec![0.97, 0.98] },

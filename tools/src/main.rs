@@ -2,8 +2,10 @@
 
 mod contact_sheet;
 mod demo_capture;
+mod flat_fields;
 mod font;
 mod overlay;
+mod pitch;
 mod table1_scene;
 mod timings;
 
@@ -35,6 +37,8 @@ enum Command {
     },
     /// Puts frames of several folders side by side: one column a folder, one row a frame name.
     ContactSheet(contact_sheet::Args),
+    /// Takes flat fields with a simulated sensor, as EMVA 1288 wants them: raw digital numbers and the list of them.
+    FlatFields(flat_fields::Args),
     /// Puts further effects on a capture's real frames: a capture with a known answer from another renderer's frames.
     Overlay(overlay::Args),
     /// Prints the time of each pass from the timings that `simulate --timings` wrote.
@@ -46,6 +50,7 @@ fn main() -> ExitCode {
         Command::DemoCapture { out } => demo_capture::write(&out),
         Command::Table1Scene { out } => table1_scene::write(&out),
         Command::ContactSheet(args) => contact_sheet::write(&args),
+        Command::FlatFields(args) => flat_fields::write(&args),
         Command::Overlay(args) => overlay::write(&args),
         Command::Timings(args) => timings::print(&args),
     };

@@ -8,18 +8,16 @@
 const uint SENSOR_COLOR_MATRIX = 1u;
 const uint SENSOR_COLOR_CURVE = 2u;
 
-float sensor_color_bent(float linear, uint first) {
-    float v = response_to_sensor(srgb_encode(linear), first);
-    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+float sensor_color_linear(float encoded) {
+    return encoded <= 0.04045 ? encoded / 12.92 : pow((encoded + 0.055) / 1.055, 2.4);
 }
 
 vec3 sensor_color(vec3 value, uvec2 pixel, uint slot) {
     vec3 seen = value;
     if ((VARIANT_sensor_color & SENSOR_COLOR_CURVE) != 0u) {
-        uint first = parameter_bits(slot, 9u);
-        uint side = RESPONSE_PIECES + 1u;
-        seen = vec3(sensor_color_bent(value.r, first), sensor_color_bent(value.g, first + side),
-                    sensor_color_bent(value.b, first + 2u * side));
+        vec3 encoded = vec3(srgb_encode(value.r), srgb_encode(value.g), srgb_encode(value.b));
+        vec3 bent = response_to_sensor(encoded, slot, 9u);
+        seen = vec3(sensor_color_linear(bent.r), sensor_color_linear(bent.g), sensor_color_linear(bent.b));
     }
     if ((VARIANT_sensor_color & SENSOR_COLOR_MATRIX) != 0u) {
         precise vec3 mixed = vec3(parameter(slot, 0u), parameter(slot, 3u), parameter(slot, 6u)) * seen.r +

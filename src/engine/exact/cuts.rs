@@ -63,9 +63,10 @@ impl Cuts {
         Self { announced: frames.into_iter().map(|span| (span, 0)).collect(), ..Self::default() }
     }
 
-    /// Everything is to be made anew.
+    /// Everything is to be made anew, for no readout longer than the next that is asked for.
     pub(super) fn forget(&mut self) {
         self.cuts.clear();
+        self.lines = Default::default();
     }
 
     /// Triangles for a frame; `None` where they are to be made.

@@ -172,6 +172,12 @@ impl Exact {
         self.known.clear();
     }
 
+    /// Everything that frames have left behind goes.
+    pub(super) fn forget(&mut self) {
+        self.forget_lens();
+        (self.still, self.blur) = (None, None);
+    }
+
     fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
         let bends = readout_s(request) > 0.0 || stage.lens.is_some();
         bends && self.cuts.of(span(request), lines(request)).is_none()

@@ -1,11 +1,10 @@
 //! What stands in the room: field, goals, walls, ball and robot, with materials and lights. Metres, z up, the field's
 //! centre at the origin, the yellow goal at +x.
 
-use std::f64::consts::TAU;
-
 use glam::{DVec3, dvec3};
 
 use super::mesh::Mesh;
+use crate::pitch::Lines;
 
 /// Inner corners of the room, m.
 pub const ROOM: [DVec3; 2] = [dvec3(-5.5, -3.5, 0.0), dvec3(4.0, 3.5, 2.8)];
@@ -30,7 +29,14 @@ pub const ATTENUATION: [f64; 3] = [1.0, 0.09, 0.05];
 
 /// Lines lie this far above the grass, m: enough for any depth buffer, too little to see.
 const LINE_LIFT_M: f64 = 0.004;
-const LINE_WIDTH_M: f64 = 0.06;
+const LINES: Lines = Lines {
+    half_m: FIELD_HALF,
+    width_m: 0.06,
+    heights_m: [LINE_LIFT_M, 1.5 * LINE_LIFT_M],
+    area_half_width_m: 1.1,
+    circle_radius_m: 0.6,
+    circle_sides: 40,
+};
 
 /// The materials: diffuse, specular, exponent, texture. Colours are linear.
 pub const MATERIALS: &str = "\
@@ -95,7 +101,7 @@ Ns 8
 pub fn mesh() -> Mesh {
     let mut mesh = Mesh::default();
     room(&mut mesh);
-    lines(&mut mesh);
+    LINES.add(&mut mesh);
     for (name, material, x) in
         [("goal_blue", "blue", -FIELD_HALF[0]), ("goal_yellow", "yellow", FIELD_HALF[0])]
     {
@@ -130,43 +136,6 @@ fn room(mesh: &mut Mesh) {
             let half = 0.08 * (along.abs() + inwards.abs());
             mesh.cuboid("pillar", middle - half, middle + half + z);
         }
-    }
-}
-
-fn lines(mesh: &mut Mesh) {
-    mesh.object("field_lines");
-    let [length, width] = FIELD_HALF;
-    let half = 0.5 * LINE_WIDTH_M;
-    let mut strip = |x: [f64; 2], y: [f64; 2]| {
-        let origin = dvec3(x[0] - half, y[0] - half, LINE_LIFT_M);
-        let (right, up) = (DVec3::X * (x[1] - x[0] + 2.0 * half), DVec3::Y * (y[1] - y[0] + 2.0 * half));
-        mesh.rectangle("line", origin, right, up, [0.0; 2]);
-    };
-    // No two strips overlap: equal heights would fight for the same pixels.
-    let inner = width - LINE_WIDTH_M;
-    for y in [-width, width] {
-        strip([-length, length], [y, y]);
-    }
-    for x in [-length, 0.0, length] {
-        strip([x, x], [-inner, inner]);
-    }
-    for side in [-1.0, 1.0] {
-        let (front, back) = (side * (length - 0.6), side * (length - LINE_WIDTH_M));
-        strip([front, front], [-1.1, 1.1]);
-        let x = [front + side * LINE_WIDTH_M, back];
-        let x = [x[0].min(x[1]), x[0].max(x[1])];
-        for y in [-1.1, 1.1] {
-            strip(x, [y, y]);
-        }
-    }
-    const SIDES: u32 = 40;
-    let at = |i: u32, radius_m: f64| {
-        let (sin, cos) = (TAU * f64::from(i % SIDES) / f64::from(SIDES)).sin_cos();
-        (dvec3(radius_m * cos, radius_m * sin, 1.5 * LINE_LIFT_M), [0.0; 2], DVec3::Z)
-    };
-    for i in 0..SIDES {
-        let (inside, outside) = (0.6 - half, 0.6 + half);
-        mesh.face("line", &[at(i, inside), at(i, outside), at(i + 1, outside), at(i + 1, inside)]);
     }
 }
 

@@ -1,12 +1,13 @@
 //! The room, the field with lines, goals and nets, landmarks, lamps, banners and columns. Metres, z up, the field's centre
 //! at the origin, the yellow goal at +x.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use glam::{DVec3, dvec3};
 
 use super::at;
 use crate::demo_capture::mesh::Mesh;
+use crate::pitch::Lines;
 
 /// Inner corners of the room, m.
 pub const ROOM: [DVec3; 2] = [dvec3(-5.5, -4.0, 0.0), dvec3(5.5, 4.0, 3.2)];
@@ -25,7 +26,14 @@ const CARPET_M: f64 = 0.01;
 const PAINT_M: f64 = 0.004;
 /// Longest side of a piece of the room's faces, m.
 const PIECE_M: f64 = 0.8;
-const LINE_WIDTH_M: f64 = 0.06;
+const LINES: Lines = Lines {
+    half_m: FIELD_HALF,
+    width_m: 0.06,
+    heights_m: [CARPET_M + PAINT_M, CARPET_M + 1.5 * PAINT_M],
+    area_half_width_m: 1.2,
+    circle_radius_m: 0.75,
+    circle_sides: 48,
+};
 /// Half the distance of a goal's posts, their height, radius, and the net's depth, m.
 const GOAL: [f64; 4] = [0.8, 0.95, 0.05, 0.5];
 
@@ -88,7 +96,7 @@ Ns 40
 pub fn add(mesh: &mut Mesh) {
     room(mesh);
     carpet(mesh);
-    lines(mesh);
+    LINES.add(mesh);
     for (side, color, goal_name, net_name) in
         [(-1.0, "blue", "goal_blue", "net_blue"), (1.0, "yellow", "goal_yellow", "net_yellow")]
     {
@@ -133,44 +141,6 @@ fn carpet(mesh: &mut Mesh) {
     let (half_x, half_y) = (FIELD_HALF[0] + 0.6, FIELD_HALF[1] + 0.5);
     let origin = dvec3(-half_x, -half_y, CARPET_M);
     mesh.rectangle("grass", origin, DVec3::X * 2.0 * half_x, DVec3::Y * 2.0 * half_y, [half_x, half_y]);
-}
-
-fn lines(mesh: &mut Mesh) {
-    mesh.object("field_lines");
-    let ([length, width], half) = (FIELD_HALF, 0.5 * LINE_WIDTH_M);
-    let mut strip = |x: [f64; 2], y: [f64; 2]| {
-        let origin = dvec3(x[0] - half, y[0] - half, CARPET_M + PAINT_M);
-        let (right, up) = (DVec3::X * (x[1] - x[0] + 2.0 * half), DVec3::Y * (y[1] - y[0] + 2.0 * half));
-        mesh.rectangle("line", origin, right, up, [0.0; 2]);
-    };
-    // No two strips overlap: equal heights would fight for the same pixels.
-    let inner = width - LINE_WIDTH_M;
-    for y in [-width, width] {
-        strip([-length, length], [y, y]);
-    }
-    for x in [-length, 0.0, length] {
-        strip([x, x], [-inner, inner]);
-    }
-    for side in [-1.0, 1.0] {
-        let (front, back) = (side * (length - 0.6), side * (length - LINE_WIDTH_M));
-        strip([front, front], [-1.2, 1.2]);
-        let x = [front + side * LINE_WIDTH_M, back];
-        for y in [-1.2, 1.2] {
-            strip([x[0].min(x[1]), x[0].max(x[1])], [y, y]);
-        }
-    }
-    const SIDES: u32 = 48;
-    let corner = |i: u32, radius_m: f64| {
-        let (sin, cos) = (TAU * f64::from(i % SIDES) / f64::from(SIDES)).sin_cos();
-        (dvec3(radius_m * cos, radius_m * sin, CARPET_M + 1.5 * PAINT_M), [0.0; 2], DVec3::Z)
-    };
-    for i in 0..SIDES {
-        let (inside, outside) = (0.75 - half, 0.75 + half);
-        mesh.face(
-            "line",
-            &[corner(i, inside), corner(i, outside), corner(i + 1, outside), corner(i + 1, inside)],
-        );
-    }
 }
 
 /// Posts and bar in the plane x = 0, open towards -x, with stays for the net.
