@@ -353,6 +353,10 @@ mod tests {
         let mut given = Settings::default();
         assert_eq!(uncontrolled(&given), None);
         given.set(&AutoExposure, "target", Value::Number(0.2)).expect("in range");
-        assert!(uncontrolled(&given).expect("said").contains("auto_exposure of the given camera is not simulated"));
+        assert!(
+            uncontrolled(&given)
+                .expect("said")
+                .contains("auto_exposure of the given camera is not simulated")
+        );
     }
 }

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use super::evidence::Evidence;
 use super::fit::{
-    COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit, spread_out,
-    weighing_of,
+    COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit,
+    spread_out, weighing_of,
 };
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
