@@ -176,10 +176,15 @@ fn what_is_left_out_is_warned_of_with_its_number() {
 /// What holds for every scene that loads.
 fn check(scene: &Scene) -> Result<(), TestCaseError> {
     let mut at = 0;
-    for (number, draw) in scene.draws.iter().enumerate() {
+    let mut last_run = None;
+    for draw in &scene.draws {
         prop_assert_eq!(draw.first_index, at);
         prop_assert!(draw.index_count > 0 && draw.index_count % 3 == 0);
-        prop_assert!(draw.texture.is_some() || number == 0);
+        // One run for each texture and gloss, in order.
+        let first = scene.vertices[scene.indices[at as usize] as usize];
+        let run = Some((draw.texture, scene.materials[first.material as usize].is_glossy()));
+        prop_assert!(run > last_run, "{:?} after {:?}", run, last_run);
+        last_run = run;
         at += draw.index_count;
         for index in &scene.indices[draw.first_index as usize..at as usize] {
             let vertex = scene.vertices[*index as usize];
