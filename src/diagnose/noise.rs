@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
+use super::packing::Packing;
 use super::tone::{Tone, noise_gain};
 use crate::plane::Plane;
 
@@ -141,7 +142,7 @@ impl NoiseData {
         for f in 0..frames.len() {
             values.add_rows(w, h, |i| error(f, i).map(|e| e.0));
         }
-        values.reduce(&tone, theta)
+        values.reduce(&tone, theta, usize::from(apart == APART[1]))
     }
 
     /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of the
@@ -300,7 +301,7 @@ impl Values {
         }
     }
 
-    fn reduce(mut self, tone: &Tone, theta: &Theta) -> NoiseData {
+    fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
         let mean_dn: Vec<f32> =
             self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
@@ -309,11 +310,20 @@ impl Values {
             let slope = f64::from(tone.slope_at(mean_dn[bin], 1));
             1.0 / 12.0 / (slope * slope).max(1e-9)
         };
+        // What compression has left of the noise is a part of it.
+        let packed = theta.is_on(P::Quality).then(|| Packing::of(theta.get(P::Quality) as u8));
+        let removed = |bin: usize, variance: f64| {
+            let dn2 = variance * f64::from(tone.slope_at(mean_dn[bin], 1)).powi(2);
+            packed.as_ref().map_or(1.0, |p| f64::from(p.restored(dn2 as f32, kind)))
+        };
         let mut total = vec![0.0; BINS];
+        let mut whole = vec![1.0; BINS];
         let mut data = NoiseData::default();
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
             total[bin] = robust_variance(v) / HIGH_PASS;
-            let variance = (total[bin] - quantum(bin)).max(0.0) / gain;
+            let seen = (total[bin] - quantum(bin)).max(0.0);
+            whole[bin] = removed(bin, seen);
+            let variance = seen * whole[bin] / gain;
             data.total.push([linear(bin), variance, v.len() as f64]);
         }
         for (bin, v) in self.fixed.iter().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
@@ -321,7 +331,7 @@ impl Values {
             let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
             // total = free + fixed, and the mean of n keeps fixed + free / n.
             let of_mean = robust_variance(&mut means) / HIGH_PASS;
-            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) / gain;
+            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) * whole[bin] / gain;
             data.fixed.push([linear(bin), variance, v.len() as f64]);
         }
         if self.rows.len() >= 20 {
@@ -335,7 +345,7 @@ impl Values {
 
 /// Variance from the middle of the values, half a standard deviation to each side: edges of renderers and stuck pixels
 /// have no say.
-fn robust_variance(values: &mut [f32]) -> f64 {
+pub(super) fn robust_variance(values: &mut [f32]) -> f64 {
     let n = values.len();
     let mut at = |share: f64| {
         let i = ((n as f64 * share) as usize).min(n - 1);

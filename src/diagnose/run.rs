@@ -11,7 +11,7 @@ use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::journal::{Journal, key};
 use super::judge::Judge;
-use super::model::candidate_of;
+use super::model::{P, Theta, candidate_of};
 use super::output::Shown;
 use super::places::{Compared, measures, places};
 use super::report::*;
@@ -124,8 +124,10 @@ pub fn diagnose(
         forward: &mut forward,
         evidence: &evidence,
         masks: &fit_masks,
-        base,
+        base: base.clone(),
         renderer_difference,
+        smeared: false,
+        compression: compression(&evidence, &names, &base),
         names: tried,
         deadline: options.time_limit.map(|limit| clock + limit),
     };
@@ -160,6 +162,12 @@ pub fn diagnose(
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
     Ok(Diagnosis { report, camera, frames, percepts })
+}
+
+/// The quality that the frames show to have been compressed with, if that is to be found.
+fn compression(evidence: &Evidence, names: &[&str], base: &Theta) -> Option<u8> {
+    let asked = names.contains(&"jpeg") && !base.is_on(P::Quality);
+    asked.then(|| super::comb::quality(evidence, &evidence.fit)).flatten()
 }
 
 /// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,
