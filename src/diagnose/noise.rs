@@ -26,6 +26,9 @@ const BINS: usize = 32;
 /// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
 const BIN_ERROR: f64 = 0.05;
 
+/// Noise before a compression over what is seen behind it, from which on the former is not known.
+const MOST_REMOVED: f64 = 12.0;
+
 /// Names of the candidates that change the spread.
 pub(super) const NOISES: [&str; 5] =
     ["shot_noise", "fixed_pattern_noise", "row_noise", "read_noise", "hot_pixels"];
@@ -324,9 +327,13 @@ impl Values {
             let seen = (total[bin] - quantum(bin)).max(0.0);
             whole[bin] = removed(bin, seen);
             let variance = seen * whole[bin] / gain;
-            data.total.push([linear(bin), variance, v.len() as f64]);
+            // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
+            if whole[bin] < MOST_REMOVED {
+                data.total.push([linear(bin), variance, v.len() as f64]);
+            }
         }
-        for (bin, v) in self.fixed.iter().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
+        let known = |bin: &usize| whole[*bin] < MOST_REMOVED;
+        for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
             let n = f64::from(v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32);
             let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
             // total = free + fixed, and the mean of n keeps fixed + free / n.

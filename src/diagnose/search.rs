@@ -24,6 +24,8 @@ use crate::plane::Plane;
 pub(super) const LEAST_SHARE: f64 = 0.01;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
+/// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
+const COLOURS_DN: f64 = 0.05;
 /// A simpler candidate is preferred to one that gains less than this share more.
 const PARSIMONY: f64 = 0.02;
 /// Most effects of a set that change the mean.
@@ -220,10 +222,11 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a gain counts.
-    pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
+    pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         let rest = worse.mean() - worse.floor();
-        let least = damped(0.12 * self.renderer_difference, better.floor());
+        let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
+        let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
@@ -387,7 +390,7 @@ impl<'a> Search<'a> {
         let gain = |o: &Tried| now.mean() - o.2.mean();
         let counted: Vec<_> = options
             .into_iter()
-            .filter(|o| self.supports(gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
+            .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
             .collect();
         let best = counted.iter().map(gain).fold(0.0, f64::max);
         let size = |name: &str| candidate_of(name).parameters.len();
@@ -412,7 +415,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let (fit, rest) = self.leave_out(set, i, current)?;
-                if !self.supports(gap, &rest, scores)
+                if !self.supports(set[i], gap, &rest, scores)
                     && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
                 {
                     weakest = Some((i, fit, rest));
@@ -488,6 +491,11 @@ pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
         "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
         _ => false,
     }
+}
+
+/// Whether a candidate changes values by what they are, wherever they are.
+fn changes_colours(name: &str) -> bool {
+    matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
 }
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
