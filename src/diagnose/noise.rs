@@ -49,8 +49,8 @@ struct Values {
     total: Vec<Vec<f32>>,
     /// Sum of the simulated values, DN.
     dn: Vec<f64>,
-    /// Mean over the frames and the number of frames.
-    fixed: Vec<Vec<(f32, f32)>>,
+    /// Mean over the frames, the number of frames, and the mean linear value.
+    fixed: Vec<Vec<[f32; 3]>>,
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
     row_own: [f64; 2],
@@ -131,11 +131,11 @@ impl NoiseData {
             for x in apart..w.saturating_sub(apart) {
                 for c in 0..3 {
                     let i = 3 * (y * w + x) + c;
-                    let mut seen: Vec<(f32, f32)> = Vec::with_capacity(frames.len());
+                    let mut seen: Vec<[f32; 3]> = Vec::with_capacity(frames.len());
                     for f in 0..frames.len() {
                         let (a, b) = (error(f, i - 3 * apart), error(f, i + 3 * apart));
                         if let (Some((e, m)), Some((a, _)), Some((b, _))) = (error(f, i), a, b) {
-                            seen.push((e - 0.5 * (a + b), m));
+                            seen.push([e - 0.5 * (a + b), m, decode(m, c)]);
                         }
                     }
                     values.add(&seen);
@@ -266,17 +266,19 @@ impl NoiseData {
 }
 
 impl Values {
-    /// The differences of one value in all frames, with the mean of each.
-    fn add(&mut self, seen: &[(f32, f32)]) {
+    /// The differences of one value in all frames, with the simulated value of each, DN and linear.
+    fn add(&mut self, seen: &[[f32; 3]]) {
         let bin = |m: f32| ((m / 8.0) as usize).min(BINS - 1);
-        for (e, m) in seen {
+        for [e, m, _] in seen {
             self.total[bin(*m)].push(*e);
             self.dn[bin(*m)] += f64::from(*m);
         }
         if seen.len() >= 3 {
             let n = seen.len() as f32;
-            let mean = seen.iter().map(|s| s.0).sum::<f32>() / n;
-            self.fixed[bin(seen[0].1)].push((mean, n));
+            let mean = |i: usize| seen.iter().map(|s| s[i]).sum::<f32>() / n;
+            // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light:
+            // by the first frame alone, dark pixels would have the pattern of brighter ones.
+            self.fixed[bin(mean(1))].push([mean(0), n, mean(2)]);
         }
     }
 
@@ -334,12 +336,13 @@ impl Values {
         }
         let known = |bin: &usize| whole[*bin] < MOST_REMOVED;
         for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
-            let n = f64::from(v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32);
-            let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
+            let mean = |i: usize| v.iter().map(|v| f64::from(v[i])).sum::<f64>() / v.len() as f64;
+            let n = mean(1);
+            let mut means: Vec<f32> = v.iter().map(|v| v[0]).collect();
             // total = free + fixed, and the mean of n keeps fixed + free / n.
             let of_mean = robust_variance(&mut means) / HIGH_PASS;
             let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) * whole[bin] / gain;
-            data.fixed.push([linear(bin), variance, v.len() as f64]);
+            data.fixed.push([mean(2).max(0.0), variance, v.len() as f64]);
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
