@@ -5,6 +5,7 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod cover;
 mod describe;
 mod ending;
 mod evidence;
@@ -15,6 +16,7 @@ mod hot;
 mod intervals;
 mod journal;
 mod judge;
+mod light;
 mod linear;
 mod model;
 mod noise;
@@ -23,7 +25,9 @@ mod output;
 mod parts;
 pub mod percepts;
 mod photometric;
+mod placed;
 mod places;
+mod question;
 mod report;
 mod residue;
 mod run;
