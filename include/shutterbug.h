@@ -142,9 +142,9 @@ typedef struct shutterbug_engine_options {
     const void *get_instance_proc_addr; /* your Vulkan loader instead of the system's; may be null */
 } shutterbug_engine_options;
 
-/* Opens a device. The engine is yours: destroy it. Nothing of the options is kept but log and log_user, which live as long as
- * the engine, and what host stands for. Takes tens to hundreds of milliseconds. Any thread; several at once make engines of
- * their own. Errors: NO_DEVICE, UNSUPPORTED (the device lacks something, or no validation layer), device. */
+/* Opens a device. The engine is yours: destroy it. Nothing of the options is kept but log, log_user and
+ * get_instance_proc_addr, which must live as long as the engine, and what host stands for. Takes tens to hundreds of
+ * milliseconds. Any thread; several at once make engines of their own. Errors: NO_DEVICE, UNSUPPORTED (the device lacks something, or no validation layer), device. */
 shutterbug_status shutterbug_engine_create(const shutterbug_engine_options *options, shutterbug_engine **engine);
 
 /* Waits for what is in flight (20 s at most: see semaphores) and frees everything that the engine has. Frames that were waited
