@@ -228,7 +228,7 @@ fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 3]>; 4], Vec<f64>, f64)
     for i in 0..WARM + count {
         for k in 0..ARMS.len() {
             let place = (i + k) % ARMS.len();
-            let arm = if i / ARMS.len() % 2 == 0 { place } else { ARMS.len() - 1 - place };
+            let arm = if (i / ARMS.len()).is_multiple_of(2) { place } else { ARMS.len() - 1 - place };
             let before = Clocks::now(start);
             match arm {
                 0 => own.frame(p, i as u32),

@@ -328,7 +328,7 @@ impl MotionPass<'_> {
                 recorder.dispatch(&kernels.depth().unpack, groups.source(self.index, 1), &push, size);
                 recorder.mark("motion");
                 let push = from_depth.expect("computed for depth");
-                recorder.dispatch(&kernels.depth().motion, groups.from_depth(), &push, size);
+                recorder.dispatch(&kernels.depth().motion, groups.depth_group(), &push, size);
             }
         }
     }

@@ -187,7 +187,7 @@ impl Groups {
     }
 
     /// Its group.
-    pub(super) fn from_depth(&self) -> &BindGroup {
+    pub(super) fn depth_group(&self) -> &BindGroup {
         self.from_depth.as_ref().expect("bound by `fit_depth`")
     }
 
