@@ -1,6 +1,8 @@
 //! What the C ABI costs over the engine's own time, and what frames in flight gain: outside frames of 640x480, RGBA8 colour
-//! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS]` (300). On a software device the driver's
-//! threads are most of the noise: `LP_NUM_THREADS=1` leaves one of them.
+//! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS [overhead | flight]]` (300). On a software
+//! device the driver's threads are most of the noise: `LP_NUM_THREADS=1` leaves one of them, and then "wall less waiting" is
+//! what the wall time of a frame would be on a machine with nothing else to do: its threads work one after the other, so
+//! whatever one of them waits for a processor is waited for by the frame.
 //!
 //! Each round runs the engine alone, the same through C, a second engine alone, and through C with a twentieth of the engine's
 //! processor time burnt beside it, in an order that changes from round to round (every place, and there and back). Reported
@@ -51,25 +53,34 @@ fn median(values: Vec<f64>) -> [f64; 3] {
     [at(0.5 * n), at((0.5 * n - 0.98 * n.sqrt()).floor()), at((0.5 * n + 0.98 * n.sqrt()).ceil())]
 }
 
-/// Processor time of a task's `schedstat`, ms.
-fn busy_ms(path: &str) -> f64 {
+/// A task's processor time, and the time for which it could have run and had no processor (`schedstat`), ms.
+fn scheduled_ms(path: &str) -> [f64; 2] {
     let text = std::fs::read_to_string(path).unwrap_or_default();
-    text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+    let mut numbers = text.split_whitespace().map(|ns| ns.parse::<f64>().unwrap_or(0.0) * 1e-6);
+    [(); 2].map(|()| numbers.next().unwrap_or(0.0))
 }
 
-/// Wall time, processor time of all threads, processor time of this thread, ms.
+fn busy_ms(path: &str) -> f64 {
+    scheduled_ms(path)[0]
+}
+
+/// Wall time, wall time less what all threads waited for a processor, processor time of all threads and of this one, ms.
 #[derive(Clone, Copy)]
-struct Clocks([f64; 3]);
+struct Clocks([f64; 4]);
+
+const CLOCKS: [&str; 4] = ["wall", "wall less waiting", "process", "thread"];
 
 impl Clocks {
     fn now(start: Instant) -> Self {
         let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-        let all = tasks.map(|t| busy_ms(&format!("{}/schedstat", t.path().display()))).sum();
-        Self([ms(start), all, busy_ms("/proc/thread-self/schedstat")])
+        let tasks = tasks.map(|t| scheduled_ms(&format!("{}/schedstat", t.path().display())));
+        let [all, waited] = tasks.fold([0.0; 2], |sum, task| [sum[0] + task[0], sum[1] + task[1]]);
+        let wall = ms(start);
+        Self([wall, wall - waited, all, busy_ms("/proc/thread-self/schedstat")])
     }
 
-    fn since(self, before: Self) -> [f64; 3] {
-        [0, 1, 2].map(|i| self.0[i] - before.0[i])
+    fn since(self, before: Self) -> [f64; 4] {
+        [0, 1, 2, 3].map(|i| self.0[i] - before.0[i])
     }
 }
 
@@ -220,10 +231,10 @@ fn device_of(engine: Handle) -> String {
 const ARMS: [&str; 4] = ["engine", "through C", "engine again", "through C and more"];
 
 /// The arms, round by round: what each took by each clock; the copies out; the time that the last arm burns, ms.
-fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 3]>; 4], Vec<f64>, f64) {
+fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 4]>; 4], Vec<f64>, f64) {
     let (mut own, mut again, mut c) = (Own::new(), Own::new(), ThroughC::new(p, 1, ""));
     let start = Instant::now();
-    let mut taken: [Vec<[f64; 3]>; 4] = Default::default();
+    let mut taken: [Vec<[f64; 4]>; 4] = Default::default();
     let (mut copies, mut twentieth_ms) = (Vec::new(), 0.0);
     for i in 0..WARM + count {
         for k in 0..ARMS.len() {
@@ -245,7 +256,7 @@ fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 3]>; 4], Vec<f64>, f64)
             if i >= WARM {
                 taken[arm].push(spent);
             } else if arm == 0 {
-                twentieth_ms = 0.05 * spent[1];
+                twentieth_ms = 0.05 * spent[2];
             }
         }
     }
@@ -256,11 +267,11 @@ fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 3]>; 4], Vec<f64>, f64)
 fn overhead(p: &mut Pictures, count: usize) {
     let device = device_of(ThroughC::new(p, 1, "").engine);
     let (taken, copies, twentieth_ms) = rounds(p, count);
-    for (clock, name) in ["wall", "process", "thread"].into_iter().enumerate() {
+    for (clock, name) in CLOCKS.into_iter().enumerate() {
         let of = |arm: usize| taken[arm].iter().map(|t| t[clock]).collect::<Vec<_>>();
         let more = |arm: usize| of(arm).iter().zip(of(0)).map(|(a, b)| a - b).collect::<Vec<_>>();
         // Of the engine's time by that clock; the calling thread's own is next to nothing, so it counts against wall time.
-        let base = median(taken[0].iter().map(|t| t[if clock == 2 { 0 } else { clock }]).collect())[0];
+        let base = median(taken[0].iter().map(|t| t[if clock == 3 { 0 } else { clock }]).collect())[0];
         let share = |arm: usize| median(more(arm)).map(|m| (1e4 * m / base).round() / 1e4);
         let row = serde_json::json!({
             "what": "overhead", "clock": name, "device": device, "size": [W, H], "rounds": count,
@@ -332,8 +343,14 @@ fn in_flight(p: &mut Pictures, rounds: usize, effects: &str) {
 
 fn main() {
     let rounds = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(ROUNDS);
+    let only = std::env::args().skip(1).find(|a| ["overhead", "flight"].contains(&a.as_str()));
     let mut p = Pictures::new();
-    overhead(&mut p, rounds);
+    if only.as_deref() != Some("flight") {
+        overhead(&mut p, rounds);
+    }
+    if only.as_deref() == Some("overhead") {
+        return;
+    }
     for effects in ["", "[jpeg]\nquality = 90\n"] {
         in_flight(&mut p, rounds.div_ceil(BURST), effects);
     }
