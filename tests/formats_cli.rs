@@ -35,7 +35,7 @@ fn presets_are_listed_and_printed() {
     assert!(list.contains("global shutter"));
     let (code, out, error) = shutterbug(&["presets", "fone"]);
     assert_eq!((code, out.as_str()), (1, ""));
-    assert!(error.contains("unknown preset `fone`"), "{error}");
+    assert!(error.contains("unknown preset `fone`; did you mean `phone`?"), "{error}");
 }
 
 #[test]

@@ -32,7 +32,7 @@ const MATRIX: u32 = 1;
 const CURVE: u32 = 2;
 const SATURATION: u32 = 4;
 /// Parameter with one over the saturation's factor, behind matrix and curve.
-const UNDO: usize = 60;
+const UNDO: usize = 10;
 
 /// From the delivered linear colours to the sensor's: the inverse of matrix and gains. `None` if there is none.
 fn inverse(settings: &Settings) -> Option<DMat3> {

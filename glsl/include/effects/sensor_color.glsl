@@ -18,11 +18,11 @@ vec3 sensor_color(vec3 value, uvec2 pixel, uint slot) {
     if ((VARIANT_sensor_color & (SENSOR_COLOR_CURVE | SENSOR_COLOR_SATURATION)) != 0u) {
         vec3 encoded = vec3(srgb_encode(value.r), srgb_encode(value.g), srgb_encode(value.b));
         if ((VARIANT_sensor_color & SENSOR_COLOR_CURVE) != 0u) {
-            encoded = response_to_sensor(encoded, slot, 9u);
+            encoded = response_to_sensor(encoded, parameter_bits(slot, 9u));
         }
         if ((VARIANT_sensor_color & SENSOR_COLOR_SATURATION) != 0u) {
             precise float y = 0.299 * encoded.r + 0.587 * encoded.g + 0.114 * encoded.b;
-            precise vec3 vivid = y + parameter(slot, 60u) * (encoded - y);
+            precise vec3 vivid = y + parameter(slot, 10u) * (encoded - y);
             encoded = clamp(vivid, 0.0, 1.0);
         }
         seen = vec3(sensor_color_linear(encoded.r), sensor_color_linear(encoded.g), sensor_color_linear(encoded.b));
