@@ -8,6 +8,7 @@ use super::judge::closed_fraction;
 use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
 use super::search::{Alone, Found, Search, damped};
+use super::smear::{MOST_SMEAR, SMEAR_ERRORS};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -30,8 +31,10 @@ pub(super) fn describe(
     capture: &Capture,
 ) -> Result<Report> {
     let verdict = verdict(search, found);
-    if verdict == Verdict::UnknownEffect {
-        dismiss(search, found);
+    match verdict {
+        Verdict::UnknownEffect => dismiss(search, found),
+        Verdict::NoGap => clear(search, found),
+        Verdict::Explained | Verdict::PartlyExplained => {}
     }
     let found = &*found;
     let (before, after) = (found.before.mean(), found.after.mean());
@@ -110,6 +113,9 @@ const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
 /// Share of the gap that must be closed for a set to explain it, and for its effects to be named beside a remainder.
 const CLOSED: [f64; 2] = [0.5, 0.75];
 
+/// Gaps up to so many times what two renderers may differ by are small: whatever is left of them may be that.
+const SMALL: f64 = 2.5;
+
 /// Correlation of real and simulated pictures below which they show another scene.
 const LEAST_LIKENESS: f64 = 0.3;
 
@@ -138,11 +144,16 @@ fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
     if (closed < CLOSED[1] && !beside && !puts_in_place(found, closed)) || another_scene(found) {
-        found.set.clear();
-        found.fit.theta = search.base.clone();
-        found.fit.half.clear();
-        found.after = found.before.clone();
+        clear(search, found);
     }
+}
+
+/// Takes back all effects.
+fn clear(search: &Search<'_>, found: &mut Found) {
+    found.set.clear();
+    found.fit.theta = search.base.clone();
+    found.fit.half.clear();
+    found.after = found.before.clone();
 }
 
 fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
@@ -168,18 +179,25 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let (after, floor) = (found.after.mean(), found.after.floor());
     let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
     let closed = closed_fraction(found.before.mean(), after, floor);
+    let [lack, error] = left.smear.map(f64::abs);
     let shaped = left.bias_dn > MOST_BIAS_DN
+        || (lack > MOST_SMEAR && lack > SMEAR_ERRORS * error)
         || left.spread > MOST_SPREAD
         || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
     let rest = (after - floor).abs();
     let whole = found.before.mean() - found.before.floor();
+    // No more than two renderers may differ by, and no set that closes most of it.
+    let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn);
+    if nothing && !shaped && (found.set.is_empty() || closed < CLOSED[0]) {
+        return Verdict::NoGap;
+    }
     if found.set.is_empty() {
-        let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn) && !shaped;
-        return if nothing { Verdict::NoGap } else { Verdict::UnknownEffect };
+        return Verdict::UnknownEffect;
     }
     let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
-    let explained = small || (rest <= difference && closed > 0.8);
-    if explained && !shaped && closed >= CLOSED[0] {
+    // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
+    let explained = small || (rest <= difference && (closed > 0.8 || whole <= SMALL * difference));
+    if explained && !shaped {
         Verdict::Explained
     } else if puts_in_place(found, closed) {
         Verdict::PartlyExplained

@@ -62,6 +62,9 @@ pub(super) const LAST: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 6, Qu
 /// The same through a lens.
 pub(super) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 3, Quality::Fit, 6)];
 
+/// Filters, once more, with geometry held.
+pub(super) const FILTERS: Schedule = &[level(1, 4, Quality::Finest, 6)];
+
 /// Most lengths of a step that are tried.
 const MOST_STRETCH: f64 = 8.0;
 

@@ -5,11 +5,15 @@
 //! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod choices;
+mod comb;
 mod cover;
+mod dct;
 mod describe;
 mod ending;
 mod evidence;
 mod fit;
+mod flicker;
 mod flow;
 mod forward;
 mod hot;
@@ -22,6 +26,7 @@ mod model;
 mod noise;
 mod normal;
 mod output;
+mod packing;
 mod parts;
 pub mod percepts;
 mod photometric;
@@ -35,6 +40,7 @@ mod score;
 mod search;
 mod sentences;
 mod settings;
+mod smear;
 mod starts;
 mod task;
 mod tone;

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
+use super::packing::Packing;
 use super::tone::{Tone, noise_gain};
 use crate::plane::Plane;
 
@@ -24,6 +25,9 @@ const FEWEST: usize = 200;
 const BINS: usize = 32;
 /// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
 const BIN_ERROR: f64 = 0.05;
+
+/// Noise before a compression over what is seen behind it, from which on the former is not known.
+const MOST_REMOVED: f64 = 12.0;
 
 /// Names of the candidates that change the spread.
 pub(super) const NOISES: [&str; 5] =
@@ -45,8 +49,8 @@ struct Values {
     total: Vec<Vec<f32>>,
     /// Sum of the simulated values, DN.
     dn: Vec<f64>,
-    /// Mean over the frames and the number of frames.
-    fixed: Vec<Vec<(f32, f32)>>,
+    /// Mean over the frames, the number of frames, and the mean linear value.
+    fixed: Vec<Vec<[f32; 3]>>,
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
     row_own: [f64; 2],
@@ -127,11 +131,11 @@ impl NoiseData {
             for x in apart..w.saturating_sub(apart) {
                 for c in 0..3 {
                     let i = 3 * (y * w + x) + c;
-                    let mut seen: Vec<(f32, f32)> = Vec::with_capacity(frames.len());
+                    let mut seen: Vec<[f32; 3]> = Vec::with_capacity(frames.len());
                     for f in 0..frames.len() {
                         let (a, b) = (error(f, i - 3 * apart), error(f, i + 3 * apart));
                         if let (Some((e, m)), Some((a, _)), Some((b, _))) = (error(f, i), a, b) {
-                            seen.push((e - 0.5 * (a + b), m));
+                            seen.push([e - 0.5 * (a + b), m, decode(m, c)]);
                         }
                     }
                     values.add(&seen);
@@ -141,7 +145,7 @@ impl NoiseData {
         for f in 0..frames.len() {
             values.add_rows(w, h, |i| error(f, i).map(|e| e.0));
         }
-        values.reduce(&tone, theta)
+        values.reduce(&tone, theta, usize::from(apart == APART[1]))
     }
 
     /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of the
@@ -262,17 +266,19 @@ impl NoiseData {
 }
 
 impl Values {
-    /// The differences of one value in all frames, with the mean of each.
-    fn add(&mut self, seen: &[(f32, f32)]) {
+    /// The differences of one value in all frames, with the simulated value of each, DN and linear.
+    fn add(&mut self, seen: &[[f32; 3]]) {
         let bin = |m: f32| ((m / 8.0) as usize).min(BINS - 1);
-        for (e, m) in seen {
+        for [e, m, _] in seen {
             self.total[bin(*m)].push(*e);
             self.dn[bin(*m)] += f64::from(*m);
         }
         if seen.len() >= 3 {
             let n = seen.len() as f32;
-            let mean = seen.iter().map(|s| s.0).sum::<f32>() / n;
-            self.fixed[bin(seen[0].1)].push((mean, n));
+            let mean = |i: usize| seen.iter().map(|s| s[i]).sum::<f32>() / n;
+            // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light:
+            // by the first frame alone, dark pixels would have the pattern of brighter ones.
+            self.fixed[bin(mean(1))].push([mean(0), n, mean(2)]);
         }
     }
 
@@ -300,7 +306,7 @@ impl Values {
         }
     }
 
-    fn reduce(mut self, tone: &Tone, theta: &Theta) -> NoiseData {
+    fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
         let mean_dn: Vec<f32> =
             self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
@@ -309,20 +315,34 @@ impl Values {
             let slope = f64::from(tone.slope_at(mean_dn[bin], 1));
             1.0 / 12.0 / (slope * slope).max(1e-9)
         };
+        // What compression has left of the noise is a part of it.
+        let packed = theta.is_on(P::Quality).then(|| Packing::of(theta.get(P::Quality) as u8));
+        let removed = |bin: usize, variance: f64| {
+            let dn2 = variance * f64::from(tone.slope_at(mean_dn[bin], 1)).powi(2);
+            packed.as_ref().map_or(1.0, |p| f64::from(p.restored(dn2 as f32, kind)))
+        };
         let mut total = vec![0.0; BINS];
+        let mut whole = vec![1.0; BINS];
         let mut data = NoiseData::default();
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
             total[bin] = robust_variance(v) / HIGH_PASS;
-            let variance = (total[bin] - quantum(bin)).max(0.0) / gain;
-            data.total.push([linear(bin), variance, v.len() as f64]);
+            let seen = (total[bin] - quantum(bin)).max(0.0);
+            whole[bin] = removed(bin, seen);
+            let variance = seen * whole[bin] / gain;
+            // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
+            if whole[bin] < MOST_REMOVED {
+                data.total.push([linear(bin), variance, v.len() as f64]);
+            }
         }
-        for (bin, v) in self.fixed.iter().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            let n = f64::from(v.iter().map(|v| v.1).sum::<f32>() / v.len() as f32);
-            let mut means: Vec<f32> = v.iter().map(|v| v.0).collect();
+        let known = |bin: &usize| whole[*bin] < MOST_REMOVED;
+        for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
+            let mean = |i: usize| v.iter().map(|v| f64::from(v[i])).sum::<f64>() / v.len() as f64;
+            let n = mean(1);
+            let mut means: Vec<f32> = v.iter().map(|v| v[0]).collect();
             // total = free + fixed, and the mean of n keeps fixed + free / n.
             let of_mean = robust_variance(&mut means) / HIGH_PASS;
-            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) / gain;
-            data.fixed.push([linear(bin), variance, v.len() as f64]);
+            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) * whole[bin] / gain;
+            data.fixed.push([mean(2).max(0.0), variance, v.len() as f64]);
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
@@ -335,7 +355,7 @@ impl Values {
 
 /// Variance from the middle of the values, half a standard deviation to each side: edges of renderers and stuck pixels
 /// have no say.
-fn robust_variance(values: &mut [f32]) -> f64 {
+pub(super) fn robust_variance(values: &mut [f32]) -> f64 {
     let n = values.len();
     let mut at = |share: f64| {
         let i = ((n as f64 * share) as usize).min(n - 1);

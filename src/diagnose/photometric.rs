@@ -3,6 +3,7 @@
 //! references.
 
 use super::model::{P, Theta};
+use super::packing::packed_mean;
 use super::tone::{Tone, Variances};
 use crate::camera::{Intrinsics, ScanOrder};
 use crate::plane::Plane;
@@ -84,7 +85,18 @@ fn behind_encoding(mut dn: Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32>
         dn.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
     }
     let quality = theta.get(P::Quality) as u8;
-    if quality > 0 { compressed(&dn, quality) } else { dn }
+    match (quality, tone.is_noisy()) {
+        (0, _) => dn,
+        (_, false) => compressed(&dn, quality),
+        (_, true) => {
+            let variance = |(i, v): (usize, &f32)| {
+                let spread = tone.spread(*v, i % 3);
+                spread.free + spread.row + spread.fixed
+            };
+            let variance: Vec<f32> = dn.data.iter().enumerate().map(variance).collect();
+            packed_mean(&dn, &variance, quality)
+        }
+    }
 }
 
 /// Mean of a normal value that is clipped to 0 and 255.
@@ -223,7 +235,7 @@ fn luma(p: &[f32]) -> f32 {
 }
 
 /// Through a JPEG encoder and back.
-fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
+pub(super) fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
     let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
     let mut jpeg = Vec::new();
     let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, quality.clamp(1, 100));

@@ -21,6 +21,8 @@ pub(super) struct Question<'a> {
     pub seed: u64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
+    /// Quality of the compression that the frames themselves show.
+    pub compression: Option<u8>,
 }
 
 /// What the simulation as given shows where frames are compared.
@@ -65,6 +67,8 @@ impl<'a> Question<'a> {
             base: self.base.clone(),
             renderer_difference: seen.renderer_difference,
             names: self.names.clone(),
+            smeared: false,
+            compression: self.compression,
         }
     }
 

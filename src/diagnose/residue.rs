@@ -24,6 +24,8 @@ pub(super) struct Residue {
     pub structure: [f64; 2],
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
     pub likeness: f64,
+    /// Lack of slopes along the motion, and its standard error, see [`super::smear`].
+    pub smear: [f64; 2],
     /// Share of the gap that lies where it is closed altogether, see [`solved`].
     pub solved: f64,
     /// Share of what is out of place that is put in its place, see [`super::placed`].
@@ -97,7 +99,7 @@ pub(super) fn residue(
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, likeness, solved: 0.0, placed: 0.0 }
+    Residue { bias_dn, spread, structure, likeness, smear: [0.0; 2], solved: 0.0, placed: 0.0 }
 }
 
 /// Side of the blocks of [`solved`], px.

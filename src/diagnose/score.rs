@@ -7,6 +7,7 @@
 //! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
 //! patterns and banding count, which single pixels cannot show.
 
+use super::packing::Left;
 use super::tone::{Tone, Variances};
 use crate::plane::Plane;
 
@@ -101,24 +102,34 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
         if rounds { error.signum() * (error.abs() - 0.5).max(0.0) } else { error }
     };
     let open = |f: &Scored<'_>, i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
-    let at = |i: usize| -> Variances {
+    // What compression leaves of the noise depends on what is looked at.
+    let at = |i: usize, share: fn(&Left) -> f32| -> Variances {
         let mut v = tone.spread(frame.mean.data[i], i % 3);
+        let share = share(&tone.left(frame.mean.data[i], i % 3));
+        (v.free, v.fixed) = (v.free * share, v.fixed * share);
         if !rounds {
             // Rounding to whole DN adds its own 1/12.
             v.free += 1.0 / 12.0;
         }
         v
     };
+    let pixel: fn(&Left) -> f32 = |l| l.pixel;
     let mut means: [Mean; 7] = Default::default();
     for i in (0..w * h * 3).filter(|&i| open(frame, i)) {
-        let v = at(i);
+        let v = at(i, pixel);
         means[0].add(error_of(frame, i).into(), (v.free + v.row + v.fixed).into());
     }
-    bands(w, h, &mut means[1..4], |i| open(frame, i).then(|| (error_of(frame, i), at(i))));
-    lines(w, h, &mut means[4..6], |i| open(frame, i).then(|| (error_of(frame, i), at(i))));
+    let shares: [fn(&Left) -> f32; 3] = [|l| l.bands[0], |l| l.bands[1], |l| l.bands[2]];
+    bands(w, h, &mut means[1..4], |i| {
+        open(frame, i).then(|| (error_of(frame, i), shares.map(|share| at(i, share))))
+    });
+    let shares: [fn(&Left) -> f32; 2] = [|l| l.lines[0], |l| l.lines[1]];
+    lines(w, h, &mut means[4..6], |i| {
+        open(frame, i).then(|| (error_of(frame, i), shares.map(|share| at(i, share))))
+    });
     if let Some(before) = before {
         for i in (0..w * h * 3).filter(|&i| open(frame, i) && open(before, i)) {
-            let v = at(i);
+            let v = at(i, pixel);
             let error = error_of(frame, i) - error_of(before, i);
             means[6].add(error.into(), (2.0 * (v.free + v.row)).into());
         }
@@ -140,16 +151,19 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
 }
 
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
-fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, Variances)>) {
-    // Sum of errors, of free variance, of row variance (already over the rows), number.
-    let mut level: Vec<[f64; 4]> = (0..w * h * 3)
+fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, [Variances; 3])>) {
+    // Sum of errors, of row variance (already over the rows), number, and of free variance as each band sees it.
+    let mut level: Vec<[f64; 6]> = (0..w * h * 3)
         .map(|i| match value(i) {
-            Some((e, v)) => [e.into(), (v.free + v.fixed).into(), v.row.into(), 1.0],
-            None => [0.0; 4],
+            Some((e, v)) => {
+                let [a, b, c] = v.map(|v| f64::from(v.free + v.fixed));
+                [e.into(), v[0].row.into(), 1.0, a, b, c]
+            }
+            None => [0.0; 6],
         })
         .collect();
     let (mut w, mut h) = (w, h);
-    for (size, mean) in [2usize, 4, 8].into_iter().zip(0..) {
+    for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
         let fine = pooled(&level, w, h);
         (w, h) = (w / 2, h / 2);
         if w < 2 || h < 2 {
@@ -162,15 +176,15 @@ fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option
                 for c in 0..3 {
                     let f = fine[(y * w + x) * 3 + c];
                     let g = coarse[((y / 2) * (w / 2) + x / 2) * 3 + c];
-                    if f[3] < full || g[3] < 4.0 * full {
+                    if f[2] < full || g[2] < 4.0 * full {
                         continue;
                     }
-                    let error = f[0] / f[3] - g[0] / g[3];
+                    let error = f[0] / f[2] - g[0] / g[2];
                     // Three quarters of the variance of a block's mean remain beside the mean over four of them; of
                     // row noise, which is common to both blocks of a row, one half.
-                    let free = 0.75 * f[1] / (f[3] * f[3]);
-                    let row = 0.5 * f[2] / f[3] / size as f64;
-                    means[mean].add(error, free + row);
+                    let free = 0.75 * f[3 + band] / (f[2] * f[2]);
+                    let row = 0.5 * f[1] / f[2] / size as f64;
+                    means[band].add(error, free + row);
                 }
             }
         }
@@ -178,14 +192,14 @@ fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option
     }
 }
 
-fn pooled(from: &[[f64; 4]], w: usize, h: usize) -> Vec<[f64; 4]> {
-    let mut out = vec![[0.0; 4]; (w / 2) * (h / 2) * 3];
+fn pooled(from: &[[f64; 6]], w: usize, h: usize) -> Vec<[f64; 6]> {
+    let mut out = vec![[0.0; 6]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
                 let value = &from[(y * w + x) * 3 + c];
-                (0..4).for_each(|k| to[k] += value[k]);
+                (0..6).for_each(|k| to[k] += value[k]);
             }
         }
     }
@@ -193,17 +207,16 @@ fn pooled(from: &[[f64; 4]], w: usize, h: usize) -> Vec<[f64; 4]> {
 }
 
 /// Means over rows and over columns.
-fn lines(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, Variances)>) {
+fn lines(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, [Variances; 2])>) {
     let mut rows = vec![[0.0f64; 4]; h * 3];
     let mut columns = vec![[0.0f64; 4]; w * 3];
     for y in 0..h {
         for x in 0..w {
             for c in 0..3 {
                 let Some((e, v)) = value((y * w + x) * 3 + c) else { continue };
-                let add = [e, v.free + v.fixed, v.row, 1.0].map(f64::from);
-                for k in 0..4 {
-                    rows[y * 3 + c][k] += add[k];
-                    columns[x * 3 + c][k] += add[k];
+                for (sums, v) in [&mut rows[y * 3 + c], &mut columns[x * 3 + c]].into_iter().zip(v) {
+                    let add = [e, v.free + v.fixed, v.row, 1.0].map(f64::from);
+                    (0..4).for_each(|k| sums[k] += add[k]);
                 }
             }
         }

@@ -8,6 +8,7 @@ use super::fit::{
     COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit,
     spread_out, weighing_of,
 };
+use super::flicker::is_periodic;
 use super::forward::{Forward, Quality};
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
@@ -23,6 +24,8 @@ use crate::plane::Plane;
 pub(super) const LEAST_SHARE: f64 = 0.01;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
+/// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
+const COLOURS_DN: f64 = 0.05;
 /// A simpler candidate is preferred to one that gains less than this share more.
 const PARSIMONY: f64 = 0.02;
 /// Most effects of a set that change the mean.
@@ -31,10 +34,6 @@ const MOST_EFFECTS: usize = 6;
 const SHORTLIST: usize = 4;
 /// Beyond which difference sizes are compared instead of squares, DN.
 const COMPARED_DN: f64 = 1.5;
-/// Most turns between values and the quality of compression.
-const TURNS: usize = 4;
-/// Where costs of discrete candidates are compared.
-const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 4 };
 
 /// Where the search stands, for people who wait.
 pub(super) trait Watch {
@@ -85,6 +84,10 @@ pub(super) struct Search<'a> {
     pub renderer_difference: f64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
+    /// Whether what a set left was smeared along the motion, see [`super::smear`].
+    pub smeared: bool,
+    /// The quality of the compression that the frames show to have behind them, where that is a candidate.
+    pub compression: Option<u8>,
     /// When to come to an end.
     pub deadline: Option<Instant>,
 }
@@ -127,14 +130,14 @@ impl<'a> Search<'a> {
     }
 
     /// Robust cost on the frames that fits see.
-    fn cost(&mut self, theta: &Theta, level: &Level, weighing: &Weighing) -> Result<f64> {
+    pub(super) fn cost(&mut self, theta: &Theta, level: &Level, weighing: &Weighing) -> Result<f64> {
         let frames = spread_out(self.fit_frames(), level.frames);
         let target = self.target();
         cost_of(self.forward, target, &frames, theta, level, weighing)
     }
 
     /// The weights under which costs of a stage are compared: those of the noise in `theta`.
-    fn weighing(&mut self, theta: &Theta, level: &Level) -> Result<Weighing> {
+    pub(super) fn weighing(&mut self, theta: &Theta, level: &Level) -> Result<Weighing> {
         let frames = spread_out(self.fit_frames(), level.frames);
         weighing_of(self.forward, &frames, theta, level, COMPARED_DN)
     }
@@ -158,7 +161,12 @@ impl<'a> Search<'a> {
     }
 
     /// Fits a candidate beside a set; once, if there is a journal.
-    fn add(&mut self, candidate: &'static CandidateSpec, set: &[&'static str], theta: &Theta) -> Result<Fit> {
+    pub(super) fn add(
+        &mut self,
+        candidate: &'static CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Fit> {
         let key = format!("{} {set:?} {theta:?}", candidate.name);
         let work = |search: &mut Self| search.add_anew(candidate, set, theta);
         Forward::tried(self, |search| search.forward, ("candidate", &key), work)
@@ -201,6 +209,10 @@ impl<'a> Search<'a> {
             }
         }
         let (cost, start) = best.expect("there is always a start");
+        if candidate.name == "flicker" && !is_periodic(self.forward, self.evidence, &start)? {
+            tracing::info!("flicker: brightness goes up and down, but not as a sine");
+            return Ok(Fit { theta: theta.clone(), half: BTreeMap::new() });
+        }
         let was = self.cost(theta, &last, &weighing)?;
         // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
         if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
@@ -209,57 +221,12 @@ impl<'a> Search<'a> {
         self.refit(&joint, &start, FINE)
     }
 
-    /// Fits values and the quality of compression in turns: what sharpening adds, a compression that is taken for weaker
-    /// than it is removes, and neither moves without the other.
-    fn beside_compression(&mut self, who: &[&'static str], start: Fit, schedule: Schedule) -> Result<Fit> {
-        let mut found = start;
-        for _ in 0..TURNS {
-            let quality = self.add_discrete(candidate_of("jpeg"), &found.theta)?.theta;
-            if quality.get(P::Quality) == found.theta.get(P::Quality) {
-                break;
-            }
-            found = self.refit(who, &quality, schedule)?;
-        }
-        Ok(found)
-    }
-
-    /// Tries the values of a choice, or qualities from coarse to fine.
-    pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
-        let p = candidate.parameters[0];
-        let weighing = self.weighing(&theta.with(p, 0.0), &PIXELS)?;
-        let mut tried: Vec<(f64, f64)> = Vec::new();
-        let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
-            let value = value.clamp(1.0, p.spec().range[1]).round();
-            if !tried.iter().any(|t| t.0 == value) {
-                let cost = search.cost(&theta.with(p, value), &PIXELS, &weighing)?;
-                tried.push((value, cost));
-            }
-            let best = tried.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("just tried");
-            Ok(best.0)
-        };
-        let mut at = 1.0;
-        if p == P::Quality {
-            for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, 97.0] {
-                at = attempt(self, value)?;
-            }
-            for step in [6.0, 3.0, 2.0, 1.0] {
-                for value in [at - step, at + step] {
-                    at = attempt(self, value)?;
-                }
-            }
-        } else {
-            for value in 1..=p.spec().range[1] as usize {
-                at = attempt(self, value as f64)?;
-            }
-        }
-        Ok(Fit { theta: theta.with(p, at), half: BTreeMap::from([(p, 1.0)]) })
-    }
-
     /// Whether a gain counts.
-    pub(super) fn supports(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
+    pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         let rest = worse.mean() - worse.floor();
-        let least = damped(0.12 * self.renderer_difference, better.floor());
+        let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
+        let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
@@ -267,15 +234,17 @@ impl<'a> Search<'a> {
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         let mut late = Vec::new();
-        let start = self.with_noise(&self.base.clone())?;
+        // Compression that the frames themselves show is carried along as noise is: all else is seen through it.
+        let packed = self.compression.map(|q| self.base.with(P::Quality, f64::from(q)));
+        let start = self.with_noise(&packed.unwrap_or_else(|| self.base.clone()))?;
         let mut scores = self.judge.scores(self.forward, &start)?;
         let gap = (before.mean() - before.floor()).max(0.0);
         let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
-        let mut set: Vec<&'static str> = Vec::new();
+        let mut set: Vec<&'static str> = self.compression.iter().map(|_| "jpeg").collect();
         let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
             let options = if round == 0 {
-                let mean = alone.iter().filter(|a| !candidate_of(a.name).noise);
+                let mean = alone.iter().filter(|a| !candidate_of(a.name).noise && !set.contains(&a.name));
                 mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
             } else if self.late() {
                 break;
@@ -356,7 +325,11 @@ impl<'a> Search<'a> {
             };
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             self.log(name, &fit, &scores, clock);
-            let against = if candidate.noise { self.base.clone() } else { start.clone() };
+            let against = match name {
+                _ if candidate.noise => self.base.clone(),
+                "jpeg" => self.with_noise(&self.base.clone())?,
+                _ => start.clone(),
+            };
             let against = self.judge.scores(self.forward, &against)?;
             alone.push(Alone { name, fit, scores, against });
         }
@@ -436,7 +409,7 @@ impl<'a> Search<'a> {
         let gain = |o: &Tried| now.mean() - o.2.mean();
         let counted: Vec<_> = options
             .into_iter()
-            .filter(|o| self.supports(gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
+            .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
             .collect();
         let best = counted.iter().map(gain).fold(0.0, f64::max);
         let size = |name: &str| candidate_of(name).parameters.len();
@@ -457,8 +430,11 @@ impl<'a> Search<'a> {
         while set.len() > 1 {
             let mut weakest: Option<(usize, Fit, Scores)> = None;
             for i in 0..set.len() - 1 {
+                if self.is_known(set[i]) {
+                    continue;
+                }
                 let (fit, rest) = self.leave_out(set, i, current)?;
-                if !self.supports(gap, &rest, scores)
+                if !self.supports(set[i], gap, &rest, scores)
                     && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
                 {
                     weakest = Some((i, fit, rest));
@@ -489,6 +465,7 @@ impl<'a> Search<'a> {
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
     fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         if !found.set.is_empty() {
+            self.look_for_smear(found)?;
             self.tune_choices(found)?;
             self.free_more(found)?;
             let mut free = Self::free(&found.set);
@@ -497,6 +474,7 @@ impl<'a> Search<'a> {
             let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
             found.fit.theta = last.theta;
             self.tune_choices(found)?;
+            self.sharpen(found)?;
         }
         watch.step("noise");
         self.judge.quality = Quality::Fine;
@@ -532,6 +510,11 @@ pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
         "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
         _ => false,
     }
+}
+
+/// Whether a candidate changes values by what they are, wherever they are.
+fn changes_colours(name: &str) -> bool {
+    matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
 }
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {

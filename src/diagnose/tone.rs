@@ -2,6 +2,7 @@
 //! Noise that is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
 use super::model::{P, Theta};
+use super::packing::{Left, Packing};
 use crate::plane::srgb_encode;
 
 /// Entries of the table of encoded values per unit: linear interpolation is within 0.01 DN above linear 0.001.
@@ -75,6 +76,8 @@ pub(super) struct Tone {
     noise: Option<[Vec<(f32, Variances)>; 3]>,
     /// By channel and whole DN of the mean.
     by_dn: Option<[Vec<Variances>; 3]>,
+    /// By channel and whole DN of the mean: what compression leaves of that.
+    left: Option<[Vec<Left>; 3]>,
 }
 
 impl Tone {
@@ -93,12 +96,19 @@ impl Tone {
             veil_level: (theta.get(P::Veil) * theta.get(P::Level)) as f32,
             noise: None,
             by_dn: None,
+            left: None,
         };
         let noise = Noise::new(theta);
         if noise.any() {
             let gains = noise_gain(theta);
             let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, gains[c]));
-            tone.by_dn = Some([0, 1, 2].map(|c| tone.spread_by_dn(&tables[c], c)));
+            let by_dn = [0, 1, 2].map(|c| tone.spread_by_dn(&tables[c], c));
+            if theta.is_on(P::Quality) {
+                let packing = Packing::of(theta.get(P::Quality) as u8);
+                let left = |v: &Variances| packing.left(v.free + v.fixed);
+                tone.left = Some([0, 1, 2].map(|c| by_dn[c].iter().map(left).collect()));
+            }
+            tone.by_dn = Some(by_dn);
             tone.noise = Some(tables);
         }
         tone
@@ -138,7 +148,12 @@ impl Tone {
         }
     }
 
-    /// Spread about a mean of so many DN, whatever comes behind the encoding left aside.
+    /// What compression leaves of the spread about a mean of so many DN; all of it without compression.
+    pub(super) fn left(&self, mean_dn: f32, channel: usize) -> Left {
+        self.left.as_ref().map_or(Left::ALL, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+    }
+
+    /// Spread about a mean of so many DN before compression.
     pub(super) fn spread(&self, mean_dn: f32, channel: usize) -> Variances {
         self.by_dn
             .as_ref()

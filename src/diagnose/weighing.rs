@@ -83,8 +83,14 @@ impl Weighing {
 fn noise_of(mean: &Plane<f32>, tone: &Tone, block: usize) -> Vec<f32> {
     let n = block as f32;
     let variance = mean.data.iter().enumerate().map(|(i, m)| {
-        let v = tone.spread(*m, i % 3);
-        (v.free + v.fixed) / (n * n) + v.row / n
+        let (v, left) = (tone.spread(*m, i % 3), tone.left(*m, i % 3));
+        let share = match block {
+            1 => left.pixel,
+            2 => left.bands[0],
+            4 => left.bands[1],
+            _ => left.bands[2],
+        };
+        share * (v.free + v.fixed) / (n * n) + v.row / n
     });
     pooled(&variance.collect::<Vec<_>>(), mean.width, mean.height, block)
 }

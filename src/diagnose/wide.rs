@@ -23,7 +23,7 @@ type Places = Arc<Vec<[f32; 2]>>;
 #[derive(Default)]
 pub(super) struct Wide {
     /// By quality: what triangles are cut to differs too.
-    engines: [Option<Engine>; 3],
+    engines: [Option<Engine>; 4],
     /// Px beyond each side.
     pub(super) margin_px: u32,
     map: Option<(Vec<u64>, Places)>,
@@ -34,7 +34,7 @@ impl Wide {
     pub(super) fn begin(&mut self, margin_px: u32) -> Result<()> {
         self.map = None;
         if self.margin_px != margin_px {
-            (self.engines, self.margin_px) = ([None, None, None], margin_px);
+            (self.engines, self.margin_px) = (Default::default(), margin_px);
         }
         self.engines.iter_mut().flatten().try_for_each(Engine::forget)
     }
@@ -65,7 +65,7 @@ impl Forward {
         // No further than the picture is large: what lies beyond that is not worth its memory.
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
-            self.bench.wide.engines = [None, None, None];
+            self.bench.wide.engines = Default::default();
             self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
         }
@@ -94,7 +94,7 @@ impl Forward {
         if self.bench.wide.engines[place].is_none() {
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
             // Four pixels are one: a sample in each is four.
-            let options = EngineOptions { samples: [1, 1, 4][place], ..super::forward::options(quality) };
+            let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::forward::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics);
             self.bench.wide.engines[place] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
         }

@@ -1,0 +1,317 @@
+//! Compression of noisy pictures: what JPEG makes of a picture on average over the noise in it, and what it leaves of the
+//! noise. Noise wider than a step carries the mean through the rounding (dither); noise narrower than half a step is
+//! removed, coefficient by coefficient, so that what remains is coarser than a pixel.
+
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex};
+
+use rayon::prelude::*;
+
+use super::dct::{AREA, Dct, SIDE, steps};
+use super::noise::robust_variance;
+use super::score::erf;
+use crate::chain::rng::random_bits;
+use crate::plane::Plane;
+
+/// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and colours.
+const ROUNDED2: f32 = 0.12;
+/// Rows of the conversion to brightness and two colours.
+const TO_YCC: [[f32; 3]; 3] =
+    [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+
+/// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2.
+pub(super) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Plane<f32> {
+    let dct = Dct::new();
+    let tables = [steps(quality, false), steps(quality, true)];
+    let (w, h) = (dn.width, dn.height);
+    let mut out = Plane::new(w, h, 3);
+    let strip = |(band, rows): (usize, &mut [f32])| {
+        for x0 in (0..w).step_by(SIDE) {
+            let place = |i: usize| {
+                let (x, y) = ((x0 + i % SIDE).min(w - 1), (band * SIDE + i / SIDE).min(h - 1));
+                3 * (y * w + x)
+            };
+            let block = block(&dct, &tables, |i| {
+                let at = place(i);
+                [0, 1, 2].map(|c| (dn.data[at + c].clamp(0.0, 255.0), variance[at + c]))
+            });
+            for i in (0..AREA).filter(|i| x0 + i % SIDE < w && band * SIDE + i / SIDE < h) {
+                let to = 3 * ((i / SIDE) * w + x0 + i % SIDE);
+                let [y, b, r] = [0, 1, 2].map(|k| block[k][i]);
+                let rgb = [y + 1.402 * r, y - 0.344_136 * b - 0.714_136 * r, y + 1.772 * b];
+                rows[to..to + 3].copy_from_slice(&rgb.map(|v| (v + 128.0).clamp(0.0, 255.0)));
+            }
+        }
+    };
+    out.data.par_chunks_mut(3 * w * SIDE).enumerate().for_each(strip);
+    out
+}
+
+/// Brightness less 128 and colours of one block.
+fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [(f32, f32); 3]) -> [[f32; AREA]; 3] {
+    let values: [[(f32, f32); 3]; AREA] = std::array::from_fn(value);
+    std::array::from_fn(|k| {
+        let weights = TO_YCC[k];
+        let plane = std::array::from_fn(|i| {
+            let sum: f32 = (0..3).map(|c| weights[c] * values[i][c].0).sum();
+            if k == 0 { sum - 128.0 } else { sum }
+        });
+        let variance = (0..AREA)
+            .map(|i| (0..3).map(|c| weights[c] * weights[c] * values[i][c].1).sum::<f32>())
+            .sum::<f32>()
+            / AREA as f32;
+        let sigma = (variance + ROUNDED2).sqrt();
+        let table = &tables[usize::from(k > 0)];
+        let mut coefficients = dct.forward(&plane);
+        coefficients.iter_mut().zip(table).for_each(|(c, step)| *c = rounded_mean(*c, sigma, *step));
+        dct.inverse(&coefficients)
+    })
+}
+
+/// Mean of a normal value after it has been rounded to multiples of a step.
+fn rounded_mean(mean: f32, sigma: f32, step: f32) -> f32 {
+    let (at, wide) = (mean / step, sigma / step);
+    if wide > 0.7 {
+        return mean;
+    }
+    if wide > 0.2 {
+        // The error of rounding as a series of waves, each damped by the noise.
+        let turn = std::f32::consts::TAU * at;
+        let wave = |m: f32| {
+            let damped = (-0.5 * (std::f32::consts::TAU * m * wide).powi(2)).exp();
+            (m * turn).sin() / (std::f32::consts::PI * m) * damped
+        };
+        return step * (at + (-wave(1.0) + wave(2.0) - wave(3.0)));
+    }
+    // Only the nearest threshold is within reach.
+    let below = at.floor();
+    let z = (at - below - 0.5) / wide.max(1e-6);
+    step * (below + 0.5 * (1.0 + erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2) as f32))
+}
+
+/// What compression leaves of the variance of white noise, by statistic: shares of what white noise would give it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Left {
+    pub pixel: f32,
+    /// Of differences along the row, as noise is measured (see [`super::noise`]), by their distance of 2 and 4 px.
+    pub high_pass: [f32; 2],
+    /// Of differences of means over blocks of 2, 4 and 8 px.
+    pub bands: [f32; 3],
+    /// Of means of rows, and of columns.
+    pub lines: [f32; 2],
+}
+
+impl Left {
+    /// All of the noise.
+    pub(super) const ALL: Self = Self { pixel: 1.0, high_pass: [1.0; 2], bands: [1.0; 3], lines: [1.0; 2] };
+
+    fn mix(&self, other: &Self, t: f32) -> Self {
+        let m = |a: f32, b: f32| a * (1.0 - t) + b * t;
+        let pairs = |a: [f32; 2], b: [f32; 2]| [m(a[0], b[0]), m(a[1], b[1])];
+        Self {
+            pixel: m(self.pixel, other.pixel),
+            high_pass: pairs(self.high_pass, other.high_pass),
+            bands: [0, 1, 2].map(|i| m(self.bands[i], other.bands[i])),
+            lines: pairs(self.lines, other.lines),
+        }
+    }
+}
+
+/// Standard deviations of the noise at which [`Left`] is known, DN: equal ratios.
+const LEVELS: usize = 15;
+/// The least of them, and their ratio.
+const LEVEL: [f32; 2] = [0.5, std::f32::consts::SQRT_2];
+
+/// What a quality leaves of noise, by how much there was.
+#[derive(Debug)]
+pub(super) struct Packing([Left; LEVELS]);
+
+static KNOWN: LazyLock<Mutex<HashMap<u8, Arc<Packing>>>> = LazyLock::new(Mutex::default);
+
+impl Packing {
+    /// Of a quality; worked out once, from noise drawn with a fixed seed.
+    pub(super) fn of(quality: u8) -> Arc<Self> {
+        let mut known = KNOWN.lock().expect("nobody panics while it is held");
+        known.entry(quality).or_insert_with(|| Arc::new(Self::drawn(quality))).clone()
+    }
+
+    fn drawn(quality: u8) -> Self {
+        let all: Vec<Left> = (0..LEVELS)
+            .into_par_iter()
+            .map(|i| drawn_at(quality, LEVEL[0] * LEVEL[1].powi(i as i32)))
+            .collect();
+        Self(all.try_into().expect("as many as there are levels"))
+    }
+
+    /// For noise of that variance before the compression, DN^2.
+    pub(super) fn left(&self, variance: f32) -> Left {
+        let at = (0.5 * (variance.max(1e-6) / (LEVEL[0] * LEVEL[0])).ln() / LEVEL[1].ln())
+            .clamp(0.0, (LEVELS - 1) as f32);
+        let i = (at as usize).min(LEVELS - 2);
+        self.0[i].mix(&self.0[i + 1], at - i as f32)
+    }
+
+    /// The variance before the compression over that measured behind it, by differences of a kind (see
+    /// [`Left::high_pass`]); at most a limit, since of what is removed altogether nothing is known.
+    pub(super) fn restored(&self, measured: f32, kind: usize) -> f32 {
+        const MOST: f32 = 30.0;
+        // The share that is left times this ratio rises with the ratio: halve the interval.
+        let (mut low, mut high) = (0.25f32, MOST);
+        for _ in 0..24 {
+            let middle = (low * high).sqrt();
+            if middle * self.left(measured * middle).high_pass[kind] < 1.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    }
+}
+
+/// Size of the picture of noise, px.
+const DRAWN: [usize; 2] = [256, 192];
+
+fn drawn_at(quality: u8, sigma: f32) -> Left {
+    let [w, h] = DRAWN;
+    // The means of blocks lie anywhere between two steps.
+    let grey = |x: usize, y: usize| {
+        let bits = random_bits([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0];
+        96.0 + 64.0 * (bits as f32 / u32::MAX as f32)
+    };
+    let normal = |x: usize, y: usize, c: u32| {
+        let bits = random_bits([x as u32, y as u32], c, 0x4b, [1, 2]);
+        let unit = |b: u32| (b as f32 + 0.5) / 4_294_967_296.0;
+        (-2.0 * unit(bits[0]).ln()).sqrt() * (std::f32::consts::TAU * unit(bits[1])).cos()
+    };
+    let mean = Plane::from_fn(w, h, |x, y| [grey(x, y); 3]);
+    let noisy =
+        Plane::from_fn(w, h, |x, y| [0, 1, 2].map(|c| (grey(x, y) + sigma * normal(x, y, c)).round()));
+    let expected = packed_mean(&mean, &vec![sigma * sigma; mean.data.len()], quality);
+    // No noise is left to be averaged over.
+    let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], quality);
+    let errors =
+        Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen };
+    Left {
+        pixel: square(errors.data.iter().copied()) / (sigma * sigma),
+        high_pass: [2, 4].map(|apart| high_pass(&errors, apart) / (sigma * sigma)),
+        bands: [2, 4, 8].map(|n| band(&errors, n) / (0.75 * sigma * sigma / (n * n) as f32)),
+        lines: [true, false].map(|rows| lines(&errors, rows) / (sigma * sigma)),
+    }
+    .at_most(4.0)
+}
+
+impl Left {
+    /// Rounding of little noise makes more of it than there was; beyond a limit that is no share of anything.
+    fn at_most(self, most: f32) -> Self {
+        Self {
+            pixel: self.pixel.min(most),
+            high_pass: self.high_pass.map(|v| v.min(most)),
+            bands: self.bands.map(|v| v.min(most)),
+            lines: self.lines.map(|v| v.min(most)),
+        }
+    }
+}
+
+fn square(values: impl Iterator<Item = f32>) -> f32 {
+    let (sum, count) = values.fold((0.0f64, 0.0), |(s, n), v| (s + f64::from(v * v), n + 1.0));
+    (sum / f64::max(count, 1.0)) as f32
+}
+
+/// Variance as noise is measured: from the middle of the differences to the mean of two others.
+fn high_pass(e: &Plane<f32>, apart: usize) -> f32 {
+    let mut all = Vec::new();
+    for y in 0..e.height {
+        let row = e.row(y);
+        all.extend(
+            (3 * apart..row.len() - 3 * apart)
+                .map(|i| row[i] - 0.5 * (row[i - 3 * apart] + row[i + 3 * apart])),
+        );
+    }
+    (robust_variance(&mut all) / 1.5) as f32
+}
+
+/// Mean square difference between means over blocks of `n` px and over blocks of twice that side.
+fn band(e: &Plane<f32>, n: usize) -> f32 {
+    let mean = |x0: usize, y0: usize, n: usize, c: usize| {
+        let sum: f32 = (0..n * n).map(|i| e.pixel(x0 + i % n, y0 + i / n)[c]).sum();
+        sum / (n * n) as f32
+    };
+    let mut all = Vec::new();
+    for y in (0..e.height / (2 * n) * 2 * n).step_by(n) {
+        for x in (0..e.width / (2 * n) * 2 * n).step_by(n) {
+            let outer = (x / (2 * n) * 2 * n, y / (2 * n) * 2 * n);
+            all.extend((0..3).map(|c| mean(x, y, n, c) - mean(outer.0, outer.1, 2 * n, c)));
+        }
+    }
+    square(all.into_iter())
+}
+
+/// Variance of the means of rows or columns, times their length.
+fn lines(e: &Plane<f32>, rows: bool) -> f32 {
+    let (count, length) = if rows { (e.height, e.width) } else { (e.width, e.height) };
+    let at = |line: usize, i: usize| if rows { e.pixel(i, line) } else { e.pixel(line, i) };
+    let means = (0..count * 3).map(|k| {
+        let sum: f32 = (0..length).map(|i| at(k / 3, i)[k % 3]).sum();
+        sum / length as f32
+    });
+    square(means) * length as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_noise_it_is_the_encoder_and_with_noise_the_mean_over_many() {
+        let plain = Plane::from_fn(48, 32, |x, y| {
+            [0, 1, 2].map(|c| (40.0 + 20.0 * ((x / 5 + y / 6 + c) % 7) as f32 + (x * y % 11) as f32).round())
+        });
+        let none = vec![0.0; plain.data.len()];
+        let encoded = super::super::photometric::compressed(&plain, 60);
+        let off = |a: &Plane<f32>, b: &Plane<f32>| {
+            a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.data.len() as f32
+        };
+        // Coefficients near a threshold go either way: libjpeg is as far from an exact transform here (1.5 DN).
+        let hard = packed_mean(&plain, &none, 60);
+        assert!(off(&hard, &encoded) < 0.3 * off(&plain, &encoded), "{}", off(&hard, &encoded));
+        let sigma = 6.0;
+        let mut mean = Plane::<f32>::new(48, 32, 3);
+        for seed in 0..40 {
+            let noisy = Plane {
+                data: plain
+                    .data
+                    .iter()
+                    .enumerate()
+                    .map(|(i, v)| {
+                        let bits = random_bits([i as u32, seed], 0, 5, [1, 1]);
+                        let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                        (v + sigma * 1.732 * noise).round()
+                    })
+                    .collect(),
+                ..plain.clone()
+            };
+            let one = super::super::photometric::compressed(&noisy, 60);
+            mean.data.iter_mut().zip(&one.data).for_each(|(m, v)| *m += v / 40.0);
+        }
+        let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], 60);
+        // The mean of 40 has 1 DN of noise itself, 0.8 in size.
+        assert!(off(&mean, &expected) < 0.9, "{}", off(&mean, &expected));
+        assert!(off(&mean, &hard) > 1.3 * off(&mean, &expected), "control: {}", off(&mean, &hard));
+    }
+
+    #[test]
+    fn compression_leaves_coarse_noise_and_little_of_fine_noise_and_all_of_strong_noise() {
+        let packing = Packing::of(60);
+        let [weak, strong] = [4.0, 900.0].map(|v| packing.left(v));
+        assert!(weak.pixel < 0.5 && weak.bands[2] > 1.5 * weak.bands[0], "{weak:?}");
+        assert!((strong.pixel - 1.0).abs() < 0.2, "{strong:?}");
+        // What is measured behind it gives back what was there.
+        for variance in [40.0f32, 100.0, 400.0] {
+            let measured = variance * packing.left(variance).high_pass[0];
+            let back = measured * packing.restored(measured, 0);
+            assert!((back / variance - 1.0).abs() < 0.15, "{variance}: {back}");
+        }
+        assert!(Packing::of(100).left(4.0).pixel > 0.8, "control: the finest quality leaves it");
+    }
+}
