@@ -118,6 +118,7 @@ fn bindings(file: &str, main: &EntryPoint) -> String {
             DescriptorType::StorageImage(_) => "StorageImage",
             DescriptorType::UniformBuffer() => "UniformBuffer",
             DescriptorType::StorageBuffer(_) => "StorageBuffer",
+            DescriptorType::UniformTexelBuffer() => "TexelBuffer",
             other => panic!("{file}: descriptor type {other:?} is not used in this project"),
         };
         let (set, binding) = (desc_bind.set(), desc_bind.bind());

@@ -1,10 +1,18 @@
 //! What the C ABI costs over the engine's own time, and what frames in flight gain: outside frames of 640x480, RGBA8 colour
-//! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS]` (300).
+//! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS [overhead | flight]]` (300). On a software
+//! device the driver's threads are most of the noise: `LP_NUM_THREADS=1` leaves one of them, and then "wall less waiting" is
+//! what the wall time of a frame would be on a machine with nothing else to do: its threads work one after the other, so
+//! whatever one of them waits for a processor is waited for by the frame.
 //!
-//! Each round runs the engine alone, the same through C, and, as a control, through C with a twentieth of the engine's
-//! processor time burnt beside it, in an order that changes from round to round. Reported is the median of the rounds'
-//! differences with its 95 % confidence interval (order statistics: nothing is assumed of the noise), by wall time, by the
-//! process's processor time and by that of the calling thread. The control tells how small a cost would be seen.
+//! Each round runs the engine alone, the same through C, a second engine alone, and through C with a twentieth of the engine's
+//! processor time burnt beside it, in an order that changes from round to round (every place, and there and back). Reported
+//! is the median of the rounds' differences from the first with its 95 % confidence interval (order statistics: nothing is
+//! assumed of the noise), by wall time, by the process's processor time and by that of the calling thread. The second engine
+//! tells what two equal things differ by, the burnt time how small a cost would be seen. "copy out" is the one thing of size
+//! that the C ABI adds: the delivered picture, from the library's memory to the caller's.
+//!
+//! "in flight" comes twice: as above, and with `jpeg`, whose work is the host's, so that there is something to overlap. `bound`
+//! is what overlapping all of the host's work with all of the device's would bring.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../tests/capi_support/mod.rs"]
@@ -14,7 +22,7 @@ use std::collections::VecDeque;
 use std::ptr::null_mut;
 use std::time::{Duration, Instant};
 
-use capi_support::{camera, create, image, must, options, outside, sized};
+use capi_support::{create, image, must, options, outside, sized, text};
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::capi::*;
 use shutterbug::engine::{
@@ -25,6 +33,8 @@ use shutterbug::plane::PixelFormat;
 
 const W: usize = 640;
 const H: usize = 480;
+const CAMERA: &str = "width = 640\nheight = 480\nfx = 320\nfy = 320\ncx = 320\ncy = 240\nframe_period_s = 0.04\n\
+                      [rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.008\n";
 const WARM: usize = 5;
 const ROUNDS: usize = 300;
 /// Frames a round of each number in flight.
@@ -43,25 +53,34 @@ fn median(values: Vec<f64>) -> [f64; 3] {
     [at(0.5 * n), at((0.5 * n - 0.98 * n.sqrt()).floor()), at((0.5 * n + 0.98 * n.sqrt()).ceil())]
 }
 
-/// Processor time of a task's `schedstat`, ms.
-fn busy_ms(path: &str) -> f64 {
+/// A task's processor time, and the time for which it could have run and had no processor (`schedstat`), ms.
+fn scheduled_ms(path: &str) -> [f64; 2] {
     let text = std::fs::read_to_string(path).unwrap_or_default();
-    text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
+    let mut numbers = text.split_whitespace().map(|ns| ns.parse::<f64>().unwrap_or(0.0) * 1e-6);
+    [(); 2].map(|()| numbers.next().unwrap_or(0.0))
 }
 
-/// Wall time, processor time of all threads, processor time of this thread, ms.
+fn busy_ms(path: &str) -> f64 {
+    scheduled_ms(path)[0]
+}
+
+/// Wall time, wall time less what all threads waited for a processor, processor time of all threads and of this one, ms.
 #[derive(Clone, Copy)]
-struct Clocks([f64; 3]);
+struct Clocks([f64; 4]);
+
+const CLOCKS: [&str; 4] = ["wall", "wall less waiting", "process", "thread"];
 
 impl Clocks {
     fn now(start: Instant) -> Self {
         let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-        let all = tasks.map(|t| busy_ms(&format!("{}/schedstat", t.path().display()))).sum();
-        Self([ms(start), all, busy_ms("/proc/thread-self/schedstat")])
+        let tasks = tasks.map(|t| scheduled_ms(&format!("{}/schedstat", t.path().display())));
+        let [all, waited] = tasks.fold([0.0; 2], |sum, task| [sum[0] + task[0], sum[1] + task[1]]);
+        let wall = ms(start);
+        Self([wall, wall - waited, all, busy_ms("/proc/thread-self/schedstat")])
     }
 
-    fn since(self, before: Self) -> [f64; 3] {
-        [0, 1, 2].map(|i| self.0[i] - before.0[i])
+    fn since(self, before: Self) -> [f64; 4] {
+        [0, 1, 2, 3].map(|i| self.0[i] - before.0[i])
     }
 }
 
@@ -105,7 +124,7 @@ impl Own {
             cx: half,
             cy: H as f64 / 2.0,
         };
-        Self(OutsideEngine::new(&context, k, 3, Duration::from_secs(60)).unwrap())
+        Self(OutsideEngine::new(&context, k, 1, Duration::from_secs(60)).unwrap())
     }
 
     fn frame(&mut self, p: &Pictures, index: u32) {
@@ -161,17 +180,18 @@ struct ThroughC {
 }
 
 impl ThroughC {
-    fn new(p: &mut Pictures, in_flight: u32) -> Self {
+    fn new(p: &mut Pictures, in_flight: u32, effects: &str) -> Self {
         let mut o = options(2, 0);
         o.frames_in_flight = in_flight;
         let engine = create(o).unwrap();
-        must(unsafe { shutterbug_engine_set_camera(engine, &camera(W as u32, H as u32)) }, engine);
+        let camera = text(&format!("{CAMERA}{effects}"));
+        must(unsafe { shutterbug_engine_set_camera_text(engine, camera.as_ptr()) }, engine);
         let images = Box::new([
             image(PixelFormat::Rgba8, W, H, &mut p.color),
             image(PixelFormat::Rg32f, W, H, bytemuck::cast_slice_mut(&mut p.motion)),
         ]);
         let mut convention = Box::new(sized::<shutterbug_motion_convention>());
-        must(unsafe { shutterbug_motion_preset(0, &mut *convention) }, null_mut());
+        must(unsafe { shutterbug_motion_preset(0, &mut *convention, null_mut(), 0) }, null_mut());
         Self { engine, images, convention, out: vec![0; W * H * 3] }
     }
 
@@ -184,11 +204,15 @@ impl ThroughC {
         frame
     }
 
-    fn collect(&mut self, frame: Handle) {
+    /// Returns how long the copy took, ms.
+    fn collect(&mut self, frame: Handle) -> f64 {
         must(shutterbug_frame_wait(frame, -1.0), frame);
         let to = image(PixelFormat::Rgb8, W, H, &mut self.out);
+        let start = Instant::now();
         must(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame);
+        let copied = ms(start);
         must(shutterbug_frame_destroy(frame), null_mut());
+        copied
     }
 }
 
@@ -203,57 +227,81 @@ fn device_of(engine: Handle) -> String {
     name.iter().take_while(|b| **b != 0).map(|b| *b as u8 as char).collect()
 }
 
-/// The three arms, round by round.
-fn overhead(p: &mut Pictures, rounds: usize) {
-    let (mut own, mut c) = (Own::new(), ThroughC::new(p, 1));
+/// What a round runs.
+const ARMS: [&str; 4] = ["engine", "through C", "engine again", "through C and more"];
+
+/// The arms, round by round: what each took by each clock; the copies out; the time that the last arm burns, ms.
+fn rounds(p: &mut Pictures, count: usize) -> ([Vec<[f64; 4]>; 4], Vec<f64>, f64) {
+    let (mut own, mut again, mut c) = (Own::new(), Own::new(), ThroughC::new(p, 1, ""));
     let start = Instant::now();
-    let mut taken: [Vec<[f64; 3]>; 3] = Default::default();
-    let mut twentieth_ms = 0.0;
-    for i in 0..WARM + rounds {
-        for k in 0..3 {
-            let arm = (i + k) % 3;
+    let mut taken: [Vec<[f64; 4]>; 4] = Default::default();
+    let (mut copies, mut twentieth_ms) = (Vec::new(), 0.0);
+    for i in 0..WARM + count {
+        for k in 0..ARMS.len() {
+            let place = (i + k) % ARMS.len();
+            let arm = if (i / ARMS.len()).is_multiple_of(2) { place } else { ARMS.len() - 1 - place };
             let before = Clocks::now(start);
-            if arm == 0 {
-                own.frame(p, i as u32);
-            } else {
-                let frame = c.submit(i as u32);
-                c.collect(frame);
+            match arm {
+                0 => own.frame(p, i as u32),
+                2 => again.frame(p, i as u32),
+                _ => {
+                    let frame = c.submit(i as u32);
+                    copies.push(c.collect(frame));
+                }
             }
-            if arm == 2 {
+            if arm == 3 {
                 burn(twentieth_ms);
             }
             let spent = Clocks::now(start).since(before);
             if i >= WARM {
                 taken[arm].push(spent);
             } else if arm == 0 {
-                twentieth_ms = 0.05 * spent[1];
+                twentieth_ms = 0.05 * spent[2];
             }
         }
     }
-    let device = device_of(c.engine);
-    for (clock, name) in ["wall", "process", "thread"].into_iter().enumerate() {
+    (taken, copies, twentieth_ms)
+}
+
+/// What the C ABI costs.
+fn overhead(p: &mut Pictures, count: usize) {
+    let device = device_of(ThroughC::new(p, 1, "").engine);
+    let (taken, copies, twentieth_ms) = rounds(p, count);
+    for (clock, name) in CLOCKS.into_iter().enumerate() {
         let of = |arm: usize| taken[arm].iter().map(|t| t[clock]).collect::<Vec<_>>();
         let more = |arm: usize| of(arm).iter().zip(of(0)).map(|(a, b)| a - b).collect::<Vec<_>>();
         // Of the engine's time by that clock; the calling thread's own is next to nothing, so it counts against wall time.
-        let base = median(taken[0].iter().map(|t| t[if clock == 2 { 0 } else { clock }]).collect())[0];
+        let base = median(taken[0].iter().map(|t| t[if clock == 3 { 0 } else { clock }]).collect())[0];
         let share = |arm: usize| median(more(arm)).map(|m| (1e4 * m / base).round() / 1e4);
         let row = serde_json::json!({
-            "what": "overhead", "clock": name, "device": device, "size": [W, H], "rounds": rounds,
-            "engine_ms": median(of(0)), "c_ms": median(of(1)), "overhead": share(1),
-            "control_overhead": share(2), "control_added": (1e4 * twentieth_ms / base).round() / 1e4,
+            "what": "overhead", "clock": name, "device": device, "size": [W, H], "rounds": count,
+            "engine_ms": median(of(0)), "c_ms": median(of(1)), "overhead": share(1), "engine_again": share(2),
+            "control_overhead": share(3), "control_added": (1e4 * twentieth_ms / base).round() / 1e4,
         });
         println!("{row}");
     }
+    let row = serde_json::json!({ "what": "copy out", "bytes": W * H * 3, "ms": median(copies) });
+    println!("{row}");
 }
 
-/// So many frames with `in_flight` of them on their way; latency of each, and frames a second.
-fn burst(c: &mut ThroughC, in_flight: usize, latency: &mut Vec<f64>) -> f64 {
+/// What bursts of frames took.
+#[derive(Default)]
+struct Bursts {
+    latency_ms: Vec<f64>,
+    per_s: Vec<f64>,
+    /// Processor time of the calling thread a frame.
+    host_ms: Vec<f64>,
+}
+
+/// So many frames with `in_flight` of them on their way.
+fn burst(c: &mut ThroughC, in_flight: usize, taken: &mut Bursts) {
     let mut waiting = VecDeque::new();
+    let latency_ms = &mut taken.latency_ms;
     let mut take = |c: &mut ThroughC, (at, frame): (Instant, Handle)| {
         c.collect(frame);
-        latency.push(ms(at));
+        latency_ms.push(ms(at));
     };
-    let start = Instant::now();
+    let (start, busy) = (Instant::now(), busy_ms("/proc/thread-self/schedstat"));
     for i in 0..BURST {
         if waiting.len() == in_flight {
             take(c, waiting.pop_front().unwrap());
@@ -261,31 +309,33 @@ fn burst(c: &mut ThroughC, in_flight: usize, latency: &mut Vec<f64>) -> f64 {
         waiting.push_back((Instant::now(), c.submit(i as u32)));
     }
     waiting.into_iter().for_each(|w| take(c, w));
-    BURST as f64 / start.elapsed().as_secs_f64()
+    taken.host_ms.push((busy_ms("/proc/thread-self/schedstat") - busy) / BURST as f64);
+    taken.per_s.push(BURST as f64 / start.elapsed().as_secs_f64());
 }
 
 /// In turn, so that a busy machine slows all alike.
-fn in_flight(p: &mut Pictures, rounds: usize) {
-    let mut engines: Vec<_> = (1..=3).map(|n| ThroughC::new(p, n)).collect();
-    let mut taken: [(Vec<f64>, Vec<f64>); 3] = Default::default();
+fn in_flight(p: &mut Pictures, rounds: usize, effects: &str) {
+    let mut engines: Vec<_> = (1..=3).map(|n| ThroughC::new(p, n, effects)).collect();
+    let mut taken: [Bursts; 3] = Default::default();
     for round in 0..=rounds {
         for (n, c) in engines.iter_mut().enumerate() {
-            let (latency, per_s) = &mut taken[n];
-            let rate = burst(c, n + 1, latency);
+            burst(c, n + 1, &mut taken[n]);
             if round == 0 {
-                latency.clear();
-            } else {
-                per_s.push(rate);
+                taken[n] = Bursts::default();
             }
         }
     }
     let device = device_of(engines[0].engine);
-    let one = taken[0].1.clone();
-    for (n, (latency, per_s)) in taken.into_iter().enumerate() {
-        let against = per_s.iter().zip(&one).map(|(a, b)| a / b).collect();
+    let one = taken[0].per_s.clone();
+    let (frame_ms, host_ms) = (1e3 / median(one.clone())[0], median(taken[0].host_ms.clone())[0]);
+    let bound = frame_ms / host_ms.max(frame_ms - host_ms);
+    for (n, bursts) in taken.into_iter().enumerate() {
+        let against = bursts.per_s.iter().zip(&one).map(|(a, b)| a / b).collect();
         let row = serde_json::json!({
-            "what": "in flight", "device": device, "size": [W, H], "frames_in_flight": n + 1,
-            "latency_ms": median(latency), "frames_per_s": median(per_s), "rate_against_one": median(against),
+            "what": "in flight", "effects": effects, "device": device, "size": [W, H], "frames_in_flight": n + 1,
+            "latency_ms": median(bursts.latency_ms), "frames_per_s": median(bursts.per_s),
+            "host_ms": median(bursts.host_ms), "rate_against_one": median(against),
+            "bound": (1e3 * bound).round() / 1e3,
         });
         println!("{row}");
     }
@@ -293,7 +343,15 @@ fn in_flight(p: &mut Pictures, rounds: usize) {
 
 fn main() {
     let rounds = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(ROUNDS);
+    let only = std::env::args().skip(1).find(|a| ["overhead", "flight"].contains(&a.as_str()));
     let mut p = Pictures::new();
-    overhead(&mut p, rounds);
-    in_flight(&mut p, rounds.div_ceil(BURST));
+    if only.as_deref() != Some("flight") {
+        overhead(&mut p, rounds);
+    }
+    if only.as_deref() == Some("overhead") {
+        return;
+    }
+    for effects in ["", "[jpeg]\nquality = 90\n"] {
+        in_flight(&mut p, rounds.div_ceil(BURST), effects);
+    }
 }

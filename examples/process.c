@@ -36,7 +36,7 @@ int main(int argc, char **argv) {
     shutterbug_image motion_image = {.struct_size = sizeof motion_image, .format = SHUTTERBUG_RG32F, .width = W,
                                      .height = H, .stride_bytes = 8 * W, .capacity_bytes = sizeof motion, .pixels = motion};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
-    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention), NULL);
+    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
     shutterbug_outside outside = {.struct_size = sizeof outside, .color_time_s = 0.02, .color = &color_image,
                                   .motion_count = 1, .motions = &motion_image, .motion_convention = &convention};
     shutterbug_frame *frame = NULL;

@@ -63,6 +63,14 @@ static void *any_handle(int kind) {
     return handles[pick(kind)];
 }
 
+/* A call besides: it reads the same bytes as what follows, so that old programs stay what they were. */
+#define aside(call)                       \
+    do {                                  \
+        const uint8_t *before = input.at; \
+        call;                             \
+        input.at = before;                \
+    } while (0)
+
 /* The struct's size is mostly right. */
 #define SIZED(type, name) \
     type name;            \
@@ -152,6 +160,20 @@ static shutterbug_image image(uint32_t format, uint32_t width, uint32_t height, 
     return it;
 }
 
+/* What needs no engine; the sentence ends before a guarded page. */
+static void convert(void) {
+    SIZED(shutterbug_motion_convention, motion);
+    uint64_t room = byte();
+    char *text = one_in(8) ? NULL : (char *)ends[0] - room;
+    uint32_t w = 1 + number(SIDE), h = 1 + number(SIDE);
+    shutterbug_image from = image(7 + byte() % 2, w, h, 1), to = image(7 + byte() % 2, w, h, 2);
+    seen(25, shutterbug_motion_preset(number(7), one_in(40) ? NULL : &motion, text, text ? room : 0), NULL, -1);
+    if (one_in(4)) motion.scale_x = real(), motion.interval_s = real(), motion.unit = number(4);
+    double interval_s = one_in(8) ? real() : 0.04;
+    seen(26, shutterbug_motion_convert(one_in(40) ? NULL : &from, &motion, interval_s, one_in(40) ? NULL : &to, text,
+                                       text ? room : 0), NULL, -1);
+}
+
 static void submit_outside(shutterbug_engine *engine, const uint32_t *size) {
     SIZED(shutterbug_outside, o);
     uint32_t margin[2] = {one_in(4) ? byte() % 5 : 0, one_in(4) ? byte() % 5 : 0};
@@ -160,7 +182,7 @@ static void submit_outside(shutterbug_engine *engine, const uint32_t *size) {
     SIZED(shutterbug_motion_convention, motion);
     SIZED(shutterbug_depth_convention, of_depth);
     shutterbug_stamped_pose poses[2] = {{0, {{0}, {0, 0, 0, 1}}}, {0.05, {{0.1}, {0, 0, 0, 1}}}};
-    shutterbug_motion_preset(byte() % 6, &motion);
+    shutterbug_motion_preset(byte() % 6, &motion, NULL, 0);
     if (one_in(4)) motion.scale_x = real(), motion.interval_s = real(), motion.unit = number(4);
     of_depth.kind = number(3), of_depth.near_m = 0.1, of_depth.far_m = one_in(4) ? real() : 100;
     if (one_in(8)) poses[byte() % 2].world_from_camera.rotation_xyzw[byte() % 4] = real();
@@ -249,6 +271,14 @@ static void share_image(shutterbug_engine *engine, shutterbug_memory **memory, i
     made(21, status, MEMORY, (void **)&again);
 }
 
+/* A descriptor of the engine's own comes in again. */
+static void semaphore_again(shutterbug_engine *engine, int *fd) {
+    shutterbug_semaphore *again = NULL;
+    shutterbug_status status = seen(27, shutterbug_semaphore_import_fd(engine, *fd, number(3), &again), engine, ENGINE);
+    if (!status) *fd = -1; /* the driver's now */
+    made(27, status, SEMAPHORE, (void **)&again);
+}
+
 static void share(shutterbug_engine *engine) {
     int fd = -1;
     shutterbug_memory *memory = NULL;
@@ -265,7 +295,11 @@ static void share(shutterbug_engine *engine) {
         made(14, seen(14, shutterbug_memory_export_fd(engine, bytes > 1 << 20 ? 1 << 20 : bytes, &memory, &fd), engine, ENGINE),
              MEMORY, (void **)&memory);
         break;
-    case 2: made(15, seen(15, shutterbug_semaphore_export_fd(engine, number(3), &semaphore, &fd), engine, ENGINE), SEMAPHORE, (void **)&semaphore); break;
+    case 2:
+        made(15, seen(15, shutterbug_semaphore_export_fd(engine, number(3), &semaphore, &fd), engine, ENGINE), SEMAPHORE,
+             (void **)&semaphore);
+        aside(semaphore_again(engine, &fd));
+        break;
     case 3: share_image(engine, &memory, &fd); break;
     case 4: seen(23, shutterbug_semaphore_use(engine, one_in(2) ? 0 : 7, number(3), &semaphore), engine, ENGINE); break;
     default: made(16, seen(16, shutterbug_memory_import_fd(engine, -1, bytes, &memory), engine, ENGINE), MEMORY, (void **)&memory);
@@ -294,7 +328,7 @@ static void step(void) {
     if (size[0] > SIDE || size[1] > SIDE) fail("a camera beyond max_side_px: %ux%u", size[0], size[1]);
     switch (call) {
     case 0: one_in(4) ? (void)create() : set_camera(engine); break;
-    case 1: set_camera(engine); break;
+    case 1: aside(convert()); set_camera(engine); break;
     case 2: case 3: load(engine); break;
     case 4: share(engine); break;
     case 5: one_in(6) ? end(pick(ENGINE), (int)number(KINDS) % KINDS) : of_frame(any_handle(FRAME), size); break;
@@ -321,7 +355,7 @@ static void plain_frame(unsigned char *picture) {
          .capacity_bytes = sizeof color, .pixels = color},
         {.struct_size = sizeof *images, .format = SHUTTERBUG_RG32F, .width = 16, .height = 12, .stride_bytes = 128,
          .capacity_bytes = sizeof motion, .pixels = motion}};
-    shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention);
+    shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0);
     shutterbug_outside outside = {.struct_size = sizeof outside, .color = images, .motion_count = 1, .motions = images + 1,
                                   .motion_convention = &convention};
     shutterbug_image to = images[0];
@@ -371,10 +405,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
 /* What was reached: a fuzz target that is refused everywhere proves nothing. */
 void shutterbug_fuzz_statistics(void) {
-    static const char *names[] = {"create", "set_camera", "submit_outside", "poll", "wait", "read", "frame_info", "frame_times",
-                                  "camera_text", "load_capture", "load_scene", "trajectory", "submit", "import_host",
-                                  "memory_export", "semaphore_export", "import_fd", "destroy", "engine_info", "capture_times",
-                                  "export_image", "import_image", "use_image", "semaphore_use", "reset_exposure"};
+    static const char *names[] = {
+        "engine_create", "engine_set_camera", "engine_submit_outside", "frame_poll", "frame_wait", "frame_read", "frame_get_info",
+        "frame_get_times", "engine_set_camera_text", "engine_load_capture", "engine_load_scene", "engine_set_trajectory",
+        "engine_submit", "memory_import_host", "memory_export_fd", "semaphore_export_fd", "memory_import_fd", "engine_destroy",
+        "engine_get_info", "engine_get_frame_times", "memory_export_image_fd", "memory_import_image_fd", "memory_use_image",
+        "semaphore_use", "engine_reset_exposure", "motion_preset", "motion_convert", "semaphore_import_fd"};
     for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
         printf("%s", names[i]);
         for (int s = 0; s <= SHUTTERBUG_VULKAN; ++s)

@@ -1,7 +1,10 @@
 /* Shutterbug: what one real, cheap, moving camera would have delivered of a frame. This header is the manual.
  *
- * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs come last and are written on
- *           success only. shutterbug_last_error() says in a sentence what was found and what was expected.
+ * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs are written on success only.
+ * ERRORS    shutterbug_last_error() says in a sentence what was found and what was expected; calls without a handle put it into
+ *           a buffer of yours (error_text, which may be null). Any call can give ARGUMENT, STRUCT_SIZE and PANIC, any call on a
+ *           handle HANDLE, BUSY and POISONED: those are common. What else a call gives stands at its "Errors:"; "device" there
+ *           stands for DEVICE_LOST, OUT_OF_MEMORY, VULKAN and, where it waits, TIMEOUT.
  * HANDLES   Numbers in the guise of pointers: never followed, only looked up. Null, made-up, destroyed and wrong-kind
  *           handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives SHUTTERBUG_HANDLE.
  * OWNERSHIP You own all memory that you pass, and nothing of it is kept after a call returns, except shared memory
@@ -17,9 +20,10 @@
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
  * STRUCTS   Set struct_size = sizeof(struct) before passing one, for outputs too, and zero the rest (= {0}) before you fill
  *           in fields: zero is each option's default. An unknown size gives SHUTTERBUG_STRUCT_SIZE.
- * MANNERS   No global state but the table of live handles, no signal handlers, no exit, nothing on stdout. A bug in the
- *           library becomes SHUTTERBUG_PANIC (with Rust's message on stderr) and makes that handle unusable, no other.
- *           The first engine that loads a scene starts a pool of idle worker threads that stays.
+ * MANNERS   No global state but the table of live handles (and two empty listeners that keep one engine's log from touching
+ *           another's), no signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC (with
+ *           Rust's message on stderr) and makes that handle unusable, no other. The first engine that loads a scene starts a
+ *           pool of idle worker threads that stays.
  */
 #ifndef SHUTTERBUG_H
 #define SHUTTERBUG_H
@@ -74,9 +78,9 @@ typedef struct shutterbug_semaphore shutterbug_semaphore; /* a semaphore that de
 
 /* The library's version: major * 1000000 + minor * 1000 + patch. Any thread, at any time. */
 uint32_t shutterbug_version(void);
-/* The same as text, "0.1.0". Static: never freed. */
+/* The same as text, "0.1.0". Static: never freed. Any thread, at any time. */
 const char *shutterbug_version_text(void);
-/* What a status means. Static. Unknown numbers have a text too. */
+/* What a status means. Static: never freed. Unknown numbers have a text too. Any thread, at any time. */
 const char *shutterbug_status_text(shutterbug_status status);
 /* Copies the text of the last failed call on a handle of any kind (NUL-terminated, cut to capacity) and returns its full
  * length without NUL. text may be null. Any thread, even while another one uses the handle. SHUTTERBUG_BUSY and
@@ -138,11 +142,13 @@ typedef struct shutterbug_engine_options {
     const void *get_instance_proc_addr; /* your Vulkan loader instead of the system's; may be null */
 } shutterbug_engine_options;
 
-/* Opens a device. The engine is yours: destroy it. Takes tens to hundreds of milliseconds. Fails with NO_DEVICE,
- * UNSUPPORTED (the device lacks something, or no validation layer), ARGUMENT, OUT_OF_MEMORY. */
+/* Opens a device. The engine is yours: destroy it. Nothing of the options is kept but log, log_user and
+ * get_instance_proc_addr, which must live as long as the engine, and what host stands for. Takes tens to hundreds of
+ * milliseconds. Any thread; several at once make engines of their own. Errors: NO_DEVICE, UNSUPPORTED (the device lacks something, or no validation layer), device. */
 shutterbug_status shutterbug_engine_create(const shutterbug_engine_options *options, shutterbug_engine **engine);
 
-/* Waits for what is in flight and frees everything that the engine has. Frames that were waited for stay readable. */
+/* Waits for what is in flight (20 s at most: see semaphores) and frees everything that the engine has. Frames that were waited
+ * for stay readable, others answer with HANDLE. Errors: none but the common ones; after BUSY the engine is still there. */
 shutterbug_status shutterbug_engine_destroy(shutterbug_engine *engine);
 
 enum {                        /* shutterbug_camera.scan_order: which line is read first */
@@ -165,8 +171,9 @@ typedef struct shutterbug_camera {
     uint32_t reserved; /* 0 */
 } shutterbug_camera;
 
-/* Sets the camera: pinhole and shutter, no other effect. INPUT names the field and its range. A new size or pinhole needs
- * that no frame is in flight (STATE). */
+/* Sets the camera of the frames that are submitted from now on: pinhole and shutter, no other effect. A new size or pinhole
+ * frees what frames need and makes it anew with the next one. Nothing of the struct is kept.
+ * Errors: INPUT (names the field and its range), STATE (frames are in flight, and size or pinhole change), LIMIT. */
 shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
 /* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). Effects of
  * lens, mounting and clock (lens_distortion, chromatic_aberration, focal_length_error, pose_offset, time_offset) act where a
@@ -174,17 +181,22 @@ shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const 
  * auto_exposure counts an engine's frames in the order of their submission, whatever their time and index: each answers to
  * the one submitted delay_frames before it, which must have been waited for (else STATE; so at most delay_frames may be in
  * flight). It begins anew, with initial_gain, where a camera has other values of auto_exposure than the one before, where a
- * capture, scene or trajectory is loaded or set, and by shutterbug_engine_reset_exposure. */
+ * capture, scene or trajectory is loaded or set, and by shutterbug_engine_reset_exposure. The text is UTF-8; nothing of it is
+ * kept. Errors: INPUT (names line, key and range), STATE and LIMIT as above. */
 shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
 
-/* Automatic exposure begins anew with the next frame: after a jump in time, or a frame that failed. No other effect. */
+/* Automatic exposure begins anew with the next frame: after a jump in time, or a frame that failed. No other effect.
+ * Errors: none but the common ones. */
 shutterbug_status shutterbug_engine_reset_exposure(shutterbug_engine *engine);
 
 /* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are
  * on the files' own clock (its zero: epoch_ns of shutterbug_engine_info); shutterbug_engine_get_frame_times tells those of
- * the frames. No frame may be in flight (STATE). */
+ * the frames. The folder (UTF-8) is read before the call returns and not again.
+ * Errors: STATE (frames are in flight), INPUT, IO, TIME (the trajectory does not cover the capture's frames), LIMIT. On failure
+ * the engine has what it had. */
 shutterbug_status shutterbug_engine_load_capture(shutterbug_engine *engine, const char *folder);
-/* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Needs camera and trajectory. */
+/* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Frames of it need a camera and a
+ * trajectory too, set before or after. Errors: STATE (frames are in flight), INPUT, IO, LIMIT. */
 shutterbug_status shutterbug_engine_load_scene(shutterbug_engine *engine, const char *obj_file);
 
 typedef struct shutterbug_pose {
@@ -196,7 +208,8 @@ typedef struct shutterbug_stamped_pose {
     shutterbug_pose world_from_camera;
 } shutterbug_stamped_pose;
 
-/* Sets the camera's poses over time; times increase. Between two: linear position, rotation on the shorter arc. */
+/* Sets the camera's poses over time; times increase. Between two: linear position, rotation on the shorter arc; beyond the
+ * first and last there is none. The poses are copied. Errors: STATE (frames are in flight), INPUT (times). */
 shutterbug_status shutterbug_engine_set_trajectory(shutterbug_engine *engine, const shutterbug_stamped_pose *poses,
                                                    size_t count);
 
@@ -222,8 +235,10 @@ typedef struct shutterbug_engine_info {
     uint8_t device_uuid[16];
 } shutterbug_engine_info;
 
+/* What the engine is and has; the texts are NUL-terminated UTF-8, cut where they do not fit. Errors: none but the common
+ * ones. */
 shutterbug_status shutterbug_engine_get_info(shutterbug_engine *engine, shutterbug_engine_info *info);
-/* Starts of the loaded capture's frames; room for capture_frames numbers. */
+/* Starts of the loaded capture's frames, s; room for capture_frames numbers. Errors: TOO_SMALL. */
 shutterbug_status shutterbug_engine_get_frame_times(shutterbug_engine *engine, double *times_s, size_t capacity);
 
 /* ---- Pictures ------------------------------------------------------------------------------------------------------- */
@@ -270,9 +285,11 @@ typedef struct shutterbug_request {
 } shutterbug_request;
 
 /* Hands a frame of the loaded scene to the device and returns without waiting for it (long accumulations wait for all but
- * their last part). Depends on nothing but the request, unless the camera has auto_exposure: frames may be asked for in any
- * order. FULL if frames_in_flight
- * frames have not been waited for; they are waited for in the order of their submission. The frame is yours: destroy it. */
+ * their last part; the first frame of a kind makes what it needs, which takes longer). Depends on nothing but the request,
+ * unless the camera has auto_exposure: frames may be asked for and waited for in any order. The frame is yours: destroy it.
+ * Errors: FULL (frames_in_flight frames have not been waited for: wait for any of them), STATE (no camera, scene or trajectory;
+ * auto_exposure), TIME, INPUT (effects that the method cannot do), UNSUPPORTED, TOO_SMALL and FORMAT (picture_memory), LIMIT,
+ * device. After any of them nothing is in flight that was not before. */
 shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
                                            shutterbug_frame **frame);
 
@@ -302,12 +319,17 @@ enum {                          /* presets of shutterbug_motion_preset */
     SHUTTERBUG_MOTION_OPTICAL_FLOW = 5 /* forward flow in pixels, y down (OpenCV; EXR forward.u, forward.v) */
 };
 
-/* Fills in a convention (struct_size set by you). Change what your host does differently. */
-shutterbug_status shutterbug_motion_preset(uint32_t preset, shutterbug_motion_convention *convention);
-/* Converts a motion image to this library's own convention, on the CPU; from and to may be the same memory only if they
- * are the same image. Needs no engine. */
+/* Fills in a convention (struct_size set by you). Change what your host does differently. Needs no engine; any thread, at any
+ * time. error_text takes the sentence of a failure, NUL-terminated and cut to error_capacity bytes; it may be null.
+ * Errors: none but the common ones (ARGUMENT: no such preset). */
+shutterbug_status shutterbug_motion_preset(uint32_t preset, shutterbug_motion_convention *convention, char *error_text,
+                                           uint64_t error_capacity);
+/* Converts a motion image to this library's own convention, px a frame_interval_s (s), on the CPU; from and to may be the same
+ * memory only if they are the same image. Both in host memory, of one size. Needs no engine; any thread, at any time.
+ * error_text and error_capacity as above. Errors: FORMAT, TOO_SMALL, LIMIT (a stride of 4 GiB). */
 shutterbug_status shutterbug_motion_convert(const shutterbug_image *from, const shutterbug_motion_convention *convention,
-                                            double frame_interval_s, const shutterbug_image *to);
+                                            double frame_interval_s, const shutterbug_image *to, char *error_text,
+                                            uint64_t error_capacity);
 
 enum {                             /* shutterbug_depth_convention.kind */
     SHUTTERBUG_DEPTH_METRES = 0,   /* along the optical axis; infinite, NaN or <= 0: infinitely far */
@@ -351,16 +373,21 @@ typedef struct shutterbug_outside {
 } shutterbug_outside;
 
 /* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
- * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Else as
- * shutterbug_engine_submit. Needs a camera. */
+ * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a camera, and
+ * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the two poses do not
+ * enclose color_time_s), INPUT (effects that need a scene's depth; poses' times), UNSUPPORTED (effects that act where a scene
+ * is rendered, jpeg with picture_memory), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
+ * not before. */
 shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
                                                    shutterbug_frame **frame);
 
 /* ---- Delivered frames ----------------------------------------------------------------------------------------------- */
 
-/* Whether shutterbug_frame_wait would return at once. */
+/* Whether shutterbug_frame_wait would return at once: 1 or 0. Errors: device, as of shutterbug_frame_wait. */
 shutterbug_status shutterbug_frame_poll(shutterbug_frame *frame, uint32_t *ready);
-/* Waits for a frame, at most limit_s (negative: as long as the engine's time_limit_s). TIMEOUT can be repeated. */
+/* Waits for a frame, at most limit_s seconds (negative: as long as the engine's time_limit_s), and takes it from the device:
+ * its place in flight is free again. Waiting once more is fine. Errors: device (after TIMEOUT it can be waited for again, after
+ * the others never: each later call says the same), HANDLE (the engine is gone). */
 shutterbug_status shutterbug_frame_wait(shutterbug_frame *frame, double limit_s);
 
 enum {                        /* plane of shutterbug_frame_read */
@@ -370,8 +397,9 @@ enum {                        /* plane of shutterbug_frame_read */
     SHUTTERBUG_DEPTH = 4      /* m along the optical axis, infinite where nothing is: R32F */
 };
 
-/* Copies a plane of a frame that was waited for. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES; frames from outside have
- * none. Can be repeated. The image has the camera's size. */
+/* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES; frames from
+ * outside have none. Can be repeated. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
+ * FORMAT, TOO_SMALL; of a frame that failed, its failure. */
 shutterbug_status shutterbug_frame_read(shutterbug_frame *frame, uint32_t plane, const shutterbug_image *to);
 
 typedef struct shutterbug_instant {
@@ -392,7 +420,8 @@ typedef struct shutterbug_frame_info {
     double exposure_gain;                /* factor on the radiance: exposure_gain of the camera times auto_exposure */
 } shutterbug_frame_info;
 
-/* When a frame that was waited for was taken, and the camera's pose then. */
+/* When a frame that was waited for was taken, and the camera's pose then. Errors: NOT_READY; of a frame that failed, its
+ * failure. */
 shutterbug_status shutterbug_frame_get_info(shutterbug_frame *frame, shutterbug_frame_info *info);
 
 typedef struct shutterbug_pass_time {
@@ -400,30 +429,35 @@ typedef struct shutterbug_pass_time {
     double ms; /* on the device */
 } shutterbug_pass_time;
 
-/* Times of the passes of a frame that was waited for; none on devices without timestamps. times may be null: then only the
- * count is written. */
+/* Times of the passes of a frame that was waited for, in their order; none on devices without timestamps. times has room for
+ * capacity of them, or is null: then only the count is written. Errors: NOT_READY, TOO_SMALL; of a frame that failed, its
+ * failure. */
 shutterbug_status shutterbug_frame_get_times(shutterbug_frame *frame, shutterbug_pass_time *times, size_t capacity,
                                              size_t *count);
 
-/* Frees a frame. One that is in flight is waited for first. */
+/* Frees a frame. One that is in flight is waited for first, at most time_limit_s; whatever comes of that, it is freed (its
+ * place in flight once the device is done). Errors: none but the common ones; after BUSY the frame is still there. */
 shutterbug_status shutterbug_frame_destroy(shutterbug_frame *frame);
 
 /* ---- Zero copy ------------------------------------------------------------------------------------------------------ */
 /* What a device cannot do gives UNSUPPORTED; see capabilities. Shared memory and semaphores work with the engine they were
  * made with (any other: ARGUMENT), keep its device open, and are destroyed after the frames that use them were waited for
- * (earlier is safe: the frame keeps what it needs). */
+ * (earlier is safe: the frame keeps what it needs). Errors of all that make them: UNSUPPORTED, LIMIT (sizes, alignment), device
+ * (a descriptor that the driver refuses is VULKAN); FORMAT of images. */
 
 /* The device reads your memory where it is. pointer and bytes are multiples of host_alignment_bytes; the memory stays
- * allocated until the handle and all frames that use it are gone. */
+ * yours, and allocated until the handle and all frames that use it are gone. Errors: see above. */
 shutterbug_status shutterbug_memory_import_host(shutterbug_engine *engine, void *pointer, uint64_t bytes,
                                                 shutterbug_memory **memory);
 /* Memory that another user of the same device and driver exported as an opaque fd. On success the fd belongs to the
- * driver: do not close it. On failure it is still yours. */
+ * driver: do not close it. On failure it is still yours. Errors: see above. */
 shutterbug_status shutterbug_memory_import_fd(shutterbug_engine *engine, int fd, uint64_t bytes,
                                               shutterbug_memory **memory);
-/* New memory on the engine's device, and an opaque fd of it that is yours to close or to import elsewhere. */
+/* New memory on the engine's device, and an opaque fd of it that is yours to close or to import elsewhere; the memory lives as
+ * long as one of the two does. Errors: see above. */
 shutterbug_status shutterbug_memory_export_fd(shutterbug_engine *engine, uint64_t bytes, shutterbug_memory **memory,
                                               int *fd);
+/* Frees the handle; the memory goes with the last frame that uses it. Errors: none but the common ones. */
 shutterbug_status shutterbug_memory_destroy(shutterbug_memory *memory);
 
 /* GPU images as input (shutterbug_image.memory) and output (picture_memory) of frames. The device copies them where it reads
@@ -447,16 +481,17 @@ typedef struct shutterbug_gpu_image {
 
 /* Your own image of the device that the engine was created on (shutterbug_engine_options.host; else UNSUPPORTED). It was made
  * with usage TRANSFER_SRC (inputs), TRANSFER_DST (outputs), belongs to the engine's queue family (or is shared concurrently),
- * and outlives the handle and all frames that use it. Never destroyed by this library. */
+ * and outlives the handle and all frames that use it. Never destroyed by this library. Errors: see above. */
 shutterbug_status shutterbug_memory_use_image(shutterbug_engine *engine, const shutterbug_gpu_image *image,
                                               shutterbug_memory **memory);
 /* An image in memory that another user of the same device and driver exported as an opaque fd: format, size, tiling and
  * usage as it was made there, no flags, in a dedicated allocation of so many bytes. Release it to VK_QUEUE_FAMILY_EXTERNAL
- * before a frame and acquire it from there afterwards. The fd is treated as by shutterbug_memory_import_fd. */
+ * before a frame and acquire it from there afterwards. The fd is treated as by shutterbug_memory_import_fd. Errors: see
+ * above. */
 shutterbug_status shutterbug_memory_import_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image, int fd,
                                                     uint64_t bytes, shutterbug_memory **memory);
 /* A new image on the engine's device, an opaque fd of its memory that is yours, and the memory's size: what the call above,
- * or another user of the same device and driver, needs to import it. */
+ * or another user of the same device and driver, needs to import it. Errors: see above. */
 shutterbug_status shutterbug_memory_export_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
                                                     shutterbug_memory **memory, int *fd, uint64_t *bytes);
 
@@ -467,14 +502,18 @@ enum {                       /* kind of a semaphore */
     SHUTTERBUG_TIMELINE = 1  /* waits for wait_value or more; signal_value is greater than all values before it */
 };
 /* Your own VkSemaphore (as a number) of the device that the engine was created on; else UNSUPPORTED. It outlives the handle
- * and all frames that use it. Never destroyed by this library. */
+ * and all frames that use it. Never destroyed by this library. Errors: see above. */
 shutterbug_status shutterbug_semaphore_use(shutterbug_engine *engine, uint64_t vk_semaphore, uint32_t kind,
                                            shutterbug_semaphore **semaphore);
-/* By opaque fd, as shutterbug_memory_import_fd and _export_fd; new timelines start at 0. */
+/* One that another user of the same device and driver exported as an opaque fd, of the same kind. On success the fd belongs to
+ * the driver: do not close it. On failure it is still yours. Errors: see above. */
 shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int fd, uint32_t kind,
                                                  shutterbug_semaphore **semaphore);
+/* A new one, and an opaque fd of it that is yours to close or to import elsewhere; timelines start at 0. Errors: see above. */
 shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint32_t kind, shutterbug_semaphore **semaphore,
                                                  int *fd);
+/* Frees the handle; the semaphore (unless it is your own) goes with the last frame that uses it. Errors: none but the common
+ * ones. */
 shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);
 
 #ifdef __cplusplus

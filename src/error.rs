@@ -78,7 +78,7 @@ pub enum Error {
         reason: String,
     },
     /// A parameter of an effect outside its range.
-    #[error("{effect}.{name} = {value} {unit} is outside {min} to {max} {unit}")]
+    #[error("{effect}.{name} = {value}{} is outside {min} to {max}{}", spaced(unit), spaced(unit))]
     Parameter {
         /// Stem of the effect.
         effect: &'static str,
@@ -264,17 +264,27 @@ fn place(path: &Path, line: Option<usize>) -> String {
     }
 }
 
+fn spaced(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" {unit}") }
+}
+
 fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default()
 }
 
-/// The name among `known` that was probably meant: one typing error away, or the same start (`exposure_s` for
-/// `exposure_time_s`). 0.85 keeps both and refuses words that only share some letters (see the tests).
+/// The name among `known` that was probably meant: the same start (`exposure_s` for `exposure_time_s`), or at most two
+/// letters of five otherwise (`fone` for `phone`). 0.85 refuses words that only share some letters (see the tests).
 fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let name = name.to_lowercase();
-    let likeness = |known: &str| strsim::jaro_winkler(&name, &known.to_lowercase());
-    let best = known.into_iter().map(|k| (likeness(k), k)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (best.0 >= 0.85).then_some(best.1)
+    let likeness = |known: &str| {
+        let known = known.to_lowercase();
+        let (typos, longest) = (strsim::osa_distance(&name, &known), name.len().max(known.len()));
+        let few = 5 * typos <= 2 * longest;
+        (strsim::jaro_winkler(&name, &known), few)
+    };
+    let best = known.into_iter().map(|k| (likeness(k), k)).max_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+    let ((alike, few), known) = best;
+    (alike >= 0.85 || few).then_some(known)
 }
 
 /// Says how much of `needed` lies before and after `covered`.
@@ -301,12 +311,17 @@ mod tests {
             ("readout_s", "readout_time_s"),
             ("exposure_s", "exposure_time_s"),
             ("rollingshutter", "rolling_shutter"),
+            ("with", "width"),
         ] {
             assert_eq!(nearest(typed, known), Some(meant), "{typed}");
         }
         for typed in ["banana", "", "x", "noise", "distortion"] {
             assert_eq!(nearest(typed, known), None, "{typed}");
         }
+        assert_eq!(
+            nearest("fone", ["humanoid-2008", "machine-vision", "phone", "usb-webcam"]),
+            Some("phone")
+        );
         assert_eq!(nearest("width", []), None);
     }
 

@@ -12,6 +12,8 @@ pub enum BindingKind {
     UniformBuffer,
     /// A storage buffer.
     StorageBuffer,
+    /// A buffer fetched by texel.
+    TexelBuffer,
 }
 
 /// One binding of a shader.

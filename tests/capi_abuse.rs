@@ -339,6 +339,10 @@ fn options_that_cannot_be_are_refused_with_a_sentence() {
         assert!(text.contains(says), "`{text}` does not say `{says}`");
     }
     assert_eq!(unsafe { shutterbug_engine_create(null(), null_mut()) }, status("ARGUMENT"));
+    let (mut o, mut said) = (options(2, 0), vec![0; 300]);
+    (o.error_text, o.error_capacity) = (said.as_mut_ptr(), said.len() as u64);
+    assert_eq!(unsafe { shutterbug_engine_create(&o, null_mut()) }, status("ARGUMENT"));
+    assert!(unsafe { std::ffi::CStr::from_ptr(said.as_ptr()) }.to_string_lossy().contains("engine is null"));
     let mut engine = null_mut();
     assert_eq!(unsafe { shutterbug_engine_create(null(), &mut engine) }, status("ARGUMENT"));
 }
@@ -392,4 +396,99 @@ fn two_threads_at_once_on_one_handle_are_an_error_code_and_two_engines_are_none(
             });
         }
     });
+}
+
+#[test]
+fn calls_without_a_handle_put_their_sentence_where_the_caller_says() {
+    let mut convention: shutterbug_motion_convention = sized();
+    let mut motion = [[1.0f32, 2.0]; 12];
+    let good = image(PixelFormat::Rg32f, 4, 3, bytemuck::cast_slice_mut(&mut motion));
+    let to = good;
+    let mut said = [0x55 as std::ffi::c_char; 80];
+    let heard = |said: &[std::ffi::c_char]| {
+        unsafe { std::ffi::CStr::from_ptr(said.as_ptr()) }.to_string_lossy().into_owned()
+    };
+    let code = unsafe { shutterbug_motion_preset(6, &mut convention, said.as_mut_ptr(), said.len() as u64) };
+    assert_eq!((code, heard(&said).as_str()), (status("ARGUMENT"), "there is no preset 6; they are 0 to 5"));
+    convention.struct_size -= 1;
+    let code = unsafe { shutterbug_motion_preset(0, &mut convention, said.as_mut_ptr(), said.len() as u64) };
+    assert_eq!(code, status("STRUCT_SIZE"));
+    assert!(heard(&said).starts_with("shutterbug_motion_convention.struct_size is 39"), "{}", heard(&said));
+    convention.struct_size += 1;
+    must(unsafe { shutterbug_motion_preset(3, &mut convention, null_mut(), 0) }, null_mut());
+    let mut convert = |change: &dyn Fn(&mut shutterbug_image, &mut f64), room: usize| {
+        let (mut from, mut interval_s) = (good, 0.04);
+        change(&mut from, &mut interval_s);
+        said.fill(0x55);
+        let code = unsafe {
+            shutterbug_motion_convert(&from, &convention, interval_s, &to, said.as_mut_ptr(), room as u64)
+        };
+        assert!(said[room..].iter().all(|c| *c == 0x55), "beyond its capacity");
+        (code, if room > 0 && said[0] != 0x55 { heard(&said) } else { String::new() })
+    };
+    type Change = &'static dyn Fn(&mut shutterbug_image, &mut f64);
+    let cases: [(&str, &str, Change); 5] = [
+        ("TOO_SMALL", "from: stride_bytes is 31", &|i, _| i.stride_bytes = 31),
+        ("ARGUMENT", "frame_interval_s is NaN", &|_, s| *s = f64::NAN),
+        ("FORMAT", "from is RG16F or RG32F", &|i, _| {
+            (i.format, i.stride_bytes, i.capacity_bytes) = (2, 16, 48);
+        }),
+        ("LIMIT", "not below 2^32", &|i, _| (i.height, i.stride_bytes) = (1, 1 << 32)),
+        ("ARGUMENT", "from: pixels is null", &|i, _| i.pixels = null_mut()),
+    ];
+    for (name, says, change) in cases {
+        let (code, text) = convert(change, 80);
+        assert_eq!(code, status(name), "{text}");
+        assert!(text.contains(says), "`{text}` does not say `{says}`");
+        assert_eq!(convert(change, 8), (code, text[..7].to_owned()), "cut");
+        assert_eq!(convert(change, 0), (code, String::new()), "no room");
+    }
+    assert_eq!(convert(&|_, _| (), 80), (OK, String::new()), "control: nothing is written on success");
+}
+
+/// Three frames in two places, waited for in another order than they were submitted in.
+fn out_of_order(engine: Handle, submit: &dyn Fn(u32, &mut Handle) -> Status) {
+    let frame = |index: u32| {
+        let mut frame = null_mut();
+        (submit(index, &mut frame), frame)
+    };
+    let picture = |frame: Handle| {
+        must(shutterbug_frame_wait(frame, -1.0), frame);
+        let mut rgb = vec![0; 32 * 24 * 3];
+        let to = image(PixelFormat::Rgb8, 32, 24, &mut rgb);
+        must(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame);
+        must(shutterbug_frame_destroy(frame), null_mut());
+        rgb
+    };
+    let alone: Vec<_> = (0..3).map(|i| picture(frame(i).1)).collect();
+    assert!(alone[0] != alone[1] && alone[1] != alone[2], "control: three pictures");
+    let (first, second) = (frame(0).1, frame(1).1);
+    assert_eq!(frame(2).0, status("FULL"), "{}", error_of(engine));
+    assert!(picture(second) == alone[1]);
+    let (code, third) = frame(2);
+    must(code, engine);
+    assert_eq!(frame(2).0, status("FULL"), "control: the first is still on its way");
+    assert!(picture(third) == alone[2] && picture(first) == alone[0]);
+}
+
+#[test]
+fn frames_may_be_waited_for_in_any_order() {
+    let test = "frames_may_be_waited_for_in_any_order";
+    let mut o = options(2, 0);
+    o.frames_in_flight = 2;
+    let Some(engine) = engine(test, o) else { return };
+    must(unsafe { shutterbug_engine_load_capture(engine, text("demo/capture").as_ptr()) }, engine);
+    must(unsafe { shutterbug_engine_set_camera(engine, &camera(32, 24)) }, engine);
+    let small = Small::new(32, 24);
+    out_of_order(engine, &|index, frame| {
+        let mut o = small.outside;
+        o.color_time_s = 0.004 * f64::from(index);
+        unsafe { shutterbug_engine_submit_outside(engine, &o, frame) }
+    });
+    out_of_order(engine, &|index, frame| {
+        let mut request: shutterbug_request = sized();
+        request.time_s = 10.05 + 0.1 * f64::from(index);
+        unsafe { shutterbug_engine_submit(engine, &request, frame) }
+    });
+    finish(engine);
 }

@@ -163,7 +163,7 @@ fn frames_from_outside_are_exposed_too() {
     let color = image(PixelFormat::Rgba32f, W, H, bytemuck::cast_slice_mut(&mut color));
     let motion = image(PixelFormat::Rg32f, W, H, bytemuck::cast_slice_mut(&mut motion));
     let mut convention: shutterbug_motion_convention = sized();
-    must(unsafe { shutterbug_motion_preset(0, &mut convention) }, null_mut());
+    must(unsafe { shutterbug_motion_preset(0, &mut convention, null_mut(), 0) }, null_mut());
     let mut o = outside();
     (o.color, o.motions, o.motion_convention, o.motion_count) = (&color, &motion, &convention, 1);
     let mut gains = Vec::new();

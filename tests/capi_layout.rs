@@ -7,6 +7,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+#[path = "capi_support/header.rs"]
+mod header;
+
 use shutterbug::capi::{HEADER, LAYOUT, STATUSES};
 
 fn compiler(name: &str) -> bool {
@@ -126,4 +129,30 @@ fn every_function_is_declared_and_defined_and_the_versions_agree() {
     assert!(cmake.contains(&format!("set(PACKAGE_VERSION \"{version}\")")));
     let minor = version.rsplit_once('.').unwrap().0;
     assert!(cmake.contains(&format!("set(_shutterbug_minor \"{minor}\")")));
+}
+
+#[test]
+fn every_function_says_what_it_may_answer() {
+    let comments = header::comments();
+    assert!(comments.len() > 25, "control: {}", comments.len());
+    for (name, comment) in &comments {
+        assert!(
+            comment.contains("Errors:"),
+            "shutterbug_{name} has no \"Errors:\" in the comment before it: {comment}"
+        );
+    }
+    // `tests/capi_fuzz.rs` compares with what random calls were answered.
+    let documented = header::documented();
+    assert!(documented["engine_submit"].contains("FULL") && !documented["frame_destroy"].contains("FULL"));
+    assert!(documented["semaphore_export_fd"].contains("UNSUPPORTED"), "of the section");
+    // The rest return no status: they cannot fail.
+    let rest: Vec<_> = without_comments(HEADER)
+        .lines()
+        .filter(|l| !l.starts_with([' ', '#', '}']) && l.contains('(') && !l.starts_with("shutterbug_status"))
+        .filter_map(|l| l.split('(').next()?.rsplit([' ', '*']).next().map(str::to_owned))
+        .filter(|name| name.starts_with("shutterbug_"))
+        .collect();
+    let want =
+        ["shutterbug_version", "shutterbug_version_text", "shutterbug_status_text", "shutterbug_last_error"];
+    assert_eq!(rest, want);
 }

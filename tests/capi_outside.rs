@@ -62,7 +62,7 @@ fn of(inputs: &GatherInputs) -> shutterbug_outside {
 
 fn preset(number: u32) -> shutterbug_motion_convention {
     let mut c = sized();
-    must(unsafe { shutterbug_motion_preset(number, &mut c) }, std::ptr::null_mut());
+    must(unsafe { shutterbug_motion_preset(number, &mut c, std::ptr::null_mut(), 0) }, std::ptr::null_mut());
     c
 }
 
@@ -249,7 +249,10 @@ fn every_format_and_convention_says_the_same() {
         // The converter on the CPU says the same numbers.
         let mut back = vec![0f32; data.len()];
         let to = image(PixelFormat::Rg32f, size[0], size[1], bytemuck::cast_slice_mut(&mut back));
-        must(unsafe { shutterbug_motion_convert(&given, &convention, 0.04, &to) }, std::ptr::null_mut());
+        must(
+            unsafe { shutterbug_motion_convert(&given, &convention, 0.04, &to, std::ptr::null_mut(), 0) },
+            std::ptr::null_mut(),
+        );
         let worst =
             back.iter().zip(&motion.0).map(|(a, b)| (a - b).abs() / b.abs().max(1.0)).fold(0.0, f32::max);
         assert!(worst < 1e-5, "preset {p}: {worst}");

@@ -169,7 +169,10 @@ fn the_motion_plane_is_what_frames_from_outside_call_their_own() {
         let color = image(PixelFormat::Rgba32f, W, H, bytemuck::cast_slice_mut(color));
         let motions = image(PixelFormat::Rg32f, W, H, bytemuck::cast_slice_mut(motion));
         let mut convention: shutterbug_motion_convention = sized();
-        must(unsafe { shutterbug_motion_preset(0, &mut convention) }, std::ptr::null_mut());
+        must(
+            unsafe { shutterbug_motion_preset(0, &mut convention, std::ptr::null_mut(), 0) },
+            std::ptr::null_mut(),
+        );
         let mut o = outside();
         (o.time_s, o.color_time_s, o.motion_count) = (TIME_S, TIME_S, 1);
         (o.color, o.motions, o.motion_convention) = (&color, &motions, &convention);

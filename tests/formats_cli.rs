@@ -35,7 +35,22 @@ fn presets_are_listed_and_printed() {
     assert!(list.contains("global shutter"));
     let (code, out, error) = shutterbug(&["presets", "fone"]);
     assert_eq!((code, out.as_str()), (1, ""));
-    assert!(error.contains("unknown preset `fone`"), "{error}");
+    assert!(error.contains("unknown preset `fone`; did you mean `phone`?"), "{error}");
+}
+
+#[test]
+fn a_lens_that_folds_inside_the_picture_is_not_converted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let toml = path(folder.path(), "camera.toml");
+    let with = |k1: &str| {
+        let text = "width = 64\nheight = 48\nfx = 60\nfy = 60\ncx = 32\ncy = 24\nframe_period_s = 0.03\n";
+        fs::write(&toml, format!("{text}\n[lens_distortion]\nk1 = {k1}\n")).expect("written");
+        shutterbug(&["camera", "convert", &toml, "--to", "ros"])
+    };
+    let (code, out, error) = with("-1.5");
+    assert_eq!((code, out.as_str()), (1, ""));
+    assert!(error.contains("not invertible inside the picture: no ray reaches pixel ("), "{error}");
+    assert_eq!(with("-0.15").0, 0, "control: one that does not fold");
 }
 
 #[test]

@@ -1,9 +1,10 @@
 //! OBJ, MTL and textures that are broken on purpose: the error names file and line, and nothing panics.
 #![allow(clippy::unwrap_used)]
 
+use std::cell::RefCell;
 use std::fs;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Once;
 
 use proptest::prelude::*;
 use shutterbug::scene::{Scene, load_obj};
@@ -130,13 +131,16 @@ fn broken_and_oversized_textures_are_errors_and_absent_ones_are_not() {
     assert_eq!((absent.textures.len(), absent.materials[0].kd), (0, [1.0; 3]));
 }
 
-/// Collects what `tracing` writes.
-#[derive(Clone, Default)]
-struct Log(Arc<Mutex<Vec<u8>>>);
+thread_local! {
+    static LOG: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// What this thread's calls log.
+struct Log;
 
 impl std::io::Write for Log {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap().extend_from_slice(bytes);
+        LOG.with_borrow_mut(|log| log.extend_from_slice(bytes));
         Ok(bytes.len())
     }
 
@@ -145,18 +149,24 @@ impl std::io::Write for Log {
     }
 }
 
+/// One subscriber for the process, not one for a call: `tracing` keeps what it learns of a place in the code when a
+/// thread first passes it, and a test beside this one, with no subscriber, would teach it that nobody listens.
+fn listen() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(|| Log).finish();
+        tracing::subscriber::set_global_default(subscriber).expect("nobody else installs one");
+    });
+}
+
 #[test]
 fn what_is_left_out_is_warned_of_with_its_number() {
+    listen();
     let warnings = |rest: &str| {
-        let log = Log::default();
-        let writer = log.clone();
-        let subscriber =
-            tracing_subscriber::fmt().with_ansi(false).with_writer(move || writer.clone()).finish();
-        let loaded = tracing::subscriber::with_default(subscriber, || {
-            load_text(&format!("{TRIANGLE}{rest}f 1 2 3\n"))
-        });
+        LOG.take();
+        let loaded = load_text(&format!("{TRIANGLE}{rest}f 1 2 3\n"));
         assert_eq!(loaded.unwrap().triangle_count(), 1, "{rest}");
-        String::from_utf8(log.0.lock().unwrap().clone()).unwrap()
+        String::from_utf8(LOG.take()).unwrap()
     };
     for (rest, expected) in [
         ("usemtl a\np 1\nl 1 2\nf 1 2\n", "3 points and lines are left out"),

@@ -2,70 +2,47 @@
 #ifndef RESPONSE_GLSL
 #define RESPONSE_GLSL
 
-// Knots are chosen by comparing with each, never looked up: on a software device a look-up by a computed place costs
-// more than all of the comparisons together.
-const uint RESPONSE_KNOTS = 17u;
-const float RESPONSE_PIECES = 16.0;
+const int RESPONSE_PIECES = 16;
+// Of a channel in the table: the pieces, and a straight one beyond either end.
+const uint RESPONSE_ROWS = 18u;
 
-// Of red, green and blue: one over the steepness at a knot. `first`: the slot's parameter with red's first.
-vec3 response_density(uint slot, uint first, uint knot) {
-    uint place = first + knot;
-    return vec3(parameter(slot, place), parameter(slot, place + RESPONSE_KNOTS),
-                parameter(slot, place + 2u * RESPONSE_KNOTS));
+// A row of the table: number of the piece, value ahead of the curve where it begins, density (one over the steepness) at
+// both ends.
+float response_to_sensor(float delivered, uint row) {
+    precise float place = delivered * float(RESPONSE_PIECES);
+    int piece = clamp(int(floor(place)), -1, RESPONSE_PIECES);
+    vec4 p = table_row(row + uint(piece + 1));
+    precise float t = place - p.x;
+    precise float value = p.y + t * (p.z + 0.5 * (p.w - p.z) * t) * (1.0 / float(RESPONSE_PIECES));
+    return value;
 }
 
-// A piece of the curve of each channel: number, value ahead of the curve where it begins, density at both ends.
-struct ResponsePiece {
-    vec3 number;
-    vec3 start;
-    vec3 low;
-    vec3 high;
-};
+float response_from_sensor(float sensor, vec4 p) {
+    precise float rise = (sensor - p.y) * float(RESPONSE_PIECES);
+    precise float square = p.z * p.z + 2.0 * (p.w - p.z) * rise;
+    precise float t = 2.0 * rise / (p.z + sqrt(max(square, 0.0)));
+    precise float value = (p.x + t) * (1.0 / float(RESPONSE_PIECES));
+    return value;
+}
 
-// The last piece that begins at or below `value`, which counts pieces or is ahead of the curve.
-ResponsePiece response_piece(vec3 value, bool counts, uint slot, uint first) {
-    vec3 density = response_density(slot, first, 0u);
-    vec3 next = response_density(slot, first, 1u);
-    ResponsePiece piece = ResponsePiece(vec3(0.0), vec3(0.0), density, next);
-    precise vec3 sum = vec3(0.0);
-    [[unroll]] for (uint k = 1u; k < RESPONSE_KNOTS - 1u; ++k) {
-        sum = sum + (density + next) * (0.5 / RESPONSE_PIECES);
-        density = next;
-        next = response_density(slot, first, k + 1u);
-        bvec3 past = greaterThanEqual(value, counts ? vec3(float(k)) : sum);
-        piece.number = mix(piece.number, vec3(float(k)), past);
-        piece.start = mix(piece.start, sum, past);
-        piece.low = mix(piece.low, density, past);
-        piece.high = mix(piece.high, next, past);
+// From delivered values to those ahead of the curve. `row`: of red's first piece.
+vec3 response_to_sensor(vec3 delivered, uint row) {
+    return vec3(response_to_sensor(delivered.r, row), response_to_sensor(delivered.g, row + RESPONSE_ROWS),
+                response_to_sensor(delivered.b, row + 2u * RESPONSE_ROWS));
+}
+
+// And back. `starts`: of the slot: where the second piece of red, of green, of blue begins, then where the third does. The
+// pieces are found by comparing with each: on a software device a look-up costs as much as twenty comparisons.
+vec3 response_from_sensor(vec3 sensor, uint slot, uint starts, uint row) {
+    uvec3 piece = uvec3(greaterThanEqual(sensor, vec3(0.0))) + uvec3(greaterThanEqual(sensor, vec3(1.0)));
+    [[unroll]] for (uint k = 0u; k < uint(RESPONSE_PIECES) - 1u; ++k) {
+        uint i = starts + 3u * k;
+        vec3 start = vec3(parameter(slot, i), parameter(slot, i + 1u), parameter(slot, i + 2u));
+        piece += uvec3(greaterThanEqual(sensor, start));
     }
-    return piece;
-}
-
-vec3 response_outer(vec3 value, uint slot, uint first) {
-    return mix(response_density(slot, first, RESPONSE_KNOTS - 1u), response_density(slot, first, 0u),
-               lessThan(value, vec3(0.0)));
-}
-
-// From delivered values to those ahead of the curve.
-vec3 response_to_sensor(vec3 delivered, uint slot, uint first) {
-    vec3 inside = clamp(delivered, 0.0, 1.0);
-    precise vec3 place = inside * RESPONSE_PIECES;
-    ResponsePiece p = response_piece(place, true, slot, first);
-    precise vec3 t = place - p.number;
-    precise vec3 value = p.start + t * (p.low + 0.5 * (p.high - p.low) * t) * (1.0 / RESPONSE_PIECES);
-    value = value + (delivered - inside) * response_outer(delivered, slot, first);
-    return value;
-}
-
-vec3 response_from_sensor(vec3 sensor, uint slot, uint first) {
-    vec3 inside = clamp(sensor, 0.0, 1.0);
-    ResponsePiece p = response_piece(inside, false, slot, first);
-    precise vec3 rise = (inside - p.start) * RESPONSE_PIECES;
-    precise vec3 square = p.low * p.low + 2.0 * (p.high - p.low) * rise;
-    precise vec3 t = 2.0 * rise / (p.low + sqrt(max(square, vec3(0.0))));
-    precise vec3 value = (p.number + t) * (1.0 / RESPONSE_PIECES);
-    value = value + (sensor - inside) / response_outer(sensor, slot, first);
-    return value;
+    return vec3(response_from_sensor(sensor.r, table_row(row + piece.r)),
+                response_from_sensor(sensor.g, table_row(row + RESPONSE_ROWS + piece.g)),
+                response_from_sensor(sensor.b, table_row(row + 2u * RESPONSE_ROWS + piece.b)));
 }
 
 #endif

@@ -94,6 +94,30 @@ fn arriving(camera: &IspCamera) -> Arriving {
     }
 }
 
+/// What a bilinear demosaic leaves of the variance of red, green and blue, averaged over the mosaic: a tent around every
+/// fourth pixel, a cross around every second.
+const MOSAIC_POWER: [f64; 3] = [9.0 / 16.0, 5.0 / 8.0, 9.0 / 16.0];
+
+/// Slope of the encoding, clipped at black and white, averaged over normal noise around a linear value: what small changes
+/// of the noise are passed on with (Stein: the mean of f' is that of z f(v + sigma z) over sigma).
+fn mean_slope(encoding: Encoding, linear: f64, sigma: f64) -> f64 {
+    /// In sigmas, and the step.
+    const REACH: f64 = 8.0;
+    const STEP: f64 = 0.4;
+    let whole = linear > REACH * sigma && linear + REACH * sigma < 1.0;
+    if whole || sigma <= 0.0 || encoding == Encoding::Linear {
+        return encoding.slope(linear);
+    }
+    let (mut sum, mut of_line) = (0.0, 0.0);
+    for i in -8..=8 {
+        let z = STEP * f64::from(i);
+        let weight = (-0.5 * z * z).exp() * z;
+        sum += weight * f64::from(encoding.encode((linear + sigma * z).clamp(0.0, 1.0) as f32));
+        of_line += weight * z;
+    }
+    sum / (of_line * sigma)
+}
+
 /// Covariances of one colour as in [`super::cells::Cell`].
 pub struct Predicted {
     /// Variances and covariances at lag 0.
@@ -110,11 +134,18 @@ pub fn predict(camera: &IspCamera, colors: &[[f64; 3]]) -> Option<Vec<Predicted>
     let rounding = camera.step.powi(2) / 12.0;
     let one = |encoded: &[f64; 3]| {
         let color: [f64; 3] = encoded.map(|v| f64::from(encoding.decode(v as f32)));
-        let slope = camera.vivid(color).map(|v| encoding.slope(v));
+        let vivid = camera.vivid(color);
         let seen = camera.sensor_color(&inverse, color);
         let saturation = if camera.srgb { camera.saturation } else { 1.0 };
         let variance: [f64; 3] =
             std::array::from_fn(|k| seen[k] / camera.full_well_e + camera.read_sigma.powi(2));
+        // Ahead of the smoothing, where black and white clip it.
+        let slope: [f64; 3] = std::array::from_fn(|i| {
+            let linear = |k: usize| camera.color_matrix[i][k] * camera.white_balance[k];
+            let power = |k: usize| if camera.bayer { MOSAIC_POWER[k] } else { 1.0 };
+            let all: f64 = (0..3).map(|k| linear(k).powi(2) * variance[k] * power(k)).sum();
+            mean_slope(encoding, vivid[i], all.sqrt())
+        });
         // How sensor channel k reaches luma, and what of it picture channel i has beyond that.
         let gain = |i: usize, k: usize| slope[i] * camera.color_matrix[i][k] * camera.white_balance[k];
         let to_luma: [f64; 3] = std::array::from_fn(|k| (0..3).map(|j| LUMA[j] * gain(j, k)).sum());

@@ -193,10 +193,23 @@ pub(super) fn with_level_gain(
     let mut levelled = camera.clone();
     let mut best: Option<(f64, IspCamera)> = None;
     let mut idle = 0;
-    for round in 0..=LEVEL_ROUNDS {
-        let simulated = simulated_curves(&*by.make(&levelled)?, pair, step, options)?;
+    let mean = pair.mean();
+    let places = places(camera, &mean, by);
+    let there = |place: &Plane<f32>, frames: &Differences| {
+        let curves = curves_over(place, frames, pair, step, options.encoding);
         // Neighbours do not change with the level: the real ones stand for them.
-        let compared = compare(real, &Measured { curves: simulated, ..real.clone() });
+        Measured { curves, ..real.clone() }
+    };
+    // On the curve black is a place like others.
+    let on_curve = |frames: &Differences| {
+        let mut measured = there(&places, frames);
+        measured.curves.iter_mut().flatten().for_each(|bin| bin.cut_off = false);
+        measured
+    };
+    let wanted = on_curve(&[pair.difference(|v| v), pair.difference(|v| options.encoding.decode(v))]);
+    for round in 0..=LEVEL_ROUNDS {
+        let frames = simulated_differences(&*by.make(&levelled)?, pair, options)?;
+        let compared = compare(real, &there(&mean, &frames));
         let off: f64 = compared.mean_deviation.iter().sum();
         // Little was gained three times: the rest is chance, and what a curve cannot do.
         idle = if best.as_ref().is_some_and(|(least, _)| off > WORTH * least) { idle + 1 } else { 0 };
@@ -207,10 +220,23 @@ pub(super) fn with_level_gain(
             break;
         }
         if round < LEVEL_ROUNDS {
-            improve(&mut levelled, &compared.variance_ratio, by);
+            improve(&mut levelled, &compare(&wanted, &on_curve(&frames)).variance_ratio, by);
         }
     }
     Ok(best.map_or(levelled, |(_, camera)| camera))
+}
+
+/// Where on the curve of [`IspCamera::level_gain`] each value stands: the model's acts on delivered values, the chain's on
+/// those ahead of the saturation, where vivid colours that pile up in the delivered ones are black.
+fn places(camera: &IspCamera, mean: &Plane<f32>, by: By) -> Plane<f32> {
+    let mut places = mean.clone();
+    if by == By::Chain && camera.srgb && camera.saturation != 1.0 {
+        for p in places.data.chunks_exact_mut(3) {
+            let luma: f32 = (0..3).map(|c| LUMA[c] as f32 * p[c]).sum();
+            p.iter_mut().for_each(|v| *v = (luma + (*v - luma) / camera.saturation as f32).clamp(0.0, 1.0));
+        }
+    }
+    places
 }
 
 /// One step of the curve towards the measured variances.
@@ -250,9 +276,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Steepness in the chain: a steeper curve works with less light, whose noise black clips, so that beyond this a larger
-/// factor makes less noise instead of more.
-const CHAIN_RANGE: (f64, f64) = (0.55, 1.8);
+/// Steepness in the chain: a steeper curve works with less light, whose noise black clips.
+const CHAIN_RANGE: (f64, f64) = (0.3, 3.0);
 
 /// In the chain the curve's factors are relative to each other: what all of a channel's have in common goes to the light
 /// that makes a white pixel, where shot noise is (its deviation grows as the root of the gain behind it).
@@ -283,23 +308,33 @@ pub(super) fn simulated_frames(
 /// Pairs that are simulated for the comparison: their own chance is then small beside the real pair's.
 const SIMULATED_PAIRS: u32 = 2;
 
-/// The photon transfer curves alone of one simulated pair.
-fn simulated_curves(
+/// Differences of a pair, of encoded and of linear values.
+type Differences = [Plane<f32>; 2];
+
+/// Those of one simulated pair.
+fn simulated_differences(
     camera: &dyn CameraModel,
     pair: &AlignedPair,
-    step: f32,
     options: NoiseOptions,
-) -> Result<[Vec<ptc::Bin>; 3]> {
-    let (mean, moved) = (pair.mean(), pair.registration.moved);
+) -> Result<Differences> {
     let frames = simulated_frames(camera, pair, options, 1000)?;
-    let encoded = difference(&frames, &pair.usable, moved, |v| v);
-    let linear = difference(&frames, &pair.usable, moved, |v| options.encoding.decode(v));
-    let curves = [0, 1, 2].map(|c| {
+    let of = |decode: &dyn Fn(f32) -> f32| difference(&frames, &pair.usable, pair.registration.moved, decode);
+    Ok([of(&|v| v), of(&|v| options.encoding.decode(v))])
+}
+
+/// Photon transfer curves of R, G, B, in bins of `place`.
+fn curves_over(
+    place: &Plane<f32>,
+    [encoded, linear]: &Differences,
+    pair: &AlignedPair,
+    step: f32,
+    encoding: Encoding,
+) -> [Vec<ptc::Bin>; 3] {
+    [0, 1, 2].map(|c| {
         let mut curve = Curve::default();
-        curve.add(&mean, [&encoded, &linear], &pair.usable, c, options.encoding);
-        curve.bins(step, options.encoding)
-    });
-    Ok(curves)
+        curve.add(place, [encoded, linear], &pair.usable, c, encoding);
+        curve.bins(step, encoding)
+    })
 }
 
 /// Measures simulated pairs as the real one, at the same pixels and in the same bins.

@@ -1,5 +1,7 @@
 //! Conventions of motion vectors and depth, and the converter that needs no engine.
 
+use std::ffi::c_char;
+
 use super::handle::{code, guarded};
 use super::image::View;
 use super::status::{Fault, Outcome, Status};
@@ -78,6 +80,19 @@ pub(super) fn depth_decode(d: &shutterbug_depth_convention) -> Outcome<Option<[f
     }
 }
 
+/// Runs a call that has no handle to keep its sentence: it goes where the caller says.
+///
+/// # Safety
+/// As for [`give_text`].
+unsafe fn explained(error: (*mut c_char, u64), f: impl FnOnce() -> Outcome<()>) -> Status {
+    let done = guarded(f);
+    if let Err(fault) = &done {
+        // SAFETY: the caller's promise.
+        unsafe { give_text(error, &fault.text) };
+    }
+    code(done)
+}
+
 /// `shutterbug_motion_preset`.
 ///
 /// # Safety
@@ -86,17 +101,22 @@ pub(super) fn depth_decode(d: &shutterbug_depth_convention) -> Outcome<Option<[f
 pub unsafe extern "C" fn shutterbug_motion_preset(
     preset: u32,
     convention: *mut shutterbug_motion_convention,
+    error_text: *mut c_char,
+    error_capacity: u64,
 ) -> Status {
-    code(guarded(|| {
+    let fill = || {
         // SAFETY: the caller's promise.
         unsafe { check(convention) }?;
         let Some(found) = PRESETS.get(preset as usize) else {
-            return Err(Fault::argument(format!("there is no preset {preset}")));
+            let text = format!("there is no preset {preset}; they are 0 to {}", PRESETS.len() - 1);
+            return Err(Fault::argument(text));
         };
         // SAFETY: checked above; writable by the caller's promise.
         unsafe { convention.write(*found) };
         Ok(())
-    }))
+    };
+    // SAFETY: the caller's promise.
+    unsafe { explained((error_text, error_capacity), fill) }
 }
 
 /// `shutterbug_motion_convert`.
@@ -109,20 +129,27 @@ pub unsafe extern "C" fn shutterbug_motion_convert(
     convention: *const shutterbug_motion_convention,
     frame_interval_s: f64,
     to: *const shutterbug_image,
+    error_text: *mut c_char,
+    error_capacity: u64,
 ) -> Status {
     // SAFETY: the caller's promise, in all of it.
-    code(guarded(|| unsafe {
+    let convert = || unsafe {
         let (from, to) = (View::new(&read(from)?, "from")?, View::new(&read(to)?, "to")?);
         if !(frame_interval_s > 0.0 && frame_interval_s.is_finite()) {
-            return Err(Fault::argument(format!("frame_interval_s is {frame_interval_s}")));
+            return Err(Fault::argument(format!("frame_interval_s is {frame_interval_s}, not above 0")));
         }
         if !from.format.is_motion() || from.memory != 0 {
             return Err(Fault::new(super::status::FORMAT, "from is RG16F or RG32F in host memory"));
         }
         let scale = motion_scale(&read(convention)?, from.size, frame_interval_s)?;
-        let (format, stride_bytes) = (from.format as u32, from.stride as u32);
+        let stride_bytes = u32::try_from(from.stride).map_err(|_| {
+            Fault::new(super::status::LIMIT, format!("from: stride_bytes is {}, not below 2^32", from.stride))
+        })?;
+        let format = from.format as u32;
         let push = MotionPush { size: from.size, scale, first_byte: 0, stride_bytes, format, layer: 0 };
         let converted: Plane<f32> = unpack_motion(&push, from.read());
         to.put_floats(&converted, [PixelFormat::Rg32f, PixelFormat::Rg16f], "motion")
-    }))
+    };
+    // SAFETY: the caller's promise.
+    unsafe { explained((error_text, error_capacity), convert) }
 }

@@ -11,6 +11,7 @@ use super::Handle;
 use super::handle::{self, code, guarded, with};
 use super::options::settings;
 use super::session::Session;
+use super::sharing::check_out;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use super::{camera, log};
@@ -33,17 +34,20 @@ pub unsafe extern "C" fn shutterbug_engine_create(
     options: *const shutterbug_engine_options,
     engine: *mut Handle,
 ) -> Status {
-    if engine.is_null() || !engine.is_aligned() {
-        return status::ARGUMENT;
-    }
     // SAFETY: the caller's promise.
     let options = match unsafe { read(options) } {
         Ok(options) => options,
         Err(fault) => return fault.status,
     };
+    log::prepare();
     let log = options.log.map(|function| log::dispatch(function, options.log_user));
-    // SAFETY: the caller's promise.
-    let make = || guarded(|| unsafe { create(&options) });
+    let make = || {
+        guarded(|| {
+            check_out(engine, "engine")?;
+            // SAFETY: the caller's promise.
+            unsafe { create(&options) }
+        })
+    };
     let made = match &log {
         Some(log) => tracing::dispatcher::with_default(log, make),
         None => make(),
@@ -64,11 +68,8 @@ pub unsafe extern "C" fn shutterbug_engine_create(
 
 /// There is no handle to ask for the text yet, so it goes where the options say.
 unsafe fn report(options: &shutterbug_engine_options, log: &Option<Dispatch>, fault: &Fault) {
-    let capacity = options.error_capacity.min(isize::MAX as u64) as usize;
-    if !options.error_text.is_null() && capacity > 0 {
-        // SAFETY: `error_capacity` writable characters by the caller's promise.
-        put_text(unsafe { slice::from_raw_parts_mut(options.error_text, capacity) }, &fault.text);
-    }
+    // SAFETY: `error_capacity` writable characters by the caller's promise.
+    unsafe { give_text((options.error_text, options.error_capacity), &fault.text) };
     if let Some(log) = log {
         tracing::dispatcher::with_default(log, || tracing::error!("{}", fault.text));
     }

@@ -77,6 +77,20 @@ impl FrameState {
         }
     }
 
+    /// Before it is destroyed: waits for a frame that is in flight, so that its place is free again.
+    fn end(&mut self) -> Outcome<()> {
+        match self.wait(Duration::MAX) {
+            Err(fault) if fault.status == status::TIMEOUT => {
+                let Stage::Pending(submitted) = &self.stage else { return Err(fault) };
+                self.engine.run(|session| {
+                    session.give_up(submitted);
+                    Ok(())
+                })
+            }
+            waited => waited,
+        }
+    }
+
     fn done(&self) -> Outcome<&Frame> {
         match &self.stage {
             Stage::Done(frame) => Ok(frame),
@@ -155,11 +169,11 @@ pub(super) unsafe fn hand_out(
     frame: *mut Handle,
     submit: impl FnOnce(&mut Session) -> Outcome<Submitted>,
 ) -> Status {
-    if frame.is_null() || !frame.is_aligned() {
-        return status::ARGUMENT;
-    }
     code(find::<Session>(engine as usize).and_then(|cell| {
-        let submitted = cell.run(submit)?;
+        let submitted = cell.run(|session| {
+            sharing::check_out(frame, "frame")?;
+            submit(session)
+        })?;
         let handle = handle::insert(FrameState::new(cell, submitted), None);
         // SAFETY: not null and aligned; writable by the caller's promise.
         unsafe { frame.write(handle as Handle) };
@@ -308,12 +322,7 @@ pub unsafe extern "C" fn shutterbug_frame_get_times(
 /// `shutterbug_frame_destroy`.
 #[unsafe(no_mangle)]
 pub extern "C" fn shutterbug_frame_destroy(frame: Handle) -> Status {
-    // A frame in flight is waited for, so that its place is free again.
-    let waited = with(frame as usize, |state: &mut FrameState| match state.stage {
-        Stage::Pending(_) => state.wait(Duration::MAX),
-        _ => Ok(()),
-    });
-    match waited {
+    match with(frame as usize, FrameState::end) {
         Err(fault) if fault.status == status::BUSY => status::BUSY,
         _ => handle::destroy::<FrameState>(frame as usize),
     }

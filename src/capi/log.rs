@@ -1,8 +1,9 @@
-//! The library's log messages of one engine's calls, handed to the host's function. Nothing is installed for the process:
-//! the subscriber is in force only while a call on the engine runs, on the thread that makes it.
+//! The library's log messages of one engine's calls, handed to the host's function. Nothing that hears is installed for the
+//! process: the subscriber is in force only while a call on the engine runs, on the thread that makes it.
 
 use std::ffi::{CString, c_char, c_void};
 use std::fmt::Write as _;
+use std::sync::OnceLock;
 
 use tracing::field::{Field, Visit};
 use tracing::subscriber::NoSubscriber;
@@ -14,10 +15,19 @@ pub type LogFn = unsafe extern "C" fn(user: *mut c_void, level: u32, text: *cons
 struct Forward {
     log: LogFn,
     user: *mut c_void,
-    /// While a process has one subscriber alone, `tracing` asks the thread's current one whether a place in the code is
-    /// of interest, and keeps the answer: what an engine without log passes first would never be heard. With a second one
-    /// alive it asks all.
-    _beside: Dispatch,
+}
+
+/// Two subscribers that take nothing and stay as long as the process; made before any engine.
+///
+/// `tracing` keeps, for each place in the code that has something to say, who wants to hear it. While it knows of fewer than
+/// two subscribers it asks only that of the thread that passes first, under no lock: a thread of an engine without log could
+/// ask, be overtaken by an engine that is made with a log, and then write down that nobody listens, for good. With two that
+/// never go, all are asked, under the lock that a new subscriber takes too.
+static BESIDE: OnceLock<[Dispatch; 2]> = OnceLock::new();
+
+/// To be called before anything that may have something to say.
+pub fn prepare() {
+    BESIDE.get_or_init(|| [(); 2].map(|()| Dispatch::new(NoSubscriber::new())));
 }
 
 // SAFETY: the header promises the host that the function is called only from threads that call the library, one at a
@@ -28,7 +38,7 @@ unsafe impl Sync for Forward {}
 
 /// A dispatch that calls the host's function.
 pub fn dispatch(log: LogFn, user: *mut c_void) -> Dispatch {
-    Dispatch::new(Forward { log, user, _beside: Dispatch::new(NoSubscriber::new()) })
+    Dispatch::new(Forward { log, user })
 }
 
 impl Subscriber for Forward {

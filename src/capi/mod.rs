@@ -66,9 +66,7 @@ pub extern "C" fn shutterbug_status_text(code: Status) -> *const c_char {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn shutterbug_last_error(handle: Handle, text: *mut c_char, capacity: usize) -> usize {
     let error = handle::last_error(handle as usize).unwrap_or_else(|| "no such handle".to_owned());
-    if !text.is_null() && capacity > 0 && capacity <= isize::MAX as usize {
-        // SAFETY: the caller's promise: `capacity` writable characters.
-        types::put_text(unsafe { std::slice::from_raw_parts_mut(text, capacity) }, &error);
-    }
+    // SAFETY: the caller's promise: `capacity` writable characters.
+    unsafe { types::give_text((text, capacity as u64), &error) };
     error.len()
 }

@@ -342,7 +342,20 @@ impl Session {
             (true, _, Some(outside)) => outside.wait(&submitted.ticket, limit),
             _ => return Err(gone()),
         };
-        self.watch(done)
+        let done = self.watch(done);
+        if done.as_ref().is_err_and(|fault| fault.status != status::TIMEOUT) {
+            self.give_up(submitted);
+        }
+        done
+    }
+
+    /// A frame that can never be had, or is not wanted any more: its place in flight is free once the device is done.
+    pub fn give_up(&mut self, submitted: &Submitted) {
+        match (submitted.outside, &mut self.engine, &mut self.outside) {
+            (false, Some(engine), _) => engine.give_up(&submitted.ticket),
+            (true, _, Some(outside)) => outside.give_up(&submitted.ticket),
+            _ => {}
+        }
     }
 
     /// Reads a frame back that was waited for.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Handle;
 use super::gpu_image::on_host_device;
-use super::handle::{self, code, find, with};
+use super::handle::{self, Kind, code, with};
 use super::session::Session;
 use super::status::{self, Fault, Outcome, Status};
 use crate::gpu::{Buffer, Context, Semaphore, SemaphoreKind, Shared, SharedFormat, SignalAt};
@@ -33,22 +33,32 @@ pub(super) fn check_fd(fd: i32) -> Outcome<()> {
     if fd < 0 { Err(Fault::argument(format!("the descriptor is {fd}"))) } else { Ok(()) }
 }
 
+/// Makes something on an engine's device and gives it its handle.
+unsafe fn make<T: Kind>(
+    engine: Handle,
+    (out, what): (*mut Handle, &str),
+    make: impl FnOnce(&Arc<Context>) -> Outcome<T>,
+) -> Status {
+    code(with(engine as usize, |session: &mut Session| {
+        check_out(out, what)?;
+        let context = session.context().clone();
+        let made = session.use_device(|| make(&context))?;
+        // SAFETY: not null and aligned; writable by the caller's promise.
+        unsafe { out.write(handle::insert(made, None) as Handle) };
+        Ok(())
+    }))
+}
+
 /// Makes shared memory on an engine's device.
 pub(super) unsafe fn make_memory(
     engine: Handle,
     memory: *mut Handle,
-    make: impl FnOnce(&Arc<Context>) -> Outcome<Shared>,
+    share: impl FnOnce(&Arc<Context>) -> Outcome<Shared>,
 ) -> Status {
-    code(find::<Session>(engine as usize).and_then(|cell| {
-        cell.run(|session| {
-            check_out(memory, "memory")?;
-            let context = session.context().clone();
-            let shared = session.use_device(|| make(&context))?;
-            // SAFETY: not null and aligned; writable by the caller's promise.
-            unsafe { memory.write(handle::insert(MemoryState { shared, context }, None) as Handle) };
-            Ok(())
-        })
-    }))
+    let state =
+        |context: &Arc<Context>| Ok(MemoryState { shared: share(context)?, context: context.clone() });
+    // SAFETY: the caller's promise.
+    unsafe { make(engine, (memory, "memory"), state) }
 }
 
 /// `shutterbug_memory_import_host`.
@@ -126,19 +136,13 @@ pub extern "C" fn shutterbug_memory_destroy(memory: Handle) -> Status {
 unsafe fn make_semaphore(
     engine: Handle,
     semaphore: *mut Handle,
-    make: impl FnOnce(&Arc<Context>) -> Outcome<Semaphore>,
+    share: impl FnOnce(&Arc<Context>) -> Outcome<Semaphore>,
 ) -> Status {
-    code(find::<Session>(engine as usize).and_then(|cell| {
-        cell.run(|session| {
-            check_out(semaphore, "semaphore")?;
-            let context = session.context().clone();
-            let made = Arc::new(session.use_device(|| make(&context))?);
-            let state = SemaphoreState { semaphore: made, context };
-            // SAFETY: not null and aligned; writable by the caller's promise.
-            unsafe { semaphore.write(handle::insert(state, None) as Handle) };
-            Ok(())
-        })
-    }))
+    let state = |context: &Arc<Context>| {
+        Ok(SemaphoreState { semaphore: Arc::new(share(context)?), context: context.clone() })
+    };
+    // SAFETY: the caller's promise.
+    unsafe { make(engine, (semaphore, "semaphore"), state) }
 }
 
 fn kind_of(kind: u32) -> Outcome<SemaphoreKind> {

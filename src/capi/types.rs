@@ -263,6 +263,17 @@ pub(super) unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String>
     text.to_str().map(str::to_owned).map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
 }
 
+/// Copies a text to where the caller wants to have it: so many characters, or nowhere.
+///
+/// # Safety
+/// Null, or so many writable characters.
+pub(super) unsafe fn give_text((to, capacity): (*mut c_char, u64), text: &str) {
+    if !to.is_null() && capacity > 0 && capacity <= isize::MAX as u64 {
+        // SAFETY: the caller's promise.
+        put_text(unsafe { std::slice::from_raw_parts_mut(to, capacity as usize) }, text);
+    }
+}
+
 /// Copies a text into a fixed or given field, cut where it does not fit (at a character's border), NUL-terminated.
 pub(super) fn put_text(field: &mut [c_char], text: &str) {
     let Some(room) = field.len().checked_sub(1) else { return };

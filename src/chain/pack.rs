@@ -99,6 +99,13 @@ impl Packer<'_> {
         self.words(values.into_iter().map(f32::to_bits));
     }
 
+    /// A table of rows of four numbers; the parameter is the row of its first.
+    pub fn rows(&mut self, rows: impl IntoIterator<Item = [f32; 4]>) {
+        self.tables.resize(self.tables.len().next_multiple_of(4), 0);
+        self.bits(self.tables.len() as u32 / 4);
+        self.tables.extend(rows.into_iter().flatten().map(f32::to_bits));
+    }
+
     /// A table of words; the parameter is the place of its first.
     pub fn words(&mut self, values: impl IntoIterator<Item = u32>) {
         let first = self.tables.len() as u32;
@@ -128,6 +135,12 @@ impl Parameters<'_> {
     /// Entry `place` of the table that parameter `index` points to, as bits.
     pub fn word(&self, index: usize, place: usize) -> u32 {
         self.tables[self.bits(index) as usize + place]
+    }
+
+    /// Row `place` of the table of rows that parameter `index` points to.
+    pub fn row(&self, index: usize, place: usize) -> [f32; 4] {
+        let first = 4 * (self.bits(index) as usize + place);
+        [0, 1, 2, 3].map(|i| f32::from_bits(self.tables[first + i]))
     }
 
     /// Entry `place` of the table that parameter `index` points to, as a number.

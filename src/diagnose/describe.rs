@@ -128,12 +128,22 @@ fn another_scene(found: &Found) -> bool {
 /// more than a quarter of it: they are there, beside one that is not among the candidates.
 const BESIDE: [f64; 2] = [0.2, 0.15];
 
+/// Share of the displacement that must be gone for effects to be named that move the picture, whatever else is left: what
+/// only resembles a shutter or a lens leaves things out of place.
+const PLACED: f64 = 0.75;
+
+/// Whether a set closes enough of the gap, and has put everything in its place.
+fn puts_in_place(found: &Found, closed: f64) -> bool {
+    let moves = found.set.iter().any(|n| super::search::moves(candidate_of(n)));
+    moves && closed >= BESIDE[0] && found.residue.placed >= PLACED
+}
+
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
 /// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
-    if (closed < CLOSED[1] && !beside) || another_scene(found) {
+    if (closed < CLOSED[1] && !beside && !puts_in_place(found, closed)) || another_scene(found) {
         clear(search, found);
     }
 }
@@ -189,6 +199,8 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let explained = small || (rest <= difference && (closed > 0.8 || whole <= SMALL * difference));
     if explained && !shaped {
         Verdict::Explained
+    } else if puts_in_place(found, closed) {
+        Verdict::PartlyExplained
     } else if closed < CLOSED[1] || (shaped && closed < 0.9) {
         Verdict::UnknownEffect
     } else {

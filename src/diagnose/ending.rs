@@ -7,6 +7,7 @@ use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
+use super::placed::placed;
 use super::residue::{residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, LEAST_SHARE, Search, damped, is_a_filter, is_discrete, last_of, restored};
@@ -209,6 +210,7 @@ impl Search<'_> {
         let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
         found.residue.smear = self.smear(held, &means, &theta).unwrap_or_default();
         found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, &theta);
+        found.residue.placed = placed(self.evidence, held, [&before, &means], self.masks);
         tracing::info!("left: {:?}", found.residue);
         found.fit.theta = theta;
         found.set.extend(names);

@@ -132,8 +132,12 @@ fn solid_share(dn: &Plane<f32>) -> f64 {
 }
 
 /// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
-/// remain. Returns how far before and after their timestamps the rest has poses.
+/// remain. Returns how far before and after their timestamps the rest has poses. A camera at rest has one pose a frame:
+/// between them lies no motion, and no candidate about time is rendered.
 fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut Vec<LeftOut>) -> [f64; 2] {
+    if capture.camera.static_camera {
+        return [0.0; 2];
+    }
     let paths = std::iter::once(&capture.trajectory)
         .chain(capture.scene.objects.iter().filter_map(|o| o.trajectory.as_deref()));
     let (first_s, last_s) = paths

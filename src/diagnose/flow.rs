@@ -71,7 +71,7 @@ impl Forward {
     }
 
     /// Where a point of the picture lies in the picture of the given camera at the given pose, px.
-    fn source(&self, px: DVec2, theta: &Theta, channel: usize) -> DVec2 {
+    pub(super) fn source(&self, px: DVec2, theta: &Theta, channel: usize) -> DVec2 {
         let k = &self.intrinsics;
         let centre = DVec2::new(k.cx, k.cy);
         let scale = [theta.get(P::ScaleR), 1.0, theta.get(P::ScaleB)][channel];

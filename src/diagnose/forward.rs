@@ -76,12 +76,16 @@ pub(super) struct Forward {
     /// By place in [`Evidence::frames`].
     pub(super) starts_s: Vec<f64>,
     pub(super) reach_s: [f64; 2],
+    /// Light of each frame by place: 1, unless photographs of a camera at rest were lit differently.
+    pub(super) light: Vec<f64>,
     /// Sharp planes by place.
     pub(super) sharp: Vec<Sharp>,
     /// When fits are to end where they are.
     pub(super) deadline: Option<Instant>,
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
+    /// How often where frames are compared has been changed: results of before are others.
+    pub(super) compared: u32,
     /// What has been worked out.
     pub(super) journal: Arc<Mutex<Journal>>,
 }
@@ -122,9 +126,11 @@ impl Forward {
             period_s: capture.camera.frame_period_s,
             starts_s: evidence.frames.iter().map(|f| f.start_s).collect(),
             reach_s: evidence.reach_s,
+            light: vec![1.0; evidence.frames.len()],
             sharp: Vec::new(),
             deadline: None,
             renders: (0, 0.0),
+            compared: 0,
             journal: Arc::default(),
         };
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
@@ -135,11 +141,21 @@ impl Forward {
         Ok(forward)
     }
 
-    fn measure(&self, at: usize, engine: &mut Engine) -> Result<Sharp> {
-        // Speed over a short time in the middle of where exposures lie; forward from there.
+    /// The instant of the sharp planes: in the middle of where exposures lie; the timestamp for a camera at rest, which is
+    /// elsewhere a moment later.
+    pub(super) fn sharp_time_s(&self, at: usize) -> f64 {
+        if self.static_camera {
+            return self.starts_s[at];
+        }
         let after_s = (0.4 * self.period_s).min((self.reach_s[1] - 2.0 * SPEED_STEP_S).max(0.0));
+        self.starts_s[at] + after_s + SPEED_STEP_S
+    }
+
+    fn measure(&self, at: usize, engine: &mut Engine) -> Result<Sharp> {
+        // Speed over a short time, forward from its beginning.
         let mut request = self.request(at, &Theta::neutral());
-        request.shutter.start_s = self.starts_s[at] + after_s;
+        let early_s = if self.static_camera { 0.0 } else { SPEED_STEP_S };
+        request.shutter.start_s = self.sharp_time_s(at) - early_s;
         request.frame_interval_s = 2.0 * SPEED_STEP_S;
         request.planes = true;
         let ticket = engine.submit(&request)?;
@@ -151,7 +167,7 @@ impl Forward {
         let coverage = Plane::from_fn(w, h, |x, y| [planes.color.pixel(x, y)[3]]);
         let mut sharp = Sharp { velocity, own: None, depth: planes.depth_m, coverage };
         if self.scene.objects.iter().any(|o| o.trajectory.is_some()) && !self.static_camera {
-            let time_s = self.starts_s[at] + after_s + SPEED_STEP_S;
+            let time_s = self.sharp_time_s(at);
             let camera = self.camera_velocity(&sharp.depth, &Theta::neutral(), |_| time_s);
             let data = sharp.velocity.data.iter().zip(&camera.data).map(|(v, c)| v - c).collect();
             sharp.own = Some(Plane { width: w, height: h, channels: 2, data });
@@ -309,7 +325,7 @@ impl Forward {
         if this.trying {
             return work(who);
         }
-        let key = format!("{key} {}", this.native);
+        let key = format!("{key} {} {}", this.native, this.compared);
         if let Some(value) = this.journal().recall(kind, &key) {
             return Ok(value);
         }
@@ -459,7 +475,12 @@ impl Forward {
             readout_s: shutter.readout_time_s,
             scan_order: theta.scan_order,
         };
-        develop(radiance, theta, tone, &self.intrinsics, lines)
+        if self.light[at] == 1.0 {
+            return develop(radiance, theta, tone, &self.intrinsics, lines);
+        }
+        let light = self.light[at] as f32;
+        let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
+        develop(&lit, theta, tone, &self.intrinsics, lines)
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod choices;
 mod comb;
+mod cover;
 mod dct;
 mod describe;
 mod ending;
@@ -19,6 +20,7 @@ mod hot;
 mod intervals;
 mod journal;
 mod judge;
+mod light;
 mod linear;
 mod model;
 mod noise;
@@ -28,7 +30,9 @@ mod packing;
 mod parts;
 pub mod percepts;
 mod photometric;
+mod placed;
 mod places;
+mod question;
 mod report;
 mod residue;
 mod run;

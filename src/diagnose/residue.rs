@@ -28,6 +28,8 @@ pub(super) struct Residue {
     pub smear: [f64; 2],
     /// Share of the gap that lies where it is closed altogether, see [`solved`].
     pub solved: f64,
+    /// Share of what is out of place that is put in its place, see [`super::placed`].
+    pub placed: f64,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -88,13 +90,16 @@ pub(super) fn residue(
     // Compression leaves differences of its own, which say nothing about noise.
     let plain = !theta.is_on(P::Quality);
     let (spread, structure) = if plain { noise.misfit(theta) } else { (0.0, [0.0; 2]) };
-    let mut likeness: Vec<f64> =
-        frames.iter().zip(means).map(|(&at, m)| correlation(&evidence.frames[at].dn, m)).collect();
+    let mut likeness: Vec<f64> = frames
+        .iter()
+        .zip(means)
+        .map(|(&at, m)| correlation(&evidence.frames[at].dn, m, &masks[at]))
+        .collect();
     likeness.sort_by(f64::total_cmp);
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, likeness, smear: [0.0; 2], solved: 0.0 }
+    Residue { bias_dn, spread, structure, likeness, smear: [0.0; 2], solved: 0.0, placed: 0.0 }
 }
 
 /// Side of the blocks of [`solved`], px.
@@ -136,12 +141,24 @@ pub(super) fn solved(
     gone / f64::max(all, 1e-9)
 }
 
-/// Correlation of two pictures averaged over blocks of 4 px, each channel about its mean.
-fn correlation(a: &Plane<f32>, b: &Plane<f32>) -> f64 {
-    let [a, b] = [a, b].map(|p| super::fit::pooled(&p.data, p.width, p.height, 4));
+/// Side of the blocks of [`correlation`], px.
+const LIKENESS_PX: usize = 4;
+
+/// Correlation of two pictures averaged over blocks that are compared, each channel about its mean.
+fn correlation(a: &Plane<f32>, b: &Plane<f32>, mask: &Plane<f32>) -> f64 {
+    let pooled = |p: &Plane<f32>| super::fit::pooled(&p.data, p.width, p.height, LIKENESS_PX);
+    let across = a.width / LIKENESS_PX;
+    let open = |block: usize| {
+        let (x, y) = (LIKENESS_PX * (block % across), LIKENESS_PX * (block / across));
+        (0..LIKENESS_PX * LIKENESS_PX).all(|i| mask.pixel(x + i % LIKENESS_PX, y + i / LIKENESS_PX)[0] > 0.5)
+    };
+    let [a, b] = [a, b].map(pooled);
     let mut sums = [0.0f64; 3];
     for c in 0..3 {
-        let of = |v: &[f32]| -> Vec<f64> { v.iter().skip(c).step_by(3).map(|v| f64::from(*v)).collect() };
+        let of = |v: &[f32]| -> Vec<f64> {
+            let blocks = v.chunks_exact(3).enumerate().filter(|(block, _)| open(*block));
+            blocks.map(|(_, v)| f64::from(v[c])).collect()
+        };
         let (x, y) = (of(&a), of(&b));
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
         let (mx, my) = (mean(&x), mean(&y));

@@ -5,15 +5,16 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use super::cover::Cover;
 use super::describe::{describe, without_motion, without_time};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
-use super::hot::HotMap;
 use super::journal::{Journal, key};
-use super::judge::Judge;
+use super::light::lights;
 use super::model::{P, Theta, candidate_of};
 use super::output::Shown;
 use super::places::{Compared, measures, places};
+use super::question::Question;
 use super::report::*;
 use super::search::{Found, Search, Watch, all_names};
 use super::settings::{apply, theta_of};
@@ -21,8 +22,9 @@ use super::task::{Drawn, FramePercepts, figures, percepts};
 use crate::capture::{CameraFile, Capture};
 use crate::error::{Error, Result};
 use crate::gpu::Context;
-use crate::plane::Plane;
 
+/// How often where frames are compared is looked for.
+const COVER_ROUNDS: usize = 2;
 /// Speed below which nothing about time can be seen: px over one frame period, of the fastest tenth of the picture.
 const LEAST_MOTION_PX: f64 = 0.5;
 
@@ -109,29 +111,29 @@ pub fn diagnose(
     let mut forward = Forward::new(context, capture, &evidence)?;
     let journal = Arc::new(Mutex::new(journal));
     forward.journal = journal.clone();
-    let masks = if capture.camera.background_ignored { Some(masks(&forward, capture)?) } else { None };
     let base = theta_of(&capture.camera.settings);
+    let ignored = capture.camera.background_ignored;
+    let mut cover = ignored.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
     let motion_px = typical_motion_px(&forward, &evidence);
     let moving = motion_px >= LEAST_MOTION_PX && !capture.camera.static_camera;
-    let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
-    let means = forward.simulate(&evidence.fit, &base, Quality::Fit)?;
-    let renderer_difference = renderer_difference(&means);
-    let hot = HotMap::find(&evidence, &evidence.fit, &means);
-    let fit_masks = fit_masks(&evidence, masks.as_deref(), &hot);
-    forward.deadline = options.time_limit.map(|limit| clock + limit);
-    let mut search = Search {
-        judge: Judge::new(&evidence, masks.as_deref(), options.seed, hot),
-        forward: &mut forward,
-        evidence: &evidence,
-        masks: &fit_masks,
-        base: base.clone(),
-        renderer_difference,
-        smeared: false,
-        compression: compression(&evidence, &names, &base),
-        names: tried,
-        deadline: options.time_limit.map(|limit| clock + limit),
-    };
     let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
+    forward.deadline = options.time_limit.map(|limit| clock + limit);
+    let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
+    let compression = compression(&evidence, &names, &base);
+    let question = Question { evidence: &evidence, base, seed: options.seed, names: tried, compression };
+    if forward.static_camera {
+        let masks = cover.as_ref().map(|c| c.masks.as_slice());
+        forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
+    }
+    for _ in 0..COVER_ROUNDS {
+        let Some(known) = &mut cover else { break };
+        if !question.narrow(&mut forward, known, &mut relay)? {
+            break;
+        }
+    }
+    let masks = cover.as_ref().map(|c| c.masks.as_slice());
+    let seen = question.look(&mut forward, masks)?;
+    let mut search = question.search(&mut forward, &seen, masks);
     let mut found = search.run(&mut relay)?;
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
     for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
@@ -143,6 +145,7 @@ pub fn diagnose(
             report.candidates.push(without_time(name));
         }
     }
+    report.warnings.extend(super::light::said(&search.forward.light));
     report.warnings.extend(not_simulated(capture));
     report.input.device = context.info().name.clone();
     report.input.seed = options.seed;
@@ -280,46 +283,6 @@ fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {
     Ok(all.into_iter().filter(|n| !options.without.iter().any(|w| w == n)).collect())
 }
 
-/// Where geometry covers the pixel and its surroundings; elsewhere a moved picture would show the background.
-fn masks(forward: &Forward, capture: &Capture) -> Result<Vec<Plane<f32>>> {
-    const ROOM_PX: usize = 6;
-    let mut open = 0.0;
-    let masks: Vec<_> = forward
-        .sharp
-        .iter()
-        .map(|s| {
-            let (w, h) = (s.coverage.width, s.coverage.height);
-            let covered = |x: usize, y: usize| s.coverage.pixel(x, y)[0] > 0.999;
-            let across = Plane::from_fn(w, h, |x, y| {
-                let all = (x.saturating_sub(ROOM_PX)..(x + ROOM_PX + 1).min(w)).all(|u| covered(u, y));
-                [f32::from(u8::from(all))]
-            });
-            let mask = Plane::from_fn(w, h, |x, y| {
-                let rows = y.saturating_sub(ROOM_PX)..(y + ROOM_PX + 1).min(h);
-                [f32::from(u8::from(rows.into_iter().all(|v| across.pixel(x, v)[0] > 0.5)))]
-            });
-            open += mask.data.iter().sum::<f32>() / mask.data.len() as f32;
-            mask
-        })
-        .collect();
-    if open / (masks.len().max(1) as f32) < 0.01 {
-        let found = "background = \"ignore\" leaves less than 1 % of the pixels to compare";
-        return Err(Error::input(&capture.camera.path, None, found, "a scene that fills more of the frames"));
-    }
-    Ok(masks)
-}
-
-/// Where fits compare: where the judge does, less the stuck pixels.
-fn fit_masks(evidence: &Evidence, masks: Option<&[Plane<f32>]>, hot: &HotMap) -> Vec<Plane<f32>> {
-    let open = || {
-        let all = evidence.frames.iter().map(|f| Plane::from_fn(f.dn.width, f.dn.height, |_, _| [1.0]));
-        all.collect()
-    };
-    let mut fit_masks = masks.map_or_else(open, <[Plane<f32>]>::to_vec);
-    hot.close(&mut fit_masks);
-    fit_masks
-}
-
 /// How far the fastest tenth of the picture moves over one frame period, px.
 fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
     let mut speeds: Vec<f32> = Vec::new();
@@ -329,25 +292,6 @@ fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
     let at = speeds.len() * 9 / 10;
     let fast = *speeds.select_nth_unstable_by(at, f32::total_cmp).1;
     f64::from(fast) * forward.period_s
-}
-
-/// What two correct renderers may differ by, DN: a sampling error at edges. Measured on captures of an independent path
-/// tracer: 0.15 to 0.6 where the mean gradient is 3 to 9 DN a px.
-fn renderer_difference(means: &[Plane<f32>]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for mean in means {
-        for y in 1..mean.height {
-            for x in 1..mean.width {
-                let here = mean.pixel(x, y);
-                let (left, above) = (mean.pixel(x - 1, y), mean.pixel(x, y - 1));
-                for c in 0..3 {
-                    sum += f64::from((here[c] - left[c]).hypot(here[c] - above[c]));
-                    count += 1.0;
-                }
-            }
-        }
-    }
-    0.1 + 0.06 * sum / f64::max(count, 1.0)
 }
 
 #[cfg(test)]

@@ -239,7 +239,7 @@ impl<'a> Search<'a> {
         let start = self.with_noise(&packed.unwrap_or_else(|| self.base.clone()))?;
         let mut scores = self.judge.scores(self.forward, &start)?;
         let gap = (before.mean() - before.floor()).max(0.0);
-        let alone = self.each_alone(watch, &start, &mut late)?;
+        let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
         let mut set: Vec<&'static str> = self.compression.iter().map(|_| "jpeg").collect();
         let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
@@ -278,13 +278,32 @@ impl<'a> Search<'a> {
         Ok(found)
     }
 
+    /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of what
+    /// the best of them closes; the best first.
+    pub(super) fn promising(&mut self, watch: &mut dyn Watch, share: f64) -> Result<Vec<Theta>> {
+        let before = self.judge.scores(self.forward, &self.base.clone())?;
+        let start = self.with_noise(&self.base.clone())?;
+        let all = std::mem::take(&mut self.names);
+        self.names = all.iter().copied().filter(|n| moves(candidate_of(n))).collect();
+        let tried = self.each_alone(watch, "where to compare", &start, &mut Vec::new());
+        self.names = all;
+        let gain = |a: &Alone| a.against.mean() - a.scores.mean();
+        let tried = tried?;
+        let best = tried.iter().map(gain).fold(0.0, f64::max);
+        let least = f64::max(share * before.mean(), 0.5 * best);
+        let mut promising: Vec<_> = tried.into_iter().filter(|a| gain(a) >= least).collect();
+        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        Ok(promising.into_iter().map(|a| a.fit.theta).collect())
+    }
+
     fn each_alone(
         &mut self,
         watch: &mut dyn Watch,
+        stage: &str,
         start: &Theta,
         late: &mut Vec<&'static str>,
     ) -> Result<Vec<Alone>> {
-        watch.stage("each candidate alone", self.names.len());
+        watch.stage(stage, self.names.len());
         let mut alone = Vec::new();
         for name in self.names.clone() {
             watch.step(name);
@@ -509,7 +528,7 @@ pub(super) fn last_of(free: &[P]) -> Schedule {
 }
 
 /// Whether a candidate changes where things are seen.
-fn moves(candidate: &CandidateSpec) -> bool {
+pub(super) fn moves(candidate: &CandidateSpec) -> bool {
     candidate.parameters.iter().any(|p| p.is_time() || p.is_remap())
 }
 

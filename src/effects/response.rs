@@ -3,6 +3,8 @@
 //!
 //! One over the steepness is the curve's density: how much of the scale ahead of it a delivered step takes. It is linear
 //! between the knots, so the value ahead of the curve is a quadratic in the delivered one, and the way back a square root.
+//! The kernels read a piece from a table; of the delivered one its number is known, of the other it is counted how many begin
+//! below.
 
 use crate::chain::{Packer, Parameters, Settings};
 
@@ -34,56 +36,58 @@ pub(super) fn densities(settings: &Settings) -> Option<[[f64; KNOTS]; 3]> {
     }))
 }
 
-/// Packs them, red's first.
-pub(super) fn pack(densities: &[[f64; KNOTS]; 3], packer: &mut Packer<'_>) {
-    densities.iter().flatten().for_each(|v| packer.number(*v));
-}
+/// A row of the kernels' table: number of the piece, value ahead of the curve where it begins, density at both ends.
+type Row = [f32; 4];
+/// Rows of a channel: the pieces, and a straight one beyond either end.
+const ROWS: usize = KNOTS + 1;
 
-/// A piece of the curve: number, value ahead of the curve where it begins, density at both ends.
-struct Piece {
-    number: f32,
-    start: f32,
-    low: f32,
-    high: f32,
-}
-
-/// The density of channel `c` at a knot; `first`: parameter with red's first.
-fn density(p: &Parameters, first: usize, c: usize, knot: usize) -> f32 {
-    p.number(first + c * KNOTS + knot)
-}
-
-/// The last piece that begins at or below `value`, which counts pieces or is ahead of the curve.
-fn piece(value: f32, counts: bool, at: impl Fn(usize) -> f32) -> Piece {
-    let mut piece = Piece { number: 0.0, start: 0.0, low: at(0), high: at(1) };
+/// Values ahead of the curve at the knots: the density's integral.
+fn starts(density: &[f64; KNOTS]) -> [f64; KNOTS] {
     let mut sum = 0.0;
-    for k in 1..KNOTS - 1 {
-        sum += (at(k - 1) + at(k)) * (0.5 / PIECES);
-        if value >= if counts { k as f32 } else { sum } {
-            piece = Piece { number: k as f32, start: sum, low: at(k), high: at(k + 1) };
-        }
-    }
-    piece
+    std::array::from_fn(|k| {
+        sum += if k == 0 { 0.0 } else { 0.5 * (density[k - 1] + density[k]) / (KNOTS - 1) as f64 };
+        sum
+    })
 }
 
-/// From a delivered value to the one ahead of the curve; beyond 0 and 1 it goes on straight.
-pub(super) fn to_sensor(delivered: f32, c: usize, p: &Parameters, first: usize) -> f32 {
-    let at = |knot| density(p, first, c, knot);
-    let inside = delivered.clamp(0.0, 1.0);
-    let place = inside * PIECES;
-    let piece = piece(place, true, at);
-    let t = place - piece.number;
-    let value = piece.start + t * (piece.low + 0.5 * (piece.high - piece.low) * t) * (1.0 / PIECES);
-    value + (delivered - inside) * at(if delivered < 0.0 { 0 } else { KNOTS - 1 })
+fn rows(density: &[f64; KNOTS]) -> [Row; ROWS] {
+    let (starts, last) = (starts(density), KNOTS - 1);
+    std::array::from_fn(|row| {
+        let at = row.saturating_sub(1);
+        // Beyond the ends the density stays.
+        let (low, high) = (density[at], density[if row == 0 { 0 } else { row.min(last) }]);
+        [at as f64, starts[at], low, high].map(|v| v as f32)
+    })
 }
 
-/// The inverse of [`to_sensor`].
-pub(super) fn from_sensor(sensor: f32, c: usize, p: &Parameters, first: usize) -> f32 {
-    let at = |knot| density(p, first, c, knot);
-    let inside = sensor.clamp(0.0, 1.0);
-    let piece = piece(inside, false, at);
-    let rise = (inside - piece.start) * PIECES;
-    let square = piece.low * piece.low + 2.0 * (piece.high - piece.low) * rise;
-    let t = 2.0 * rise / (piece.low + square.max(0.0).sqrt());
-    let value = (piece.number + t) * (1.0 / PIECES);
-    value + (sensor - inside) / at(if sensor < 0.0 { 0 } else { KNOTS - 1 })
+/// Packs the pieces as one parameter.
+pub(super) fn pack(densities: &[[f64; KNOTS]; 3], packer: &mut Packer<'_>) {
+    packer.rows(densities.iter().flat_map(rows));
+}
+
+/// Packs where the pieces from the second on begin, red's, green's and blue's by turns.
+pub(super) fn pack_starts(densities: &[[f64; KNOTS]; 3], packer: &mut Packer<'_>) {
+    let starts = densities.each_ref().map(starts);
+    (1..KNOTS - 1).for_each(|k| starts.iter().for_each(|of| packer.number(of[k])));
+}
+
+/// From a delivered value to the one ahead of the curve; beyond 0 and 1 it goes on straight. `table`: parameter with the
+/// pieces.
+pub(super) fn to_sensor(delivered: f32, c: usize, p: &Parameters, table: usize) -> f32 {
+    let place = delivered * PIECES;
+    let piece = (place.floor() as i32).clamp(-1, PIECES as i32);
+    let [number, start, low, high] = p.row(table, c * ROWS + (piece + 1) as usize);
+    let t = place - number;
+    start + t * (low + 0.5 * (high - low) * t) * (1.0 / PIECES)
+}
+
+/// The inverse of [`to_sensor`]. `first`: parameter with the first of the pieces' starts.
+pub(super) fn from_sensor(sensor: f32, c: usize, p: &Parameters, (table, first): (usize, usize)) -> f32 {
+    let inner = (0..KNOTS - 2).filter(|k| sensor >= p.number(first + 3 * k + c)).count();
+    let piece = inner + usize::from(sensor >= 0.0) + usize::from(sensor >= 1.0);
+    let [number, start, low, high] = p.row(table, c * ROWS + piece);
+    let rise = (sensor - start) * PIECES;
+    let square = low * low + 2.0 * (high - low) * rise;
+    let t = 2.0 * rise / (low + square.max(0.0).sqrt());
+    (number + t) * (1.0 / PIECES)
 }

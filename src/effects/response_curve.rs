@@ -36,7 +36,7 @@ const SPECS: &[ParamSpec] = &{
 
 /// The function of the same name in `glsl/include/effects/response_curve.glsl`.
 fn response_curve(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
-    [0, 1, 2].map(|c| response::from_sensor(value[c], c, p, 0))
+    [0, 1, 2].map(|c| response::from_sensor(value[c], c, p, (0, 1)))
 }
 
 impl Effect for ResponseCurve {
@@ -63,6 +63,7 @@ impl Effect for ResponseCurve {
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
         if let Some(densities) = response::densities(settings) {
             response::pack(&densities, packer);
+            response::pack_starts(&densities, packer);
         }
     }
 }

@@ -1,5 +1,5 @@
 //! What the sensor sees of the scene's colours. A rendered scene has the colours that a camera is to deliver; behind a
-//! sensor stand `white_balance`, `color_matrix`, `saturation` and `response_curve`, which change them. With `match = "delivered"` the
+//! sensor stand `white_balance`, `color_matrix`, `response_curve` and `saturation`, which change them. With `match = "delivered"` the
 //! light is taken through their inverse first: the sensor sees what these turn back into the scene's colours (its colour
 //! filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise gets the ISP's
 //! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped; so is
@@ -25,14 +25,14 @@ const SPECS: &[ParamSpec] = &[ParamSpec::choice(
     "match",
     &["radiance", DELIVERED],
     "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix, \
-     saturation and response_curve turn back into them",
+     response_curve and saturation turn back into them",
 )];
 
 const MATRIX: u32 = 1;
 const CURVE: u32 = 2;
 const SATURATION: u32 = 4;
 /// Parameter with one over the saturation's factor, behind matrix and curve.
-const UNDO: usize = 60;
+const UNDO: usize = 10;
 
 /// From the delivered linear colours to the sensor's: the inverse of matrix and gains. `None` if there is none.
 fn inverse(settings: &Settings) -> Option<DMat3> {
@@ -55,12 +55,12 @@ fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let mut seen = value;
     if at.variant & (CURVE | SATURATION) != 0 {
         seen = seen.map(srgb_encode);
-        if at.variant & CURVE != 0 {
-            seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
-        }
         if at.variant & SATURATION != 0 {
             let y = saturation::luma(seen);
             seen = seen.map(|v| (y + p.number(UNDO) * (v - y)).clamp(0.0, 1.0));
+        }
+        if at.variant & CURVE != 0 {
+            seen = [0, 1, 2].map(|c| response::to_sensor(seen[c], c, p, 9));
         }
         seen = seen.map(srgb_decode);
     }
@@ -98,8 +98,8 @@ impl Effect for SensorColor {
             return Err(Error::Contradiction { effect: ID, what });
         }
         let idle = self.variant(settings) == 0;
-        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix, saturation or \
-                    response_curve";
+        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix, response_curve or \
+                    saturation";
         Ok(idle.then(|| said.to_owned()).into_iter().collect())
     }
 

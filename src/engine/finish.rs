@@ -75,7 +75,8 @@ impl Finish {
         let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f))?;
         let bytes = u64::from(size[0]) * u64::from(size[1]) * 4;
         let pixels = Buffer::new(context, "pixels", bytes, Usage::Storage, Location::Device)?;
-        let table_bytes = 4 * Packed::table_capacity(size) as u64;
+        // What a device cannot hold is refused where a frame needs it (`fit`).
+        let table_bytes = (4 * Packed::table_capacity(size) as u64).min(16 * context.info().max_texels);
         let input = |_: usize| {
             Ok(ChainInputs {
                 parameters: Buffer::new(
@@ -85,7 +86,7 @@ impl Finish {
                     Usage::Uniform,
                     Location::Upload,
                 )?,
-                tables: Buffer::new(context, "tables", table_bytes, Usage::Storage, Location::Upload)?,
+                tables: Buffer::new(context, "tables", table_bytes, Usage::Texels, Location::Upload)?,
             })
         };
         let inputs = (0..slot_count).map(input).collect::<Result<Vec<_>>>()?;
@@ -125,7 +126,7 @@ impl Finish {
                 what: "words of the effects' tables",
                 value: packed.tables.len() as u64,
                 limit: room,
-                why: "chain::Packed::table_capacity".to_owned(),
+                why: "chain::Packed::table_capacity, maxTexelBufferElements".to_owned(),
             });
         }
         inputs.parameters.write(0, &packed.rows);
@@ -157,7 +158,7 @@ impl Finish {
         let inputs = &self.inputs[index];
         [
             ("Parameters", Bound::Buffer(&inputs.parameters)),
-            ("Tables", Bound::Buffer(&inputs.tables)),
+            ("tables", Bound::Buffer(&inputs.tables)),
             ("Pixels", Bound::Buffer(&self.pixels)),
         ]
     }
@@ -214,7 +215,7 @@ impl Finish {
             // The last step writes pixels: what is bound here is not touched.
             ("target", Bound::Storage(image(pictures.target))),
             ("Parameters", Bound::Buffer(&inputs.parameters)),
-            ("Tables", Bound::Buffer(&inputs.tables)),
+            ("tables", Bound::Buffer(&inputs.tables)),
             ("Pixels", Bound::Buffer(&self.pixels)),
         ])
     }

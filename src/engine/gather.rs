@@ -217,7 +217,7 @@ impl Trial {
         let pixels = u64::from(TRIAL_SIZE[0] * TRIAL_SIZE[1]) * 4;
         let buffers = [
             buffer("trial parameters", crate::chain::PARAMETER_BYTES, Usage::Uniform)?,
-            buffer("trial tables", 64, Usage::Storage)?,
+            buffer("trial tables", 64, Usage::Texels)?,
             buffer("trial pixels", pixels, Usage::Storage)?,
         ];
         Ok(Self {
@@ -245,7 +245,7 @@ impl Trial {
                 ("original", Bound::Storage(radiance)),
                 ("target", Bound::Storage(radiance)),
                 ("Parameters", Bound::Buffer(parameters)),
-                ("Tables", Bound::Buffer(tables)),
+                ("tables", Bound::Buffer(tables)),
                 ("Pixels", Bound::Buffer(pixels)),
             ])?;
             Ok((pipeline, group))

@@ -59,7 +59,7 @@ use finish::Finish;
 use lens::{LensKey, LensStage};
 use paper::Paper;
 use planes::PlanesPass;
-use slots::FrameSlot;
+use slots::{FrameSlot, free_slot};
 
 /// How a frame with shutter and blur is made.
 #[derive(Clone, Debug, PartialEq)]
@@ -226,9 +226,7 @@ impl Engine {
     /// # Errors
     /// Device lost, or the time limit passed: frames in flight are waited for.
     pub fn forget(&mut self) -> Result<()> {
-        for slot in &mut self.slots {
-            slot.gpu.wait(self.options.time_limit)?;
-        }
+        self.settle()?;
         self.stage.lens = None;
         if let Renderer::Exact(exact) = &mut self.renderer {
             exact.forget();
@@ -270,8 +268,8 @@ impl Engine {
     /// # Panics
     /// As [`Self::submit`].
     pub fn submit_to(&mut self, request: &FrameRequest, delivery: &Delivery) -> Result<Ticket> {
-        let index = self.next;
-        assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        let index = free_slot(&self.slots, self.next);
+        let index = index.expect("collect a frame before submitting more than fit in flight");
         // A frame that was given up between its parts may still be at work here.
         self.slots[index].wait(self.options.time_limit)?;
         frame::check_coverage(&self.stage, request)?;
@@ -279,9 +277,7 @@ impl Engine {
         self.fit_lens(request)?;
         self.widen(request)?;
         if self.planes.is_none() && Defocus::needs_depth(&request.settings) {
-            for slot in &mut self.slots {
-                slot.gpu.wait(self.options.time_limit)?;
-            }
+            self.settle()?;
             self.planes = Some(PlanesPass::new(&self.stage, &mut self.slots, self.finish.radiance())?);
         }
         let slot = &mut self.slots[index];
@@ -305,15 +301,18 @@ impl Engine {
         Ok(Ticket { slot: index })
     }
 
+    /// Waits for all work in flight.
+    fn settle(&mut self) -> Result<()> {
+        self.slots.iter_mut().try_for_each(|slot| slot.settle(self.options.time_limit))
+    }
+
     /// Makes what depends on the lens anew where a frame has another one than the frame before it.
     fn fit_lens(&mut self, request: &FrameRequest) -> Result<()> {
         let key = LensKey::of(&request.settings);
         if self.stage.lens.as_ref().map(|l| l.key) == key {
             return Ok(());
         }
-        for slot in &mut self.slots {
-            slot.gpu.wait(self.options.time_limit)?;
-        }
+        self.settle()?;
         self.stage.lens = None;
         if let Renderer::Exact(exact) = &mut self.renderer {
             exact.forget_lens();
@@ -335,7 +334,7 @@ impl Engine {
         if let Renderer::Exact(exact) = &mut self.renderer {
             if exact.needs_fit(&self.stage, request) {
                 for slot in &mut self.slots {
-                    slot.gpu.wait(self.options.time_limit)?;
+                    slot.settle(self.options.time_limit)?;
                 }
                 exact.fit(&self.stage, &mut self.slots, self.finish.radiance(), request)?;
             }
@@ -347,9 +346,7 @@ impl Engine {
             Renderer::Exact(_) | Renderer::Accumulation(_) => None,
         };
         let Some(margin_px) = needed else { return Ok(()) };
-        for slot in &mut self.slots {
-            slot.gpu.wait(self.options.time_limit)?;
-        }
+        self.settle()?;
         tracing::info!("the margin grows to {margin_px:?} px for frame {}", request.index);
         let (stage, slots, radiance) = (&self.stage, &mut self.slots[..], self.finish.radiance());
         match &mut self.renderer {
@@ -365,8 +362,7 @@ impl Engine {
     /// Device lost, or the time limit passed.
     pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
         let slot = &mut self.slots[ticket.slot];
-        slot.wait(self.options.time_limit)?;
-        let times: Vec<PassTime> = slot.finish_times()?;
+        let times: Vec<PassTime> = slot.finish(self.options.time_limit)?;
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
         let planes = self.planes.as_ref().filter(|_| slot.wants_planes()).map(|p| p.read(slot.index));
         Ok(slot.take_frame(size, times, planes))

@@ -12,7 +12,7 @@ use super::outside_frame::{
     place,
 };
 use super::outside_kernels::{Groups, Kernels, Unpacked};
-use super::slots::FrameSlot;
+use super::slots::{FrameSlot, free_slot};
 use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::Defocus;
@@ -83,7 +83,7 @@ impl OutsideEngine {
 
     /// Whether another frame can be submitted before one is collected.
     pub fn has_room(&self) -> bool {
-        !self.slots[self.next].pending()
+        free_slot(&self.slots, self.next).is_some()
     }
 
     /// How many frames were submitted and not collected.
@@ -100,8 +100,8 @@ impl OutsideEngine {
     /// # Panics
     /// If there is no room, or a picture is shorter than its size and stride say.
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
-        let index = self.next;
-        assert!(!self.slots[index].pending(), "collect a frame before submitting more than fit in flight");
+        let index = free_slot(&self.slots, self.next);
+        let index = index.expect("collect a frame before submitting more than fit in flight");
         if Defocus::needs_depth(&frame.request.settings) {
             let what =
                 "by distance needs a scene: frames from outside have a fixed sigma_px or disc_radius_px"
@@ -113,6 +113,7 @@ impl OutsideEngine {
             OutsideMotion::Images { .. } => None,
             OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),
         };
+        self.kernels.fit(&frame.motion)?;
         self.fit(frame)?;
         let view = frame.request.view(self.stage.intrinsics);
         let slot = &mut self.slots[index];
@@ -143,15 +144,19 @@ impl OutsideEngine {
         self.slots[ticket.slot].gpu.wait(limit)
     }
 
+    /// A frame that nobody will collect: its slot is free again once the device is done with it.
+    pub fn give_up(&mut self, ticket: &Ticket) {
+        self.slots[ticket.slot].cancel();
+    }
+
     /// Waits for a frame and reads it back. Poses in its instants are the identity: this engine knows none.
     ///
     /// # Errors
     /// Device lost, or the time limit passed.
     pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
         let slot = &mut self.slots[ticket.slot];
-        slot.gpu.wait(self.time_limit)?;
+        let times = slot.finish(self.time_limit)?;
         self.kept[ticket.slot] = Kept::default();
-        let times = slot.finish_times()?;
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
         Ok(slot.take_frame(size, times, None))
     }
@@ -162,7 +167,7 @@ impl OutsideEngine {
             return Ok(());
         }
         for slot in &mut self.slots {
-            slot.gpu.wait(self.time_limit)?;
+            slot.settle(self.time_limit)?;
         }
         // The old ones first: both might not fit.
         self.images = None;
@@ -180,9 +185,7 @@ impl OutsideEngine {
         let motion = Image::new(context, "outside motion", layers)?;
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
         // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
-        let free = self.slots.iter_mut().find(|s| !s.gpu.in_flight()).expect("all were waited for");
-        free.keep_times()?;
-        prepare(&mut free.gpu, [&color, &motion, &depth])?;
+        prepare(&mut self.slots[0].gpu, [&color, &motion, &depth])?;
         let to = Unpacked { color: &color, motion: &motion, depth: &depth };
         let groups = Groups::new(&self.kernels, to, self.finish.radiance(), self.slots.len())?;
         Ok(Images { margin_px, groups, color, motion, depth })
@@ -261,6 +264,9 @@ impl OutsideEngine {
         let Images { groups, color, motion, depth, .. } = self.images.as_mut().expect("made by `fit`");
         let to = Unpacked { color, motion, depth };
         groups.bind_sources(&self.kernels, index, to, &pictures, &self.uploads[index])?;
+        if from_depth.is_some() {
+            groups.fit_depth(&self.kernels, to)?;
+        }
         let placed: Vec<_> = pictures.iter().map(|p| place(p, camera.width)).collect();
         let slot = &mut self.slots[index];
         let mut recorder = slot.gpu.begin()?;
@@ -275,26 +281,8 @@ impl OutsideEngine {
         let format = frame.color.format as u32;
         let push = ColorPush { size, first_byte, stride_bytes, format, codes_from };
         recorder.dispatch(&self.kernels.color, groups.source(index, 0), &push, size);
-        match &frame.motion {
-            OutsideMotion::Images { images, scale, .. } => {
-                for (k, image) in images.iter().enumerate() {
-                    let (first_byte, stride_bytes) = placed[k + 1];
-                    let (format, layer) = (image.format as u32, k as u32);
-                    let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
-                    recorder.dispatch(&self.kernels.motion, groups.source(index, k + 1), &push, size);
-                }
-            }
-            OutsideMotion::Depth { decode, .. } => {
-                let (first_byte, stride_bytes) = placed[1];
-                let [numerator, constant, slope] = decode.unwrap_or([0.0; 3]);
-                let metres = decode.is_none().into();
-                let push = DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope };
-                recorder.dispatch(&self.kernels.depth, groups.source(index, 1), &push, size);
-                recorder.mark("motion");
-                let push = from_depth.expect("computed for depth");
-                recorder.dispatch(&self.kernels.motion_from_depth, &groups.from_depth, &push, size);
-            }
-        }
+        let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed[1..] };
+        motion.record(&mut recorder, &frame.motion, from_depth);
         recorder.mark("paper_gather");
         let push = gather_push(&self.stage.intrinsics, frame);
         recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
@@ -302,6 +290,47 @@ impl OutsideEngine {
         self.kept[index] = (frame.delivery.clone(), pictures.iter().filter_map(shared).collect());
         let Delivery { wait, signal, .. } = &frame.delivery;
         slot.gpu.submit_between(wait.as_ref(), signal.as_ref())
+    }
+}
+
+/// The motion images of a frame: unpacked, or made from depth.
+struct MotionPass<'a> {
+    kernels: &'a Kernels,
+    groups: &'a Groups,
+    /// The frame's slot.
+    index: usize,
+    size: [u32; 2],
+    /// First byte and stride of each picture.
+    placed: &'a [(u32, u32)],
+}
+
+impl MotionPass<'_> {
+    fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        motion: &OutsideMotion<'_>,
+        from_depth: Option<FromDepthPush>,
+    ) {
+        let (kernels, groups, size) = (self.kernels, self.groups, self.size);
+        match motion {
+            OutsideMotion::Images { images, scale, .. } => {
+                for (k, (image, &(first_byte, stride_bytes))) in images.iter().zip(self.placed).enumerate() {
+                    let (format, layer) = (image.format as u32, k as u32);
+                    let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
+                    recorder.dispatch(kernels.motion(), groups.source(self.index, k + 1), &push, size);
+                }
+            }
+            OutsideMotion::Depth { decode, .. } => {
+                let (first_byte, stride_bytes) = self.placed[0];
+                let [numerator, constant, slope] = decode.unwrap_or([0.0; 3]);
+                let metres = decode.is_none().into();
+                let push = DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope };
+                recorder.dispatch(&kernels.depth().unpack, groups.source(self.index, 1), &push, size);
+                recorder.mark("motion");
+                let push = from_depth.expect("computed for depth");
+                recorder.dispatch(&kernels.depth().motion, groups.depth_group(), &push, size);
+            }
+        }
     }
 }
 

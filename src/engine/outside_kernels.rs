@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
-use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsidePixels, PixelSource};
+use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideMotion, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
@@ -20,15 +20,21 @@ assert_push_layout!(
     DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope }
 );
 
-/// The pipelines.
+/// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first frame.
 pub(super) struct Kernels {
     pub(super) color: ComputePipeline,
-    pub(super) motion: ComputePipeline,
-    pub(super) depth: ComputePipeline,
-    pub(super) motion_from_depth: ComputePipeline,
     pub(super) gather: ComputePipeline,
+    motion: Option<ComputePipeline>,
+    depth: Option<DepthKernels>,
     sampler: Sampler,
     decode: Buffer,
+    context: Arc<Context>,
+}
+
+/// Pipelines of frames with depth.
+pub(super) struct DepthKernels {
+    pub(super) unpack: ComputePipeline,
+    pub(super) motion: ComputePipeline,
 }
 
 impl Kernels {
@@ -39,19 +45,47 @@ impl Kernels {
         decode.write(0, &table);
         Ok(Self {
             color: ComputePipeline::new(context, const { kernel("unpack_color.comp") })?,
-            motion: ComputePipeline::new(context, const { kernel("unpack_motion.comp") })?,
-            depth: ComputePipeline::new(context, const { kernel("unpack_depth.comp") })?,
-            motion_from_depth: ComputePipeline::new(context, const { kernel("motion_from_depth.comp") })?,
             gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
+            motion: None,
+            depth: None,
             sampler: Sampler::new(context, false)?,
             decode,
+            context: context.clone(),
         })
+    }
+
+    /// Makes what a frame with this kind of motion needs, if it is not there.
+    pub(super) fn fit(&mut self, motion: &OutsideMotion<'_>) -> Result<()> {
+        let make = |kernel| ComputePipeline::new(&self.context, kernel);
+        match motion {
+            OutsideMotion::Images { .. } if self.motion.is_none() => {
+                self.motion = Some(make(const { kernel("unpack_motion.comp") })?);
+            }
+            OutsideMotion::Depth { .. } if self.depth.is_none() => {
+                let unpack = make(const { kernel("unpack_depth.comp") })?;
+                let motion = make(const { kernel("motion_from_depth.comp") })?;
+                self.depth = Some(DepthKernels { unpack, motion });
+            }
+            OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } => {}
+        }
+        Ok(())
+    }
+
+    /// Of frames with motion images.
+    pub(super) fn motion(&self) -> &ComputePipeline {
+        self.motion.as_ref().expect("made by `fit`")
+    }
+
+    /// Of frames with depth.
+    pub(super) fn depth(&self) -> &DepthKernels {
+        self.depth.as_ref().expect("made by `fit`")
     }
 }
 
 /// What the pipelines are bound to, for images of one size.
 pub(super) struct Groups {
-    pub(super) from_depth: BindGroup,
+    /// Made with the first frame with depth.
+    from_depth: Option<BindGroup>,
     pub(super) gather: BindGroup,
     /// By slot and place (colour, then motion or depth).
     sources: Vec<[Option<Source>; MAX_OUTSIDE_MOTIONS + 1]>,
@@ -85,9 +119,7 @@ pub(super) struct Unpacked<'a> {
 impl Groups {
     pub(super) fn new(kernels: &Kernels, to: Unpacked<'_>, radiance: &Image, slots: usize) -> Result<Self> {
         Ok(Self {
-            from_depth: kernels
-                .motion_from_depth
-                .bind(&[("depth", Bound::Storage(to.depth)), ("motion", Bound::Storage(to.motion))])?,
+            from_depth: None,
             gather: kernels.gather.bind(&[
                 ("color", Bound::Sampled(to.color, &kernels.sampler)),
                 ("motion", Bound::Storage(to.motion)),
@@ -136,13 +168,27 @@ impl Groups {
                     ("color", Bound::Storage(to.color)),
                     ("Decode", Bound::Buffer(&kernels.decode)),
                 ]),
-                Role::Motion => kernels.motion.bind(&[source, ("motion", Bound::Storage(to.motion))]),
-                Role::Depth => kernels.depth.bind(&[source, ("depth", Bound::Storage(to.depth))]),
+                Role::Motion => kernels.motion().bind(&[source, ("motion", Bound::Storage(to.motion))]),
+                Role::Depth => kernels.depth().unpack.bind(&[source, ("depth", Bound::Storage(to.depth))]),
             };
             self.sources[slot][place] =
                 Some(Source { role, shared: shared.map(Arc::downgrade), group: group? });
         }
         Ok(())
+    }
+
+    /// Binds what makes motion from depth, if it is not bound.
+    pub(super) fn fit_depth(&mut self, kernels: &Kernels, to: Unpacked<'_>) -> Result<()> {
+        if self.from_depth.is_none() {
+            let (depth, motion) = (Bound::Storage(to.depth), Bound::Storage(to.motion));
+            self.from_depth = Some(kernels.depth().motion.bind(&[("depth", depth), ("motion", motion)])?);
+        }
+        Ok(())
+    }
+
+    /// Its group.
+    pub(super) fn depth_group(&self) -> &BindGroup {
+        self.from_depth.as_ref().expect("bound by `fit_depth`")
     }
 
     /// The group of a slot's picture.

@@ -13,6 +13,14 @@ use crate::plane::Plane;
 use crate::raster::{CameraRow, Instant, ObjectRow, instant_rows};
 use crate::reference::chain::develop_on_host;
 
+/// The slot that the next frame takes: the first from `from` on, in turn, that holds no frame and has nothing in flight. Frames
+/// may be collected in any order, so the next in turn may be taken while another one is free.
+pub(super) fn free_slot(slots: &[FrameSlot], from: usize) -> Option<usize> {
+    // Where it cannot be asked, the submission says why.
+    let free = |s: &FrameSlot| !s.pending() && s.finished().unwrap_or(true);
+    (0..slots.len()).map(|i| (from + i) % slots.len()).find(|&i| free(&slots[i]))
+}
+
 /// Instants that one submission can hold: a chunk of the accumulation, or the paper's pictures and the sharp planes.
 pub(super) const MAX_INSTANTS: u32 = 40;
 
@@ -109,7 +117,7 @@ impl FrameSlot {
         self.inputs.clear();
     }
 
-    /// Forgets a frame that could not be submitted.
+    /// Forgets a frame that could not be submitted, or that nobody will collect.
     pub(super) fn cancel(&mut self) {
         self.request = None;
     }
@@ -118,17 +126,27 @@ impl FrameSlot {
         self.request.as_ref().is_some_and(|(r, ..)| r.planes)
     }
 
-    /// Keeps the times of a submission that was not the frame's last.
+    /// Keeps the times of a finished submission before the slot is recorded anew: its frame's next part, or new images.
     pub(super) fn keep_times(&mut self) -> Result<()> {
-        let times = self.gpu.times()?;
+        let times = self.gpu.take_times()?;
         add_times(&mut self.earlier, times);
         Ok(())
     }
 
-    /// Times of all the frame's submissions.
-    pub(super) fn finish_times(&mut self) -> Result<Vec<PassTime>> {
-        self.keep_times()?;
-        Ok(std::mem::take(&mut self.earlier))
+    /// Waits for the work in flight, so that what it uses may be made anew; its frame, if any, can still be collected.
+    pub(super) fn settle(&mut self, limit: Duration) -> Result<()> {
+        self.gpu.wait(limit)?;
+        self.keep_times()
+    }
+
+    /// Waits for the frame; times of all its submissions. On failure the frame is given up: its ticket is gone, and the slot
+    /// must not stay taken.
+    pub(super) fn finish(&mut self, limit: Duration) -> Result<Vec<PassTime>> {
+        let done = self.wait(limit).and_then(|()| self.keep_times());
+        if done.is_err() {
+            self.cancel();
+        }
+        done.map(|()| std::mem::take(&mut self.earlier))
     }
 
     /// The finished frame.

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::slots::free_slot;
 use super::{Engine, Renderer, Ticket, frame};
 use crate::error::Result;
 use crate::gpu::{Buffer, Format, Image, Location, Usage};
@@ -33,7 +34,7 @@ pub struct GatherInputs {
 impl Engine {
     /// Whether another frame can be submitted before one is collected.
     pub fn has_room(&self) -> bool {
-        !self.slots[self.next].pending()
+        free_slot(&self.slots, self.next).is_some()
     }
 
     /// How many frames were submitted and not collected.
@@ -55,6 +56,11 @@ impl Engine {
     /// Device lost; not finished within `limit`: then it can be waited for again.
     pub fn wait(&mut self, ticket: &Ticket, limit: Duration) -> Result<()> {
         self.slots[ticket.slot].wait(limit)
+    }
+
+    /// A frame that nobody will collect: its slot is free again once the device is done with it.
+    pub fn give_up(&mut self, ticket: &Ticket) {
+        self.slots[ticket.slot].cancel();
     }
 
     /// Renders a frame by the paper's method and reads back what its gather was given; `None` for other methods.

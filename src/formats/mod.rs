@@ -87,8 +87,14 @@ pub fn parse_camera(
     let toml_name = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     if format == Some(Format::Toml) || (format.is_none() && toml_name) {
         let file = CameraFile::parse(path, text)?;
-        let imported = Imported { camera: CameraModel::from_camera_file(&file), notes: file.warnings };
-        return Ok(imported);
+        let camera = CameraModel::from_camera_file(&file);
+        camera.check_lens().map_err(|problem| Error::At {
+            path: path.to_owned(),
+            line: None,
+            problem: Box::new(problem),
+            hint: String::new(),
+        })?;
+        return Ok(Imported { camera, notes: file.warnings });
     }
     if format == Some(Format::Sdf) {
         let expected = "toml, ros, kalibr or euroc: SDF is written only";

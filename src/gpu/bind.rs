@@ -94,6 +94,7 @@ fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
         BindingKind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
         BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
         BindingKind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingKind::TexelBuffer => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
         BindingKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
     }
 }
@@ -152,8 +153,7 @@ impl BindGroup {
     }
 
     fn write(&self, row: &Binding, resource: Bound<'_>) {
-        let buffer_info;
-        let image_info;
+        let (buffer_info, image_info, texels);
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.set)
             .dst_binding(row.binding)
@@ -163,6 +163,10 @@ impl BindGroup {
                 buffer_info =
                     [vk::DescriptorBufferInfo::default().buffer(buffer.handle).range(vk::WHOLE_SIZE)];
                 write.buffer_info(&buffer_info)
+            }
+            (BindingKind::TexelBuffer, Bound::Buffer(buffer)) if buffer.view != vk::BufferView::null() => {
+                texels = [buffer.view];
+                write.texel_buffer_view(&texels)
             }
             (BindingKind::StorageImage, Bound::Storage(image)) => {
                 image_info = [vk::DescriptorImageInfo::default()

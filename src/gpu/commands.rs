@@ -244,58 +244,28 @@ impl<'a> Recorder<'a> {
     /// Copies a part of an image, from `offset` on, into a tightly packed buffer, layer by layer, after a barrier.
     pub fn copy_image_to_buffer(&mut self, from: &Image, offset: [u32; 2], size: [u32; 2], to: &Buffer) {
         self.barrier();
-        let region = [vk::BufferImageCopy::default()
+        let region = vk::BufferImageCopy::default()
             .image_subresource(all_layers(from))
             .image_offset(vk::Offset3D { x: offset[0] as i32, y: offset[1] as i32, z: 0 })
-            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
-        let layout = vk::ImageLayout::GENERAL;
-        // SAFETY: recording; image and buffer are alive and the region lies inside both (the caller's sizes).
-        unsafe {
-            self.context.device.cmd_copy_image_to_buffer(
-                self.slot.commands,
-                from.handle,
-                layout,
-                to.handle,
-                &region,
-            );
-        }
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 });
+        self.image_to_buffer((from.handle, vk::ImageLayout::GENERAL), to, region);
     }
 
     /// Fills an image from a tightly packed buffer, layer by layer, after a barrier.
     pub fn copy_buffer_to_image(&mut self, from: &Buffer, to: &Image) {
         self.barrier();
         let size = to.spec().size;
-        let region = [vk::BufferImageCopy::default()
+        let region = vk::BufferImageCopy::default()
             .image_subresource(all_layers(to))
-            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })];
-        let layout = vk::ImageLayout::GENERAL;
-        // SAFETY: recording; buffer and image are alive and of equal size (the caller's sizes).
-        unsafe {
-            self.context.device.cmd_copy_buffer_to_image(
-                self.slot.commands,
-                from.handle,
-                to.handle,
-                layout,
-                &region,
-            );
-        }
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 });
+        self.buffer_to_image(from, (to.handle, vk::ImageLayout::GENERAL), region);
     }
 
     /// Copies an image of the host into a tightly packed buffer, after a barrier. It is found and left in its layouts.
     pub fn copy_shared_to_buffer(&mut self, from: &SharedImage, to: &Buffer) {
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         self.take_shared(from, layout);
-        let region = [whole(from)];
-        // SAFETY: recording; image and buffer are alive, the buffer holds the image's texels (the caller's sizes).
-        unsafe {
-            self.context.device.cmd_copy_image_to_buffer(
-                self.slot.commands,
-                from.handle,
-                layout,
-                to.handle,
-                &region,
-            );
-        }
+        self.image_to_buffer((from.handle, layout), to, whole(from));
         self.leave_shared(from, layout);
     }
 
@@ -303,18 +273,30 @@ impl<'a> Recorder<'a> {
     pub fn copy_buffer_to_shared(&mut self, from: &Buffer, to: &SharedImage) {
         let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
         self.take_shared(to, layout);
-        let region = [whole(to)];
-        // SAFETY: recording; buffer and image are alive, the buffer holds the image's texels (the caller's sizes).
-        unsafe {
-            self.context.device.cmd_copy_buffer_to_image(
-                self.slot.commands,
-                from.handle,
-                to.handle,
-                layout,
-                &region,
-            );
-        }
+        self.buffer_to_image(from, (to.handle, layout), whole(to));
         self.leave_shared(to, layout);
+    }
+
+    fn image_to_buffer(
+        &self,
+        (from, layout): (vk::Image, vk::ImageLayout),
+        to: &Buffer,
+        region: vk::BufferImageCopy,
+    ) {
+        let (device, commands) = (&self.context.device, self.slot.commands);
+        // SAFETY: recording; image and buffer are alive and the region lies inside both (the callers' sizes).
+        unsafe { device.cmd_copy_image_to_buffer(commands, from, layout, to.handle, &[region]) };
+    }
+
+    fn buffer_to_image(
+        &self,
+        from: &Buffer,
+        (to, layout): (vk::Image, vk::ImageLayout),
+        region: vk::BufferImageCopy,
+    ) {
+        let (device, commands) = (&self.context.device, self.slot.commands);
+        // SAFETY: as above.
+        unsafe { device.cmd_copy_buffer_to_image(commands, from.handle, to, layout, &[region]) };
     }
 
     fn take_shared(&mut self, image: &SharedImage, layout: vk::ImageLayout) {

@@ -29,6 +29,8 @@ pub enum Usage {
     Storage,
     /// Uniform buffer.
     Uniform,
+    /// Texels of four words, fetched by kernels.
+    Texels,
     /// Vertex buffer.
     Vertex,
     /// Vertex buffer that kernels read or write.
@@ -39,9 +41,14 @@ pub enum Usage {
     Transfer,
 }
 
+/// Bytes of a texel of [`Usage::Texels`].
+const TEXEL_BYTES: u64 = 16;
+
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
+    /// Of [`Usage::Texels`]: all of it as texels; else null.
+    pub(super) view: vk::BufferView,
     pub(super) bytes: u64,
     allocation: Option<Allocation>,
     /// Memory that is shared with the host (`shared.rs`) instead of the allocator's.
@@ -67,12 +74,18 @@ impl Buffer {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
+        let (texels, limit) = (bytes / TEXEL_BYTES, context.info().max_texels);
+        if usage == Usage::Texels && texels > limit {
+            let why = format!("maxTexelBufferElements of {}", context.info().name);
+            return Err(Error::Limit { what: "texels of a buffer", value: texels, limit, why });
+        }
         let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let flags = match usage {
             Usage::Storage => {
                 vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER | copies
             }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
+            Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::StorageVertex => {
                 vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
@@ -99,12 +112,24 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
+        if usage == Usage::Texels {
+            buffer.view = buffer.make_view()?;
+        }
         Ok(buffer)
     }
 
+    fn make_view(&self) -> Result<vk::BufferView> {
+        let info = vk::BufferViewCreateInfo::default()
+            .buffer(self.handle)
+            .format(vk::Format::R32G32B32A32_UINT)
+            .range(self.bytes / TEXEL_BYTES * TEXEL_BYTES);
+        // SAFETY: the buffer is bound to memory and was made for texels, whose format every device can fetch.
+        unsafe { self.context.device.create_buffer_view(&info, None) }.map_err(failed("vkCreateBufferView"))
+    }
+
     pub(super) fn without_memory(context: &Arc<Context>, handle: vk::Buffer, bytes: u64) -> Self {
-        let shared = vk::DeviceMemory::null();
-        Self { handle, bytes, allocation: None, shared, context: context.clone() }
+        let (view, shared) = (vk::BufferView::null(), vk::DeviceMemory::null());
+        Self { handle, view, bytes, allocation: None, shared, context: context.clone() }
     }
 
     /// Size, bytes.
@@ -141,6 +166,7 @@ impl Drop for Buffer {
         }
         // SAFETY: slots wait for their work before the resources they use are dropped.
         unsafe {
+            self.context.device.destroy_buffer_view(self.view, None);
             self.context.device.destroy_buffer(self.handle, None);
             self.context.device.free_memory(self.shared, None);
         }

@@ -54,6 +54,8 @@ pub struct DeviceInfo {
     pub sub_pixel_bits: u32,
     /// Largest storage buffer range, bytes.
     pub max_storage_buffer_bytes: u64,
+    /// Most texels of a buffer of texels.
+    pub max_texels: u64,
     /// What is needed and missing; empty = usable.
     pub missing: Vec<String>,
     pub(super) physical: vk::PhysicalDevice,
@@ -204,6 +206,7 @@ fn inspect(instance: &Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
             .min(core.limits.max_framebuffer_height),
         sub_pixel_bits: core.limits.sub_pixel_precision_bits,
         max_storage_buffer_bytes: u64::from(core.limits.max_storage_buffer_range),
+        max_texels: u64::from(core.limits.max_texel_buffer_elements),
         missing: Vec::new(),
         physical,
         queue_family: family.unwrap_or(0) as u32,

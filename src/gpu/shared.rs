@@ -2,6 +2,7 @@
 //! cannot import or export.
 
 use std::ffi::c_void;
+use std::os::fd::{AsRawFd as _, BorrowedFd, FromRawFd as _, OwnedFd};
 use std::sync::Arc;
 
 use ash::vk::{self, Handle as _};
@@ -132,7 +133,7 @@ impl Buffer {
         asked.result().map_err(failed("vkGetMemoryHostPointerPropertiesEXT"))?;
         let mut import =
             vk::ImportMemoryHostPointerInfoEXT::default().handle_type(HOST).host_pointer(pointer);
-        buffer.bind_shared(Some(types.memory_type_bits), bytes, &mut import)
+        buffer.bind_shared(Some(types.memory_type_bits), bytes, &mut import, &mut || ())
     }
 
     /// A storage buffer in memory that another user of the same device exported. The descriptor belongs to the driver
@@ -147,9 +148,13 @@ impl Buffer {
         if !context.sharing().memory_fd {
             return Err(context.lacks("VK_KHR_external_memory_fd (memory by file descriptor)"));
         }
-        let buffer = Self::external(context, bytes, FD)?;
-        let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd);
-        buffer.bind_shared(None, bytes, &mut import)
+        let import = |fd: i32, taken: &mut dyn FnMut()| {
+            let buffer = Self::external(context, bytes, FD)?;
+            let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd);
+            buffer.bind_shared(None, bytes, &mut import, taken)
+        };
+        // SAFETY: the caller's promise.
+        unsafe { import_fd(fd, import) }
     }
 
     /// A storage buffer whose memory can be handed out by [`Self::export_fd`].
@@ -162,7 +167,7 @@ impl Buffer {
         }
         let buffer = Self::external(context, bytes, FD)?;
         let mut export = vk::ExportMemoryAllocateInfo::default().handle_types(FD);
-        buffer.bind_shared(None, bytes, &mut export)
+        buffer.bind_shared(None, bytes, &mut export, &mut || ())
     }
 
     /// An opaque descriptor of the memory of an [`Self::exportable`] buffer; the caller closes it.
@@ -196,12 +201,14 @@ impl Buffer {
         Ok(Self::without_memory(context, handle, bytes))
     }
 
-    /// Allocates as `how` says, and binds. `types`: what the imported memory allows, besides the buffer's own.
+    /// Allocates as `how` says, and binds. `types`: what the imported memory allows, besides the buffer's own. `taken`: called
+    /// when the driver has what `how` hands over.
     fn bind_shared(
         mut self,
         types: Option<u32>,
         bytes: u64,
         how: &mut impl vk::ExtendsMemoryAllocateInfo,
+        taken: &mut dyn FnMut(),
     ) -> Result<Self> {
         let context = self.context.clone();
         // SAFETY: the buffer was just made by this device.
@@ -220,11 +227,32 @@ impl Buffer {
         // SAFETY: the device is alive; `info` and what it points to live through the call.
         let memory = unsafe { context.device.allocate_memory(&info, None) };
         self.shared = memory.map_err(failed("vkAllocateMemory"))?;
+        taken();
         // SAFETY: the memory is fresh and of an allowed type.
         let bound = unsafe { context.device.bind_buffer_memory(self.handle, self.shared, 0) };
         bound.map_err(failed("vkBindBufferMemory"))?;
         Ok(self)
     }
+}
+
+/// Imports a copy of a descriptor, and closes the descriptor itself only once all has succeeded: what fails after the driver
+/// has taken its descriptor would else leave the host with one that is closed. `import` calls its second argument then.
+///
+/// # Safety
+/// `fd` is open and the caller's to give away.
+pub(super) unsafe fn import_fd<T>(
+    fd: i32,
+    import: impl FnOnce(i32, &mut dyn FnMut()) -> Result<T>,
+) -> Result<T> {
+    // SAFETY: open by the caller's promise; if it is not, the copy fails.
+    let copy = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned();
+    let copy = copy.map_err(|e| Error::Vulkan { call: "dup", result: format!("descriptor {fd}: {e}") })?;
+    let raw = copy.as_raw_fd();
+    let mut copy = Some(copy);
+    let imported = import(raw, &mut || std::mem::forget(copy.take()))?;
+    // SAFETY: the caller gives it away by success.
+    drop(unsafe { OwnedFd::from_raw_fd(fd) });
+    Ok(imported)
 }
 
 /// The two kinds of semaphores.

@@ -8,6 +8,7 @@ use ash::vk::{self, Handle as _};
 use super::context::Context;
 use super::failed;
 use super::memory::Buffer;
+use super::shared::import_fd;
 use crate::error::{Error, Result};
 
 const FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
@@ -137,18 +138,18 @@ impl SharedImage {
         fd: i32,
         bytes: u64,
     ) -> Result<Self> {
-        let image = Self::external(context, spec)?;
-        let needed = image.requirements().size;
-        if bytes < needed {
-            let why = format!("an image of {}x{} px takes {needed} bytes", spec.size[0], spec.size[1]);
-            return Err(Error::Limit {
-                what: "size of imported memory, bytes",
-                value: bytes,
-                limit: needed,
-                why,
-            });
-        }
-        image.bind(bytes, &mut vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd))
+        let import = |fd: i32, taken: &mut dyn FnMut()| {
+            let image = Self::external(context, spec)?;
+            let needed = image.requirements().size;
+            if bytes < needed {
+                let what = "size of imported memory, bytes";
+                let why = format!("an image of {}x{} px takes {needed} bytes", spec.size[0], spec.size[1]);
+                return Err(Error::Limit { what, value: bytes, limit: needed, why });
+            }
+            image.bind(bytes, &mut vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd), taken)
+        };
+        // SAFETY: the caller's promise.
+        unsafe { import_fd(fd, import) }
     }
 
     /// An image whose memory [`Self::export_fd`] hands out.
@@ -158,7 +159,7 @@ impl SharedImage {
     pub fn exportable(context: &Arc<Context>, spec: SharedImageSpec) -> Result<Self> {
         let image = Self::external(context, spec)?;
         let bytes = image.requirements().size;
-        image.bind(bytes, &mut vk::ExportMemoryAllocateInfo::default().handle_types(FD))
+        image.bind(bytes, &mut vk::ExportMemoryAllocateInfo::default().handle_types(FD), &mut || ())
     }
 
     /// An opaque descriptor of an [`Self::exportable`] image's memory, which the caller closes, and its size in bytes.
@@ -237,8 +238,13 @@ impl SharedImage {
         unsafe { self.context.device.get_image_memory_requirements(self.handle) }
     }
 
-    /// Allocates as `how` says, for this image alone, and binds.
-    fn bind(mut self, bytes: u64, how: &mut impl vk::ExtendsMemoryAllocateInfo) -> Result<Self> {
+    /// Allocates as `how` says, for this image alone, and binds. `taken`: called when the driver has what `how` hands over.
+    fn bind(
+        mut self,
+        bytes: u64,
+        how: &mut impl vk::ExtendsMemoryAllocateInfo,
+        taken: &mut dyn FnMut(),
+    ) -> Result<Self> {
         let context = self.context.clone();
         let mut dedicated = vk::MemoryDedicatedAllocateInfo::default().image(self.handle);
         let info = vk::MemoryAllocateInfo::default()
@@ -250,6 +256,7 @@ impl SharedImage {
         // SAFETY: the device is alive; `info` and what it points to live through the call.
         let memory = unsafe { context.device.allocate_memory(&info, None) };
         self.memory = memory.map_err(failed("vkAllocateMemory"))?;
+        taken();
         // SAFETY: the memory is fresh and was allocated for this image.
         let bound = unsafe { context.device.bind_image_memory(self.handle, self.memory, 0) };
         bound.map_err(failed("vkBindImageMemory"))?;

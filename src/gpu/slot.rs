@@ -214,6 +214,16 @@ impl Slot {
         unsafe { self.context.device.get_fence_status(self.fence) }.map_err(failed("vkGetFenceStatus"))
     }
 
+    /// The same, once: from here on the submission has none.
+    ///
+    /// # Errors
+    /// Device lost.
+    pub fn take_times(&mut self) -> Result<Vec<PassTime>> {
+        let times = self.times()?;
+        self.marks.clear();
+        Ok(times)
+    }
+
     /// Times of the passes of the last finished submission; passes of one name are added up. Empty on devices without
     /// timestamps.
     ///

@@ -4,6 +4,7 @@ mod exr;
 mod format;
 mod io;
 pub mod metrics;
+mod srgb;
 
 pub use exr::{
     COLOR_CHANNELS, DEPTH_CHANNELS, ExrPicture, MOTION_CHANNELS, read_exr, read_exr_plane, write_exr_atomic,
@@ -11,6 +12,7 @@ pub use exr::{
 };
 pub use format::PixelFormat;
 pub use io::{MAX_DECODED_BYTES, MAX_SIDE_PX, read_rgb8, write_atomic, write_png_atomic};
+pub use srgb::{srgb_decode, srgb_encode, srgb8};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,20 +73,4 @@ impl<T: Copy + Default> Plane<T> {
         let stride = self.width * self.channels;
         &self.data[y * stride..(y + 1) * stride]
     }
-}
-
-/// Linear radiance (1 = white) to the sRGB-encoded value in 0..=1 (IEC 61966-2-1); clips first.
-pub fn srgb_encode(linear: f32) -> f32 {
-    let l = linear.clamp(0.0, 1.0);
-    if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// sRGB-encoded value in 0..=1 to linear radiance (IEC 61966-2-1).
-pub fn srgb_decode(encoded: f32) -> f32 {
-    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-/// Linear radiance to an 8-bit sRGB value: `round(255 srgb(L))`.
-pub fn srgb8(linear: f32) -> u8 {
-    (255.0 * srgb_encode(linear) + 0.5) as u8
 }

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 enum { W = 16, H = 12 };
@@ -67,7 +68,7 @@ static void process(shutterbug_engine *engine, uint32_t index) {
         {.struct_size = sizeof *images, .format = SHUTTERBUG_RG32F, .width = W, .height = H, .stride_bytes = 8 * W,
          .capacity_bytes = sizeof motion, .pixels = motion}};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
-    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention), NULL);
+    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
     shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images, .motion_count = 1,
                                   .motions = images + 1, .motion_convention = &convention};
     shutterbug_frame *frame = NULL;
@@ -90,7 +91,7 @@ static void overflow(shutterbug_engine *engine) {
         {.struct_size = sizeof *images, .format = SHUTTERBUG_RG32F, .width = W, .height = H, .stride_bytes = 8 * W,
          .capacity_bytes = sizeof motion, .pixels = motion}};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
-    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention), NULL);
+    must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
     shutterbug_outside outside = {.struct_size = sizeof outside, .color = images, .motion_count = 1,
                                   .motions = images + 1, .motion_convention = &convention};
     shutterbug_frame *frame = NULL;
@@ -110,6 +111,7 @@ static int grew(const char *what, long before, long allowed) {
 int main(int argc, char **argv) {
     long cycles = argc > 1 ? atol(argv[1]) : 10, frames = argc > 2 ? atol(argv[2]) : 100, before = 0;
     const char *control = argc > 3 ? argv[3] : "";
+    time_t start = time(NULL);
     int bad = 0, leak = !strcmp(control, "leak"), over = !strcmp(control, "overflow");
     /* One heap for all threads: else the drivers' short-lived threads spread it over ever more pages for 400 cycles. */
     mallopt(M_ARENA_MAX, 1);
@@ -125,7 +127,7 @@ int main(int argc, char **argv) {
         if (over) overflow(engine);
         must(shutterbug_engine_destroy(engine), NULL);
         if (i == cycles / 2) before = resident_kib();
-        if (i % 100 == 99) fprintf(stderr, "%ld cycles\n", i + 1);
+        if (i % 20 == 19) fprintf(stderr, "%ld cycles in %ld s, resident %ld KiB\n", i + 1, (long)(time(NULL) - start), resident_kib());
     }
     if (cycles) bad |= grew("cycles", before, 512);
     if (frames) {

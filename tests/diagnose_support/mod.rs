@@ -137,7 +137,7 @@ pub fn frames_of(
             frame_interval_s: PERIOD_S,
             seed: 4711,
             settings: capture.camera.settings.clone(),
-            static_camera: false,
+            static_camera: capture.camera.static_camera,
             planes: false,
             statistics: false,
         })

@@ -4,7 +4,7 @@
 
 vec3 hot_pixels(vec3 value, uvec2 pixel, uint slot) {
     uint place = pixel.y * push.size.x + pixel.x;
-    uint word = table_words[parameter_bits(slot, 0u) + (place >> 5u)];
+    uint word = table_bits(parameter_bits(slot, 0u) + (place >> 5u));
     return (word & (1u << (place & 31u))) != 0u ? max(value, vec3(1.0)) : value;
 }
 

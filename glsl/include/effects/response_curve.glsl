@@ -5,7 +5,7 @@
 #include "response.glsl"
 
 vec3 response_curve(vec3 value, uvec2 pixel, uint slot) {
-    return response_from_sensor(value, slot, 0u);
+    return response_from_sensor(value, slot, 1u, parameter_bits(slot, 0u));
 }
 
 #endif
