@@ -2,7 +2,7 @@
 #ifndef SRGB_GLSL
 #define SRGB_GLSL
 
-// Both curves are polynomials in roots of the value, within 6e-7 of the standard's powers: sums, products and square roots
+// Both curves are polynomials in roots of the value, within 1e-6 of the standard's powers, white exactly: sums, products and square roots
 // cost half of a power on a software device, and round more nearly alike everywhere. Coefficients: plane/srgb.rs.
 
 // Clips; written so that NaN becomes black.
@@ -16,7 +16,7 @@ float srgb_encode(float linear) {
     p = p * q - 1.1558868;
     p = p * q + 1.4615228;
     p = p * q + 0.12357638;
-    p = p * q - 0.058446627;
+    p = p * q - 0.05844615;
     precise float dark = 12.92 * l;
     return l <= 0.0031308 ? dark : p;
 }
@@ -31,7 +31,7 @@ float srgb_decode(float encoded) {
     p = p * s - 0.11127973;
     p = p * s + 0.03133366;
     p = p * s - 0.005231237;
-    p = p * s + 3.7897364e-4;
+    p = p * s + 3.7909285e-4;
     precise float dark = encoded * 0.07739938;
     return encoded <= 0.04045 ? dark : p;
 }
