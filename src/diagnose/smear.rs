@@ -14,7 +14,7 @@ const BLOCK_PX: usize = 32;
 /// Fewest blocks that tell anything.
 const FEWEST: usize = 12;
 
-/// Size, and size in standard errors, beyond which it is no chance. On nine explained captures of another renderer it is
+/// Size, and size in standard errors, beyond which it is no chance. On nine captures of another renderer, five of them explained, it is
 /// 0.0001 to 0.0042; a blur of half a pixel makes about 0.025.
 pub(super) const MOST_SMEAR: f64 = 0.015;
 /// See [`MOST_SMEAR`].
