@@ -76,7 +76,8 @@ fn run(bench: &mut Bench, name: &str, push: &Push, color: &Plane<f32>, motion: &
     let parameters =
         shutterbug::gpu::Buffer::new(&context, "parameters", bytes, Usage::Uniform, Location::Device)
             .unwrap();
-    let (tables, pixels) = (bench.buffer(64), bench.buffer(4 * (push.size[0] * push.size[1]) as usize));
+    let tables = bench.filled(Usage::Texels, &[0.0f32; 16]);
+    let pixels = bench.buffer(4 * (push.size[0] * push.size[1]) as usize);
     let mut constants = vec![0u32; 45];
     assert!(POINTWISE.len() < 40 && kernel.name == name);
     (constants[40], constants[41], constants[44]) =
@@ -89,7 +90,7 @@ fn run(bench: &mut Bench, name: &str, push: &Push, color: &Plane<f32>, motion: &
         ("original", Bound::Storage(&radiance)),
         ("target", Bound::Storage(&radiance)),
         ("Parameters", Bound::Buffer(&parameters)),
-        ("Tables", Bound::Buffer(&tables)),
+        ("tables", Bound::Buffer(&tables)),
         ("Pixels", Bound::Buffer(&pixels)),
     ];
     // The chain's part of the block is not used here.

@@ -105,7 +105,7 @@ impl Device {
         // The white part: three sigmas, after those of the static part.
         words[SLOT_WORDS * place + 3..SLOT_WORDS * place + 6].fill(SIGMA);
         parameters.write(0, &words);
-        let tables = Buffer::new(context, "tables", 4096, Usage::Storage, Location::Upload).unwrap();
+        let tables = Buffer::new(context, "tables", 4096, Usage::Texels, Location::Upload).unwrap();
         Self {
             linear: Sampler::in_texels(context).unwrap(),
             nearest: Sampler::new(context, false).unwrap(),
@@ -149,7 +149,7 @@ impl Device {
             ("original", Bound::Storage(&self.radiance)),
             ("target", Bound::Storage(&self.radiance)),
             ("Parameters", Bound::Buffer(&self.parameters)),
-            ("Tables", Bound::Buffer(&self.tables)),
+            ("tables", Bound::Buffer(&self.tables)),
             ("Pixels", Bound::Buffer(&self.pixels)),
         ];
         pipeline.bind(&all).unwrap()

@@ -57,7 +57,7 @@ enum Column {
     /// A shift in time.
     Time,
     /// Values alone change.
-    Value(Tone),
+    Value(Box<Tone>),
 }
 
 /// The normal equations at `theta`; differences are weighed as in `known`, or as they are at `theta`.
@@ -81,7 +81,7 @@ pub(super) fn linearise(
             P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
             P::Offset | P::Readout => Column::Time,
             p if p.is_remap() => Column::Remap(forward.flow_of_remap(theta, p, step)),
-            _ => Column::Value(Tone::new(&changed)),
+            _ => Column::Value(Box::new(Tone::new(&changed))),
         };
         columns.push((p, step, changed, column));
     }

@@ -96,7 +96,8 @@ mod tests {
 
     /// Spots, averaged over `blur` px along the rows, with noise.
     fn picture(blur: [usize; 2], seed: u32) -> Plane<f32> {
-        let spot = |x: usize, y: usize| f32::from(u8::from((x / 5 * 7 + y / 4 * 5 + x * y / 97) % 3 == 0));
+        let spot =
+            |x: usize, y: usize| f32::from(u8::from((x / 5 * 7 + y / 4 * 5 + x * y / 97).is_multiple_of(3)));
         Plane::from_fn(160, 128, |x, y| {
             let count = (blur[0] * blur[1]) as f32;
             let sum: f32 = (0..blur[0])
