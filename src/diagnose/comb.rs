@@ -86,17 +86,7 @@ mod tests {
     }
 
     fn told(dn: &Plane<f32>) -> Option<u8> {
-        let frame = super::super::evidence::RealFrame { index: 0, start_s: 0.0, dn: dn.clone() };
-        let evidence = Evidence {
-            frames: vec![frame],
-            fit: vec![0],
-            held_out: vec![0],
-            left_out: Vec::new(),
-            reach_s: [0.0; 2],
-            dithered: true,
-            warnings: Vec::new(),
-        };
-        quality(&evidence, &[0])
+        quality(&Evidence::of_one(dn.clone()), &[0])
     }
 
     #[test]

@@ -104,6 +104,22 @@ impl Evidence {
     }
 }
 
+#[cfg(test)]
+impl Evidence {
+    /// One frame, to fit and held out.
+    pub(super) fn of_one(dn: Plane<f32>) -> Self {
+        Self {
+            frames: vec![RealFrame { index: 0, start_s: 0.0, dn }],
+            fit: vec![0],
+            held_out: vec![0],
+            left_out: Vec::new(),
+            reach_s: [0.0; 2],
+            dithered: true,
+            warnings: Vec::new(),
+        }
+    }
+}
+
 /// Why nothing can be seen in a picture, if so.
 fn useless(picture: &Plane<u8>) -> Option<&'static str> {
     let share = |f: fn(u8) -> bool| {

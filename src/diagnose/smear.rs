@@ -91,7 +91,6 @@ fn of_frame(
 
 #[cfg(test)]
 mod tests {
-    use super::super::evidence::RealFrame;
     use super::*;
 
     /// Spots, averaged over `blur` px along the rows, with noise.
@@ -113,15 +112,7 @@ mod tests {
     }
 
     fn seen(real: Plane<f32>, velocity: [f32; 2]) -> [f64; 2] {
-        let evidence = Evidence {
-            frames: vec![RealFrame { index: 0, start_s: 0.0, dn: real }],
-            fit: vec![0],
-            held_out: vec![0],
-            left_out: Vec::new(),
-            reach_s: [0.0; 2],
-            dithered: true,
-            warnings: Vec::new(),
-        };
+        let evidence = Evidence::of_one(real);
         let plain = picture([1, 1], 1);
         let mean = Plane::from_fn(160, 128, |x, y| {
             [0, 1, 2].map(|c| if plain.pixel(x, y)[c] > 120.0 { 180.0 } else { 60.0 })
