@@ -133,9 +133,12 @@ const BESIDE: [f64; 2] = [0.2, 0.15];
 const PLACED: f64 = 0.75;
 
 /// Whether a set closes enough of the gap, and has put everything in its place.
-fn puts_in_place(found: &Found, closed: f64) -> bool {
+///
+/// Of photographs by a camera at rest only: where the camera moves, what is left out of the candidates may put things in their
+/// places as well (an offset in time does what a blur's delay does).
+fn puts_in_place(search: &Search<'_>, found: &Found, closed: f64) -> bool {
     let moves = found.set.iter().any(|n| super::search::moves(candidate_of(n)));
-    moves && closed >= BESIDE[0] && found.residue.placed >= PLACED
+    search.forward.static_camera && moves && closed >= BESIDE[0] && found.residue.placed >= PLACED
 }
 
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
@@ -143,7 +146,7 @@ fn puts_in_place(found: &Found, closed: f64) -> bool {
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
-    if (closed < CLOSED[1] && !beside && !puts_in_place(found, closed)) || another_scene(found) {
+    if (closed < CLOSED[1] && !beside && !puts_in_place(search, found, closed)) || another_scene(found) {
         clear(search, found);
     }
 }
@@ -199,7 +202,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let explained = small || (rest <= difference && (closed > 0.8 || whole <= SMALL * difference));
     if explained && !shaped {
         Verdict::Explained
-    } else if puts_in_place(found, closed) {
+    } else if puts_in_place(search, found, closed) {
         Verdict::PartlyExplained
     } else if closed < CLOSED[1] || (shaped && closed < 0.9) {
         Verdict::UnknownEffect
