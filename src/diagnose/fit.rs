@@ -152,11 +152,7 @@ fn advance(
 ) -> Result<f64> {
     for _ in 0..3 {
         let Some(step) = solve(&e.a, &e.b, state.damping) else { return Ok(0.0) };
-        let mut trial = state.theta.clone();
-        for (&p, s) in free.iter().zip(&step) {
-            trial.set(p, state.theta.get(p) + s * p.spec().step);
-        }
-        let trial = bounded(forward, trial);
+        let trial = stepped(forward, &state.theta, free, &step, 1.0);
         let moved = free
             .iter()
             .map(|&p| ((trial.get(p) - state.theta.get(p)) / p.spec().step).abs())
@@ -164,9 +160,7 @@ fn advance(
         if moved < 1e-4 {
             return Ok(0.0);
         }
-        let folds = Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err();
-        let now =
-            if folds { f64::INFINITY } else { cost_of(forward, target, frames, &trial, level, &e.weighing)? };
+        let now = cost_unless_folded(forward, target, frames, &trial, level, e)?;
         if now < state.cost {
             let fallen = (state.cost - now) * e.count;
             (state.theta, state.cost) = (trial, now);
@@ -203,20 +197,37 @@ fn go_on(
     step: &[f64],
     longer: f64,
 ) -> Result<f64> {
-    let mut trial = state.theta.clone();
-    for (&p, s) in free.iter().zip(step) {
-        trial.set(p, state.theta.get(p) + (longer - 1.0) * s * p.spec().step);
-    }
-    let trial = bounded(forward, trial);
-    if Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(&trial))).is_err() {
-        return Ok(1.0);
-    }
-    let now = cost_of(forward, target, frames, &trial, level, &e.weighing)?;
+    let trial = stepped(forward, &state.theta, free, step, longer - 1.0);
+    let now = cost_unless_folded(forward, target, frames, &trial, level, e)?;
     if now >= state.cost {
         return Ok(1.0);
     }
     (state.theta, state.cost) = (trial, now);
     Ok(longer)
+}
+
+/// `theta` moved by `lengths` of a step.
+fn stepped(forward: &Forward, theta: &Theta, free: &[P], step: &[f64], lengths: f64) -> Theta {
+    let mut trial = theta.clone();
+    for (&p, s) in free.iter().zip(step) {
+        trial.set(p, theta.get(p) + lengths * s * p.spec().step);
+    }
+    bounded(forward, trial)
+}
+
+/// [`cost_of`]; infinite for a lens that folds inside the picture.
+fn cost_unless_folded(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    theta: &Theta,
+    level: &Level,
+    e: &Equations,
+) -> Result<f64> {
+    if Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(theta))).is_err() {
+        return Ok(f64::INFINITY);
+    }
+    cost_of(forward, target, frames, theta, level, &e.weighing)
 }
 
 /// Keeps times inside what the trajectory covers.

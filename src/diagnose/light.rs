@@ -7,7 +7,7 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::model::Theta;
 use crate::error::Result;
-use crate::plane::Plane;
+use crate::plane::{Plane, srgb_decode};
 
 /// Standard deviation of the logarithm below which frames count as lit alike.
 const LEAST_SPREAD: f64 = 0.02;
@@ -29,7 +29,7 @@ pub(super) fn lights(
         let open = |i: usize| masks.is_none_or(|m| m[at].data[i / 3] > 0.5);
         let mean = |dn: &Plane<f32>| {
             let values = dn.data.iter().enumerate().filter(|(i, _)| open(*i));
-            values.map(|(_, v)| linear(f64::from(*v) / 255.0)).sum::<f64>()
+            values.map(|(_, v)| f64::from(srgb_decode(v / 255.0))).sum::<f64>()
         };
         forward.light[at] * mean(&evidence.frames[at].dn).max(1e-6) / mean(&simulated[at]).max(1e-6)
     });
@@ -56,11 +56,6 @@ pub(super) fn said(light: &[f64]) -> Option<String> {
              at equal light, which `simulate` does not make"
         )
     })
-}
-
-/// Linear of encoded, sRGB.
-fn linear(encoded: f64) -> f64 {
-    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
