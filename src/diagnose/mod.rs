@@ -40,6 +40,7 @@ mod score;
 mod search;
 mod sentences;
 mod settings;
+mod simpler;
 mod smear;
 mod starts;
 mod task;

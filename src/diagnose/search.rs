@@ -157,6 +157,15 @@ impl<'a> Search<'a> {
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());
         }
+        if theta.is_on(P::Quality) {
+            // What two compressions of nearly the same picture differ by looks like noise that compression has weakened:
+            // it is some only if the score says so.
+            let silent = data.fit(theta, &self.base, &[]);
+            let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
+            if with?.mean() >= without?.mean() {
+                return Ok(silent);
+            }
+        }
         Ok(noisy)
     }
 
@@ -224,7 +233,8 @@ impl<'a> Search<'a> {
     /// Whether a gain counts.
     pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        let rest = worse.mean() - worse.floor();
+        // Where noise is expected to make more than there is nothing is left, and a floor is not known that well.
+        let rest = (worse.mean() - worse.floor()).max(0.01 * worse.floor());
         let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
         let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
@@ -261,6 +271,7 @@ impl<'a> Search<'a> {
             scores = better;
             self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
+        self.simplify(gap, &mut set, &mut current, &mut scores)?;
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
@@ -411,11 +422,17 @@ impl<'a> Search<'a> {
             .into_iter()
             .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
             .collect();
-        let best = counted.iter().map(gain).fold(0.0, f64::max);
+        let best = counted.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))?.clone();
         let size = |name: &str| candidate_of(name).parameters.len();
+        // Nearly as good is only what the better one would not be taken beside: of a large gap, a share that two renderers
+        // cannot differ by may be what tells a black level from glare.
+        let as_good = |o: &Tried| {
+            o.0 == best.0
+                || (gain(o) >= (1.0 - PARSIMONY) * gain(&best) && !self.supports(best.0, gap, &o.2, &best.2))
+        };
         counted
             .into_iter()
-            .filter(|o| gain(o) >= (1.0 - PARSIMONY) * best)
+            .filter(as_good)
             .min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gain(b).total_cmp(&gain(a))))
     }
 
@@ -468,17 +485,14 @@ impl<'a> Search<'a> {
             self.look_for_smear(found)?;
             self.tune_choices(found)?;
             self.free_more(found)?;
-            let mut free = Self::free(&found.set);
-            free.extend(&found.more);
-            let (target, frames) = (self.target(), self.fit_frames());
-            let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
-            found.fit.theta = last.theta;
+            self.refit_to_the_end(found)?;
             self.tune_choices(found)?;
             self.sharpen(found)?;
         }
         watch.step("noise");
         self.judge.quality = Quality::Fine;
         self.prune_finely(found)?;
+        self.drop_insignificant(found)?;
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
@@ -513,7 +527,7 @@ pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
 }
 
 /// Whether a candidate changes values by what they are, wherever they are.
-fn changes_colours(name: &str) -> bool {
+pub(super) fn changes_colours(name: &str) -> bool {
     matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
 }
 
