@@ -7,8 +7,9 @@ use super::forward::Quality;
 use super::judge::{closed_fraction, unexplained};
 use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
-use super::search::{Alone, Found, Search, damped};
+use super::search::{Alone, Found, Search};
 use super::smear::{MOST_SMEAR, SMEAR_ERRORS};
+use super::support::{damped, restored};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -158,9 +159,10 @@ fn ends_at_a_bound(found: &Found) -> bool {
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
-    if ((closed < CLOSED[1] || ends_at_a_bound(found)) && !beside && !puts_in_place(search, found, closed))
-        || another_scene(found)
-    {
+    // What wanted to be something else has explained nothing, whatever places it happens to fit.
+    let bent = ends_at_a_bound(found);
+    let named = closed >= CLOSED[1] || beside || puts_in_place(search, found, closed);
+    if !named || bent || another_scene(found) {
         clear(search, found);
     }
 }
@@ -301,7 +303,7 @@ fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
         let mut theta = found.fit.theta.clone();
         for (i, name) in found.set.iter().enumerate() {
             if members >> i & 1 == 0 {
-                theta = super::search::restored(&theta, &search.base, candidate_of(name));
+                theta = restored(&theta, &search.base, candidate_of(name));
             }
         }
         *gap = search.judge.scores(search.forward, &theta)?.mean();

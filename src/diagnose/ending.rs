@@ -10,7 +10,8 @@ use super::noise::{NOISES, NoiseData};
 use super::placed::placed;
 use super::residue::{outliers, residue, solved};
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search, is_a_filter, is_discrete, last_of, restored};
+use super::search::{Found, Search, is_discrete, last_of};
+use super::support::{LEAST_SHARE, is_a_filter, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 

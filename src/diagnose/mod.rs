@@ -43,6 +43,7 @@ mod settings;
 mod simpler;
 mod smear;
 mod starts;
+mod support;
 mod task;
 mod tone;
 mod weighing;

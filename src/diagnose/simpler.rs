@@ -4,7 +4,8 @@
 use super::fit::{Fit, Target, fit};
 use super::judge::Scores;
 use super::model::{P, candidate_of};
-use super::search::{Found, Search, changes_colours, last_of, restored};
+use super::search::{Found, Search, last_of};
+use super::support::{changes_colours, restored};
 use crate::error::Result;
 
 impl Search<'_> {

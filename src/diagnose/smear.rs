@@ -9,7 +9,8 @@ use super::fit::{DETAILS, Fit};
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
-use super::search::{Found, Search, damped, restored};
+use super::search::{Found, Search};
+use super::support::{damped, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 
