@@ -27,8 +27,8 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "timing.glsl"
 #include "path.glsl"
 #include "fast_claims.glsl"
-#include "fast_blur.glsl"
 #include "sample.glsl"
+#include "fast_blur.glsl"
 #include "pixel_area.glsl"
 #include "fast_gather.glsl"
 

@@ -23,8 +23,8 @@ layout(set = 0, binding = 7, std430) readonly buffer Listed {
 #include "timing.glsl"
 #include "path.glsl"
 #include "fast_claims.glsl"
-#include "fast_blur.glsl"
 #include "sample.glsl"
+#include "fast_blur.glsl"
 #include "fast_silhouettes.glsl"
 
 void main() {

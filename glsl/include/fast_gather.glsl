@@ -45,24 +45,35 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
            is_claimed(end.nearest, x_px, s.end_px);
 }
 
-// Mean over the exposure along the parabola through three sources: no motion is read for it.
+// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,
+// opposite each other, as in exact_gather.comp, which says why.
 vec4 blur_one_surface(Sources s) {
-    precise vec2 chord = s.end_px - s.begin_px;
-    precise vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
-    float path_px = sqrt(squared(s.middle_px - s.begin_px)) + sqrt(squared(s.end_px - s.middle_px));
-    int count = blur_samples(path_px);
     bool clamped = false;
     if (!blurs()) {
         return vec4(read_pixel_area(s.middle_px, clamped), clamped ? -1.0 : 1.0);
     }
-    precise vec3 sum = vec3(0.0);
-    for (int i = 0; i < count; ++i) {
-        precise float t = (float(i) + 0.5) / float(count) - 0.5;
-        precise vec2 area = s.middle_px + t * (chord + t * bend) - 0.5;
-        sum = sum + sample_bilinear(color, area * float(COLOR_SCALE) + 0.5, clamped).rgb;
+    vec2 chord = s.end_px - s.begin_px;
+    vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
+    int pairs = blur_pairs(length(s.middle_px - s.begin_px) + length(s.end_px - s.middle_px));
+    vec2 way = abs(chord);
+    vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
+    vec2 ahead = spread_px() - side;
+    vec2 even = side + ahead, odd = side - ahead;
+    // Moved apart until they vary as much as the exposure is wide.
+    float count = 2.0 * float(pairs);
+    float apart = pairs == 2 ? 1.0 : inversesqrt(1.0 - 1.0 / (count * count));
+    float step_t = apart / count;
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < pairs; ++i) {
+        float t = (2.0 * float(i) + 0.5) * step_t - 0.5 * apart;
+        float next = t + step_t;
+        vec2 first = s.middle_px + t * (chord + t * bend);
+        vec2 second = s.middle_px + next * (chord + next * bend);
+        sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
+               read_between(second - odd);
     }
-    precise vec3 mean = sum / float(count);
-    return vec4(mean, clamped ? -float(count) : float(count));
+    clamped = is_beyond(s.begin_px) || is_beyond(s.end_px);
+    return vec4(sum / (2.0 * count), clamped ? -count : count);
 }
 
 #endif

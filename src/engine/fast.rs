@@ -53,7 +53,8 @@ pub(super) struct Fast {
 }
 
 struct Kernels {
-    resolve_color: ComputePipeline,
+    /// For frames without and with an exposure.
+    resolve_color: [ComputePipeline; 2],
     warp: FastGather,
     sampler: Sampler,
     color_scale: u32,
@@ -65,14 +66,14 @@ struct Images {
     margin_px: [u32; 2],
     /// Instants of the picture and of the paths, by slot.
     inputs: Vec<(RasterInput, Vec<RasterInput>)>,
-    resolve_color: BindGroup,
+    /// For frames without and with an exposure.
+    resolve_color: [BindGroup; 2],
     warp: FastBinding,
     picture: RasterTarget,
     /// Two knots each.
     paths: Vec<RasterTarget>,
-    color: Image,
-    /// Kept for the bindings.
-    _areas: Option<Image>,
+    /// The picture for frames without exposure, whose texels are read as they are, and with one, to be filtered.
+    color: [Image; 2],
 }
 
 impl Fast {
@@ -85,15 +86,18 @@ impl Fast {
     ) -> Result<Self> {
         let mut options = *options;
         options.motion_images = options.motion_images.clamp(2, 6).next_multiple_of(2);
-        let multisampled = const { kernel("resolve_color_ms.comp") };
-        let single = const { kernel("resolve_color.comp") };
-        let resolve_color = if stage.plan.msaa > 1 { multisampled } else { single };
+        let resolve_color = match stage.plan.msaa > 1 {
+            true => const { [kernel("resolve_color_ms.comp"), kernel("resolve_color_half_ms.comp")] },
+            false => const { [kernel("resolve_color.comp"), kernel("resolve_color_half.comp")] },
+        };
+        let resolve_color = resolve_color.map(|kernel| ComputePipeline::new(&stage.context, kernel));
+        let [exact, half] = resolve_color;
         options.path_scale = options.path_scale.clamp(1, 2);
         let (color_scale, path_scale) = (stage.plan.grid.min(2), options.path_scale);
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let paths = (options.motion_images as usize / 2, path_scale);
         let kernels = Kernels {
-            resolve_color: ComputePipeline::new(&stage.context, resolve_color)?,
+            resolve_color: [exact?, half?],
             warp: FastGather::new(&stage.context, size, paths, color_scale)?,
             sampler: Sampler::new(&stage.context, false)?,
             color_scale,
@@ -144,9 +148,10 @@ impl Fast {
             .collect();
         let ending = Ending::new(planes, stage, slot, request, path);
         let index = slot.index;
+        let blurs = request.shutter.exposure_time_s > 0.0;
         let mut recorder = slot.gpu.begin()?;
         for channel in stage.channels() {
-            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel));
+            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel, blurs));
             recorder.mark("motion");
             self.images.draw_paths(stage, &mut recorder, index, (&pair_rows, channel));
             let warp = &self.kernels.warp;
@@ -207,19 +212,20 @@ impl Images {
         let path = |_| RasterTarget::new(context, scene, RasterKind::Path, size, path_plan);
         let paths = (0..path_images).map(path).collect::<Result<Vec<_>>>()?;
         let texels = size.map(|s| s * kernels.color_scale);
-        let color = Image::new(context, "color", ImageSpec::storage(texels, Format::Rgba32f))?;
-        let areas = (kernels.color_scale > 1)
-            .then(|| Image::new(context, "areas", ImageSpec::storage(texels, Format::Rgba32f)))
-            .transpose()?;
+        let color = |format| Image::new(context, "color", ImageSpec::storage(texels, format));
+        let color = [color(Format::Rgba32f)?, color(Format::Rgba16f)?];
         let images = paths.iter().flat_map(|t| t.attachments.images());
-        prepare(&mut slots[0].gpu, picture.attachments.images().chain(images).chain([&color]).chain(&areas))?;
-        let resolve_color = kernels.resolve_color.bind(&[
-            ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
-            ("color", Bound::Storage(&color)),
-        ])?;
+        prepare(&mut slots[0].gpu, picture.attachments.images().chain(images).chain(&color))?;
+        let resolve = |blurs: usize| {
+            kernels.resolve_color[blurs].bind(&[
+                ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
+                ("color", Bound::Storage(&color[blurs])),
+            ])
+        };
+        let resolve_color = [resolve(0)?, resolve(1)?];
         let warp = kernels.warp.bind(&FastImages {
-            color: &color,
-            areas: areas.as_ref(),
+            color: &color[0],
+            filtered: &color[1],
             paths: paths.iter().map(|t| &t.attachments.colors()[0]).collect(),
             inverse_depth: paths[0].attachments.depth(),
             radiance,
@@ -230,7 +236,7 @@ impl Images {
             Ok((one(&picture)?, paths.iter().map(one).collect::<Result<Vec<_>>>()?))
         };
         let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color, _areas: areas })
+        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color })
     }
 
     fn area(&self) -> RenderArea {
@@ -244,16 +250,17 @@ impl Images {
         kernels: &Kernels,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        (row, channel): ((u32, u32), Channel),
+        (row, channel, blurs): ((u32, u32), Channel, bool),
     ) {
         recorder.mark("raster");
         let input = &self.inputs[slot].0;
         self.picture.draw(recorder, &stage.drawn(channel), input, row, 0.0, self.area());
         recorder.mark("resolve");
-        let size = self.color.spec().size;
+        let size = self.color[0].spec().size;
         let grid = (self.picture.plan.grid / kernels.color_scale) as i32;
         let push = ResolveColorPush { size, grid: [grid; 2] };
-        recorder.dispatch(&kernels.resolve_color, &self.resolve_color, &push, size);
+        let blurs = usize::from(blurs);
+        recorder.dispatch(&kernels.resolve_color[blurs], &self.resolve_color[blurs], &push, size);
     }
 
     /// All path images show the reference instant; each holds the way to two others.

@@ -4,8 +4,6 @@
 
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::assert_push_layout;
 use crate::camera::ShutterTiming;
 use crate::error::Result;
@@ -65,23 +63,16 @@ assert_push_layout!(
     }
 );
 
-/// Parameters of `fast_areas`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct AreasPush {
-    size: [u32; 2],
-}
-assert_push_layout!("fast_areas.comp", AreasPush { size });
-
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
 
 /// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
 pub struct FastImages<'a> {
-    /// Linear radiance at the reference instant; `color_scale` texels a px.
+    /// Linear radiance at the reference instant; `color_scale` texels a px. Frames without exposure read it texel by texel.
     pub color: &'a Image,
-    /// Scratch of the size and kind of `color`, four floats: means over a px. Only where there are two texels a px.
-    pub areas: Option<&'a Image>,
+    /// The same picture for frames with an exposure, which read between texels: its format must be one that the device
+    /// filters (four half floats always are). May be `color`.
+    pub filtered: &'a Image,
     /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
     /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
     /// without the reference instant, are equally spaced knots when the reference instant is put back in its place.
@@ -110,7 +101,6 @@ pub struct FastTiming {
 /// Kernels and claims of the warp.
 pub struct FastGather {
     seeds: ComputePipeline,
-    areas: ComputePipeline,
     /// Without and with blur.
     gather: [ComputePipeline; 2],
     silhouettes: [ComputePipeline; 2],
@@ -118,13 +108,14 @@ pub struct FastGather {
     /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
     listed: Buffer,
     sampler: Sampler,
+    /// Linear, in texels.
+    between: Sampler,
     size: [u32; 2],
 }
 
 /// The images of a warp, bound.
 pub struct FastBinding {
     seeds: BindGroup,
-    areas: Option<(BindGroup, [u32; 2])>,
     gather: [BindGroup; 2],
     silhouettes: [BindGroup; 2],
 }
@@ -156,12 +147,12 @@ impl FastGather {
             |name: &str, words: u64| Buffer::new(context, name, 4 * words, Usage::Storage, Location::Device);
         Ok(Self {
             seeds: pipeline(const { kernel("fast_seeds.comp") }, &constants[..2])?,
-            areas: pipeline(const { kernel("fast_areas.comp") }, &[])?,
             gather: both(const { kernel("fast_gather.comp") })?,
             silhouettes: both(const { kernel("fast_silhouettes.comp") })?,
             claims: buffer("fast claims", 3 * words)?,
             listed: buffer("fast silhouettes", 4 + words)?,
             sampler: Sampler::new(context, false)?,
+            between: Sampler::in_texels(context)?,
             size,
         })
     }
@@ -174,7 +165,7 @@ impl FastGather {
         let sampled = |image| Bound::Sampled(image, &self.sampler);
         // Images that do not exist are never read; the set still wants something there.
         let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(images.paths[0]));
-        let bind = |pipeline: &ComputePipeline, color: &Image| {
+        let bind = |pipeline: &ComputePipeline, color: &Image, sampler: &Sampler| {
             pipeline.bind(&[
                 ("Seeds", Bound::Buffer(&self.claims)),
                 ("listed", Bound::Buffer(&self.listed)),
@@ -182,21 +173,16 @@ impl FastGather {
                 ("path_1", path(1)),
                 ("path_2", path(2)),
                 ("inverse_depth", sampled(images.inverse_depth)),
-                ("color", Bound::Sampled(color, &self.sampler)),
+                ("color", Bound::Sampled(color, sampler)),
                 ("radiance", Bound::Storage(images.radiance)),
             ])
         };
-        let areas = |to: &Image| {
-            let group =
-                self.areas.bind(&[("color", sampled(images.color)), ("areas", Bound::Storage(to))])?;
-            Ok((group, to.spec().size))
-        };
         let blurring = |[sharp, blur]: &[ComputePipeline; 2]| -> Result<_> {
-            Ok([bind(sharp, images.color)?, bind(blur, images.areas.unwrap_or(images.color))?])
+            let sharp = bind(sharp, images.color, &self.sampler)?;
+            Ok([sharp, bind(blur, images.filtered, &self.between)?])
         };
         Ok(FastBinding {
-            seeds: bind(&self.seeds, images.color)?,
-            areas: images.areas.map(areas).transpose()?,
+            seeds: bind(&self.seeds, images.color, &self.sampler)?,
             gather: blurring(&self.gather)?,
             silhouettes: blurring(&self.silhouettes)?,
         })
@@ -218,10 +204,6 @@ impl FastGather {
         let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
         recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         let blur = usize::from(push.exposure_time_s > 0.0);
-        if let Some((group, size)) = binding.areas.as_ref().filter(|_| blur == 1) {
-            recorder.mark("fast_areas");
-            recorder.dispatch(&self.areas, group, &AreasPush { size: *size }, *size);
-        }
         recorder.mark("fast_gather");
         recorder.dispatch(&self.gather[blur], &binding.gather[blur], &push, self.size);
         recorder.mark("fast_silhouettes");

@@ -115,7 +115,6 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     };
     let paths: Vec<_> = field.paths.iter().map(|path| image(path, Format::Rgba32f)).collect();
     let (color, depth) = (image(&field.color, Format::Rgba32f), image(&field.inverse_depth, Format::R32f));
-    let areas = Image::new(context, "areas", *color.0.spec()).unwrap();
     let radiance = Image::new(context, "radiance", ImageSpec::storage(p.size, Format::Rgba32f)).unwrap();
     let bytes = 16 * u64::from(p.size[0]) * u64::from(p.size[1]);
     let readback = Buffer::new(context, "radiance", bytes, Usage::Transfer, Location::Readback).unwrap();
@@ -125,7 +124,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     let binding = warp
         .bind(&FastImages {
             color: &color.0,
-            areas: (field.color_scale == 2).then_some(&areas),
+            filtered: &color.0,
             paths: paths.iter().map(|(image, _)| image).collect(),
             inverse_depth: &depth.0,
             radiance: &radiance,
@@ -150,7 +149,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     assert_eq!(timing.push(p.size, margin_px, p.max_samples), *p);
     let inputs: Vec<_> = paths.iter().chain([&color, &depth]).collect();
     let mut recorder = slot.begin().unwrap();
-    recorder.prepare(inputs.iter().map(|(image, _)| image).chain([&areas, &radiance]));
+    recorder.prepare(inputs.iter().map(|(image, _)| image).chain([&radiance]));
     for (image, buffer) in inputs {
         recorder.copy_buffer_to_image(buffer, image);
     }
