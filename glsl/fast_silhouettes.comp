@@ -5,7 +5,6 @@
 
 layout(local_size_x = 64) in;
 
-#define SEEDS_ACCESS readonly
 #include "fast_push.glsl"
 layout(set = 0, binding = 1) uniform sampler2D path_0;
 layout(set = 0, binding = 2) uniform sampler2D path_1;

@@ -105,9 +105,10 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
     precise float span = push.exposure_time_s / push.knot_step_s;
     precise vec2 x_px = vec2(pixel) + 0.5 + vec2(push.margin_px);
-    SlotClaims begin = slot_claims(0u, ivec2(pixel));
-    SlotClaims middle = slot_claims(BLUR, ivec2(pixel));
-    SlotClaims end = slot_claims(2u * BLUR, ivec2(pixel));
+    Claims claimed = claims_around(ivec2(pixel));
+    SlotClaims begin = slot_claims(0u, claimed);
+    SlotClaims middle = slot_claims(BLUR, claimed);
+    SlotClaims end = slot_claims(2u * BLUR, claimed);
     int count = silhouette_samples(begin, end);
     // In a gap too wide for any claim the search starts from the place itself.
     bool gap = max(middle.nearest, max(begin.nearest, end.nearest)) == 0u;

@@ -76,7 +76,8 @@ pub fn fast_gather(push: &Push, inputs: &Inputs<'_>) -> Plane<f32> {
             "path image"
         );
     }
-    let task = Task { push, inputs, seeds: fast_seeds(push, inputs) };
+    let seeds = if inputs.one_surface { Vec::new() } else { fast_seeds(push, inputs) };
+    let task = Task { push, inputs, seeds };
     let mut radiance = Plane::new(width, height, 4);
     radiance.data.par_chunks_mut((width * 4).max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(4).enumerate() {
@@ -110,25 +111,33 @@ fn is_claimed(key: u32, x_px: Vec2, source_px: Vec2) -> bool {
 /// surfaces come by.
 fn sources_over_exposure(task: &Task<'_>, pixel: &Pixel) -> Option<[Vec2; 3]> {
     let (push, paths, x_px) = (task.push, &task.inputs.paths, pixel.x_px);
-    let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
+    let blurs = push.slots > 1;
     let half_span = 0.5 * push.exposure_time_s / push.knot_step_s;
-    let middle = claims(u32::from(push.slots > 1));
-    let block = paths.block(x_px + seed_offset(middle.nearest).as_vec2());
-    let model =
-        |at: f32| paths.block_displacement(block, &paths.weights(at, push.reference_knot, push.last_knot));
-    let at_middle = model(pixel.from + half_span);
-    let middle_px = at_middle.source(x_px);
-    if !(middle.agree && at_middle.one_surface) {
+    let weights = |at: f32| paths.weights(at, push.reference_knot, push.last_knot);
+    let sources = |block: IVec2| {
+        let model = |at: f32| paths.block_displacement(block, &weights(at));
+        let middle = model(pixel.from + half_span);
+        let middle_px = middle.source(x_px);
+        let other = |at: f32| if blurs { model(at).source(x_px) } else { middle_px };
+        (middle.one_surface, [other(pixel.from), middle_px, other(pixel.from + 2.0 * half_span)])
+    };
+    if task.inputs.one_surface {
+        let w = weights(pixel.from + half_span);
+        let p = (0..2).fold(x_px, |p, _| x_px - paths.nearest_displacement(p, &w));
+        return Some(sources(paths.block(p)).1);
+    }
+    let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
+    let middle = claims(u32::from(blurs));
+    let (one_surface, found) = sources(paths.block(x_px + seed_offset(middle.nearest).as_vec2()));
+    if !(middle.agree && one_surface) {
         return None;
     }
-    if push.slots == 1 {
-        return Some([middle_px; 3]);
+    if !blurs {
+        return Some(found);
     }
     let (begin, end) = (claims(0), claims(2));
-    let begin_px = model(pixel.from).source(x_px);
-    let end_px = model(pixel.from + 2.0 * half_span).source(x_px);
-    let claimed = is_claimed(begin.nearest, x_px, begin_px) && is_claimed(end.nearest, x_px, end_px);
-    (begin.agree && end.agree && claimed).then_some([begin_px, middle_px, end_px])
+    let claimed = is_claimed(begin.nearest, x_px, found[0]) && is_claimed(end.nearest, x_px, found[2]);
+    (begin.agree && end.agree && claimed).then_some(found)
 }
 
 /// Mean of the picture over one px around a position: three texels an axis with the position as their mean. At a pixel's
