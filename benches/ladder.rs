@@ -178,12 +178,6 @@ impl Bench {
                 reference: reference.clone(),
             };
             println!("{row} {}", report::passes(&passes));
-            if let Some(folder) = std::env::var_os("LADDER_DUMP") {
-                let folder = PathBuf::from(folder);
-                std::fs::create_dir_all(&folder).unwrap();
-                std::fs::write(folder.join(format!("{}_{}.raw", row.scene, row.method)), &row.picture.data)
-                    .unwrap();
-            }
             rows.push(row);
         }
         rows

@@ -92,10 +92,10 @@ vec2 clear_of_seams(vec2 position_px, PathWeights w) {
 
 const vec2 QUARTERS[4] = vec2[4](vec2(-0.25), vec2(0.25), vec2(0.25, -0.25), vec2(-0.25, 0.25));
 
-// With blur one for every px that the nearest surface moves, else one a quarter.
+// With blur one for every px that the nearest surface moves, but two a quarter at least, else one.
 int silhouette_samples(SlotClaims begin, SlotClaims end) {
     float path_px = length(vec2(seed_offset(begin.nearest) - seed_offset(end.nearest)));
-    return blurs() ? clamp(2 * blur_pairs(path_px), 4, MAX_SILHOUETTE_SAMPLES) : 4;
+    return blurs() ? clamp(2 * blur_pairs(path_px), 8, MAX_SILHOUETTE_SAMPLES) : 4;
 }
 
 // Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of

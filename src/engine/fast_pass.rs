@@ -75,14 +75,15 @@ pub struct FastImages<'a> {
     /// The same picture for frames with an exposure, which read between texels: its format must be one that the device
     /// filters (four half floats always are). May be `color`.
     pub filtered: &'a Image,
-    /// Where the warp was made for paths from depth, nothing; else one to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
+    /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
     /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
-    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place.
+    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place. None
+    /// where the warp was made for paths from depth.
     pub paths: Vec<&'a Image>,
     /// Where the warp was made for paths from depth: a uniform buffer of rows x, y and w (four floats each) of the matrices
     /// that take `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each other instant.
     pub moved: Option<&'a Buffer>,
-    /// One float, size of the path images (`path_scale` texels a px): grows towards the camera (near distance over distance), 0 infinitely far.
+    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far.
     pub inverse_depth: &'a Image,
     /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
     pub radiance: &'a Image,

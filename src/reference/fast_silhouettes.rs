@@ -124,7 +124,7 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     let moved = (seed_offset(begin.nearest) - seed_offset(end.nearest)).as_vec2();
     let count = match blur {
         0 => 4,
-        _ => (2 * blur_pairs(push, moved.length())).clamp(4, MAX_SILHOUETTE_SAMPLES),
+        _ => (2 * blur_pairs(push, moved.length())).clamp(8, MAX_SILHOUETTE_SAMPLES),
     };
     // In a gap too wide for any claim the search starts from the place itself.
     if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
