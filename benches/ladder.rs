@@ -1,7 +1,7 @@
 //! The ladder of methods: what each costs and what each gets wrong, against many renders with the same samples a pixel.
 //!
 //! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md`, `ladder.png` (reference, method, difference
-//! times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged). `LADDER_SCENES` and `LADDER_METHODS` (comma-separated) choose, `LADDER_N` is the
+//! times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged). `LADDER_SCENES`, `LADDER_METHODS` and `LADDER_EFFECTS` (comma-separated) choose, `LADDER_N` is the
 //! number of renders of the reference, `LADDER_SCALE` multiplies the picture's 320x240, `LADDER_KEEP` keeps references
 //! in `target/bench/references` from run to run, `LADDER_REPEATS` is the number of timed frames.
 #![allow(clippy::unwrap_used)]
@@ -200,13 +200,14 @@ fn main() {
         renders: number("LADDER_N", 512),
     };
     let (only_scenes, only_methods) = (list("LADDER_SCENES"), list("LADDER_METHODS"));
+    let only_effects = list("LADDER_EFFECTS");
     let chosen = |only: &Option<Vec<String>>, name: &str| {
         only.as_ref().is_none_or(|names| names.iter().any(|n| n == name))
     };
     let methods: Vec<_> = methods().into_iter().filter(|(name, _)| chosen(&only_methods, name)).collect();
     let mut rows = Vec::new();
     for take in takes::all().iter().filter(|t| chosen(&only_scenes, &t.name)) {
-        for effect in EFFECTS {
+        for effect in EFFECTS.into_iter().filter(|(name, ..)| chosen(&only_effects, name)) {
             rows.extend(bench.row(take, effect, &methods));
         }
     }

@@ -7,12 +7,13 @@
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
-#define SEEDS_ACCESS readonly
 #include "fast_push.glsl"
 // Displacements (px) from the reference instant to knots, two an image; PATH_SCALE texels a px, with the margin.
 layout(set = 0, binding = 1) uniform sampler2D path_0;
 layout(set = 0, binding = 2) uniform sampler2D path_1;
 layout(set = 0, binding = 3) uniform sampler2D path_2;
+// Size of the path images; grows towards the camera; 0: infinitely far.
+layout(set = 0, binding = 7) uniform sampler2D inverse_depth;
 // Linear radiance at the reference instant, COLOR_SCALE texels a px, with `margin_px` more on every side.
 layout(set = 0, binding = 4) uniform sampler2D color;
 // RGB: linear radiance. A: number of samples, negative where one left `color` (the margin was too small).
@@ -27,8 +28,8 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "timing.glsl"
 #include "path.glsl"
 #include "fast_claims.glsl"
-#include "fast_blur.glsl"
 #include "sample.glsl"
+#include "fast_blur.glsl"
 #include "pixel_area.glsl"
 #include "fast_gather.glsl"
 

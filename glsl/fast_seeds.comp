@@ -7,7 +7,7 @@
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
-#define SEEDS_ACCESS
+#define MAKES_CLAIMS
 #include "fast_push.glsl"
 // Displacements (px) from the reference instant to knots, two an image.
 layout(set = 0, binding = 1) uniform sampler2D path_0;
@@ -24,12 +24,6 @@ layout(set = 0, binding = 5, std430) buffer Listed {
 
 #include "timing.glsl"
 #include "path.glsl"
-
-vec2 layer_at(ivec2 texel, int layer) {
-    vec4 pair = layer < 2 ? texelFetch(path_0, texel, 0)
-                          : (layer < 4 ? texelFetch(path_1, texel, 0) : texelFetch(path_2, texel, 0));
-    return (layer & 1) == 0 ? pair.xy : pair.zw;
-}
 
 // Fraction of the readout at which the line through a position is read, continuous and limited to the picture.
 float fraction_at(vec2 position_px) {
@@ -55,8 +49,8 @@ void main() {
     precise vec2 at_px = (vec2(texel) + 0.5) / float(PATH_SCALE) - vec2(push.margin_px);
     float reference = float(push.reference_knot);
     float after = float(push.last_knot) - reference;
-    vec2 first_px = reference > 0.0 ? layer_at(texel, 0) : vec2(0.0);
-    vec2 last_px = after > 0.0 ? layer_at(texel, int(push.last_knot) - 1) : vec2(0.0);
+    vec2 first_px = reference > 0.0 ? knot_displacement(texel, 0) : vec2(0.0);
+    vec2 last_px = after > 0.0 ? knot_displacement(texel, int(push.last_knot) - 1) : vec2(0.0);
     // The parabola through begin, reference and end: bend t^2 + slope t, t in knots from the reference.
     precise vec2 bend = vec2(0.0);
     precise vec2 slope = after > 0.0 ? last_px / after : -first_px / max(reference, 1.0);

@@ -5,7 +5,6 @@
 
 layout(local_size_x = 64) in;
 
-#define SEEDS_ACCESS readonly
 #include "fast_push.glsl"
 layout(set = 0, binding = 1) uniform sampler2D path_0;
 layout(set = 0, binding = 2) uniform sampler2D path_1;
@@ -23,8 +22,8 @@ layout(set = 0, binding = 7, std430) readonly buffer Listed {
 #include "timing.glsl"
 #include "path.glsl"
 #include "fast_claims.glsl"
-#include "fast_blur.glsl"
 #include "sample.glsl"
+#include "fast_blur.glsl"
 #include "fast_silhouettes.glsl"
 
 void main() {

@@ -5,10 +5,17 @@
 mod fast_device;
 mod gpu_support;
 
+use bytemuck::{Pod, Zeroable};
 use fast_device::{Field, on_device};
+use glam::{IVec2, Vec4};
+use gpu_support::bench::{Bench, Scatter};
 use gpu_support::device;
+use shutterbug::assert_push_layout;
 use shutterbug::camera::ScanOrder;
+use shutterbug::gpu::{Bound, Format, Sampler};
+use shutterbug::kernels::kernel;
 use shutterbug::plane::Plane;
+use shutterbug::reference::fast_depth::fast_depth;
 use shutterbug::reference::fast_gather::fast_gather;
 use shutterbug::reference::fast_push::Push;
 use shutterbug::reference::timing::scan_order_code;
@@ -241,6 +248,96 @@ fn mirrored_input_in_mirrored_order_gives_the_mirrored_picture() {
     }
 }
 
+/// How many pixels differ.
+fn differing(a: &Plane<f32>, b: &Plane<f32>) -> usize {
+    let pixel = |(a, b): (&[f32], &[f32])| (0..4).any(|c| (a[c] - b[c]).abs() > 1e-3);
+    a.data.chunks(4).zip(b.data.chunks(4)).filter(|&p| pixel(p)).count()
+}
+
+/// Matrices of a camera that turns, and passes what it sees if `passes`: rows x, y and w for every knot.
+fn moved_camera(p: &Push, passes: bool) -> Vec<[Vec4; 3]> {
+    let knots = (0..=p.last_knot).filter(|&k| k != p.reference_knot);
+    let times = knots.map(|k| (k as f32 - p.reference_knot as f32) * p.knot_step_s);
+    let rows = |t: f32| {
+        let way = if passes { 9.0 * t } else { 0.0 };
+        [
+            Vec4::new(1.0 + 0.2 * t, -2.0 * t, way, -4.0 * t - 90.0 * t * t),
+            Vec4::new(2.0 * t, 1.0 + 0.2 * t, -0.4 * way, t),
+            Vec4::new(0.3 * t, 0.1 * t, 0.1 * way, 1.0),
+        ]
+    };
+    times.map(rows).collect()
+}
+
+#[test]
+fn paths_from_depth_agree_with_their_images_and_with_their_twins() {
+    let Some(context) = device("paths_from_depth_agree_with_their_images_and_with_their_twins") else {
+        return;
+    };
+    let cases = [
+        (ScanOrder::TopToBottom, 4, 2, false),
+        (ScanOrder::RightToLeft, 6, 1, false),
+        (ScanOrder::BottomToTop, 4, 1, true),
+    ];
+    for (order, knots, path_scale, one_surface) in cases {
+        for exposure in [0.0, 0.012] {
+            let p = push(order, exposure, knots);
+            let moved = moved_camera(&p, !one_surface);
+            let field = Field { one_surface, moved, ..mixed(&p, 2, path_scale) };
+            let inputs = field.inputs();
+            let got = on_device(&context.0, &p, &field);
+            let label = format!("{order}, exposure {exposure}, {knots} knots, one surface: {one_surface}");
+            let count = differing(&got, &fast_gather(&p, &inputs));
+            assert!(count <= W * H / 500, "{label}: {count} pixels differ");
+            // The same displacements as images, which blend positions where the others blend matrices.
+            let image = |k: usize| {
+                Plane::from_fn(field.inverse_depth.width, field.inverse_depth.height, |x, y| {
+                    let [a, b] = inputs.paths.knots(k, IVec2::new(x as i32, y as i32));
+                    [a.x, a.y, b.x, b.y]
+                })
+            };
+            let paths = (0..knots as usize / 2).map(image).collect();
+            let drawn = Field { moved: Vec::new(), paths, ..field.clone() };
+            let drawn = fast_gather(&p, &drawn.inputs());
+            let far = |(a, b): (&[f32], &[f32])| (0..3).any(|c| (a[c] - b[c]).abs() > 0.03);
+            let off = got.data.chunks(4).zip(drawn.data.chunks(4)).filter(|&p| far(p)).count();
+            assert!(off <= W * H / 50, "{label}: {off} pixels differ from those of images");
+            let other = Push { start_s: p.start_s + 2e-3, ..p };
+            let seen = differing(&got, &fast_gather(&other, &inputs));
+            assert!(seen > W * H / 4, "control: {label}: 2 ms later is seen in {seen} pixels");
+        }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct DepthPush {
+    size: [u32; 2],
+    depth_texels: u32,
+}
+assert_push_layout!("fast_depth.comp", DepthPush { size, depth_texels });
+
+#[test]
+fn fast_depth_is_its_twin() {
+    let Some(mut bench) = Bench::new("fast_depth_is_its_twin") else { return };
+    let (mut scatter, sampler) = (Scatter(5), Sampler::new(&bench.watched.0, false).unwrap());
+    for (size, texels) in [([1, 1], 1), ([37, 23], 2), ([129, 71], 1), ([65, 7], 4)] {
+        let depth = Plane::from_fn(size[0] * texels, size[1] * texels, |_, _| [scatter.number()]);
+        let image = bench.upload(std::slice::from_ref(&depth), Format::R32f, false);
+        let to = bench.empty(size, Format::R32f, 1, false);
+        let resources =
+            [("depth_samples", Bound::Sampled(&image, &sampler)), ("inverse_depth", Bound::Storage(&to))];
+        let push = DepthPush { size: size.map(|s| s as u32), depth_texels: texels as u32 };
+        bench.run(const { kernel("fast_depth.comp") }, &[], &resources, &push, push.size);
+        let got = bench.read(&to).remove(0);
+        let want = fast_depth(&depth, texels);
+        assert!(got.data[..] == want.data[..], "{size:?}, {texels} texels");
+        let mut mirrored = want.data.clone();
+        mirrored.reverse();
+        assert!(size == [1, 1] || got.data[..] != mirrored[..], "control: {size:?}: reversed passes");
+    }
+}
+
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(context) = device("kernels_agree_with_their_twins") else { return };
@@ -252,18 +349,14 @@ fn kernels_agree_with_their_twins() {
                 let want = fast_gather(&p, &field.inputs());
                 let got = on_device(&context.0, &p, &field);
                 assert_eq!(got, on_device(&context.0, &p, &field), "{order}: two runs differ");
-                let differ = |a: &Plane<f32>, b: &Plane<f32>| {
-                    let pixel = |(a, b): (&[f32], &[f32])| (0..4).any(|c| (a[c] - b[c]).abs() > 1e-3);
-                    a.data.chunks(4).zip(b.data.chunks(4)).filter(|&p| pixel(p)).count()
-                };
                 // Divisions may round otherwise on a device, and at a silhouette the last bit decides who is seen.
-                let count = differ(&got, &want);
+                let count = differing(&got, &want);
                 assert!(
                     count <= W * H / 500,
                     "{order}, exposure {exposure}, {knots} knots: {count} pixels differ"
                 );
                 let other = fast_gather(&push(ScanOrder::ALL[(i + 1) % 4], exposure, knots), &field.inputs());
-                assert!(differ(&got, &other) > W * H / 4, "control: another scan order passes");
+                assert!(differing(&got, &other) > W * H / 4, "control: another scan order passes");
             }
         }
     }

@@ -16,14 +16,27 @@ const uint ONE_SURFACE_KEYS = 32u;
 const uint NO_CLAIM = 0xffffffffu;
 const ivec2 NEIGHBOURS[5] = ivec2[5](ivec2(0), ivec2(-1), ivec2(1, -1), ivec2(-1, 1), ivec2(1));
 
-SlotClaims slot_claims(uint slot, ivec2 pixel) {
+// All that is claimed at a pixel and its four diagonal neighbours.
+struct Claims {
+    uvec4 at[5];
+};
+
+Claims claims_around(ivec2 pixel) {
+    Claims around;
+    for (int i = 0; i < 5; ++i) {
+        ivec2 at = clamp(pixel + NEIGHBOURS[i], ivec2(0), ivec2(push.size) - 1);
+        around.at[i] = texelFetch(claims, int(seed_index(0u, at) / 4u));
+    }
+    return around;
+}
+
+SlotClaims slot_claims(uint slot, Claims around) {
     SlotClaims c = SlotClaims(0u, NO_CLAIM, false);
     ivec2 low = ivec2(1 << 20);
     ivec2 high = -low;
     int count = 0;
     for (int i = 0; i < 5; ++i) {
-        ivec2 at = clamp(pixel + NEIGHBOURS[i], ivec2(0), ivec2(push.size) - 1);
-        uint key = seeds[seed_index(slot, at)];
+        uint key = slot == 0u ? around.at[i].x : (slot == 1u ? around.at[i].y : around.at[i].z);
         // A gap is no objection: where the picture stretches, some pixels are nobody's.
         if (key != 0u) {
             c.nearest = max(c.nearest, key);

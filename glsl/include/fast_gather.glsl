@@ -6,6 +6,11 @@
 // Pixels of a workgroup of fast_silhouettes.
 const uint SILHOUETTE_GROUP = 64u;
 
+// Whether all of the picture moves as one surface does, as for a camera that only turns: there are no claims then.
+layout(constant_id = 4) const uint ONE_SURFACE = 0u;
+
+bool one_surface() { return ONE_SURFACE != 0u; }
+
 // Where the reference picture shows what a pixel sees at begin, middle and end of its exposure, px.
 struct Sources {
     vec2 begin_px;
@@ -19,50 +24,83 @@ bool is_claimed(uint key, vec2 x_px, vec2 source_px) {
     return max(off.x, off.y) < 2.5;
 }
 
-// Sources on one surface; false where several surfaces come by. One block of displacements serves the whole exposure:
-// that of the middle's claim.
-bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
+// Sources by one block of displacements for the whole exposure; false where it holds several surfaces.
+bool sources_of_block(ivec2 block, vec2 x_px, float from, out Sources s) {
     int reference = int(push.reference_knot);
     int last = int(push.last_knot);
     precise float half_span = 0.5 * push.exposure_time_s / push.knot_step_s;
-    SlotClaims middle = slot_claims(BLUR, pixel);
-    ivec2 block = path_block(x_px + vec2(seed_offset(middle.nearest)));
     precise float at = from + half_span;
     PathBlock model = block_displacement(block, path_weights(at, reference, last));
     s.middle_px = block_source(model, x_px);
     s.begin_px = s.middle_px;
     s.end_px = s.middle_px;
-    bool one_surface = middle.agree && model.one_surface;
-    if (!blurs()) {
-        return one_surface;
+    if (blurs()) {
+        at = from + 2.0 * half_span;
+        s.begin_px = block_source(block_displacement(block, path_weights(from, reference, last)), x_px);
+        s.end_px = block_source(block_displacement(block, path_weights(at, reference, last)), x_px);
     }
-    SlotClaims begin = slot_claims(0u, pixel);
-    SlotClaims end = slot_claims(2u, pixel);
-    at = from + 2.0 * half_span;
-    s.begin_px = block_source(block_displacement(block, path_weights(from, reference, last)), x_px);
-    s.end_px = block_source(block_displacement(block, path_weights(at, reference, last)), x_px);
-    return one_surface && begin.agree && end.agree && is_claimed(begin.nearest, x_px, s.begin_px) &&
+    return model.one_surface;
+}
+
+// Where all of the picture moves as one surface does: two fixed-point steps lead near enough.
+void sources_without_claims(vec2 x_px, float from, out Sources s) {
+    precise float at = from + 0.5 * push.exposure_time_s / push.knot_step_s;
+    PathWeights w = path_weights(at, int(push.reference_knot), int(push.last_knot));
+    precise vec2 p = x_px;
+    for (int i = 0; i < 2; ++i) {
+        p = x_px - nearest_displacement(p, w);
+    }
+    sources_of_block(path_block(p), x_px, from, s);
+}
+
+// Sources on one surface, that of the middle's claim; false where several come by.
+bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
+    if (one_surface()) {
+        sources_without_claims(x_px, from, s);
+        return true;
+    }
+    Claims claimed = claims_around(pixel);
+    SlotClaims middle = slot_claims(BLUR, claimed);
+    ivec2 block = path_block(x_px + vec2(seed_offset(middle.nearest)));
+    bool agree = sources_of_block(block, x_px, from, s) && middle.agree;
+    if (!blurs()) {
+        return agree;
+    }
+    SlotClaims begin = slot_claims(0u, claimed);
+    SlotClaims end = slot_claims(2u, claimed);
+    return agree && begin.agree && end.agree && is_claimed(begin.nearest, x_px, s.begin_px) &&
            is_claimed(end.nearest, x_px, s.end_px);
 }
 
-// Mean over the exposure along the parabola through three sources: no motion is read for it.
+// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,
+// opposite each other, as in exact_gather.comp, which says why.
 vec4 blur_one_surface(Sources s) {
-    precise vec2 chord = s.end_px - s.begin_px;
-    precise vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
-    float path_px = sqrt(squared(s.middle_px - s.begin_px)) + sqrt(squared(s.end_px - s.middle_px));
-    int count = blur_samples(path_px);
     bool clamped = false;
     if (!blurs()) {
         return vec4(read_pixel_area(s.middle_px, clamped), clamped ? -1.0 : 1.0);
     }
-    precise vec3 sum = vec3(0.0);
-    for (int i = 0; i < count; ++i) {
-        precise float t = (float(i) + 0.5) / float(count) - 0.5;
-        precise vec2 area = s.middle_px + t * (chord + t * bend) - 0.5;
-        sum = sum + sample_bilinear(color, area * float(COLOR_SCALE) + 0.5, clamped).rgb;
+    vec2 chord = s.end_px - s.begin_px;
+    vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
+    int pairs = blur_pairs(length(s.middle_px - s.begin_px) + length(s.end_px - s.middle_px));
+    vec2 way = abs(chord);
+    vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
+    vec2 ahead = spread_px() - side;
+    vec2 even = side + ahead, odd = side - ahead;
+    // Moved apart until they vary as much as the exposure is wide.
+    float count = 2.0 * float(pairs);
+    float apart = pairs == 2 ? 1.0 : inversesqrt(1.0 - 1.0 / (count * count));
+    float step_t = apart / count;
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < pairs; ++i) {
+        float t = (2.0 * float(i) + 0.5) * step_t - 0.5 * apart;
+        float next = t + step_t;
+        vec2 first = s.middle_px + t * (chord + t * bend);
+        vec2 second = s.middle_px + next * (chord + next * bend);
+        sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
+               read_between(second - odd);
     }
-    precise vec3 mean = sum / float(count);
-    return vec4(mean, clamped ? -float(count) : float(count));
+    clamped = is_beyond(s.begin_px) || is_beyond(s.end_px);
+    return vec4(sum / (2.0 * count), clamped ? -count : count);
 }
 
 #endif

@@ -14,11 +14,15 @@ layout(push_constant) uniform Push {
     uint slots;
 } push;
 
-// One claim a destination pixel and slot (a moment of the exposure: its middle; or begin, middle and end): the nearest
-// surface that lands there. 0: none does.
-layout(set = 0, binding = 0, std430) SEEDS_ACCESS buffer Seeds {
+// Claims, four words a destination pixel: one for each slot (a moment of the exposure: its middle; or begin, middle and
+// end), the nearest surface that lands there. 0: none does.
+#ifdef MAKES_CLAIMS
+layout(set = 0, binding = 0, std430) buffer Seeds {
     uint seeds[];
 };
+#else
+layout(set = 0, binding = 0) uniform usamplerBuffer claims;
+#endif
 
 const int SEED_REACH_PX = 511;
 
@@ -35,7 +39,7 @@ ivec2 seed_offset(uint key) {
 }
 
 uint seed_index(uint slot, ivec2 pixel) {
-    return (slot * push.size.y + uint(pixel.y)) * push.size.x + uint(pixel.x);
+    return 4u * (uint(pixel.y) * push.size.x + uint(pixel.x)) + slot;
 }
 
 // Place in the exposure, 0..1.

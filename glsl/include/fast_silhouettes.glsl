@@ -92,10 +92,10 @@ vec2 clear_of_seams(vec2 position_px, PathWeights w) {
 
 const vec2 QUARTERS[4] = vec2[4](vec2(-0.25), vec2(0.25), vec2(0.25, -0.25), vec2(-0.25, 0.25));
 
-// With blur one for every px that the nearest surface moves, else one a quarter.
+// With blur one for every px that the nearest surface moves, but two a quarter at least, else one.
 int silhouette_samples(SlotClaims begin, SlotClaims end) {
-    float path_px = sqrt(squared(vec2(seed_offset(begin.nearest) - seed_offset(end.nearest))));
-    return blurs() ? max(4, min(blur_samples(path_px), MAX_SILHOUETTE_SAMPLES)) : 4;
+    float path_px = length(vec2(seed_offset(begin.nearest) - seed_offset(end.nearest)));
+    return blurs() ? clamp(2 * blur_pairs(path_px), 8, MAX_SILHOUETTE_SAMPLES) : 4;
 }
 
 // Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
@@ -105,9 +105,10 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
     precise float span = push.exposure_time_s / push.knot_step_s;
     precise vec2 x_px = vec2(pixel) + 0.5 + vec2(push.margin_px);
-    SlotClaims begin = slot_claims(0u, ivec2(pixel));
-    SlotClaims middle = slot_claims(BLUR, ivec2(pixel));
-    SlotClaims end = slot_claims(2u * BLUR, ivec2(pixel));
+    Claims claimed = claims_around(ivec2(pixel));
+    SlotClaims begin = slot_claims(0u, claimed);
+    SlotClaims middle = slot_claims(BLUR, claimed);
+    SlotClaims end = slot_claims(2u * BLUR, claimed);
     int count = silhouette_samples(begin, end);
     // In a gap too wide for any claim the search starts from the place itself.
     bool gap = max(middle.nearest, max(begin.nearest, end.nearest)) == 0u;
@@ -140,13 +141,16 @@ vec4 blur_many_surfaces(uvec2 pixel) {
             }
         }
         precise vec2 position = clear_of_seams(nearest >= 0.0 ? source_px : beside_px, w);
-        // With blur the quarter decides who is seen, and the mean over the whole pixel is read: each quarter comes by too
-        // seldom to be a picture of its own.
+        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
+        // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
+        vec2 centre_px = position - QUARTERS[i & 3];
+        vec2 aside = 4.0 * spread_px() * QUARTERS[i & 3];
+        clamped = clamped || is_beyond(centre_px);
         if (blurs()) {
-            position = position - QUARTERS[i & 3] - 0.5;
+            sum = sum + 0.5 * (read_between(centre_px + aside) + read_between(centre_px - aside));
+        } else {
+            sum = sum + read_between(color_scale() == 2 ? centre_px + aside : position);
         }
-        float centre = blurs() ? 0.5 : 0.0;
-        sum = sum + sample_bilinear(color, position * float(COLOR_SCALE) + centre, clamped).rgb;
     }
     precise vec3 mean = sum / float(count);
     return vec4(mean, clamped ? -float(count) : float(count));

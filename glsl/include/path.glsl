@@ -1,6 +1,7 @@
 // Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin:
 // src/reference/path.rs. The kernel declares samplers `path_0`, `path_1`, `path_2`, each with the displacements (px, from
-// the reference instant) to two knots, in order of time and without the reference instant's own, which is zero.
+// the reference instant) to two knots, in order of time and without the reference instant's own, which is zero; and
+// `inverse_depth` of their size. FROM_DEPTH: all that is seen rests, and the displacements follow from its depth.
 #ifndef PATH_GLSL
 #define PATH_GLSL
 
@@ -12,12 +13,68 @@ layout(constant_id = 1) const int PATH_SCALE = 1;
 int path_images() { return PATH_IMAGES; }
 int path_scale() { return PATH_SCALE; }
 
-// Shares of the knots in the displacement at one instant: one vec2 a path image.
+layout(constant_id = 5) const uint FROM_DEPTH = 0u;
+bool from_depth() { return FROM_DEPTH != 0u; }
+
+// FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant to
+// clip space at each knot. A uniform buffer: a software device reads it once for all lanes.
+layout(set = 0, binding = 10, std140) uniform Moved {
+    vec4 rows[18];
+} moved;
+
+// Shares of the knots in the displacement at one instant: one vec2 a path image. FROM_DEPTH: the matrix of that instant.
 struct PathWeights {
     vec2 image_0;
     vec2 image_1;
     vec2 image_2;
+    vec4 x;
+    vec4 y;
+    vec4 w;
 };
+
+// The matrix of an instant: the knots' own by their shares, and the identity by the rest.
+void blend_matrix(inout PathWeights w) {
+    precise float rest = 1.0 - (w.image_0.x + w.image_0.y + (w.image_1.x + w.image_1.y) + (w.image_2.x + w.image_2.y));
+    precise vec4 row[3];
+    for (int i = 0; i < 3; ++i) {
+        vec4 own = vec4(i == 0 ? rest : 0.0, i == 1 ? rest : 0.0, 0.0, i == 2 ? rest : 0.0);
+        row[i] = own + (w.image_0.x * moved.rows[i] + w.image_0.y * moved.rows[3 + i]);
+        if (path_images() > 1) {
+            row[i] = row[i] + (w.image_1.x * moved.rows[6 + i] + w.image_1.y * moved.rows[9 + i]);
+        }
+        if (path_images() > 2) {
+            row[i] = row[i] + (w.image_2.x * moved.rows[12 + i] + w.image_2.y * moved.rows[15 + i]);
+        }
+    }
+    w.x = row[0];
+    w.y = row[1];
+    w.w = row[2];
+}
+
+// What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
+const float LEAST_W = 0.02;
+
+// Displacement of what a texel shows by a matrix, px.
+vec2 displacement_by(ivec2 texel, vec4 x, vec4 y, vec4 w) {
+    vec2 size = vec2(textureSize(inverse_depth, 0));
+    precise vec2 ndc = (vec2(texel) + 0.5) / size * 2.0 - 1.0;
+    float depth = texelFetch(inverse_depth, texel, 0).r;
+    precise float sx = x.x * ndc.x + x.y * ndc.y + x.z * depth + x.w;
+    precise float sy = y.x * ndc.x + y.y * ndc.y + y.z * depth + y.w;
+    precise float sw = max(w.x * ndc.x + w.y * ndc.y + w.z * depth + w.w, LEAST_W);
+    precise vec2 moved_px = (vec2(sx, sy) / sw - ndc) * (0.5 / float(PATH_SCALE)) * size;
+    return moved_px;
+}
+
+// Displacement of what one texel shows to knot `layer`, px.
+vec2 knot_displacement(ivec2 texel, int layer) {
+    if (from_depth()) {
+        return displacement_by(texel, moved.rows[3 * layer], moved.rows[3 * layer + 1], moved.rows[3 * layer + 2]);
+    }
+    vec4 pair = layer < 2 ? texelFetch(path_0, texel, 0)
+                          : (layer < 4 ? texelFetch(path_1, texel, 0) : texelFetch(path_2, texel, 0));
+    return (layer & 1) == 0 ? pair.xy : pair.zw;
+}
 
 // Weight of the point `offset` knots away (-1, 0, 1) in the parabola through three, at `at` knots from its middle.
 float parabola_weight(float at, float offset) {
@@ -50,7 +107,7 @@ float layer_weight(float at, int layer, int reference_knot, int last_knot) {
 }
 
 PathWeights path_weights(float at, int reference_knot, int last_knot) {
-    PathWeights w = PathWeights(vec2(0.0), vec2(0.0), vec2(0.0));
+    PathWeights w = PathWeights(vec2(0.0), vec2(0.0), vec2(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     w.image_0 = vec2(layer_weight(at, 0, reference_knot, last_knot), layer_weight(at, 1, reference_knot, last_knot));
     if (path_images() > 1) {
         w.image_1 =
@@ -60,11 +117,17 @@ PathWeights path_weights(float at, int reference_knot, int last_knot) {
         w.image_2 =
             vec2(layer_weight(at, 4, reference_knot, last_knot), layer_weight(at, 5, reference_knot, last_knot));
     }
+    if (from_depth()) {
+        blend_matrix(w);
+    }
     return w;
 }
 
 // Displacement of what one texel of the path images shows, px.
 vec2 texel_displacement(ivec2 texel, PathWeights w) {
+    if (from_depth()) {
+        return displacement_by(texel, w.x, w.y, w.w);
+    }
     vec4 knots = texelFetch(path_0, texel, 0);
     precise vec2 sum = w.image_0.x * knots.xy + w.image_0.y * knots.zw;
     if (path_images() > 1) {
@@ -80,7 +143,7 @@ vec2 texel_displacement(ivec2 texel, PathWeights w) {
 
 // The texel of the path images that holds a position, px.
 ivec2 path_texel(vec2 position_px) {
-    ivec2 last = textureSize(path_0, 0) - 1;
+    ivec2 last = textureSize(inverse_depth, 0) - 1;
     vec2 inside = clamp(floor(position_px * float(PATH_SCALE)), vec2(0.0), vec2(last));
     return clamp(ivec2(inside), ivec2(0), last);
 }
@@ -109,13 +172,13 @@ struct PathBlock {
 
 // The block around a position, read once for any number of instants.
 ivec2 path_block(vec2 position_px) {
-    ivec2 last = max(textureSize(path_0, 0) - 2, ivec2(0));
+    ivec2 last = max(textureSize(inverse_depth, 0) - 2, ivec2(0));
     precise vec2 wanted = position_px * float(PATH_SCALE) - 0.5;
     return clamp(ivec2(floor(clamp(wanted, vec2(0.0), vec2(last)))), ivec2(0), last);
 }
 
 PathBlock block_displacement(ivec2 block, PathWeights w) {
-    ivec2 far = min(block + 1, textureSize(path_0, 0) - 1);
+    ivec2 far = min(block + 1, textureSize(inverse_depth, 0) - 1);
     precise vec2 a = texel_displacement(block, w);
     precise vec2 b = texel_displacement(ivec2(far.x, block.y), w);
     precise vec2 c = texel_displacement(ivec2(block.x, far.y), w);

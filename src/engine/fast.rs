@@ -1,14 +1,16 @@
 //! `--method fast`: one render and a warp. The picture is rendered at the middle of the frame, with twice the pixels a
 //! side where the samples allow; beside it, displacements of every surface point FROM that instant to up to six others of
-//! the frame. They are rendered with the geometry at the reference instant, so that each texel holds the path of the very
-//! point that the picture shows there: no path is pieced together from chords, and one motion pass gives two of its
-//! points. `fast_pass` does the warp, which knows nothing of the scene.
+//! the frame. They follow from the picture's depth (`fast_depth`), or, where something moves by itself, are rendered with
+//! the geometry at the reference instant, so that each texel holds the path of the very point that the picture shows
+//! there: no path is pieced together from chords, and one motion pass gives two of its points. `fast_pass` does the warp,
+//! which knows nothing of the scene.
 //!
 //! What it gets wrong: what the picture does not show (behind a silhouette at the reference instant) is taken from beside
 //! it; shading does not change during the frame; silhouettes are as fine as the path images.
 
 use super::Stage;
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastTiming};
+use super::fast_depth::{DepthKernels, DepthPaths, turns_only};
+use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
 use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
 use super::lens::Channel;
@@ -23,7 +25,7 @@ use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
 };
 use crate::kernels::kernel;
-use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
+use crate::raster::{Instant, MotionGroups, RasterInput, RasterKind, RasterTarget, SamplePlan, View};
 
 /// Choices of the method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,26 +55,47 @@ pub(super) struct Fast {
 }
 
 struct Kernels {
-    resolve_color: ComputePipeline,
+    /// For frames without and with an exposure.
+    resolve_color: [ComputePipeline; 2],
     warp: FastGather,
+    /// Where nothing moves by itself.
+    resting: Option<DepthKernels>,
     sampler: Sampler,
     color_scale: u32,
     path_scale: u32,
+    path_images: usize,
 }
 
 /// Everything whose size depends on the margin.
 struct Images {
     margin_px: [u32; 2],
-    /// Instants of the picture and of the paths, by slot.
-    inputs: Vec<(RasterInput, Vec<RasterInput>)>,
-    resolve_color: BindGroup,
-    warp: FastBinding,
+    /// The picture's instant, by slot.
+    inputs: Vec<RasterInput>,
+    /// For frames without and with an exposure.
+    resolve_color: [BindGroup; 2],
     picture: RasterTarget,
-    /// Two knots each.
-    paths: Vec<RasterTarget>,
-    color: Image,
-    /// Kept for the bindings.
-    _areas: Option<Image>,
+    /// Where nothing moves by itself.
+    resting: Option<DepthPaths>,
+    /// Where something does, and for a lens, which bends the ways of what is seen.
+    drawn: Option<DrawnPaths>,
+    /// The picture for frames without exposure, whose texels are read as they are, and with one, to be filtered.
+    color: [Image; 2],
+}
+
+/// What a frame in flight knows of its knots.
+enum Knots {
+    Resting {
+        turns: bool,
+    },
+    /// Rows of the instants that are drawn.
+    Drawn(Vec<(u32, u32)>),
+}
+
+/// Two knots a target; the instants by slot.
+struct DrawnPaths {
+    targets: Vec<RasterTarget>,
+    inputs: Vec<Vec<RasterInput>>,
+    warp: FastBinding,
 }
 
 impl Fast {
@@ -85,22 +108,33 @@ impl Fast {
     ) -> Result<Self> {
         let mut options = *options;
         options.motion_images = options.motion_images.clamp(2, 6).next_multiple_of(2);
-        let multisampled = const { kernel("resolve_color_ms.comp") };
-        let single = const { kernel("resolve_color.comp") };
-        let resolve_color = if stage.plan.msaa > 1 { multisampled } else { single };
+        let resolve_color = match stage.plan.msaa > 1 {
+            true => const { [kernel("resolve_color_ms.comp"), kernel("resolve_color_half_ms.comp")] },
+            false => const { [kernel("resolve_color.comp"), kernel("resolve_color_half.comp")] },
+        };
+        let resolve_color = resolve_color.map(|kernel| ComputePipeline::new(&stage.context, kernel));
+        let [exact, half] = resolve_color;
         options.path_scale = options.path_scale.clamp(1, 2);
-        let (color_scale, path_scale) = (stage.plan.grid.min(2), options.path_scale);
+        let (context, grid) = (&stage.context, stage.plan.grid);
+        let rests = MotionGroups::new(&stage.scene).count() == 1;
+        let (color_scale, path_scale) = (grid.min(2), options.path_scale);
+        let path_images = options.motion_images as usize / 2;
         let size = [stage.intrinsics.width, stage.intrinsics.height];
-        let paths = (options.motion_images as usize / 2, path_scale);
+        let kind = FastKind::default();
+        // Depth is as fine as the picture is.
+        let from_depth = (path_images, path_scale.min(grid));
+        let resting = || DepthKernels::new(context, size, from_depth, (color_scale, stage.plan.msaa));
         let kernels = Kernels {
-            resolve_color: ComputePipeline::new(&stage.context, resolve_color)?,
-            warp: FastGather::new(&stage.context, size, paths, color_scale)?,
-            sampler: Sampler::new(&stage.context, false)?,
+            resolve_color: [exact?, half?],
+            warp: FastGather::new(context, size, (path_images, path_scale), color_scale, kind)?,
+            resting: rests.then(resting).transpose()?,
+            sampler: Sampler::new(context, false)?,
             color_scale,
             path_scale,
+            path_images,
         };
         let margin_px = expected.iter().map(|r| needed_margin_px(stage, r)).fold([0, 0], larger);
-        let images = Images::new(stage, &kernels, paths.0, slots, radiance, margin_px)?;
+        let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
         Ok(Self { images, kernels, options })
     }
 
@@ -108,10 +142,11 @@ impl Fast {
         self.images.margin_px
     }
 
-    /// The margin to grow to, where the frame needs a wider one.
+    /// The margin to grow to, where the frame needs a wider one, or other images.
     pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
         let (needed, have) = (needed_margin_px(stage, request), self.images.margin_px);
-        (needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
+        let lacks = stage.lens.is_some() && self.images.drawn.is_none();
+        (lacks || needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
     }
 
     /// Makes the images anew; nothing must be in flight.
@@ -122,12 +157,12 @@ impl Fast {
         radiance: &Image,
         margin_px: [u32; 2],
     ) -> Result<()> {
-        self.images = Images::new(stage, &self.kernels, self.images.paths.len(), slots, radiance, margin_px)?;
+        self.images = Images::new(stage, &self.kernels, slots, radiance, margin_px)?;
         Ok(())
     }
 
     pub(super) fn submit(
-        &self,
+        &mut self,
         stage: &Stage,
         slot: &mut FrameSlot,
         request: &FrameRequest,
@@ -137,21 +172,16 @@ impl Fast {
         let camera = stage.intrinsics.with_margin(self.images.margin_px);
         let (timing, knots) = plan(request, self.options.motion_images);
         let row = slot.inputs.add(stage, path, &camera, &Instant::still(timing.reference_s));
-        let pair_rows: Vec<_> = knots
-            .chunks_exact(2)
-            .map(|k| Instant { time_s: timing.reference_s, motion_from_s: k[0], motion_to_s: k[1] })
-            .map(|instant| slot.inputs.add(stage, path, &camera, &instant))
-            .collect();
+        let view = View { camera: &camera, path };
+        let knots = self.images.write_knots(stage, slot, &view, (timing.reference_s, &knots));
         let ending = Ending::new(planes, stage, slot, request, path);
         let index = slot.index;
+        let blurs = request.shutter.exposure_time_s > 0.0;
         let mut recorder = slot.gpu.begin()?;
         for channel in stage.channels() {
-            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel));
-            recorder.mark("motion");
-            self.images.draw_paths(stage, &mut recorder, index, (&pair_rows, channel));
-            let warp = &self.kernels.warp;
-            let (binding, margin_px) = (&self.images.warp, self.images.margin_px);
-            warp.record(&mut recorder, binding, margin_px, &timing, self.options.max_samples);
+            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel, blurs));
+            let with = (&timing, self.options.max_samples);
+            self.images.record_warp(stage, &self.kernels, &mut recorder, (index, channel), &knots, with);
             stage.merge(&mut recorder, channel);
         }
         ending.record(stage, &mut recorder, index, (finish, request, false), (&slot.picture, &slot.radiance));
@@ -194,7 +224,6 @@ impl Images {
     fn new(
         stage: &Stage,
         kernels: &Kernels,
-        path_images: usize,
         slots: &mut [FrameSlot],
         radiance: &Image,
         margin_px: [u32; 2],
@@ -203,34 +232,68 @@ impl Images {
         let camera = stage.intrinsics.with_margin(margin_px);
         let size = [camera.width, camera.height];
         let picture = RasterTarget::new(context, scene, RasterKind::Color, size, stage.plan)?;
-        let path_plan = SamplePlan { grid: kernels.path_scale, msaa: 1 };
-        let path = |_| RasterTarget::new(context, scene, RasterKind::Path, size, path_plan);
-        let paths = (0..path_images).map(path).collect::<Result<Vec<_>>>()?;
         let texels = size.map(|s| s * kernels.color_scale);
-        let color = Image::new(context, "color", ImageSpec::storage(texels, Format::Rgba32f))?;
-        let areas = (kernels.color_scale > 1)
-            .then(|| Image::new(context, "areas", ImageSpec::storage(texels, Format::Rgba32f)))
-            .transpose()?;
-        let images = paths.iter().flat_map(|t| t.attachments.images());
-        prepare(&mut slots[0].gpu, picture.attachments.images().chain(images).chain([&color]).chain(&areas))?;
-        let resolve_color = kernels.resolve_color.bind(&[
-            ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
-            ("color", Bound::Storage(&color)),
-        ])?;
-        let warp = kernels.warp.bind(&FastImages {
-            color: &color,
-            areas: areas.as_ref(),
-            paths: paths.iter().map(|t| &t.attachments.colors()[0]).collect(),
-            inverse_depth: paths[0].attachments.depth(),
-            radiance,
-        })?;
-        let bind = |slot: &FrameSlot| {
-            let (instants, cameras) = (&slot.inputs.instants, &slot.inputs.cameras);
-            let one = |target: &RasterTarget| target.bind(scene, instants, cameras);
-            Ok((one(&picture)?, paths.iter().map(one).collect::<Result<Vec<_>>>()?))
+        let color = |format| Image::new(context, "color", ImageSpec::storage(texels, format));
+        let color = [color(Format::Rgba32f)?, color(Format::Rgba16f)?];
+        prepare(&mut slots[0].gpu, picture.attachments.images().chain(&color))?;
+        let resolve = |blurs: usize| {
+            kernels.resolve_color[blurs].bind(&[
+                ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
+                ("color", Bound::Storage(&color[blurs])),
+            ])
         };
-        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { margin_px, inputs, resolve_color, warp, picture, paths, color, _areas: areas })
+        let resolve_color = [resolve(0)?, resolve(1)?];
+        let to = (&color, radiance);
+        let resting = kernels.resting.as_ref().map(|k| DepthPaths::new(stage, k, slots, &picture, to));
+        let resting = resting.transpose()?;
+        let drawn = (resting.is_none() || stage.lens.is_some())
+            .then(|| DrawnPaths::new(stage, kernels, slots, size, to))
+            .transpose()?;
+        let inputs = slots.iter().map(|s| picture.bind(scene, &s.inputs.instants, &s.inputs.cameras));
+        let inputs = inputs.collect::<Result<Vec<_>>>()?;
+        Ok(Self { margin_px, inputs, resolve_color, picture, resting, drawn, color })
+    }
+
+    /// Says when the knots of a frame are: whether the camera only turns, or the rows of drawn paths.
+    fn write_knots(
+        &mut self,
+        stage: &Stage,
+        slot: &mut FrameSlot,
+        view: &View<'_>,
+        (reference_s, knots_s): (f64, &[f64]),
+    ) -> Knots {
+        if let Some(paths) = self.resting.as_mut().filter(|_| stage.lens.is_none()) {
+            paths.write(slot.index, view, reference_s, knots_s);
+            return Knots::Resting { turns: turns_only(stage, view.path, reference_s, knots_s) };
+        }
+        let rows = knots_s.chunks_exact(2).map(|k| {
+            let instant = Instant { time_s: reference_s, motion_from_s: k[0], motion_to_s: k[1] };
+            slot.inputs.add(stage, view.path, view.camera, &instant)
+        });
+        Knots::Drawn(rows.collect())
+    }
+
+    /// Draws the paths of a frame where they are not known from depth, and warps the picture along them.
+    fn record_warp(
+        &self,
+        stage: &Stage,
+        kernels: &Kernels,
+        recorder: &mut Recorder<'_>,
+        (slot, channel): (usize, Channel),
+        knots: &Knots,
+        with: (&FastTiming, u32),
+    ) {
+        match (knots, &self.resting, &kernels.resting, &self.drawn) {
+            (Knots::Resting { turns }, Some(paths), Some(kernels), _) => {
+                paths.record(kernels, recorder, (slot, *turns), self.margin_px, with);
+            }
+            (Knots::Drawn(rows), .., Some(paths)) => {
+                recorder.mark("motion");
+                paths.draw(stage, recorder, slot, (rows, channel), self.area());
+                kernels.warp.record(recorder, &paths.warp, self.margin_px, with.0, with.1);
+            }
+            _ => unreachable!("the images of this kind of frame were made"),
+        }
     }
 
     fn area(&self) -> RenderArea {
@@ -244,29 +307,61 @@ impl Images {
         kernels: &Kernels,
         recorder: &mut Recorder<'_>,
         slot: usize,
-        (row, channel): ((u32, u32), Channel),
+        (row, channel, blurs): ((u32, u32), Channel, bool),
     ) {
         recorder.mark("raster");
-        let input = &self.inputs[slot].0;
+        let input = &self.inputs[slot];
         self.picture.draw(recorder, &stage.drawn(channel), input, row, 0.0, self.area());
         recorder.mark("resolve");
-        let size = self.color.spec().size;
+        let size = self.color[0].spec().size;
         let grid = (self.picture.plan.grid / kernels.color_scale) as i32;
         let push = ResolveColorPush { size, grid: [grid; 2] };
-        recorder.dispatch(&kernels.resolve_color, &self.resolve_color, &push, size);
+        let blurs = usize::from(blurs);
+        recorder.dispatch(&kernels.resolve_color[blurs], &self.resolve_color[blurs], &push, size);
+    }
+}
+
+impl DrawnPaths {
+    fn new(
+        stage: &Stage,
+        kernels: &Kernels,
+        slots: &mut [FrameSlot],
+        size: [u32; 2],
+        (color, radiance): (&[Image; 2], &Image),
+    ) -> Result<Self> {
+        let scene = &stage.buffers;
+        let plan = SamplePlan { grid: kernels.path_scale, msaa: 1 };
+        let target = |_| RasterTarget::new(&stage.context, scene, RasterKind::Path, size, plan);
+        let targets = (0..kernels.path_images).map(target).collect::<Result<Vec<_>>>()?;
+        prepare(&mut slots[0].gpu, targets.iter().flat_map(|t| t.attachments.images()))?;
+        let bind = |slot: &FrameSlot| {
+            let one = |t: &RasterTarget| t.bind(scene, &slot.inputs.instants, &slot.inputs.cameras);
+            targets.iter().map(one).collect::<Result<Vec<_>>>()
+        };
+        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        let warp = kernels.warp.bind(&FastImages {
+            color: &color[0],
+            filtered: &color[1],
+            paths: targets.iter().map(|t| &t.attachments.colors()[0]).collect(),
+            moved: None,
+            inverse_depth: targets[0].attachments.depth(),
+            radiance,
+        })?;
+        Ok(Self { targets, inputs, warp })
     }
 
     /// All path images show the reference instant; each holds the way to two others.
-    fn draw_paths(
+    fn draw(
         &self,
         stage: &Stage,
         recorder: &mut Recorder<'_>,
         slot: usize,
         (rows, channel): (&[(u32, u32)], Channel),
+        area: RenderArea,
     ) {
         let drawn = stage.drawn(channel);
-        for ((target, input), row) in self.paths.iter().zip(&self.inputs[slot].1).zip(rows) {
-            target.draw(recorder, &drawn, input, *row, 1.0, self.area());
+        for ((target, input), row) in self.targets.iter().zip(&self.inputs[slot]).zip(rows) {
+            target.draw(recorder, &drawn, input, *row, 1.0, area);
         }
     }
 }

@@ -4,8 +4,6 @@
 
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::assert_push_layout;
 use crate::camera::ShutterTiming;
 use crate::error::Result;
@@ -65,28 +63,27 @@ assert_push_layout!(
     }
 );
 
-/// Parameters of `fast_areas`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct AreasPush {
-    size: [u32; 2],
-}
-assert_push_layout!("fast_areas.comp", AreasPush { size });
-
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
+/// Rows of all matrices that a frame may have: six knots of three.
+pub(super) const MOVED_BYTES: u64 = 18 * 16;
 
 /// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
 pub struct FastImages<'a> {
-    /// Linear radiance at the reference instant; `color_scale` texels a px.
+    /// Linear radiance at the reference instant; `color_scale` texels a px. Frames without exposure read it texel by texel.
     pub color: &'a Image,
-    /// Scratch of the size and kind of `color`, four floats: means over a px. Only where there are two texels a px.
-    pub areas: Option<&'a Image>,
+    /// The same picture for frames with an exposure, which read between texels: its format must be one that the device
+    /// filters (four half floats always are). May be `color`.
+    pub filtered: &'a Image,
     /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
     /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
-    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place.
+    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place. None
+    /// where the warp was made for paths from depth.
     pub paths: Vec<&'a Image>,
-    /// One float, size of the path images: grows towards the camera (near distance over distance), 0 infinitely far.
+    /// Where the warp was made for paths from depth: a uniform buffer of rows x, y and w (four floats each) of the matrices
+    /// that take `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each other instant.
+    pub moved: Option<&'a Buffer>,
+    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far.
     pub inverse_depth: &'a Image,
     /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
     pub radiance: &'a Image,
@@ -110,7 +107,6 @@ pub struct FastTiming {
 /// Kernels and claims of the warp.
 pub struct FastGather {
     seeds: ComputePipeline,
-    areas: ComputePipeline,
     /// Without and with blur.
     gather: [ComputePipeline; 2],
     silhouettes: [ComputePipeline; 2],
@@ -118,15 +114,30 @@ pub struct FastGather {
     /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
     listed: Buffer,
     sampler: Sampler,
+    /// Linear, in texels.
+    between: Sampler,
+    kind: FastKind,
+    /// Stands where matrices would.
+    unmoved: Buffer,
     size: [u32; 2],
 }
 
 /// The images of a warp, bound.
 pub struct FastBinding {
     seeds: BindGroup,
-    areas: Option<(BindGroup, [u32; 2])>,
     gather: [BindGroup; 2],
     silhouettes: [BindGroup; 2],
+}
+
+/// What a warp may rely on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FastKind {
+    /// Nothing in the picture moves against what is beside it, as before a camera that only turns: pixels then need no
+    /// claims, and no silhouettes are looked for.
+    pub one_surface: bool,
+    /// All that is seen rests in the world: there are no path images, as displacements follow from depth and the camera's
+    /// matrices.
+    pub from_depth: bool,
 }
 
 impl FastGather {
@@ -142,26 +153,32 @@ impl FastGather {
         size: [u32; 2],
         (path_images, path_scale): (usize, u32),
         color_scale: u32,
+        kind: FastKind,
     ) -> Result<Self> {
         assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
         assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
-        let constants = [path_images as u32, path_scale, color_scale];
-        let pipeline = |kernel, constants: &[u32]| ComputePipeline::specialized(context, kernel, constants);
-        let [images, path_scale, color_scale] = constants;
-        let blurring = |kernel, blur| pipeline(kernel, &[images, path_scale, color_scale, blur]);
+        let FastKind { one_surface, from_depth } = kind;
+        let blurring = |kernel, blur: u32| {
+            let flags = [blur, one_surface.into(), from_depth.into()];
+            let scales = [path_images as u32, path_scale, color_scale];
+            ComputePipeline::specialized(context, kernel, &[scales, flags].concat())
+        };
         let both = |kernel| -> Result<_> { Ok([blurring(kernel, 0)?, blurring(kernel, 1)?]) };
-        // One claim a pixel at each of up to three moments of the exposure.
-        let words = u64::from(size[0]) * u64::from(size[1]);
-        let buffer =
-            |name: &str, words: u64| Buffer::new(context, name, 4 * words, Usage::Storage, Location::Device);
+        let pixels = if one_surface { 0 } else { u64::from(size[0]) * u64::from(size[1]) };
+        let buffer = |name: &str, words: u64, usage: Usage| {
+            Buffer::new(context, name, 4 * words, usage, Location::Device)
+        };
         Ok(Self {
-            seeds: pipeline(const { kernel("fast_seeds.comp") }, &constants[..2])?,
-            areas: pipeline(const { kernel("fast_areas.comp") }, &[])?,
+            seeds: blurring(const { kernel("fast_seeds.comp") }, 0)?,
             gather: both(const { kernel("fast_gather.comp") })?,
             silhouettes: both(const { kernel("fast_silhouettes.comp") })?,
-            claims: buffer("fast claims", 3 * words)?,
-            listed: buffer("fast silhouettes", 4 + words)?,
+            // One claim a pixel at each of up to three moments of the exposure, and one word that is not used.
+            claims: buffer("fast claims", 4 * pixels, Usage::StorageTexels)?,
+            listed: buffer("fast silhouettes", 4 + pixels, Usage::Storage)?,
+            kind,
+            unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Uniform, Location::Device)?,
             sampler: Sampler::new(context, false)?,
+            between: Sampler::in_texels(context)?,
             size,
         })
     }
@@ -173,30 +190,28 @@ impl FastGather {
     pub fn bind(&self, images: &FastImages<'_>) -> Result<FastBinding> {
         let sampled = |image| Bound::Sampled(image, &self.sampler);
         // Images that do not exist are never read; the set still wants something there.
-        let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(images.paths[0]));
-        let bind = |pipeline: &ComputePipeline, color: &Image| {
+        let first = images.paths.first().copied().unwrap_or(images.inverse_depth);
+        let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(first));
+        let bind = |pipeline: &ComputePipeline, color: &Image, sampler: &Sampler| {
             pipeline.bind(&[
                 ("Seeds", Bound::Buffer(&self.claims)),
+                ("claims", Bound::Buffer(&self.claims)),
                 ("listed", Bound::Buffer(&self.listed)),
+                ("moved", Bound::Buffer(images.moved.unwrap_or(&self.unmoved))),
                 ("path_0", path(0)),
                 ("path_1", path(1)),
                 ("path_2", path(2)),
                 ("inverse_depth", sampled(images.inverse_depth)),
-                ("color", Bound::Sampled(color, &self.sampler)),
+                ("color", Bound::Sampled(color, sampler)),
                 ("radiance", Bound::Storage(images.radiance)),
             ])
         };
-        let areas = |to: &Image| {
-            let group =
-                self.areas.bind(&[("color", sampled(images.color)), ("areas", Bound::Storage(to))])?;
-            Ok((group, to.spec().size))
-        };
         let blurring = |[sharp, blur]: &[ComputePipeline; 2]| -> Result<_> {
-            Ok([bind(sharp, images.color)?, bind(blur, images.areas.unwrap_or(images.color))?])
+            let sharp = bind(sharp, images.color, &self.sampler)?;
+            Ok([sharp, bind(blur, images.filtered, &self.between)?])
         };
         Ok(FastBinding {
-            seeds: bind(&self.seeds, images.color)?,
-            areas: images.areas.map(areas).transpose()?,
+            seeds: bind(&self.seeds, images.color, &self.sampler)?,
             gather: blurring(&self.gather)?,
             silhouettes: blurring(&self.silhouettes)?,
         })
@@ -212,20 +227,21 @@ impl FastGather {
         max_samples: u32,
     ) {
         let push = timing.push(self.size, margin_px, max_samples);
-        recorder.mark("fast_seeds");
-        recorder.clear_buffer(&self.claims);
-        recorder.clear_buffer(&self.listed);
-        let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
-        recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         let blur = usize::from(push.exposure_time_s > 0.0);
-        if let Some((group, size)) = binding.areas.as_ref().filter(|_| blur == 1) {
-            recorder.mark("fast_areas");
-            recorder.dispatch(&self.areas, group, &AreasPush { size: *size }, *size);
+        if !self.kind.one_surface {
+            recorder.mark("fast_seeds");
+            recorder.clear_buffer(&self.claims);
+            recorder.clear_buffer(&self.listed);
+            let full = [self.size[0] + 2 * margin_px[0], self.size[1] + 2 * margin_px[1]];
+            recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         }
         recorder.mark("fast_gather");
         recorder.dispatch(&self.gather[blur], &binding.gather[blur], &push, self.size);
-        recorder.mark("fast_silhouettes");
-        recorder.dispatch_indirect(&self.silhouettes[blur], &binding.silhouettes[blur], &push, &self.listed);
+        if !self.kind.one_surface {
+            recorder.mark("fast_silhouettes");
+            let group = &binding.silhouettes[blur];
+            recorder.dispatch_indirect(&self.silhouettes[blur], group, &push, &self.listed);
+        }
     }
 }
 

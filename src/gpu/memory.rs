@@ -31,6 +31,9 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
+    /// The same, and a storage buffer that kernels write: a software device fetches a texel for all lanes at once, and a
+    /// word of a storage buffer lane by lane.
+    StorageTexels,
     /// Vertex buffer.
     Vertex,
     /// Vertex buffer that kernels read or write.
@@ -41,13 +44,13 @@ pub enum Usage {
     Transfer,
 }
 
-/// Bytes of a texel of [`Usage::Texels`].
+/// Bytes of a texel of [`Usage::Texels`] and [`Usage::StorageTexels`].
 const TEXEL_BYTES: u64 = 16;
 
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    /// Of [`Usage::Texels`]: all of it as texels; else null.
+    /// Of [`Usage::Texels`] and [`Usage::StorageTexels`]: all of it as texels; else null.
     pub(super) view: vk::BufferView,
     pub(super) bytes: u64,
     allocation: Option<Allocation>,
@@ -70,12 +73,13 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        if matches!(usage, Usage::Storage | Usage::StorageVertex) && bytes > limit {
+        if matches!(usage, Usage::Storage | Usage::StorageVertex | Usage::StorageTexels) && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
         let (texels, limit) = (bytes / TEXEL_BYTES, context.info().max_texels);
-        if usage == Usage::Texels && texels > limit {
+        let fetched = matches!(usage, Usage::Texels | Usage::StorageTexels);
+        if fetched && texels > limit {
             let why = format!("maxTexelBufferElements of {}", context.info().name);
             return Err(Error::Limit { what: "texels of a buffer", value: texels, limit, why });
         }
@@ -86,6 +90,9 @@ impl Buffer {
             }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
+            Usage::StorageTexels => {
+                vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
+            }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::StorageVertex => {
                 vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
@@ -112,7 +119,7 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
-        if usage == Usage::Texels {
+        if fetched {
             buffer.view = buffer.make_view()?;
         }
         Ok(buffer)

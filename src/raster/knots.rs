@@ -205,6 +205,15 @@ fn fitted(
     [DMat4::IDENTITY + square - linear, DMat4::IDENTITY + square + linear]
 }
 
+/// Rows x, y and w of the matrices that take a point of the picture at `from_s`, `(ndc x, ndc y, depth, 1)`, to clip space
+/// at each of `to_s`: where what rests in the world is then.
+pub fn moved_rows(view: &View<'_>, from_s: f64, to_s: &[f64]) -> Vec<[[f32; 4]; 3]> {
+    let clip_from_world =
+        |time_s: f64| view.camera.clip_from_camera() * view.path.pose_at(time_s).inverse().matrix();
+    let world_from_clip = clip_from_world(from_s).inverse();
+    to_s.iter().map(|&time_s| xyw(clip_from_world(time_s) * world_from_clip)).collect()
+}
+
 fn xyw(matrix: DMat4) -> [[f32; 4]; 3] {
     [0, 1, 3].map(|i| matrix.row(i).as_vec4().to_array())
 }

@@ -1,6 +1,6 @@
 //! `--method fast`: rolling shutter and motion blur from one picture and the paths of what it shows. Twin of
-//! `glsl/fast_gather.comp` with `fast_areas.comp`, `include/fast_gather.glsl`, `include/fast_blur.glsl` and
-//! `include/pixel_area.glsl`; [`super::fast_silhouettes`] does the pixels that see several surfaces.
+//! `glsl/fast_gather.comp`, `include/fast_gather.glsl`, `include/fast_blur.glsl` and `include/pixel_area.glsl`;
+//! [`super::fast_silhouettes`] does the pixels that see several surfaces.
 
 use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -18,8 +18,32 @@ pub(super) struct Task<'a> {
     pub(super) push: &'a Push,
     pub(super) inputs: &'a Inputs<'a>,
     pub(super) seeds: Vec<u32>,
-    /// Means over a px at every texel.
-    pub(super) areas: Plane<f32>,
+}
+
+/// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px.
+const SPREAD_PX: f32 = 0.14434;
+/// Share of a texel's two neighbours where the pixel's centre is the texel's.
+const NEIGHBOURS_SHARE: f32 = 0.3125;
+
+impl Task<'_> {
+    /// A pixel that is one texel is not spread.
+    pub(super) fn spread_px(&self) -> f32 {
+        if self.inputs.color_scale == 2 { SPREAD_PX } else { 0.0 }
+    }
+
+    /// Bilinear.
+    pub(super) fn read_between(&self, position_px: Vec2) -> Vec3 {
+        let position = position_px * self.inputs.color_scale as f32;
+        sample_bilinear(self.inputs.color, position, &mut false).truncate()
+    }
+
+    /// Whether a place lies beyond the centres of the outermost texels.
+    pub(super) fn is_beyond(&self, position_px: Vec2) -> bool {
+        let color = self.inputs.color;
+        let texel = position_px * self.inputs.color_scale as f32;
+        let last = Vec2::new(color.width as f32, color.height as f32) - 0.5;
+        texel.cmplt(Vec2::splat(0.5)).any() || texel.cmpgt(last).any()
+    }
 }
 
 /// A pixel's place and time.
@@ -52,8 +76,8 @@ pub fn fast_gather(push: &Push, inputs: &Inputs<'_>) -> Plane<f32> {
             "path image"
         );
     }
-    let areas = if inputs.color_scale == 2 { fast_areas(inputs.color) } else { inputs.color.clone() };
-    let task = Task { push, inputs, seeds: fast_seeds(push, inputs), areas };
+    let seeds = if inputs.one_surface { Vec::new() } else { fast_seeds(push, inputs) };
+    let task = Task { push, inputs, seeds };
     let mut radiance = Plane::new(width, height, 4);
     radiance.data.par_chunks_mut((width * 4).max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(4).enumerate() {
@@ -61,16 +85,6 @@ pub fn fast_gather(push: &Push, inputs: &Inputs<'_>) -> Plane<f32> {
         }
     });
     radiance
-}
-
-/// The mean of the picture over one px at every half px.
-fn fast_areas(color: &Plane<f32>) -> Plane<f32> {
-    Plane::from_fn(color.width, color.height, |x, y| {
-        let far = [(x + 1).min(color.width - 1), (y + 1).min(color.height - 1)];
-        let (a, b) = (color.pixel(x, y), color.pixel(far[0], y));
-        let (c, d) = (color.pixel(x, far[1]), color.pixel(far[0], far[1]));
-        [0, 1, 2, 3].map(|i| 0.25 * ((a[i] + b[i]) + (c[i] + d[i])))
-    })
 }
 
 fn gather_pixel(task: &Task<'_>, at: IVec2) -> [f32; 4] {
@@ -97,80 +111,91 @@ fn is_claimed(key: u32, x_px: Vec2, source_px: Vec2) -> bool {
 /// surfaces come by.
 fn sources_over_exposure(task: &Task<'_>, pixel: &Pixel) -> Option<[Vec2; 3]> {
     let (push, paths, x_px) = (task.push, &task.inputs.paths, pixel.x_px);
-    let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
+    let blurs = push.slots > 1;
     let half_span = 0.5 * push.exposure_time_s / push.knot_step_s;
-    let middle = claims(u32::from(push.slots > 1));
-    let block = paths.block(x_px + seed_offset(middle.nearest).as_vec2());
-    let model =
-        |at: f32| paths.block_displacement(block, &paths.weights(at, push.reference_knot, push.last_knot));
-    let at_middle = model(pixel.from + half_span);
-    let middle_px = at_middle.source(x_px);
-    if !(middle.agree && at_middle.one_surface) {
+    let weights = |at: f32| paths.weights(at, push.reference_knot, push.last_knot);
+    let sources = |block: IVec2| {
+        let model = |at: f32| paths.block_displacement(block, &weights(at));
+        let middle = model(pixel.from + half_span);
+        let middle_px = middle.source(x_px);
+        let other = |at: f32| if blurs { model(at).source(x_px) } else { middle_px };
+        (middle.one_surface, [other(pixel.from), middle_px, other(pixel.from + 2.0 * half_span)])
+    };
+    if task.inputs.one_surface {
+        let w = weights(pixel.from + half_span);
+        let p = (0..2).fold(x_px, |p, _| x_px - paths.nearest_displacement(p, &w));
+        return Some(sources(paths.block(p)).1);
+    }
+    let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
+    let middle = claims(u32::from(blurs));
+    let (one_surface, found) = sources(paths.block(x_px + seed_offset(middle.nearest).as_vec2()));
+    if !(middle.agree && one_surface) {
         return None;
     }
-    if push.slots == 1 {
-        return Some([middle_px; 3]);
+    if !blurs {
+        return Some(found);
     }
     let (begin, end) = (claims(0), claims(2));
-    let begin_px = model(pixel.from).source(x_px);
-    let end_px = model(pixel.from + 2.0 * half_span).source(x_px);
-    let claimed = is_claimed(begin.nearest, x_px, begin_px) && is_claimed(end.nearest, x_px, end_px);
-    (begin.agree && end.agree && claimed).then_some([begin_px, middle_px, end_px])
+    let claimed = is_claimed(begin.nearest, x_px, found[0]) && is_claimed(end.nearest, x_px, found[2]);
+    (begin.agree && end.agree && claimed).then_some(found)
 }
 
-/// Mean of the picture over one px around a position. At a pixel's centre: the mean of its texels, to the bit.
+/// Mean of the picture over one px around a position: three texels an axis with the position as their mean. At a pixel's
+/// centre the mean of its texels, to the bit.
 fn read_pixel_area(task: &Task<'_>, position_px: Vec2, clamped: &mut bool) -> Vec3 {
-    let (color, scale) = (task.inputs.color, task.inputs.color_scale);
-    let size = [color.width, color.height];
-    let wanted = (position_px - 0.5) * scale as f32;
-    let inside = wanted.clamp(Vec2::ZERO, Vec2::new((size[0] - scale) as f32, (size[1] - scale) as f32));
-    *clamped |= inside != wanted;
-    let near = [inside.x as usize, inside.y as usize];
-    let f = inside - Vec2::new(near[0] as f32, near[1] as f32);
-    let mut sum = Vec3::ZERO;
-    for y in 0..=scale {
-        let row = (near[1] + y).min(size[1] - 1);
-        let texel = |x: usize| Vec3::from_slice(color.pixel((near[0] + x).min(size[0] - 1), row));
-        let mut along = (1.0 - f.x) * texel(0);
-        for x in 1..scale {
-            along += texel(x);
-        }
-        along += f.x * texel(scale);
-        let weight = if y == 0 {
-            1.0 - f.y
-        } else if y == scale {
-            f.y
-        } else {
-            1.0
-        };
-        sum += weight * along;
+    let color = task.inputs.color;
+    if task.inputs.color_scale == 1 {
+        return sample_bilinear(color, position_px, clamped).truncate();
     }
-    sum / (scale as f32 * scale as f32)
+    let last = IVec2::new(color.width as i32 - 1, color.height as i32 - 1);
+    let wanted = position_px * 2.0 - 0.5;
+    let inside = wanted.clamp(Vec2::splat(0.5), last.as_vec2() - 0.5);
+    *clamped |= inside != wanted;
+    let middle = (inside + 0.5).as_ivec2().clamp(IVec2::ZERO, last);
+    let v = inside - middle.as_vec2();
+    let share = NEIGHBOURS_SHARE + (2.0 - 4.0 * NEIGHBOURS_SHARE) * (v * v);
+    let weights = [0.5 * (share - v), 1.0 - share, 0.5 * (share + v)];
+    let places = [(middle - 1).max(IVec2::ZERO), middle, (middle + 1).min(last)];
+    let mut sum = Vec3::ZERO;
+    for (row, down) in places.iter().zip(&weights) {
+        let texel = |i: usize| Vec3::from_slice(color.pixel(places[i].x as usize, row.y as usize));
+        let along = weights[0].x * texel(0) + weights[1].x * texel(1) + weights[2].x * texel(2);
+        sum += down.y * along;
+    }
+    sum
 }
 
-/// Samples for a path, px: steps of at most a px, both ends included.
-pub(super) fn blur_samples(push: &Push, path_px: f32) -> u32 {
-    if path_px < 0.02 { 1 } else { ((path_px - 0.001).ceil() + 1.0).min(push.max_samples as f32) as u32 }
+/// Samples for a path, px: one a px, in pairs.
+pub(super) fn blur_pairs(push: &Push, path_px: f32) -> u32 {
+    ((0.5 * path_px).ceil() as u32).clamp(1, (push.max_samples / 2).max(1))
 }
 
-/// Mean over the exposure along the parabola through three sources: no motion is read for it.
+/// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,
+/// opposite each other.
 fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -> [f32; 4] {
-    let mut clamped = false;
     if task.push.slots == 1 {
+        let mut clamped = false;
         let [r, g, b] = read_pixel_area(task, middle_px, &mut clamped).to_array();
         return [r, g, b, if clamped { -1.0 } else { 1.0 }];
     }
     let chord = end_px - begin_px;
     let bend = 2.0 * (begin_px + end_px - 2.0 * middle_px);
-    let length = |v: Vec2| (v.x * v.x + v.y * v.y).sqrt();
-    let count = blur_samples(task.push, length(middle_px - begin_px) + length(end_px - middle_px));
+    let pairs = blur_pairs(task.push, (middle_px - begin_px).length() + (end_px - middle_px).length());
+    let way = chord.abs();
+    let side = task.spread_px() * if way.x > way.y { Vec2::Y } else { Vec2::X };
+    let ahead = Vec2::splat(task.spread_px()) - side;
+    let (even, odd) = (side + ahead, side - ahead);
+    let count = (2 * pairs) as f32;
+    let apart = if pairs == 2 { 1.0 } else { 1.0 / (1.0 - 1.0 / (count * count)).sqrt() };
+    let step = apart / count;
     let mut sum = Vec3::ZERO;
-    for i in 0..count {
-        let t = (i as f32 + 0.5) / count as f32 - 0.5;
-        let area = middle_px + t * (chord + t * bend) - 0.5;
-        let texel = area * task.inputs.color_scale as f32 + 0.5;
-        sum += sample_bilinear(&task.areas, texel, &mut clamped).truncate();
+    for i in 0..2 * pairs {
+        let t = (i as f32 + 0.5) * step - 0.5 * apart;
+        let place = middle_px + t * (chord + t * bend);
+        let aside = if i % 2 == 0 { even } else { odd };
+        sum += task.read_between(place + aside) + task.read_between(place - aside);
     }
-    let [r, g, b] = (sum / count as f32).to_array();
-    [r, g, b, if clamped { -(count as f32) } else { count as f32 }]
+    let clamped = task.is_beyond(begin_px) || task.is_beyond(end_px);
+    let [r, g, b] = (sum / (2.0 * count)).to_array();
+    [r, g, b, if clamped { -count } else { count }]
 }

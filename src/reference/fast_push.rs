@@ -51,9 +51,9 @@ pub fn seed_offset(key: u32) -> IVec2 {
 }
 
 impl Push {
-    /// Place of a destination pixel's claim.
+    /// Place of a destination pixel's claim: four words a pixel.
     pub fn seed_index(&self, slot: u32, pixel: IVec2) -> usize {
-        ((slot * self.size[1] + pixel.y as u32) * self.size[0] + pixel.x as u32) as usize
+        (4 * (pixel.y as u32 * self.size[0] + pixel.x as u32) + slot) as usize
     }
 
     /// Place of a slot in the exposure, 0..1.
@@ -73,4 +73,6 @@ pub struct Inputs<'a> {
     pub paths: Paths<'a>,
     /// One channel, size of the path images; grows towards the camera, 0 infinitely far.
     pub inverse_depth: &'a Plane<f32>,
+    /// Whether all of the picture moves as one surface does: nothing is claimed then.
+    pub one_surface: bool,
 }

@@ -9,7 +9,7 @@ use crate::camera::ScanOrder;
 /// The claims: one a destination pixel and slot, 0 where nothing lands (see [`Push::seed_index`]).
 pub fn fast_seeds(push: &Push, inputs: &Inputs<'_>) -> Vec<u32> {
     let [width, height] = push.size.map(|s| s as i32);
-    let mut seeds = vec![0; (push.slots as i32 * width * height) as usize];
+    let mut seeds = vec![0; (4 * width * height) as usize];
     for y in 0..height + 2 * push.margin_px[1] {
         for x in 0..width + 2 * push.margin_px[0] {
             claim(push, inputs, IVec2::new(x, y), &mut seeds);

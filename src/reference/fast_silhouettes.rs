@@ -4,10 +4,9 @@
 use glam::{IVec2, Vec2, Vec3};
 
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
-use super::fast_gather::{Pixel, Task, blur_samples};
+use super::fast_gather::{Pixel, Task, blur_pairs};
 use super::fast_push::{seed_key, seed_offset};
 use super::path::PathWeights;
-use super::sample::sample_bilinear;
 
 /// Steps that lead from a claim to what it shows, and the last one's length, px, if it really lands there.
 const FOLLOW_STEPS: u32 = 3;
@@ -125,13 +124,12 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     let moved = (seed_offset(begin.nearest) - seed_offset(end.nearest)).as_vec2();
     let count = match blur {
         0 => 4,
-        _ => blur_samples(push, squared(moved).sqrt()).clamp(4, MAX_SILHOUETTE_SAMPLES),
+        _ => (2 * blur_pairs(push, moved.length())).clamp(8, MAX_SILHOUETTE_SAMPLES),
     };
     // In a gap too wide for any claim the search starts from the place itself.
     if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
         middle.nearest = seed_key(0.0, IVec2::ZERO);
     }
-    let scale = task.inputs.color_scale as f32;
     let (mut sum, mut clamped) = (Vec3::ZERO, false);
     for i in 0..count {
         let t = (i as f32 + 0.5) / count as f32;
@@ -140,13 +138,16 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
         let quarter = QUARTERS[i as usize % 4];
         let around = if t < 0.5 { &begin } else { &end };
         let position = source_of(task, pixel.x_px + quarter, &w, [&middle, around]);
-        // With blur the quarter decides who is seen, and the mean over the whole pixel is read: each quarter comes by too
-        // seldom to be a picture of its own.
-        sum += match blur {
-            0 => sample_bilinear(task.inputs.color, position * scale, &mut clamped),
-            _ => sample_bilinear(&task.areas, (position - quarter - 0.5) * scale + 0.5, &mut clamped),
-        }
-        .truncate();
+        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
+        // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
+        let centre_px = position - quarter;
+        let aside = 4.0 * task.spread_px() * quarter;
+        clamped |= task.is_beyond(centre_px);
+        sum += match (blur, task.inputs.color_scale) {
+            (0, 1) => task.read_between(position),
+            (0, _) => task.read_between(centre_px + aside),
+            _ => 0.5 * (task.read_between(centre_px + aside) + task.read_between(centre_px - aside)),
+        };
     }
     let [r, g, b] = (sum / count as f32).to_array();
     [r, g, b, if clamped { -(count as f32) } else { count as f32 }]

@@ -18,6 +18,7 @@ pub mod exact_place;
 pub mod exact_still;
 pub mod exact_tiles;
 pub mod fast_claims;
+pub mod fast_depth;
 pub mod fast_gather;
 pub mod fast_push;
 pub mod fast_seeds;

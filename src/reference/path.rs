@@ -1,7 +1,7 @@
 //! Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin
 //! of `glsl/include/path.glsl`.
 
-use glam::{IVec2, Vec2};
+use glam::{IVec2, Vec2, Vec4};
 
 use crate::plane::Plane;
 
@@ -21,6 +21,40 @@ pub struct Paths<'a> {
     pub images: &'a [Plane<f32>],
     /// Texels a px.
     pub scale: usize,
+    /// Where all that is seen rests: what the displacements follow from. There are no images then.
+    pub from_depth: Option<FromDepth<'a>>,
+}
+
+/// Displacements of what rests.
+#[derive(Clone, Copy, Debug)]
+pub struct FromDepth<'a> {
+    /// Near distance over distance, one channel.
+    pub inverse_depth: &'a Plane<f32>,
+    /// Rows x, y and w of the matrices that take (ndc, depth, 1) at the reference instant to clip space at each knot.
+    pub moved: &'a [[Vec4; 3]],
+}
+
+/// What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
+const LEAST_W: f32 = 0.02;
+
+impl FromDepth<'_> {
+    /// The matrix of an instant: the knots' own by their shares, and the identity by the rest.
+    fn matrix(&self, w: &PathWeights) -> [Vec4; 3] {
+        let rest = 1.0 - (w[0].x + w[0].y + (w[1].x + w[1].y) + (w[2].x + w[2].y));
+        let own =
+            [Vec4::new(rest, 0.0, 0.0, 0.0), Vec4::new(0.0, rest, 0.0, 0.0), Vec4::new(0.0, 0.0, 0.0, rest)];
+        let pairs = self.moved.chunks_exact(2).zip(w);
+        pairs.fold(own, |sum, (pair, w)| [0, 1, 2].map(|i| sum[i] + (w.x * pair[0][i] + w.y * pair[1][i])))
+    }
+
+    /// Displacement of what a texel shows by a matrix, px.
+    fn displacement(&self, texel: IVec2, rows: &[Vec4; 3], scale: usize) -> Vec2 {
+        let size = Vec2::new(self.inverse_depth.width as f32, self.inverse_depth.height as f32);
+        let ndc = (texel.as_vec2() + 0.5) / size * 2.0 - 1.0;
+        let depth = self.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
+        let [sx, sy, sw] = rows.map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
+        (Vec2::new(sx, sy) / sw.max(LEAST_W) - ndc) * (0.5 / scale as f32) * size
+    }
 }
 
 /// Displacements of 2x2 texels as a linear function.
@@ -66,24 +100,36 @@ impl Paths<'_> {
             let knot = if layer < reference_knot { layer } else { layer + 1 };
             if knot <= last_knot { knot_weight(at, knot as f32, last_knot as f32) } else { 0.0 }
         };
-        std::array::from_fn(|image| match image < self.images.len() {
+        std::array::from_fn(|image| match image < self.image_count() {
             true => Vec2::new(layer(2 * image as u32), layer(2 * image as u32 + 1)),
             false => Vec2::ZERO,
         })
     }
 
+    /// Images, or pairs of knots whose images there would be.
+    fn image_count(&self) -> usize {
+        self.from_depth.map_or(self.images.len(), |d| d.moved.len() / 2)
+    }
+
     fn last(&self) -> IVec2 {
-        IVec2::new(self.images[0].width as i32 - 1, self.images[0].height as i32 - 1)
+        let image = self.from_depth.map_or_else(|| &self.images[0], |d| d.inverse_depth);
+        IVec2::new(image.width as i32 - 1, image.height as i32 - 1)
     }
 
     /// The two knots of one texel of an image.
     pub fn knots(&self, image: usize, texel: IVec2) -> [Vec2; 2] {
+        if let Some(depth) = self.from_depth {
+            return [0, 1].map(|i| depth.displacement(texel, &depth.moved[2 * image + i], self.scale));
+        }
         let v = self.images[image].pixel(texel.x as usize, texel.y as usize);
         [Vec2::new(v[0], v[1]), Vec2::new(v[2], v[3])]
     }
 
     /// Displacement of what one texel shows, px.
     pub fn texel_displacement(&self, texel: IVec2, w: &PathWeights) -> Vec2 {
+        if let Some(depth) = self.from_depth {
+            return depth.displacement(texel, &depth.matrix(w), self.scale);
+        }
         let part = |image: usize| {
             let [a, b] = self.knots(image, texel);
             w[image].x * a + w[image].y * b

@@ -4,12 +4,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use glam::Vec4;
 use shutterbug::camera::{ScanOrder, ShutterTiming};
-use shutterbug::engine::{FastGather, FastImages, FastTiming};
+use shutterbug::engine::{FastGather, FastImages, FastKind, FastTiming};
 use shutterbug::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Slot, Usage};
 use shutterbug::plane::Plane;
 use shutterbug::reference::fast_push::{Inputs, Push};
-use shutterbug::reference::path::Paths;
+use shutterbug::reference::path::{FromDepth, Paths};
 
 /// A picture, the paths of what it shows, its depth.
 #[derive(Clone)]
@@ -19,6 +20,9 @@ pub struct Field {
     pub paths: Vec<Plane<f32>>,
     pub path_scale: usize,
     pub inverse_depth: Plane<f32>,
+    pub one_surface: bool,
+    /// Matrices to the knots, where displacements follow from depth; else empty.
+    pub moved: Vec<[Vec4; 3]>,
 }
 
 impl Field {
@@ -56,15 +60,20 @@ impl Field {
             inverse_depth: Plane::from_fn(full[0] * path_scale, full[1] * path_scale, |x, y| {
                 [path(place(x, path_scale, 0), place(y, path_scale, 1), 0.0).1]
             }),
+            one_surface: false,
+            moved: Vec::new(),
         }
     }
 
     pub fn inputs(&self) -> Inputs<'_> {
+        let depth = FromDepth { inverse_depth: &self.inverse_depth, moved: &self.moved };
+        let from_depth = (!self.moved.is_empty()).then_some(depth);
         Inputs {
             color: &self.color,
             color_scale: self.color_scale,
-            paths: Paths { images: &self.paths, scale: self.path_scale },
+            paths: Paths { images: &self.paths, scale: self.path_scale, from_depth },
             inverse_depth: &self.inverse_depth,
+            one_surface: self.one_surface,
         }
     }
 
@@ -92,6 +101,7 @@ impl Field {
             color: flip(&self.color),
             paths: self.paths.iter().map(flip).collect(),
             inverse_depth: flip(&self.inverse_depth),
+            moved: Vec::new(),
             ..*self
         };
         let first = usize::from(!horizontal);
@@ -115,18 +125,25 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     };
     let paths: Vec<_> = field.paths.iter().map(|path| image(path, Format::Rgba32f)).collect();
     let (color, depth) = (image(&field.color, Format::Rgba32f), image(&field.inverse_depth, Format::R32f));
-    let areas = Image::new(context, "areas", *color.0.spec()).unwrap();
+    let rows: Vec<f32> = field.moved.iter().flatten().flat_map(|row| row.to_array()).collect();
+    let moved = (!rows.is_empty()).then(|| {
+        let mut buffer = Buffer::new(context, "moved", 18 * 16, Usage::Uniform, Location::Upload).unwrap();
+        buffer.write(0, &rows);
+        buffer
+    });
     let radiance = Image::new(context, "radiance", ImageSpec::storage(p.size, Format::Rgba32f)).unwrap();
     let bytes = 16 * u64::from(p.size[0]) * u64::from(p.size[1]);
     let readback = Buffer::new(context, "radiance", bytes, Usage::Transfer, Location::Readback).unwrap();
 
+    let kind = FastKind { one_surface: field.one_surface, from_depth: !field.moved.is_empty() };
     let shape = (field.paths.len(), field.path_scale as u32);
-    let warp = FastGather::new(context, p.size, shape, field.color_scale as u32).unwrap();
+    let warp = FastGather::new(context, p.size, shape, field.color_scale as u32, kind).unwrap();
     let binding = warp
         .bind(&FastImages {
             color: &color.0,
-            areas: (field.color_scale == 2).then_some(&areas),
+            filtered: &color.0,
             paths: paths.iter().map(|(image, _)| image).collect(),
+            moved: moved.as_ref(),
             inverse_depth: &depth.0,
             radiance: &radiance,
         })
@@ -150,7 +167,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     assert_eq!(timing.push(p.size, margin_px, p.max_samples), *p);
     let inputs: Vec<_> = paths.iter().chain([&color, &depth]).collect();
     let mut recorder = slot.begin().unwrap();
-    recorder.prepare(inputs.iter().map(|(image, _)| image).chain([&areas, &radiance]));
+    recorder.prepare(inputs.iter().map(|(image, _)| image).chain([&radiance]));
     for (image, buffer) in inputs {
         recorder.copy_buffer_to_image(buffer, image);
     }
