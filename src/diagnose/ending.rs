@@ -21,6 +21,8 @@ const FAMILY_SHARE: f64 = 0.03;
 /// held-out ones.
 const SIGNIFICANT: f64 = 3.5;
 
+/// What correct renderers may make of a colour, as a gain: a tenth of a DN in the middle of the range.
+const COLOURS: f64 = 1.0015;
 /// Stuck pixels that are named whatever they are worth.
 const FEWEST_STUCK: usize = 8;
 
@@ -134,7 +136,10 @@ impl Search<'_> {
         };
         loop {
             let [read, shot] = clear(&theta);
-            let both = names.contains(&"read_noise") && names.contains(&"shot_noise");
+            // How the spread grows with brightness is not known well enough behind compression, which takes more of it
+            // where there is less: there the score decides.
+            let told = !found.fit.theta.is_on(P::Quality);
+            let both = told && names.contains(&"read_noise") && names.contains(&"shot_noise");
             let mut weakest: Option<(usize, Theta, Scores)> = None;
             for i in 0..names.len() {
                 let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
@@ -163,21 +168,37 @@ impl Search<'_> {
             (theta, scores) = (without, rest_scores);
         }
         self.noise_intervals(&names, &theta, found)?;
-        let held = &self.evidence.held_out;
-        let mut means = self.forward.simulate(held, &theta, Quality::Fine)?;
-        means.iter_mut().for_each(|m| self.judge.hot.put(m));
-        let coarser = self.forward.simulate(held, &theta, Quality::Fit)?;
-        found.sampling_dn = difference(&means, &coarser);
-        let left = self.noise_data(&theta, held)?;
-        found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
-        let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
-        found.residue.smear = self.smear(held, &means, &theta).unwrap_or_default();
-        found.residue.outliers = outliers(self.evidence, held, &means, self.judge.masks, &theta);
-        found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, &theta);
-        found.residue.placed = placed(self.evidence, held, [&before, &means], self.masks);
-        tracing::info!("left: {:?}", found.residue);
+        self.look_at_the_rest(&theta, found)?;
         found.fit.theta = theta;
         found.set.extend(names);
+        Ok(())
+    }
+
+    /// What the set leaves on held-out frames, see [`super::residue`].
+    fn look_at_the_rest(&mut self, theta: &Theta, found: &mut Found) -> Result<()> {
+        let held = &self.evidence.held_out;
+        let mut means = self.forward.simulate(held, theta, Quality::Fine)?;
+        let coarser = self.forward.simulate(held, theta, Quality::Fit)?;
+        found.sampling_dn = difference(&means, &coarser);
+        if theta.is_on(P::Quality) {
+            // A colour that is off by a tenth of a DN may be off by a step of the quantizer.
+            let brighter = theta.with(P::Gain, theta.get(P::Gain) * COLOURS);
+            let brighter = self.forward.simulate(held, &brighter, Quality::Fine)?;
+            found.sampling_dn = found.sampling_dn.max(difference(&means, &brighter));
+        }
+        // What is stuck is far off for a model that has none, and no sign of anything else.
+        let bare = theta.get(P::Hot) == 0.0;
+        let far = bare.then(|| outliers(self.evidence, held, &means, self.judge.masks, theta));
+        means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let left = self.noise_data(theta, held)?;
+        found.residue = residue(self.evidence, held, &means, self.masks, &left, theta);
+        let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
+        found.residue.smear = self.smear(held, &means, theta).unwrap_or_default();
+        found.residue.outliers =
+            far.unwrap_or_else(|| outliers(self.evidence, held, &means, self.judge.masks, theta));
+        found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, theta);
+        found.residue.placed = placed(self.evidence, held, [&before, &means], self.masks);
+        tracing::info!("left: {:?}", found.residue);
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain};
+use super::tone::{Tone, noise_gain, noise_kept};
 use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
@@ -308,6 +308,7 @@ impl Values {
 
     fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
+        let gain = gain * f64::from(noise_kept(theta));
         let mean_dn: Vec<f32> =
             self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
         let linear = |bin: usize| f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);

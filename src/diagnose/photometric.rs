@@ -422,4 +422,39 @@ mod tests {
         let shift = f64::from(tone.encode(0.005, 1)) - silent;
         assert!(shift > 3.0, "control: without noise the mean is elsewhere, by {shift} DN");
     }
+
+    #[test]
+    fn pixels_that_share_their_chroma_keep_a_part_of_the_noise() {
+        let theta = Theta::neutral().with(P::Read, 0.01);
+        let variance = |theta: &Theta, names: &[&str]| {
+            let mut settings = Settings::default();
+            apply(&mut settings, theta, names).expect("in range");
+            let shutter = ShutterTiming {
+                start_s: 0.0,
+                exposure_time_s: 0.0,
+                readout_time_s: 0.0,
+                scan_order: ScanOrder::TopToBottom,
+                line_count: 96,
+            };
+            let view = View {
+                intrinsics: Intrinsics { width: 96, height: 96, ..INTRINSICS },
+                shutter,
+                frame: 0,
+                seed: 5,
+            };
+            let flat = Plane::from_fn(96, 96, |_, _| [0.4f32, 0.4, 0.4, 1.0]);
+            let picture = chain::picture(effects::LIST, &settings, &view, &flat);
+            let n = picture.data.len() as f64;
+            let mean = picture.data.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+            picture.data.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n - 1.0 / 12.0
+        };
+        let whole = variance(&theta, &["read_noise"]);
+        for scheme in [1.0, 2.0] {
+            let shared = theta.with(P::Chroma, scheme);
+            let seen = variance(&shared, &["read_noise", "chroma_subsampling"]) / whole;
+            let told = f64::from(Tone::new(&shared).left(100.0, 1).pixel);
+            assert!((seen / told - 1.0).abs() < 0.06, "{scheme}: {seen} {told}");
+            assert!(told < 0.8, "control: all of it would be 1");
+        }
+    }
 }

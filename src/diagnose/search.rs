@@ -58,7 +58,8 @@ pub(super) struct Found {
     pub more: Vec<P>,
     /// What is left on held-out frames.
     pub residue: Residue,
-    /// What renders of four and of sixteen samples differ by behind all effects, DN: compression widens it.
+    /// What renders of four and of sixteen samples differ by behind all effects, or colours that are a tenth of a DN apart, DN:
+    /// compression widens it.
     pub sampling_dn: f64,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,

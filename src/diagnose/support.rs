@@ -10,6 +10,8 @@ use crate::error::Result;
 pub(super) const LEAST_SHARE: f64 = 0.01;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
+/// How well a floor is known, as a part of it: less than that is not left.
+const FLOOR_PART: f64 = 0.05;
 /// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
 const COLOURS_DN: f64 = 0.05;
 /// A simpler candidate is preferred to one that gains less than this share more.
@@ -19,8 +21,8 @@ impl Search<'_> {
     /// Whether a gain counts.
     pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        // Where noise is expected to make more than there is nothing is left, and a floor is not known that well.
-        let rest = (worse.mean() - worse.floor()).max(0.01 * worse.floor());
+        // Where noise is expected to make more than there is nothing is left.
+        let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
         let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
         let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)

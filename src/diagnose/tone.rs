@@ -78,6 +78,8 @@ pub(super) struct Tone {
     by_dn: Option<[Vec<Variances>; 3]>,
     /// By channel and whole DN of the mean: what compression leaves of that.
     left: Option<[Vec<Left>; 3]>,
+    /// What subsampling the chroma keeps of a pixel's variance.
+    kept: f32,
 }
 
 impl Tone {
@@ -97,6 +99,7 @@ impl Tone {
             noise: None,
             by_dn: None,
             left: None,
+            kept: noise_kept(theta),
         };
         let noise = Noise::new(theta);
         if noise.any() {
@@ -148,9 +151,12 @@ impl Tone {
         }
     }
 
-    /// What compression leaves of the spread about a mean of so many DN; all of it without compression.
+    /// What subsampling and compression leave of the spread about a mean of so many DN; all of it without them.
     pub(super) fn left(&self, mean_dn: f32, channel: usize) -> Left {
-        self.left.as_ref().map_or(Left::ALL, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+        let at = (mean_dn + 0.5).clamp(0.0, 255.0) as usize;
+        let left = self.left.as_ref().map_or(Left::ALL, |t| t[channel][at]);
+        // Means over blocks keep theirs: chroma is averaged within them.
+        Left { pixel: self.kept * left.pixel, ..left }
     }
 
     /// Spread about a mean of so many DN before compression.
@@ -239,6 +245,17 @@ impl Tone {
 fn sensor_at(place: usize) -> f32 {
     let root = LOW + SPAN * place as f32 / (COARSE - 1) as f32;
     root * root.abs()
+}
+
+/// Part of its variance that white noise of a pixel keeps where n pixels share their chroma: the luma's part, 0.447 in each
+/// channel alike, and the n-th part of the rest.
+pub(super) fn noise_kept(theta: &Theta) -> f32 {
+    const LUMA: f32 = 0.299 * 0.299 + 0.587 * 0.587 + 0.114 * 0.114;
+    match theta.get(P::Chroma) as usize {
+        0 => 1.0,
+        1 => LUMA + (1.0 - LUMA) / 4.0,
+        _ => LUMA + (1.0 - LUMA) / 2.0,
+    }
 }
 
 /// Variance that white noise keeps behind the steps that mix pixels: demosaicking averages it, sharpening lifts it.
