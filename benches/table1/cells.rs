@@ -14,6 +14,8 @@ use shutterbug::error::Result;
 use shutterbug::gpu::{Context, PassTime};
 use shutterbug::plane::metrics::psnr_db;
 
+use super::raster16::{self, Way, World};
+
 /// Rows of the paper's table.
 pub const METHODS: [&str; 3] = ["accumulation", "velocity", "generic"];
 /// Its columns.
@@ -84,6 +86,11 @@ pub struct Bench {
 impl Bench {
     pub fn new(context: &Arc<Context>, capture: Capture, budget_s: f64) -> Self {
         Self { context: context.clone(), capture, budget_s }
+    }
+
+    /// The device.
+    pub fn context(&self) -> &Arc<Context> {
+        &self.context
     }
 
     fn intrinsics([width, height]: [u32; 2]) -> Intrinsics {
@@ -230,24 +237,11 @@ impl Bench {
         Ok(done as f64 / start.elapsed().as_secs_f64())
     }
 
-    /// The raster with 16 samples against four passes of four, ms by the host: least of several. Both by accumulation, so
-    /// both are resolved too. The peer has our shaders; with lights in a storage buffer it would take longer.
-    pub fn raster_16(&self, size: [u32; 2]) -> Result<(f64, f64)> {
-        let mut engines = [
-            self.engine_with(("accumulation", 1, 16), size, 1)?,
-            self.engine_with(("accumulation", 4, 4), size, 1)?,
-        ];
-        let mut least = [f64::INFINITY; 2];
-        for i in 0..8 {
-            for (engine, least) in engines.iter_mut().zip(&mut least) {
-                let start = Instant::now();
-                engine.render(&self.request("accumulation", size, i))?;
-                if i > 0 {
-                    *least = least.min(start.elapsed().as_secs_f64() * 1e3);
-                }
-            }
-        }
-        Ok((least[0], least[1]))
+    /// 16 samples in one pass against four passes of four.
+    pub fn raster_16(&self, size: [u32; 2]) -> Result<Vec<Way>> {
+        let (context, intrinsics) = (&self.context, Self::intrinsics(size));
+        let (scene, path) = (&self.capture.scene, &self.capture.trajectory);
+        raster16::measure(&World { context, scene, path, intrinsics })
     }
 }
 
