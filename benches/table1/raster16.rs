@@ -138,7 +138,8 @@ impl Lab {
         let size = [world.intrinsics.width, world.intrinsics.height];
         let (rows, objects) = (1 + JITTER_PX.len() as u64, world.scene.objects.len() as u64);
         let upload = |name, bytes, usage| Buffer::new(context, name, bytes, usage, Location::Upload);
-        let instants = upload("instants", rows * objects * size_of::<ObjectRow>() as u64, Usage::Storage)?;
+        let bytes = rows * objects * size_of::<ObjectRow>() as u64;
+        let instants = upload("instants", bytes, Usage::StorageTexels)?;
         let cameras = upload("cameras", rows * size_of::<CameraRow>() as u64, Usage::Storage)?;
         let mut weights = upload("weights", 8 * u64::from(size[1]), Usage::Storage)?;
         // A whole picture, and a quarter of one.

@@ -54,7 +54,7 @@ impl FrameSlot {
         let (width, height) = (u64::from(stage.intrinsics.width), u64::from(stage.intrinsics.height));
         let objects = stage.scene.objects.len() as u64;
         let upload = |name: &str, bytes: u64| {
-            Buffer::new(&stage.context, name, bytes, Usage::Storage, Location::Upload)
+            Buffer::new(&stage.context, name, bytes, Usage::StorageTexels, Location::Upload)
         };
         let rows = u64::from(MAX_INSTANTS);
         let readback = |name: &str, bytes: u64| {

@@ -31,6 +31,8 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
+    /// Storage buffer whose words are texels too, if the device has as many (see [`Buffer::has_texels`]).
+    StorageTexels,
     /// Vertex buffer.
     Vertex,
     /// Vertex buffer that kernels read or write.
@@ -47,7 +49,7 @@ const TEXEL_BYTES: u64 = 16;
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    /// Of [`Usage::Texels`]: all of it as texels; else null.
+    /// Of [`Usage::Texels`] and [`Usage::StorageTexels`]: all of it as texels; else null.
     pub(super) view: vk::BufferView,
     pub(super) bytes: u64,
     allocation: Option<Allocation>,
@@ -70,7 +72,8 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        if matches!(usage, Usage::Storage | Usage::StorageVertex) && bytes > limit {
+        let stored = matches!(usage, Usage::Storage | Usage::StorageTexels | Usage::StorageVertex);
+        if stored && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
@@ -86,6 +89,9 @@ impl Buffer {
             }
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
+            Usage::StorageTexels => {
+                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies
+            }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::StorageVertex => {
                 vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
@@ -112,10 +118,15 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
-        if usage == Usage::Texels {
+        if usage == Usage::Texels || (usage == Usage::StorageTexels && texels <= limit) {
             buffer.view = buffer.make_view()?;
         }
         Ok(buffer)
+    }
+
+    /// Whether kernels can fetch its texels.
+    pub fn has_texels(&self) -> bool {
+        self.view != vk::BufferView::null()
     }
 
     fn make_view(&self) -> Result<vk::BufferView> {

@@ -192,7 +192,7 @@ impl RasterTarget {
             ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
-        let placed = self.placed.as_ref().map(|p| p.bind(scene, &all, instants)).transpose()?;
+        let placed = self.placed.as_ref().map(|p| p.bind(scene, &all, instants)).transpose()?.flatten();
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed })
     }
 
