@@ -100,9 +100,6 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
             return Err(format!("device and host disagree, so nothing is written:\n{}", wrong.join("\n")));
         }
     }
-    if only.is_some_and(|text| !EXTRA.contains(&text)) {
-        return Ok(());
-    }
     let threads = std::env::var("LP_NUM_THREADS").unwrap_or_default();
     let extra = extras(&bench, &sizes[..sizes.len().min(2)], only).map_err(|e| e.to_string())?;
     let extra = report::Extra { bounds: bounds(&extra.rates, &cells), ..extra };
@@ -135,7 +132,8 @@ fn extras(bench: &Bench, sizes: &[[u32; 2]], only: Option<&str>) -> shutterbug::
             extra.raster_16.extend(bench.raster_16(size)?);
         }
     }
-    if wanted("rates") {
+    // The passes of cells are held against them.
+    if only.is_none_or(|text| text == "rates" || !EXTRA.contains(&text)) {
         extra.rates = Bounds::measure(bench.context())?;
     }
     Ok(extra)

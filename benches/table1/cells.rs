@@ -28,6 +28,8 @@ const AA_SAMPLES: u32 = 16;
 const FOCAL_OVER_WIDTH: f64 = 0.8;
 /// Frames measured at most, at least.
 const FRAMES: (usize, usize) = (48, 2);
+/// A frame that takes longer, s, is measured once.
+const LONG_S: f64 = 4.0;
 /// Renders of the picture that others are compared with.
 const TRUTH: u32 = 64;
 /// A frame may take this long.
@@ -155,21 +157,22 @@ impl Bench {
     /// Measures one cell.
     pub fn cell(&self, method: &'static str, samples: u32, size: [u32; 2]) -> Result<Cell> {
         let mut engine = self.engine(method, samples, size)?;
-        // Pipelines are compiled when they are first used.
-        let first = Instant::now();
-        engine.render(&self.request(method, size, 0))?;
+        // Pipelines are compiled when they are first used; hundreds of renders a frame are a mean of their own beside that.
+        let (mut cpu, first) = (cpu_ms(), Instant::now());
+        let mut runs = vec![Run::of(&mut engine, &self.request(method, size, 0))?];
         let first_s = first.elapsed().as_secs_f64();
-        if first_s < 2.0 {
-            engine.render(&self.request(method, size, 1))?;
+        if first_s < LONG_S {
+            if first_s < 0.5 * LONG_S {
+                engine.render(&self.request(method, size, 1))?;
+            }
+            let frames = ((self.budget_s / first_s.max(1e-4)) as usize).clamp(FRAMES.1, FRAMES.0);
+            runs.clear();
+            cpu = cpu_ms();
+            for i in 0..frames {
+                runs.push(Run::of(&mut engine, &self.request(method, size, i))?);
+            }
         }
-        // Hundreds of renders a frame are a mean of their own.
-        let least = if first_s > 4.0 { 1 } else { FRAMES.1 };
-        let frames = ((self.budget_s / first_s.max(1e-4)) as usize).clamp(least, FRAMES.0);
-        let mut runs = Vec::with_capacity(frames);
-        let cpu = cpu_ms();
-        for i in 0..frames {
-            runs.push(Run::of(&mut engine, &self.request(method, size, i))?);
-        }
+        let frames = runs.len();
         let cpu_ms_mean = (cpu_ms() - cpu) / frames as f64;
         let asked = FrameRequest { statistics: true, ..self.request(method, size, 3) };
         let taps = match method {

@@ -182,7 +182,15 @@ impl Table {
             )
             .expect("strings grow");
         }
-        self.sixteen(text);
+        if !self.extra.raster_16.is_empty() {
+            self.sixteen(text);
+        }
+        if self.extra.rates.copy_bytes_per_s > 0.0 {
+            self.bounds(text);
+        }
+    }
+
+    fn bounds(&self, text: &mut String) {
         writeln!(text, "\n{}. What a pass must read and write at least, and the ratio of its time to the larger bound (aim for gather and noise together: 1.5).", self.extra.rates.line()).expect("strings grow");
         for (size, rows) in &self.extra.bounds {
             write!(text, "\ngeneric 240, {}x{}: {}", size[0], size[1], Bounded::HEAD).expect("strings grow");
