@@ -103,7 +103,7 @@ impl Peer {
             0,
             &[
                 ("Instants", Bound::Buffer(instants)),
-                ("Cameras", Bound::Buffer(cameras)),
+                ("cameras", Bound::Buffer(cameras)),
                 ("Materials", Bound::Buffer(&materials)),
                 ("Lights", Bound::Buffer(&lights)),
             ],

@@ -140,7 +140,7 @@ impl Lab {
         let upload = |name, bytes, usage| Buffer::new(context, name, bytes, usage, Location::Upload);
         let bytes = rows * objects * size_of::<ObjectRow>() as u64;
         let instants = upload("instants", bytes, Usage::StorageTexels)?;
-        let cameras = upload("cameras", rows * size_of::<CameraRow>() as u64, Usage::Storage)?;
+        let cameras = upload("cameras", rows * size_of::<CameraRow>() as u64, Usage::Texels)?;
         let mut weights = upload("weights", 8 * u64::from(size[1]), Usage::Storage)?;
         // A whole picture, and a quarter of one.
         weights.write(0, &vec![1.0f32; size[1] as usize]);

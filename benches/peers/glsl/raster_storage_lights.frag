@@ -9,9 +9,7 @@ struct Light {
 layout(set = 0, binding = 2, std430) readonly buffer Lights {
     Light lights[];
 };
-layout(set = 0, binding = 3, std430) readonly buffer Cameras {
-    vec4 camera_m[];
-};
+layout(set = 0, binding = 3) uniform usamplerBuffer cameras;
 layout(set = 1, binding = 0) uniform sampler2D kd_texture;
 
 layout(constant_id = 0) const uint LIGHT_COUNT = 0;
@@ -34,7 +32,7 @@ void main() {
     if (dot(n, to_eye) < 0.0) {
         n = -n;
     }
-    vec3 position_m = camera_m[0].xyz + in_position_m;
+    vec3 position_m = uintBitsToFloat(texelFetch(cameras, 0).xyz) + in_position_m;
     vec3 sum = vec3(0.0);
     for (uint i = 0; i < LIGHT_COUNT; ++i) {
         vec3 offset_m = lights[i].position_m.xyz - position_m;
