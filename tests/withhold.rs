@@ -46,6 +46,7 @@ fn options(folder: &Path, program: &Path) -> WithholdOptions {
         program: program.to_owned(),
         device: None,
         keep_frames: false,
+        only: Vec::new(),
     }
 }
 
@@ -124,6 +125,23 @@ fn a_run_goes_on_where_it_stopped_and_scores_by_the_answers() {
     options.seed += 1;
     let error = withhold(&options, &mut |_| (), &|| false).expect_err("another seed").to_string();
     assert!(error.contains("options.json"), "{error}");
+}
+
+#[test]
+fn some_of_the_cases_are_the_same_as_among_all() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = player(folder.path(), |_| ());
+    let whole = WithholdOptions { count: 3, ..options(folder.path(), &program) };
+    let some = WithholdOptions { out: folder.path().join("some"), only: vec![2], ..whole.clone() };
+    let seals = |options: &WithholdOptions| -> Vec<String> {
+        withhold(options, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+        let text = fs::read_to_string(options.out.join("seals.txt")).expect("written");
+        text.lines().map(str::to_owned).collect()
+    };
+    let [whole, some] = [&whole, &some].map(seals);
+    assert_eq!((whole.len(), some.len()), (3, 1));
+    assert_eq!(some[0], whole[2]);
+    assert_ne!(some[0], whole[1], "control");
 }
 
 #[test]

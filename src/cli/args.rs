@@ -320,6 +320,9 @@ pub struct Withhold {
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,
+    /// Make only these of the captures, by number from 0: to look into one again, or to share a batch between machines
+    #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
+    pub only: Vec<usize>,
     /// Device of the diagnosis, by index, UUID or (part of its) name
     #[arg(long)]
     pub device: Option<String>,

@@ -20,6 +20,7 @@ pub fn run(args: &Withhold) -> Result<()> {
         program,
         device: args.device.clone(),
         keep_frames: args.keep_frames,
+        only: args.only.clone(),
     };
     let interrupt = Interrupt::listen();
     if !args.curve.is_empty() {

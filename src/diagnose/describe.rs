@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
 use super::forward::Quality;
-use super::judge::closed_fraction;
-use super::model::{CandidateSpec, candidate_of};
+use super::judge::{closed_fraction, unexplained};
+use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
-use super::search::{Alone, Found, Search, damped};
+use super::search::{Alone, Found, Search};
 use super::smear::{MOST_SMEAR, SMEAR_ERRORS};
+use super::support::{damped, restored};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -110,6 +111,8 @@ const MOST_BIAS_DN: f64 = 0.45;
 const MOST_SPREAD: f64 = 0.35;
 /// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
 const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
+/// Share of values far off in flat places, where correct renderers have none.
+const MOST_OUTLIERS: f64 = 1e-4;
 /// Share of the gap that must be closed for a set to explain it, and for its effects to be named beside a remainder.
 const CLOSED: [f64; 2] = [0.5, 0.75];
 
@@ -141,12 +144,25 @@ fn puts_in_place(search: &Search<'_>, found: &Found, closed: f64) -> bool {
     search.forward.static_camera && moves && closed >= BESIDE[0] && found.residue.placed >= PLACED
 }
 
+/// Whether a fit has run to the end of what a parameter may be: it wanted to be something else.
+fn ends_at_a_bound(found: &Found) -> bool {
+    let free = Search::free(&found.set);
+    free.into_iter().chain(found.more.iter().copied()).any(|p| {
+        let value = found.fit.theta.get(p);
+        // Light of a veil may well be black or white, and an effect may be none.
+        p != P::Level && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
+    })
+}
+
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
 /// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
-    if (closed < CLOSED[1] && !beside && !puts_in_place(search, found, closed)) || another_scene(found) {
+    // What wanted to be something else has explained nothing, whatever places it happens to fit.
+    let bent = ends_at_a_bound(found);
+    let named = closed >= CLOSED[1] || beside || puts_in_place(search, found, closed);
+    if !named || bent || another_scene(found) {
         clear(search, found);
     }
 }
@@ -186,8 +202,10 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let shaped = left.bias_dn > MOST_BIAS_DN
         || (lack > MOST_SMEAR && lack > SMEAR_ERRORS * error)
         || left.spread > MOST_SPREAD
+        // Stuck pixels among bright ones are not found.
+        || left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot)
         || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
-    let rest = (after - floor).abs();
+    let rest = unexplained(after, floor);
     let whole = found.before.mean() - found.before.floor();
     // No more than two renderers may differ by, and no set that closes most of it.
     let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn);
@@ -204,7 +222,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         Verdict::Explained
     } else if puts_in_place(search, found, closed) {
         Verdict::PartlyExplained
-    } else if closed < CLOSED[1] || (shaped && closed < 0.9) {
+    } else if closed < CLOSED[1] || ((shaped || ends_at_a_bound(found)) && closed < 0.9) {
         Verdict::UnknownEffect
     } else {
         Verdict::PartlyExplained
@@ -285,7 +303,7 @@ fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
         let mut theta = found.fit.theta.clone();
         for (i, name) in found.set.iter().enumerate() {
             if members >> i & 1 == 0 {
-                theta = super::search::restored(&theta, &search.base, candidate_of(name));
+                theta = restored(&theta, &search.base, candidate_of(name));
             }
         }
         *gap = search.judge.scores(search.forward, &theta)?.mean();

@@ -8,10 +8,10 @@ use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::placed::placed;
-use super::residue::{residue, solved};
+use super::residue::{outliers, residue, solved};
 use super::score::FAMILIES;
-use super::search::{Found, LEAST_SHARE, Search, damped, is_a_filter, is_discrete, last_of, restored};
-use super::smear::{MOST_SMEAR, SMEAR_ERRORS, smear};
+use super::search::{Found, Search, is_discrete, last_of};
+use super::support::{LEAST_SHARE, is_a_filter, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -20,6 +20,9 @@ const FAMILY_SHARE: f64 = 0.03;
 /// Standard errors that read noise beside shot noise, and the reverse, must stand above none, on frames to fit as on
 /// held-out ones.
 const SIGNIFICANT: f64 = 3.5;
+
+/// Stuck pixels that are named whatever they are worth.
+const FEWEST_STUCK: usize = 8;
 
 impl Search<'_> {
     /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
@@ -42,41 +45,6 @@ impl Search<'_> {
             found.more = more;
         }
         Ok(())
-    }
-
-    /// Tries an exposure where what the set leaves is smeared along the motion: beside a large gap that is too little to be
-    /// a share of it.
-    pub(super) fn look_for_smear(&mut self, found: &mut Found) -> Result<()> {
-        let frames = self.evidence.fit.clone();
-        let asked = self.names.contains(&"motion_blur") && !found.set.contains(&"motion_blur");
-        let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
-        let smeared = |s: [f64; 2]| s[0] > MOST_SMEAR && s[0] > SMEAR_ERRORS * s[1];
-        if !asked || !self.smear(&frames, &means, &found.fit.theta).is_some_and(smeared) {
-            return Ok(());
-        }
-        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
-        let fit = self.add(candidate_of("motion_blur"), &found.set, &found.fit.theta)?;
-        let now = self.judge.scores(self.forward, &fit.theta)?;
-        let (gain, [low, _]) = self.judge.gain(&was, &now);
-        tracing::info!(
-            "smeared along the motion; with motion_blur {:.3} to {:.3} DN",
-            was.mean(),
-            now.mean()
-        );
-        if low > 0.0 && gain > damped(0.12 * self.renderer_difference, now.floor()) {
-            self.smeared = true;
-            found.set.push("motion_blur");
-            found.fit = fit;
-        }
-        Ok(())
-    }
-
-    /// See [`super::smear`].
-    fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<[f64; 2]> {
-        let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
-        // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
-        let moves = self.names.iter().any(|n| candidate_of(n).needs_motion);
-        moves.then(|| smear(self.evidence, frames, means, self.masks, &velocity)).flatten()
     }
 
     /// Fits filters, and all other values with them, once more to pictures of more samples.
@@ -140,16 +108,8 @@ impl Search<'_> {
             let Some((i, theta, gap)) = weakest else { break };
             tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
             found.set.remove(i);
-            let mut free = Self::free(&found.set);
-            free.extend(&found.more);
-            let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
-            if free.is_empty() {
-                found.fit.theta = theta;
-                continue;
-            }
-            let fit =
-                super::fit::fit(self.forward, target, &self.evidence.fit, &theta, &free, last_of(&free))?;
-            found.fit.theta = fit.theta;
+            found.fit.theta = theta;
+            self.refit_to_the_end(found)?;
         }
         Ok(())
     }
@@ -183,6 +143,9 @@ impl Search<'_> {
                 let needed = match names[i] {
                     "read_noise" if both => read,
                     "shot_noise" if both => shot,
+                    "hot_pixels" if !names.contains(&"fixed_pattern_noise") => {
+                        self.are_stuck(gap, &rest_scores, &scores)
+                    }
                     _ => self.noise_counts(gap, &rest_scores, &scores),
                 };
                 tracing::info!(
@@ -209,6 +172,7 @@ impl Search<'_> {
         found.residue = residue(self.evidence, held, &means, self.masks, &left, &theta);
         let before = self.forward.simulate(held, &self.base.clone(), Quality::Fine)?;
         found.residue.smear = self.smear(held, &means, &theta).unwrap_or_default();
+        found.residue.outliers = outliers(self.evidence, held, &means, self.judge.masks, &theta);
         found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, &theta);
         found.residue.placed = placed(self.evidence, held, [&before, &means], self.masks);
         tracing::info!("left: {:?}", found.residue);
@@ -223,6 +187,13 @@ impl Search<'_> {
             noisy.set(P::Hot, self.judge.hot.fraction());
         }
         noisy
+    }
+
+    /// Whether stuck pixels are worth naming: where things move, what stays bright in all frames is nothing else.
+    fn are_stuck(&self, gap: f64, worse: &Scores, better: &Scores) -> bool {
+        let moves = self.names.iter().any(|n| candidate_of(n).needs_motion);
+        let clear = moves && self.judge.hot.count() >= FEWEST_STUCK;
+        (clear && self.judge.gain(worse, better).1[0] > 0.0) || self.noise_counts(gap, worse, better)
     }
 
     /// Whether a kind of noise is worth naming: in the whole score, or in a family of statistics that shows it best.

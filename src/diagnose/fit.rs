@@ -76,6 +76,15 @@ pub(super) struct Fit {
     pub half: BTreeMap<P, f64>,
 }
 
+/// What one stage of a fit works on.
+struct Stage<'a> {
+    target: Target<'a>,
+    /// Places.
+    frames: &'a [usize],
+    free: &'a [P],
+    level: &'a Level,
+}
+
 /// A point of a fit under way.
 struct State {
     theta: Theta,
@@ -109,6 +118,7 @@ fn fit_anew(
     let mut theta = bounded(forward, start.clone());
     for level in schedule {
         let some = spread_out(frames, level.frames);
+        let stage = Stage { target, frames: &some, free, level };
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, weighing: None, damping: 1e-4 };
         for _ in 0..level.iterations {
             if forward.deadline.is_some_and(|d| Instant::now() >= d) {
@@ -117,7 +127,7 @@ fn fit_anew(
             let known = state.weighing.take();
             let e = linearise(forward, target, &some, &state.theta, free, level, known)?;
             (state.weighing, state.cost) = (Some(e.weighing.clone()), e.cost);
-            let moved = advance(forward, target, &some, &mut state, free, level, &e)?;
+            let moved = advance(forward, &stage, &mut state, &e)?;
             tracing::debug!(
                 "block {}: cost {:.5} to {:.5}, moved {moved:.4}, damping {:.1e}",
                 level.block,
@@ -141,33 +151,26 @@ pub(super) fn spread_out(frames: &[usize], most: usize) -> Vec<usize> {
 }
 
 /// Tries steps until one lowers the cost; returns its largest component in units of the parameters' steps.
-fn advance(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    state: &mut State,
-    free: &[P],
-    level: &Level,
-    e: &Equations,
-) -> Result<f64> {
+fn advance(forward: &mut Forward, stage: &Stage<'_>, state: &mut State, e: &Equations) -> Result<f64> {
     for _ in 0..3 {
         let Some(step) = solve(&e.a, &e.b, state.damping) else { return Ok(0.0) };
-        let trial = stepped(forward, &state.theta, free, &step, 1.0);
-        let moved = free
+        let trial = stepped(forward, &state.theta, stage.free, &step, 1.0);
+        let moved = stage
+            .free
             .iter()
             .map(|&p| ((trial.get(p) - state.theta.get(p)) / p.spec().step).abs())
             .fold(0.0, f64::max);
         if moved < 1e-4 {
             return Ok(0.0);
         }
-        let now = cost_unless_folded(forward, target, frames, &trial, level, e)?;
+        let now = cost_unless_folded(forward, stage, &trial, e)?;
         if now < state.cost {
             let fallen = (state.cost - now) * e.count;
             (state.theta, state.cost) = (trial, now);
             state.damping = (state.damping * 0.1).max(1e-6);
             let longer = stretch(e, &step, fallen);
             if longer > 1.4 && moved > 2e-2 {
-                return Ok(moved * go_on(forward, target, frames, state, free, level, e, &step, longer)?);
+                return Ok(moved * go_on(forward, stage, state, e, &step, longer)?);
             }
             return Ok(moved);
         }
@@ -185,20 +188,16 @@ fn stretch(e: &Equations, step: &[f64], fallen: f64) -> f64 {
 }
 
 /// Tries the rest of a step that was too short; returns how much longer the step has become.
-#[allow(clippy::too_many_arguments)]
 fn go_on(
     forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
+    stage: &Stage<'_>,
     state: &mut State,
-    free: &[P],
-    level: &Level,
     e: &Equations,
     step: &[f64],
     longer: f64,
 ) -> Result<f64> {
-    let trial = stepped(forward, &state.theta, free, step, longer - 1.0);
-    let now = cost_unless_folded(forward, target, frames, &trial, level, e)?;
+    let trial = stepped(forward, &state.theta, stage.free, step, longer - 1.0);
+    let now = cost_unless_folded(forward, stage, &trial, e)?;
     if now >= state.cost {
         return Ok(1.0);
     }
@@ -216,18 +215,11 @@ fn stepped(forward: &Forward, theta: &Theta, free: &[P], step: &[f64], lengths: 
 }
 
 /// [`cost_of`]; infinite for a lens that folds inside the picture.
-fn cost_unless_folded(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    theta: &Theta,
-    level: &Level,
-    e: &Equations,
-) -> Result<f64> {
+fn cost_unless_folded(forward: &mut Forward, stage: &Stage<'_>, theta: &Theta, e: &Equations) -> Result<f64> {
     if Lens::new(forward.intrinsics, LensDistortion::distortion(&lens(theta))).is_err() {
         return Ok(f64::INFINITY);
     }
-    cost_of(forward, target, frames, theta, level, &e.weighing)
+    cost_of(forward, stage.target, stage.frames, theta, stage.level, &e.weighing)
 }
 
 /// Keeps times inside what the trajectory covers.

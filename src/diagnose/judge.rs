@@ -147,14 +147,18 @@ impl<'a> Judge<'a> {
     }
 }
 
+/// What is left of a gap, DN. A floor far above `after` is a model that expects more spread than there is: as wrong as one
+/// that expects less. Within some per cent a floor is no better known than that: noise in the dark is no normal distribution.
+pub(super) fn unexplained(after: f64, floor: f64) -> f64 {
+    if after < floor { (floor - after - FLOOR_ERROR * floor).max(0.0) } else { after - floor }
+}
+
 /// How well a floor is known.
 const FLOOR_ERROR: f64 = 0.15;
 
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
-    // A floor far above `after` is a model that expects more spread than there is: as wrong as one that expects less.
-    // Within some per cent a floor is no better known than that: noise in the dark is no normal distribution.
-    let rest = if after < floor { (floor - after - FLOOR_ERROR * floor).max(0.0) } else { after - floor };
+    let rest = unexplained(after, floor);
     let whole = before - floor.min(after);
     if whole <= 1e-9 { 0.0 } else { (1.0 - rest / whole).clamp(0.0, 1.0) }
 }

@@ -22,6 +22,8 @@ pub(super) struct Residue {
     pub spread: f64,
     /// Standard deviations of rows and of the fixed pattern that the model does not have, over that of single values.
     pub structure: [f64; 2],
+    /// Share of the flat places where single values are far off: stuck pixels, bits that were lost, dirt.
+    pub outliers: f64,
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
     pub likeness: f64,
     /// Lack of slopes along the motion, and its standard error, see [`super::smear`].
@@ -31,6 +33,11 @@ pub(super) struct Residue {
     /// Share of what is out of place that is put in its place, see [`super::placed`].
     pub placed: f64,
 }
+
+/// How far off a value is that cannot be chance, DN and standard deviations of its noise.
+const FAR: [f32; 2] = [25.0, 8.0];
+/// Fewest of them that mean anything.
+const FEWEST_FAR: f64 = 6.0;
 
 #[derive(Clone, Copy, Default)]
 struct Bin {
@@ -99,7 +106,30 @@ pub(super) fn residue(
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, likeness, smear: [0.0; 2], solved: 0.0, placed: 0.0 }
+    Residue { bias_dn, spread, structure, outliers: 0.0, likeness, smear: [0.0; 2], solved: 0.0, placed: 0.0 }
+}
+
+/// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among it.
+pub(super) fn outliers(
+    evidence: &Evidence,
+    frames: &[usize],
+    means: &[Plane<f32>],
+    masks: Option<&[Plane<f32>]>,
+    theta: &Theta,
+) -> f64 {
+    let tone = Tone::new(theta);
+    let (mut far, mut all) = (0.0, 0.0);
+    for (&at, mean) in frames.iter().zip(means).filter(|_| !theta.is_on(P::Quality)) {
+        let flat = flat_map(mean);
+        let open = |i: usize| masks.is_none_or(|m| m[at].data[i] > 0.5);
+        for i in (0..flat.len()).filter(|&i| flat[i] && open(i)).flat_map(|i| 3 * i..3 * i + 3) {
+            let v = tone.spread(mean.data[i], i % 3);
+            let beyond = FAR[0].max(FAR[1] * (v.free + v.fixed + v.row).sqrt());
+            far += f64::from(u8::from((evidence.frames[at].dn.data[i] - mean.data[i]).abs() > beyond));
+            all += 1.0;
+        }
+    }
+    if far >= FEWEST_FAR { far / all } else { 0.0 }
 }
 
 /// Side of the blocks of [`solved`], px.
@@ -198,5 +228,35 @@ impl NoiseData {
         let fixed = self.fixed.iter().map(|&[l, v, _]| beyond(v, dsnu2 + prnu2 * l * l));
         let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
         (sum / count, [(row2 / level).sqrt(), (fixed2 / level).sqrt()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stuck_pixels_are_outliers_and_noise_is_none() {
+        let mean = Plane::from_fn(96, 64, |x, _| [60.0 + 0.2 * x as f32; 3]);
+        let noisy = |x: usize, y: usize, c: u32| {
+            let bits = crate::chain::rng::random_bits([x as u32, y as u32], c, 9, [3, 4]);
+            8.0 * bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum::<f32>()
+        };
+        let real = |stuck: bool| {
+            Plane::from_fn(96, 64, |x, y| {
+                let there = stuck && x % 24 == 7 && y % 16 == 5;
+                [0, 1, 2].map(|c| if there { 255.0 } else { mean.pixel(x, y)[0] + noisy(x, y, c) })
+            })
+        };
+        let sigma = 8.0 * (4.0f64 / 12.0).sqrt() / slope_dn(0.05);
+        let theta = Theta::neutral().with(P::Read, sigma);
+        let seen = |stuck: bool, theta: &Theta| {
+            let evidence = Evidence::of_one(real(stuck));
+            outliers(&evidence, &[0], std::slice::from_ref(&mean), None, theta)
+        };
+        let share = seen(true, &theta);
+        assert!((share * 92.0 * 60.0 - 16.0).abs() < 0.5, "16 of the pixels 2 px off the border: {share}");
+        assert_eq!(seen(false, &theta), 0.0, "control: noise alone");
+        assert_eq!(seen(true, &theta.with(P::Quality, 60.0)), 0.0, "nothing is told behind compression");
     }
 }

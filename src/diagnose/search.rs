@@ -16,18 +16,11 @@ use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
 use super::residue::Residue;
 use super::starts::best_starts;
+use super::support::LEAST_SHARE;
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
 
-/// Least share of the gap that an effect must be worth.
-pub(super) const LEAST_SHARE: f64 = 0.01;
-/// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
-const CLEAR_SHARE: f64 = 0.4;
-/// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
-const COLOURS_DN: f64 = 0.05;
-/// A simpler candidate is preferred to one that gains less than this share more.
-const PARSIMONY: f64 = 0.02;
 /// Most effects of a set that change the mean.
 const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
@@ -92,7 +85,8 @@ pub(super) struct Search<'a> {
     pub deadline: Option<Instant>,
 }
 
-type Tried = (&'static str, Fit, Scores);
+/// A candidate, its fit, and what that scored.
+pub(super) type Tried = (&'static str, Fit, Scores);
 
 impl<'a> Search<'a> {
     /// Continuous parameters of a set that change the mean.
@@ -156,6 +150,15 @@ impl<'a> Search<'a> {
         let mut noisy = data.fit(theta, &self.base, &names);
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());
+        }
+        if theta.is_on(P::Quality) {
+            // What two compressions of nearly the same picture differ by looks like noise that compression has weakened:
+            // it is some only if the score says so.
+            let silent = data.fit(theta, &self.base, &[]);
+            let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
+            if with?.mean() >= without?.mean() {
+                return Ok(silent);
+            }
         }
         Ok(noisy)
     }
@@ -221,15 +224,6 @@ impl<'a> Search<'a> {
         self.refit(&joint, &start, FINE)
     }
 
-    /// Whether a gain counts.
-    pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
-        let (gain, [low, _]) = self.judge.gain(worse, better);
-        let rest = worse.mean() - worse.floor();
-        let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
-        let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
-        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
-    }
-
     /// Runs the search.
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
@@ -261,6 +255,7 @@ impl<'a> Search<'a> {
             scores = better;
             self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
+        self.simplify(gap, &mut set, &mut current, &mut scores)?;
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
@@ -404,81 +399,20 @@ impl<'a> Search<'a> {
         Ok(worth.map(|r| r.0).collect())
     }
 
-    /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
-    fn choose(&self, gap: f64, now: &Scores, options: Vec<Tried>) -> Option<Tried> {
-        let gain = |o: &Tried| now.mean() - o.2.mean();
-        let counted: Vec<_> = options
-            .into_iter()
-            .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
-            .collect();
-        let best = counted.iter().map(gain).fold(0.0, f64::max);
-        let size = |name: &str| candidate_of(name).parameters.len();
-        counted
-            .into_iter()
-            .filter(|o| gain(o) >= (1.0 - PARSIMONY) * best)
-            .min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gain(b).total_cmp(&gain(a))))
-    }
-
-    /// Takes out what the others make superfluous.
-    fn prune(
-        &mut self,
-        gap: f64,
-        set: &mut Vec<&'static str>,
-        current: &mut Fit,
-        scores: &mut Scores,
-    ) -> Result<()> {
-        while set.len() > 1 {
-            let mut weakest: Option<(usize, Fit, Scores)> = None;
-            for i in 0..set.len() - 1 {
-                if self.is_known(set[i]) {
-                    continue;
-                }
-                let (fit, rest) = self.leave_out(set, i, current)?;
-                if !self.supports(set[i], gap, &rest, scores)
-                    && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
-                {
-                    weakest = Some((i, fit, rest));
-                }
-            }
-            let Some((i, fit, rest)) = weakest else { return Ok(()) };
-            tracing::info!("drops {}: {:.3} DN without", set[i], rest.mean());
-            set.remove(i);
-            (*current, *scores) = (fit, rest);
-        }
-        Ok(())
-    }
-
-    /// The set without one effect, the others fitted anew.
-    pub(super) fn leave_out(
-        &mut self,
-        set: &[&'static str],
-        i: usize,
-        current: &Fit,
-    ) -> Result<(Fit, Scores)> {
-        let rest: Vec<_> = set.iter().copied().filter(|n| *n != set[i]).collect();
-        let start = restored(&current.theta, &self.base, candidate_of(set[i]));
-        let fit = self.refit(&rest, &start, FINE)?;
-        let scores = self.judge.scores(self.forward, &fit.theta)?;
-        Ok((fit, scores))
-    }
-
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
     fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         if !found.set.is_empty() {
             self.look_for_smear(found)?;
             self.tune_choices(found)?;
             self.free_more(found)?;
-            let mut free = Self::free(&found.set);
-            free.extend(&found.more);
-            let (target, frames) = (self.target(), self.fit_frames());
-            let last = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
-            found.fit.theta = last.theta;
+            self.refit_to_the_end(found)?;
             self.tune_choices(found)?;
             self.sharpen(found)?;
         }
         watch.step("noise");
         self.judge.quality = Quality::Fine;
         self.prune_finely(found)?;
+        self.drop_insignificant(found)?;
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
@@ -488,33 +422,6 @@ impl<'a> Search<'a> {
         found.after = self.judge.scores(self.forward, &found.fit.theta)?;
         Ok(())
     }
-}
-
-/// `theta` with an effect as the given camera has it.
-pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -> Theta {
-    let mut out = theta.without(candidate);
-    for &p in candidate.parameters.iter().chain(candidate.more) {
-        out.set(p, base.get(p));
-    }
-    if candidate.name == "rolling_shutter" && base.is_on(P::Readout) {
-        out.scan_order = base.scan_order;
-    }
-    out
-}
-
-/// Whether a filter is no stronger than what the pixel filters of two correct renderers differ by: the variance of a
-/// pixel's square is 1/12 px^2, and few samples a pixel gain from a blur a little wider (0.33 px, measured).
-pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
-    match name {
-        "defocus" => theta.get(P::Defocus).powi(2) < 1.5 / 12.0,
-        "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
-        _ => false,
-    }
-}
-
-/// Whether a candidate changes values by what they are, wherever they are.
-fn changes_colours(name: &str) -> bool {
-    matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
 }
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
@@ -539,11 +446,6 @@ fn probe(theta: &Theta) -> Theta {
         probe.set(P::Radius, 1.0);
     }
     probe
-}
-
-/// What a difference of pictures counts in the score beside noise that scores `floor`: less than its size, DN.
-pub(super) fn damped(difference_dn: f64, floor: f64) -> f64 {
-    difference_dn * (difference_dn / (difference_dn + floor)).max(0.25)
 }
 
 /// Names of all candidates.

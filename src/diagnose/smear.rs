@@ -5,6 +5,13 @@
 //! factor that takes the latter to the former. Noise does not move such a factor, and another pixel filter moves both alike.
 
 use super::evidence::Evidence;
+use super::fit::{DETAILS, Fit};
+use super::forward::Quality;
+use super::judge::Scores;
+use super::model::{P, Theta, candidate_of};
+use super::search::{Found, Search};
+use super::support::{damped, restored};
+use crate::error::Result;
 use crate::plane::Plane;
 
 /// Share of the fastest speed (of the fastest tenth) from which on a place counts.
@@ -19,6 +26,85 @@ const FEWEST: usize = 12;
 pub(super) const MOST_SMEAR: f64 = 0.015;
 /// See [`MOST_SMEAR`].
 pub(super) const SMEAR_ERRORS: f64 = 4.0;
+
+impl Search<'_> {
+    /// Tries an exposure where what the set leaves is smeared along the motion: beside a large gap that is too little to be
+    /// a share of it. A time offset may have taken the delay of its middle for its own, and sharpening hides it: each is
+    /// tried together with it.
+    pub(super) fn look_for_smear(&mut self, found: &mut Found) -> Result<()> {
+        let frames = self.evidence.fit.clone();
+        let asked = self.names.contains(&"motion_blur") && !found.set.contains(&"motion_blur");
+        let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
+        let smeared = |s: [f64; 2]| s[0] > MOST_SMEAR && s[0] > SMEAR_ERRORS * s[1];
+        if !asked || !self.smear(&frames, &means, &found.fit.theta).is_some_and(smeared) {
+            return Ok(());
+        }
+        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+        let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
+        for (set, theta) in self.without_delay(found) {
+            for (set, fit) in self.with_exposure(set, &theta)? {
+                let now = self.judge.scores(self.forward, &fit.theta)?;
+                tracing::info!(
+                    "smeared along the motion; {set:?}: {:.3} to {:.3} DN",
+                    was.mean(),
+                    now.mean()
+                );
+                if best.as_ref().is_none_or(|b| now.mean() < b.2.mean()) {
+                    best = Some((set, fit, now));
+                }
+            }
+        }
+        let Some((set, fit, now)) = best else { return Ok(()) };
+        let (gain, [low, _]) = self.judge.gain(&was, &now);
+        if low > 0.0 && gain > damped(0.12 * self.renderer_difference, now.floor()) {
+            self.smeared = true;
+            (found.set, found.fit) = (set, fit);
+        }
+        Ok(())
+    }
+
+    /// The set as it is and, where it delays everything, without that delay but with an exposure whose middle is as late.
+    fn without_delay(&self, found: &Found) -> Vec<(Vec<&'static str>, Theta)> {
+        let theta = &found.fit.theta;
+        let mut out = vec![(found.set.clone(), theta.clone())];
+        let delay_s = theta.get(P::Offset) - self.base.get(P::Offset);
+        if found.set.contains(&"time_offset") && delay_s > 0.0 {
+            let set = found.set.iter().copied().filter(|n| *n != "time_offset").collect();
+            let exposure_s = theta.get(P::Exposure) + 2.0 * delay_s;
+            out.push((
+                set,
+                restored(theta, &self.base, candidate_of("time_offset")).with(P::Exposure, exposure_s),
+            ));
+        }
+        out
+    }
+
+    /// The set with an exposure, and with an exposure and sharpening.
+    fn with_exposure(
+        &mut self,
+        mut set: Vec<&'static str>,
+        theta: &Theta,
+    ) -> Result<Vec<(Vec<&'static str>, Fit)>> {
+        let blurred = self.add(candidate_of("motion_blur"), &set, theta)?;
+        set.push("motion_blur");
+        let mut out = vec![(set.clone(), blurred.clone())];
+        if self.names.contains(&"sharpening") && !set.contains(&"sharpening") {
+            let start = self.add(candidate_of("sharpening"), &set, &blurred.theta)?;
+            set.push("sharpening");
+            let fit = self.refit(&set, &start.theta, DETAILS)?;
+            out.push((set, Fit { theta: self.with_noise(&fit.theta)?, half: fit.half }));
+        }
+        Ok(out)
+    }
+
+    /// See [`super::smear`].
+    pub(super) fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<[f64; 2]> {
+        let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
+        // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
+        let moves = self.names.iter().any(|n| candidate_of(n).needs_motion);
+        moves.then(|| smear(self.evidence, frames, means, self.masks, &velocity)).flatten()
+    }
+}
 
 /// Sums of one block: real times simulated slope and square of the simulated slope, along the motion and across it.
 type Sums = [f64; 4];

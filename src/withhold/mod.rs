@@ -59,6 +59,8 @@ pub struct WithholdOptions {
     pub device: Option<String>,
     /// Keep the real frames of a case that is done (they are most of its bytes).
     pub keep_frames: bool,
+    /// Numbers of the cases to make, from 0; all if empty. Cases do not depend on each other.
+    pub only: Vec<usize>,
 }
 
 /// All scores and the table over them, as in `withhold.json`.
@@ -94,6 +96,7 @@ pub fn withhold(
         let folder = options.out.join(format!("case-{index:03}"));
         let score = match read_score(&folder)? {
             Some(score) => score,
+            None if !options.only.is_empty() && !options.only.contains(&index) => continue,
             None => {
                 if stop() {
                     return Err(Error::Interrupted { done: index, total: options.count });

@@ -1,0 +1,93 @@
+//! Fewer causes for what several explain: a gain below 1 and a black level together are what glare alone is, and a white
+//! balance that may as well be none is none.
+
+use super::fit::{Fit, Target, fit};
+use super::judge::Scores;
+use super::model::{P, candidate_of};
+use super::search::{Found, Search, last_of};
+use super::support::{changes_colours, restored};
+use crate::error::Result;
+
+impl Search<'_> {
+    /// Takes out effects on colours that may as well not be there: all their values are neutral within their intervals.
+    /// Behind compression a colour that is off by a tenth of a DN may be off by a whole step of its quantizer, and a
+    /// white balance of a thousandth can be worth half the gap.
+    pub(super) fn drop_insignificant(&mut self, found: &mut Found) -> Result<()> {
+        let known = found.fit.half.clone();
+        while found.set.len() > 1 && found.set.iter().any(|n| changes_colours(n)) {
+            self.mean_intervals(found)?;
+            self.forward.native = false;
+            let within = |p: &P| {
+                let half = found.fit.half.get(p).copied().unwrap_or(0.0);
+                (found.fit.theta.get(*p) - self.base.get(*p)).abs() < half
+            };
+            let idle = |n: &&str| changes_colours(n) && candidate_of(n).parameters.iter().all(within);
+            let Some(i) = found.set.iter().position(|n| idle(&n)) else { break };
+            tracing::info!("at last drops {}: it may as well be none", found.set[i]);
+            found.fit.theta = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+            found.set.remove(i);
+            self.refit_to_the_end(found)?;
+        }
+        found.fit.half = known;
+        Ok(())
+    }
+
+    /// The last fit of what is left of a set.
+    pub(super) fn refit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+        let mut free = Self::free(&found.set);
+        free.extend(&found.more);
+        if !free.is_empty() {
+            let target = Target { evidence: self.evidence, masks: Some(self.masks) };
+            let fit = fit(self.forward, target, &self.evidence.fit, &found.fit.theta, &free, last_of(&free))?;
+            found.fit.theta = fit.theta;
+        }
+        Ok(())
+    }
+
+    /// Puts one candidate in the place of two effects on colours for as long as nothing is lost by it.
+    pub(super) fn simplify(
+        &mut self,
+        gap: f64,
+        set: &mut Vec<&'static str>,
+        current: &mut Fit,
+        scores: &mut Scores,
+    ) -> Result<()> {
+        while !self.late() {
+            let Some((next, fit, simpler)) = self.one_for_two(gap, set, current, scores)? else { break };
+            tracing::info!("{next:?} for {set:?}: {:.3} for {:.3} DN", simpler.mean(), scores.mean());
+            (*set, *current, *scores) = (next, fit, simpler);
+        }
+        Ok(())
+    }
+
+    /// The best set with one candidate instead of two of its members, if the two are worth no more than the one.
+    fn one_for_two(
+        &mut self,
+        gap: f64,
+        set: &[&'static str],
+        current: &Fit,
+        scores: &Scores,
+    ) -> Result<Option<(Vec<&'static str>, Fit, Scores)>> {
+        let colours: Vec<_> = set.iter().copied().filter(|n| changes_colours(n)).collect();
+        let beside = |n: &&'static str| changes_colours(n) && !set.contains(n);
+        let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
+        let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
+        for (i, &one) in colours.iter().enumerate() {
+            for &two in &colours[..i] {
+                let rest: Vec<_> = set.iter().copied().filter(|n| *n != one && *n != two).collect();
+                let start = restored(&current.theta, &self.base, candidate_of(one));
+                let start = restored(&start, &self.base, candidate_of(two));
+                for &other in &others {
+                    let fit = self.add(candidate_of(other), &rest, &start)?;
+                    let found = self.judge.scores(self.forward, &fit.theta)?;
+                    let worth_two = self.supports(two, gap, &found, scores);
+                    if !worth_two && best.as_ref().is_none_or(|b| found.mean() < b.2.mean()) {
+                        let next = rest.iter().copied().chain([other]).collect();
+                        best = Some((next, fit, found));
+                    }
+                }
+            }
+        }
+        Ok(best)
+    }
+}

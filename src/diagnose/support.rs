@@ -1,0 +1,124 @@
+//! What counts: when a gain supports an effect, which of several candidates is taken, and what becomes superfluous.
+
+use super::fit::{FINE, Fit};
+use super::judge::Scores;
+use super::model::{CandidateSpec, P, Theta, candidate_of};
+use super::search::{Search, Tried};
+use crate::error::Result;
+
+/// Least share of the gap that an effect must be worth.
+pub(super) const LEAST_SHARE: f64 = 0.01;
+/// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
+const CLEAR_SHARE: f64 = 0.4;
+/// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
+const COLOURS_DN: f64 = 0.05;
+/// A simpler candidate is preferred to one that gains less than this share more.
+const PARSIMONY: f64 = 0.02;
+
+impl Search<'_> {
+    /// Whether a gain counts.
+    pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
+        let (gain, [low, _]) = self.judge.gain(worse, better);
+        // Where noise is expected to make more than there is nothing is left, and a floor is not known that well.
+        let rest = (worse.mean() - worse.floor()).max(0.01 * worse.floor());
+        let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
+        let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
+        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
+    }
+
+    /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
+    pub(super) fn choose(&self, gap: f64, now: &Scores, options: Vec<Tried>) -> Option<Tried> {
+        let gain = |o: &Tried| now.mean() - o.2.mean();
+        let counted: Vec<_> = options
+            .into_iter()
+            .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
+            .collect();
+        let best = counted.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))?.clone();
+        let size = |name: &str| candidate_of(name).parameters.len();
+        // Nearly as good is only what the better one would not be taken beside: of a large gap, a share that two renderers
+        // cannot differ by may be what tells a black level from glare.
+        let as_good = |o: &Tried| {
+            o.0 == best.0
+                || (gain(o) >= (1.0 - PARSIMONY) * gain(&best) && !self.supports(best.0, gap, &o.2, &best.2))
+        };
+        counted
+            .into_iter()
+            .filter(as_good)
+            .min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gain(b).total_cmp(&gain(a))))
+    }
+
+    /// Takes out what the others make superfluous.
+    pub(super) fn prune(
+        &mut self,
+        gap: f64,
+        set: &mut Vec<&'static str>,
+        current: &mut Fit,
+        scores: &mut Scores,
+    ) -> Result<()> {
+        while set.len() > 1 {
+            let mut weakest: Option<(usize, Fit, Scores)> = None;
+            for i in 0..set.len() - 1 {
+                if self.is_known(set[i]) {
+                    continue;
+                }
+                let (fit, rest) = self.leave_out(set, i, current)?;
+                if !self.supports(set[i], gap, &rest, scores)
+                    && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
+                {
+                    weakest = Some((i, fit, rest));
+                }
+            }
+            let Some((i, fit, rest)) = weakest else { return Ok(()) };
+            tracing::info!("drops {}: {:.3} DN without", set[i], rest.mean());
+            set.remove(i);
+            (*current, *scores) = (fit, rest);
+        }
+        Ok(())
+    }
+
+    /// The set without one effect, the others fitted anew.
+    pub(super) fn leave_out(
+        &mut self,
+        set: &[&'static str],
+        i: usize,
+        current: &Fit,
+    ) -> Result<(Fit, Scores)> {
+        let rest: Vec<_> = set.iter().copied().filter(|n| *n != set[i]).collect();
+        let start = restored(&current.theta, &self.base, candidate_of(set[i]));
+        let fit = self.refit(&rest, &start, FINE)?;
+        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        Ok((fit, scores))
+    }
+}
+
+/// `theta` with an effect as the given camera has it.
+pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -> Theta {
+    let mut out = theta.without(candidate);
+    for &p in candidate.parameters.iter().chain(candidate.more) {
+        out.set(p, base.get(p));
+    }
+    if candidate.name == "rolling_shutter" && base.is_on(P::Readout) {
+        out.scan_order = base.scan_order;
+    }
+    out
+}
+
+/// Whether a filter is no stronger than what the pixel filters of two correct renderers differ by: the variance of a
+/// pixel's square is 1/12 px^2, and few samples a pixel gain from a blur a little wider (0.33 px, measured).
+pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
+    match name {
+        "defocus" => theta.get(P::Defocus).powi(2) < 1.5 / 12.0,
+        "sharpening" => theta.get(P::Sharpen) * theta.get(P::Radius).powi(2) < 1.0 / 12.0,
+        _ => false,
+    }
+}
+
+/// Whether a candidate changes values by what they are, wherever they are.
+pub(super) fn changes_colours(name: &str) -> bool {
+    matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
+}
+
+/// What a difference of pictures counts in the score beside noise that scores `floor`: less than its size, DN.
+pub(super) fn damped(difference_dn: f64, floor: f64) -> f64 {
+    difference_dn * (difference_dn / (difference_dn + floor)).max(0.25)
+}
