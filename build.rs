@@ -1,5 +1,6 @@
 //! Compiles every shader in `glsl/` (in sorted order) and writes one table of what it found in them: code, workgroup
-//! size, bindings, push-constant members. The host never types any of these again.
+//! size, bindings, push-constant members. The host never types any of these again. A second table, of
+//! `benches/peers/glsl/`, is for benches.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,17 +13,23 @@ use spirq::spirv::ExecutionMode;
 use spirq::ty::{DescriptorType, StructType, Type};
 use spirq::var::Variable;
 
+/// Shaders that benches alone include, to measure against: no part of the library.
+const PEERS: &str = "benches/peers/glsl";
+
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed={PEERS}");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let compiler = shaderc::Compiler::new().expect("shaderc starts");
-    let mut table = String::from("&[\n");
-    for path in shaders(Path::new("glsl")) {
-        table += &entry(&compiler, &path);
+    for (dir, file) in [("glsl", "kernel_table.rs"), (PEERS, "peer_table.rs")] {
+        let mut table = String::from("&[\n");
+        for path in shaders(Path::new(dir)) {
+            table += &entry(&compiler, &path);
+        }
+        table += "]\n";
+        fs::write(out.join(file), table).expect("OUT_DIR is writable");
     }
-    table += "]\n";
-    fs::write(out.join("kernel_table.rs"), table).expect("OUT_DIR is writable");
     fs::write(out.join("pointwise.rs"), format!("&{:?}", pointwise_stems())).expect("OUT_DIR is writable");
 }
 
@@ -51,8 +58,8 @@ fn all_effects() -> String {
 fn shaders(dir: &Path) -> Vec<PathBuf> {
     let is_stage =
         |p: &PathBuf| p.extension().is_some_and(|e| ["comp", "vert", "frag"].iter().any(|s| e == *s));
-    let entries = fs::read_dir(dir).expect("glsl/ exists");
-    let mut paths: Vec<_> = entries.map(|e| e.expect("glsl/ is readable").path()).filter(is_stage).collect();
+    let entries = fs::read_dir(dir).unwrap_or_else(|e| panic!("{}: {e}", dir.display()));
+    let mut paths: Vec<_> = entries.map(|e| e.expect("a readable folder").path()).filter(is_stage).collect();
     paths.sort();
     paths
 }

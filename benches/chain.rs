@@ -12,19 +12,25 @@ mod device;
 mod floor;
 #[path = "chain/input.rs"]
 mod input;
+#[path = "peers/kernels.rs"]
+mod peer_kernels;
+#[path = "peers/bounds.rs"]
+mod peers_bounds;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use device::{Device, Variant};
+use device::{Device, Level, Variant};
 use floor::{Tap, Way};
 use input::{Input, MOTIONS, SIGMA};
+use peers_bounds::{Bounded, Bounds};
 use serde::{Deserialize, Serialize};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::Plane;
 use shutterbug::plane::metrics::psnr_db;
+use shutterbug::reference::paper_fast::{Tap as TwinTap, Way as TwinWay, paper_fast};
 use shutterbug::reference::paper_gather::paper_gather;
 
 /// Threads of every implementation.
@@ -33,7 +39,7 @@ const SIZE: [usize; 2] = [640, 480];
 /// A peer whose picture is farther from the truth computes something else.
 const SAME_PICTURE_DB: f64 = 35.0;
 
-const VARIANTS: [Variant; 11] = [
+const VARIANTS: [Variant; 16] = [
     variant("bilinear fixed 240, sampler", "paper_fast_sampler.comp", 1.0, 4, true, true),
     variant("bilinear, sampler", "paper_fast_sampler.comp", 1.0, 1, false, true),
     variant("bilinear half taps, sampler", "paper_fast_sampler.comp", 0.5, 1, false, true),
@@ -45,6 +51,32 @@ const VARIANTS: [Variant; 11] = [
     variant("nearest, texels x4", "paper_fast_nearest.comp", 1.0, 4, false, true),
     variant("nearest, texels x8", "paper_fast_nearest.comp", 1.0, 8, false, true),
     variant("nearest, texels x4, half floats", "paper_fast_nearest.comp", 1.0, 4, false, false),
+    // Tried, and no kernel of the engine: what they cost and what their pictures are worth.
+    variant(
+        "trial: bilinear, a tap every third px, sampler x2",
+        "paper_fast_sampler.comp",
+        0.33,
+        2,
+        false,
+        true,
+    ),
+    variant("trial: nearest at eight places in turn", "trial_dithered.comp", 1.0, 8, false, true),
+    variant(
+        "trial: nearest at eight places, a tap every second px",
+        "trial_dithered.comp",
+        0.5,
+        8,
+        false,
+        true,
+    ),
+    Variant {
+        level: Level::Half,
+        ..variant("trial: prefiltered level", "trial_prefiltered.comp", 0.25, 2, false, true)
+    },
+    Variant {
+        level: Level::Sums,
+        ..variant("trial: sums along rows", "trial_prefix.comp", 1.0, 1, false, true)
+    },
 ];
 
 const fn variant(
@@ -55,7 +87,7 @@ const fn variant(
     fixed: bool,
     eight_bits: bool,
 ) -> Variant {
-    Variant { name, file, taps_per_px, unroll, fixed, eight_bits }
+    Variant { name, file, taps_per_px, unroll, fixed, eight_bits, level: Level::None }
 }
 
 /// One implementation on one motion.
@@ -110,6 +142,7 @@ fn main() {
     rows.extend(by_hand(&input, &truths, repeats));
     rows.extend(peers(&folder, &truths));
     let mut text = report(&context, &rows, repeats);
+    text += &bounds(&context, &input, &rows);
     text += &scaling(&arguments);
     println!("{text}");
     let json = serde_json::json!({ "device": context.info().name, "driver": context.info().driver, "threads": THREADS, "size": SIZE, "rows": rows });
@@ -161,6 +194,7 @@ fn ours(context: &Arc<Context>, input: &Input, truths: &[Plane<u8>], repeats: us
         rows.push(row("exact gather, then chain", motion, ms, Some((&rgb(&picture), &truths[motion]))));
     }
     rows.push(row("pass-through", 2, device.pass_through(repeats), None));
+    rows.push(row("noise and encoding alone", 2, device.developed(repeats), None));
     rows
 }
 
@@ -310,6 +344,24 @@ fn report(context: &Arc<Context>, rows: &[Row], repeats: usize) -> String {
     ratio("ours at rest / pass-through", best("bilinear", "rest"), get("pass-through", "rest"), "<= 2");
     ratio("exact gather, then chain / ours", get("exact gather, then chain", "moving"), bilinear, "-");
     text
+}
+
+/// The best bilinear chain against its bytes and its taps.
+fn bounds(context: &Arc<Context>, input: &Input, rows: &[Row]) -> String {
+    let rates = Bounds::measure(context).unwrap();
+    let mut text = format!("\n{}\n\n{}", rates.line(), Bounded::HEAD);
+    let area = |size: [usize; 2]| (size[0] * size[1]) as f64;
+    // Colour once, two motion images, the delivered pixel.
+    let bytes = area(input.outer()) * 4.0 + area(input.size) * (2.0 * 8.0 + 4.0);
+    for (kind, motion) in MOTIONS.iter().enumerate() {
+        let of_kind = rows.iter().filter(|r| r.motion == *motion && r.name.starts_with("bilinear half taps"));
+        let Some(ms) = of_kind.map(|r| r.ms_least).min_by(f64::total_cmp) else { continue };
+        let way = TwinWay { tap: TwinTap::Bilinear, taps_per_px: 0.5, unroll: 1 };
+        let made = paper_fast(&input.push(240), way, &input.color_plane(), &input.motion_planes(kind));
+        let taps: f64 = made.data.chunks_exact(4).map(|p| f64::from(p[3].abs())).sum();
+        text += &rates.hold(&format!("bilinear half taps, {motion}"), ms, bytes, taps).row();
+    }
+    text + "(aim: 1.5)\n"
 }
 
 /// The scaling of this bench run with one thread and with two, and what follows from it.

@@ -3,13 +3,22 @@
 //! Writes `target/bench/table1.json`, `table1.md` and `table1.png`. The scene is `scenes/table1`. On a software device
 //! times are CPU times, `LP_NUM_THREADS` is 2 unless it is set, and device times that disagree with the host's clock are
 //! an error. `--quick`: the smallest picture and few frames. `--only TEXT`: cells whose name holds the text, such as
-//! `generic`, `640x480` or `velocity 24 320x240`; prints them and writes no files.
+//! `generic`, `640x480` or `velocity 24 320x240`, or one of `throughput`, `raster16` and `rates`; prints them and writes
+//! no files.
 #![allow(clippy::unwrap_used)]
 
 #[path = "table1/cells.rs"]
 mod cells;
 #[path = "table1/chart.rs"]
 mod chart;
+#[path = "table1/peer.rs"]
+mod peer;
+#[path = "peers/kernels.rs"]
+mod peer_kernels;
+#[path = "peers/bounds.rs"]
+mod peers_bounds;
+#[path = "table1/raster16.rs"]
+mod raster16;
 #[path = "table1/report.rs"]
 mod report;
 
@@ -18,6 +27,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use cells::{Bench, Cell, METHODS, SAMPLES, SIZES};
+use peers_bounds::{Bounded, Bounds};
 use shutterbug::capture::Capture;
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, DeviceKind, Validation};
 
@@ -27,6 +37,9 @@ const THREADS: &str = "2";
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
+
+/// What `--only` names beside cells.
+const EXTRA: [&str; 3] = ["throughput", "raster16", "rates"];
 
 /// Where results go.
 fn output() -> PathBuf {
@@ -87,24 +100,9 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
             return Err(format!("device and host disagree, so nothing is written:\n{}", wrong.join("\n")));
         }
     }
-    if only.is_some() {
-        return Ok(());
-    }
     let threads = std::env::var("LP_NUM_THREADS").unwrap_or_default();
-    let mut extra = report::Extra::default();
-    for &size in &sizes[..sizes.len().min(2)] {
-        for in_flight in [1, 4, 16] {
-            let fps = bench.throughput(size, in_flight).map_err(|e| e.to_string())?;
-            println!(
-                "throughput {}x{} with {in_flight} in flight: {fps:.2} frames a second",
-                size[0], size[1]
-            );
-            extra.throughput.push((size, in_flight, fps));
-        }
-        let (ours, four) = bench.raster_16(size).map_err(|e| e.to_string())?;
-        println!("16 samples {}x{}: {ours:.2} ms; four passes of four: {four:.2} ms", size[0], size[1]);
-        extra.raster_16.push((size, ours, four));
-    }
+    let extra = extras(&bench, &sizes[..sizes.len().min(2)], only).map_err(|e| e.to_string())?;
+    let extra = report::Extra { bounds: bounds(&extra.rates, &cells), ..extra };
     let result = report::Table {
         device: info.name.clone(),
         driver: info.driver.clone(),
@@ -115,7 +113,63 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
         cells,
         extra,
     };
-    result.write(&output());
+    if only.is_none() {
+        result.write(&output());
+    }
     println!("\n{}", result.markdown());
     Ok(())
+}
+
+/// What is measured beside the cells.
+fn extras(bench: &Bench, sizes: &[[u32; 2]], only: Option<&str>) -> shutterbug::error::Result<report::Extra> {
+    let wanted = |name: &str| only.is_none_or(|text| text == name);
+    let mut extra = report::Extra::default();
+    for &size in sizes {
+        for in_flight in [1, 4, 16].into_iter().filter(|_| wanted("throughput")) {
+            extra.throughput.push((size, in_flight, bench.throughput(size, in_flight)?));
+        }
+        if wanted("raster16") {
+            extra.raster_16.extend(bench.raster_16(size)?);
+        }
+    }
+    // The passes of cells are held against them.
+    if only.is_none_or(|text| text == "rates" || !EXTRA.contains(&text)) {
+        extra.rates = Bounds::measure(bench.context())?;
+    }
+    Ok(extra)
+}
+
+/// The passes of the generic model at 240 samples against what they must read and write, and sample.
+fn bounds(rates: &Bounds, cells: &[Cell]) -> Vec<([u32; 2], Vec<Bounded>)> {
+    let generic = cells.iter().filter(|c| c.method == "generic" && c.samples == 240);
+    generic.map(|cell| ([cell.width, cell.height], bounded(rates, cell))).collect()
+}
+
+fn bounded(rates: &Bounds, cell: &Cell) -> Vec<Bounded> {
+    let area = |margin: [u32; 2]| f64::from((cell.width + 2 * margin[0]) * (cell.height + 2 * margin[1]));
+    let (inner, outer) = (area([0; 2]), area(cell.margin_px));
+    let samples = outer * f64::from(cell.aa_samples);
+    // Bytes a sample or pixel: colour of half floats 8, depth 4, motion 8, radiance 16, a delivered pixel 4.
+    let bytes = |pass: &str| match pass {
+        "raster" => samples * (8.0 + 4.0),
+        "resolve" => samples * 8.0 + outer * 8.0,
+        // Two images: drawn, read, kept.
+        "motion" => 2.0 * outer * 3.0 * (8.0 + 4.0),
+        "paper_gather" => outer * (8.0 + 2.0 * 8.0) + inner * 16.0,
+        "pointwise" => inner * (16.0 + 4.0),
+        "readback" => inner * (4.0 + 4.0),
+        _ => 0.0,
+    };
+    let mut rows = Vec::new();
+    let mut chain = (0.0, 0.0);
+    for pass in &cell.passes {
+        let (name, ms) = (pass.name.as_str(), pass.ms_median);
+        let taps = if name == "paper_gather" { cell.taps_mean * inner } else { 0.0 };
+        rows.push(rates.hold(name, ms, bytes(name), taps));
+        if matches!(name, "paper_gather" | "pointwise") {
+            chain = (chain.0 + ms, chain.1 + bytes(name));
+        }
+    }
+    rows.push(rates.hold("gather and noise together", chain.0, chain.1, cell.taps_mean * inner));
+    rows
 }

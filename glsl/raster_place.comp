@@ -8,35 +8,19 @@ layout(local_size_x = 64) in;
 layout(constant_id = 0) const bool COLOR = true;
 layout(constant_id = 1) const bool MOTION = false;
 
-struct Vertex {
-    float position_m[3];
-    uint object;
-    float normal[3];
-    uint material;
-    float uv[2];
-};
-layout(set = 0, binding = 0, std430) readonly buffer Vertices {
-    Vertex vertices[];
-};
+// All input as texels of four words: a software device fetches a texel for all lanes at once, and a word of a storage
+// buffer lane by lane.
+// Three a vertex: position and object, normal and material, uv.
+layout(set = 0, binding = 0) uniform usamplerBuffer vertices;
+// Sixteen an object at an instant: the columns of its four matrices, as in raster_vert.glsl.
+layout(set = 0, binding = 1) uniform usamplerBuffer instants;
+// Two a material: diffuse colour; specular colour and exponent.
+layout(set = 0, binding = 2) uniform usamplerBuffer materials;
 
-// As in raster_vert.glsl.
-struct ObjectAtInstant {
-    mat4 clip_from_object;
-    mat4 clip_from_object_at_from;
-    mat4 clip_from_object_at_to;
-    mat4 camera_centred_from_object;
-};
-layout(set = 0, binding = 1, std430) readonly buffer Instants {
-    ObjectAtInstant instants[];
-};
-
-struct Material {
-    vec4 kd;
-    vec4 ks_ns;
-};
-layout(set = 0, binding = 2, std430) readonly buffer Materials {
-    Material materials[];
-};
+const int CLIP = 0;
+const int CLIP_AT_FROM = 1;
+const int CLIP_AT_TO = 2;
+const int CAMERA_CENTRED = 3;
 
 // What the vertex stage reads. Depth is reversed and infinite: clip.z is the near distance for every vertex.
 struct PlacedVertex {
@@ -64,27 +48,36 @@ float[3] three(vec3 v) {
     return float[3](v.x, v.y, v.z);
 }
 
+vec4 column(int row, int of, int number) {
+    return uintBitsToFloat(texelFetch(instants, row + 4 * of + number));
+}
+
+mat4 matrix(int row, int of) {
+    return mat4(column(row, of, 0), column(row, of, 1), column(row, of, 2), column(row, of, 3));
+}
+
 void main() {
     uint index = gl_GlobalInvocationID.x;
     if (index >= push.vertex_count) {
         return;
     }
-    Vertex v = vertices[index];
-    uint row = push.instant * push.object_count + v.object;
-    vec4 position = vec4(v.position_m[0], v.position_m[1], v.position_m[2], 1.0);
-    placed[index].clip_xyw = three((instants[row].clip_from_object * position).xyw);
+    uvec4 first = texelFetch(vertices, 3 * int(index));
+    int row = 16 * int(push.instant * push.object_count + first.w);
+    vec4 position = vec4(uintBitsToFloat(first.xyz), 1.0);
+    placed[index].clip_xyw = three((matrix(row, CLIP) * position).xyw);
     if (COLOR) {
-        vec3 normal = vec3(v.normal[0], v.normal[1], v.normal[2]);
-        mat4 centred = instants[row].camera_centred_from_object;
+        uvec4 second = texelFetch(vertices, 3 * int(index) + 1);
+        mat4 centred = matrix(row, CAMERA_CENTRED);
         placed[index].position_m = three((centred * position).xyz);
-        placed[index].normal = three(mat3(centred) * normal);
-        placed[index].uv = v.uv;
-        Material m = materials[v.material];
-        placed[index].kd = three(m.kd.rgb);
-        placed[index].ks_ns = float[4](m.ks_ns.x, m.ks_ns.y, m.ks_ns.z, m.ks_ns.w);
+        placed[index].normal = three(mat3(centred) * uintBitsToFloat(second.xyz));
+        vec2 uv = uintBitsToFloat(texelFetch(vertices, 3 * int(index) + 2).xy);
+        placed[index].uv = float[2](uv.x, uv.y);
+        placed[index].kd = three(uintBitsToFloat(texelFetch(materials, 2 * int(second.w)).rgb));
+        vec4 ks_ns = uintBitsToFloat(texelFetch(materials, 2 * int(second.w) + 1));
+        placed[index].ks_ns = float[4](ks_ns.x, ks_ns.y, ks_ns.z, ks_ns.w);
     }
     if (MOTION) {
-        placed[index].clip_from = three((instants[row].clip_from_object_at_from * position).xyw);
-        placed[index].clip_to = three((instants[row].clip_from_object_at_to * position).xyw);
+        placed[index].clip_from = three((matrix(row, CLIP_AT_FROM) * position).xyw);
+        placed[index].clip_to = three((matrix(row, CLIP_AT_TO) * position).xyw);
     }
 }

@@ -116,6 +116,13 @@ fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
         (out.status.code(), bytes, text)
     };
     let (code, left, text) = check(&["2", "0"]);
+    // movss from register to register in the form that stores: valgrind 3.19 ends the program there.
+    if text.contains("Unrecognised instruction") && text.contains("swiftshader_jit") {
+        eprintln!(
+            "SKIPPED memcheck_finds_nothing: valgrind does not know an instruction of SwiftShader's own code"
+        );
+        return;
+    }
     assert!(code == Some(0) || code == Some(NO_DEVICE), "{text}");
     if code != Some(0) {
         return;

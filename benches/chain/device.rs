@@ -13,6 +13,7 @@ use shutterbug::plane::Plane;
 use shutterbug::reference::paper_gather::Push;
 
 use super::input::{Input, SIGMA};
+use crate::peer_kernels;
 
 const LIMIT: Duration = Duration::from_secs(120);
 /// Words of a slot of parameters.
@@ -28,6 +29,19 @@ pub struct Variant {
     pub fixed: bool,
     /// Colour of 8 bits a channel, as the peers have it, instead of half floats.
     pub eight_bits: bool,
+    /// What is made of the colour first, and read instead; its time counts.
+    pub level: Level,
+}
+
+/// What a trial reads instead of the picture.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// The picture itself.
+    None,
+    /// Half its size.
+    Half,
+    /// Sums along its rows.
+    Sums,
 }
 
 /// Push constants of `paper_fast`.
@@ -68,6 +82,8 @@ pub struct Device {
     color: Image,
     color8: Image,
     color32: Image,
+    half: Image,
+    sums: Image,
     pub motions: Vec<Image>,
     radiance: Image,
     pixels: Buffer,
@@ -93,8 +109,12 @@ impl Device {
         staged(context, &mut slot, &color8, &input.color);
         let color16 = upload_half(context, &mut slot, &color);
         let radiance = Image::new(context, "radiance", ImageSpec::storage(size, Format::Rgba32f)).unwrap();
+        let outer = input.outer().map(|s| s as u32);
+        let level = |size, format| Image::new(context, "level", ImageSpec::storage(size, format)).unwrap();
+        let (half, sums) =
+            (level(outer.map(|s| s.div_ceil(2)), Format::Rgba8), level(outer, Format::Rgba32f));
         let mut recorder = slot.begin().unwrap();
-        recorder.prepare([&radiance]);
+        recorder.prepare([&radiance, &half, &sums]);
         recorder.finish();
         slot.submit().unwrap();
         slot.wait(LIMIT).unwrap();
@@ -112,6 +132,8 @@ impl Device {
             color: color16,
             color8,
             color32,
+            half,
+            sums,
             motions,
             radiance,
             pixels: Buffer::new(context, "pixels", 4 * count, Usage::Storage, Location::Device).unwrap(),
@@ -138,8 +160,13 @@ impl Device {
         constants
     }
 
-    fn bind(&self, pipeline: &ComputePipeline, motion: usize, eight_bits: bool) -> BindGroup {
-        let color = if eight_bits { &self.color8 } else { &self.color };
+    fn bind(&self, pipeline: &ComputePipeline, motion: usize, eight_bits: bool, level: Level) -> BindGroup {
+        let color = match level {
+            Level::None if eight_bits => &self.color8,
+            Level::None => &self.color,
+            Level::Half => &self.half,
+            Level::Sums => &self.sums,
+        };
         let sampler = if pipeline_is_linear(pipeline) { &self.linear } else { &self.nearest };
         let all = [
             ("color", Bound::Sampled(color, sampler)),
@@ -163,17 +190,57 @@ impl Device {
         push: Push,
         repeats: usize,
     ) -> (Vec<f64>, Vec<u8>) {
-        let kernel = TABLE.iter().find(|k| k.file == variant.file).unwrap();
+        let kernel = find(variant.file);
+        let level = self.level(variant.level);
         let push = FastPush { gather: push, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
         let [quiet, noisy] = [false, true].map(|noise| {
             let constants = Self::constants(variant, noise);
             let pipeline = ComputePipeline::specialized(&self.context, kernel, &constants).unwrap();
-            let group = self.bind(&pipeline, motion, variant.eight_bits);
+            let group = self.bind(&pipeline, motion, variant.eight_bits, variant.level);
             (pipeline, group)
         });
-        let picture = self.picture(|r, size| r.dispatch(&quiet.0, &quiet.1, &push, size));
-        let ms = self.time(repeats, |r, size| r.dispatch(&noisy.0, &noisy.1, &push, size));
+        let record =
+            |r: &mut shutterbug::gpu::Recorder<'_>, size: [u32; 2], last: &(ComputePipeline, BindGroup)| {
+                if let Some((pipeline, group, size)) = &level {
+                    r.dispatch(pipeline, group, &[0u32; 0], *size);
+                }
+                r.dispatch(&last.0, &last.1, &push, size);
+            };
+        let picture = self.picture(|r, size| record(r, size, &quiet));
+        let ms = self.time(repeats, |r, size| record(r, size, &noisy));
         (ms, picture)
+    }
+
+    /// The kernel that makes a level, what it binds, and over how many invocations it runs.
+    fn level(&self, level: Level) -> Option<(ComputePipeline, BindGroup, [u32; 2])> {
+        let (file, to) = match level {
+            Level::None => return None,
+            Level::Half => ("trial_halve.comp", &self.half),
+            Level::Sums => ("trial_sums.comp", &self.sums),
+        };
+        let pipeline = ComputePipeline::new(&self.context, find(file)).unwrap();
+        let group = pipeline
+            .bind(&[("color", Bound::Sampled(&self.color8, &self.nearest)), ("level", Bound::Storage(to))])
+            .unwrap();
+        let [width, height] = to.spec().size;
+        Some((pipeline, group, if level == Level::Sums { [height, 1] } else { [width, height] }))
+    }
+
+    /// Noise and encoding alone: what a pixel that nothing moves in cannot cost less than.
+    pub fn developed(&mut self, repeats: usize) -> Vec<f64> {
+        let (pipeline, group) = self.developer(true);
+        let chain = PointwisePush { size: self.size, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
+        self.time(repeats, |r, size| r.dispatch(&pipeline, &group, &chain, size))
+    }
+
+    fn developer(&self, noise: bool) -> (ComputePipeline, BindGroup) {
+        let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
+        let mut constants = vec![0u32; 1 + POINTWISE.len()];
+        (constants[0], constants[1 + place]) = (1, if noise { 2 } else { 0 });
+        let pipeline =
+            ComputePipeline::specialized(&self.context, find("pointwise.comp"), &constants).unwrap();
+        let group = self.bind(&pipeline, 0, false, Level::None);
+        (pipeline, group)
     }
 
     /// The exact gather and the pixel chain, two kernels: what the engine runs by default.
@@ -186,15 +253,7 @@ impl Device {
                 ("radiance", Bound::Storage(&self.radiance)),
             ])
             .unwrap();
-        let place = POINTWISE.iter().position(|s| *s == "paper_noise").unwrap();
-        let [quiet, noisy] = [0, 2].map(|noise| {
-            let mut constants = vec![0u32; 1 + POINTWISE.len()];
-            (constants[0], constants[1 + place]) = (1, noise);
-            let pipeline =
-                ComputePipeline::specialized(&self.context, find("pointwise.comp"), &constants).unwrap();
-            let group = self.bind(&pipeline, motion, false);
-            (pipeline, group)
-        });
+        let [quiet, noisy] = [false, true].map(|noise| self.developer(noise));
         let chain = PointwisePush { size: self.size, seed: [1, 2], frame: 3, flags: 0, slot: 0, unused: 0 };
         let record =
             |r: &mut shutterbug::gpu::Recorder<'_>, size: [u32; 2], last: &(ComputePipeline, BindGroup)| {
@@ -252,12 +311,12 @@ impl Device {
 }
 
 fn find(file: &str) -> &'static shutterbug::kernels::Kernel {
-    TABLE.iter().find(|k| k.file == file).unwrap()
+    TABLE.iter().find(|k| k.file == file).unwrap_or_else(|| peer_kernels::find(file))
 }
 
-/// Only one kernel reads between texels.
+/// Whether it reads between texels.
 fn pipeline_is_linear(pipeline: &ComputePipeline) -> bool {
-    pipeline.file() == "paper_fast_sampler.comp"
+    ["paper_fast_sampler.comp", "trial_prefiltered.comp"].contains(&pipeline.file())
 }
 
 fn staged(context: &Arc<Context>, slot: &mut Slot, image: &Image, bytes: &[u8]) {

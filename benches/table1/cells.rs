@@ -14,6 +14,8 @@ use shutterbug::error::Result;
 use shutterbug::gpu::{Context, PassTime};
 use shutterbug::plane::metrics::psnr_db;
 
+use super::raster16::{self, Way, World};
+
 /// Rows of the paper's table.
 pub const METHODS: [&str; 3] = ["accumulation", "velocity", "generic"];
 /// Its columns.
@@ -26,6 +28,8 @@ const AA_SAMPLES: u32 = 16;
 const FOCAL_OVER_WIDTH: f64 = 0.8;
 /// Frames measured at most, at least.
 const FRAMES: (usize, usize) = (48, 2);
+/// A frame that takes longer, s, is measured once.
+const LONG_S: f64 = 4.0;
 /// Renders of the picture that others are compared with.
 const TRUTH: u32 = 64;
 /// A frame may take this long.
@@ -84,6 +88,11 @@ pub struct Bench {
 impl Bench {
     pub fn new(context: &Arc<Context>, capture: Capture, budget_s: f64) -> Self {
         Self { context: context.clone(), capture, budget_s }
+    }
+
+    /// The device.
+    pub fn context(&self) -> &Arc<Context> {
+        &self.context
     }
 
     fn intrinsics([width, height]: [u32; 2]) -> Intrinsics {
@@ -148,21 +157,22 @@ impl Bench {
     /// Measures one cell.
     pub fn cell(&self, method: &'static str, samples: u32, size: [u32; 2]) -> Result<Cell> {
         let mut engine = self.engine(method, samples, size)?;
-        // Pipelines are compiled when they are first used.
-        let first = Instant::now();
-        engine.render(&self.request(method, size, 0))?;
+        // Pipelines are compiled when they are first used; hundreds of renders a frame are a mean of their own beside that.
+        let (mut cpu, first) = (cpu_ms(), Instant::now());
+        let mut runs = vec![Run::of(&mut engine, &self.request(method, size, 0))?];
         let first_s = first.elapsed().as_secs_f64();
-        if first_s < 2.0 {
-            engine.render(&self.request(method, size, 1))?;
+        if first_s < LONG_S {
+            if first_s < 0.5 * LONG_S {
+                engine.render(&self.request(method, size, 1))?;
+            }
+            let frames = ((self.budget_s / first_s.max(1e-4)) as usize).clamp(FRAMES.1, FRAMES.0);
+            runs.clear();
+            cpu = cpu_ms();
+            for i in 0..frames {
+                runs.push(Run::of(&mut engine, &self.request(method, size, i))?);
+            }
         }
-        // Hundreds of renders a frame are a mean of their own.
-        let least = if first_s > 4.0 { 1 } else { FRAMES.1 };
-        let frames = ((self.budget_s / first_s.max(1e-4)) as usize).clamp(least, FRAMES.0);
-        let mut runs = Vec::with_capacity(frames);
-        let cpu = cpu_ms();
-        for i in 0..frames {
-            runs.push(Run::of(&mut engine, &self.request(method, size, i))?);
-        }
+        let frames = runs.len();
         let cpu_ms_mean = (cpu_ms() - cpu) / frames as f64;
         let asked = FrameRequest { statistics: true, ..self.request(method, size, 3) };
         let taps = match method {
@@ -230,24 +240,11 @@ impl Bench {
         Ok(done as f64 / start.elapsed().as_secs_f64())
     }
 
-    /// The raster with 16 samples against four passes of four, ms by the host: least of several. Both by accumulation, so
-    /// both are resolved too. The peer has our shaders; with lights in a storage buffer it would take longer.
-    pub fn raster_16(&self, size: [u32; 2]) -> Result<(f64, f64)> {
-        let mut engines = [
-            self.engine_with(("accumulation", 1, 16), size, 1)?,
-            self.engine_with(("accumulation", 4, 4), size, 1)?,
-        ];
-        let mut least = [f64::INFINITY; 2];
-        for i in 0..8 {
-            for (engine, least) in engines.iter_mut().zip(&mut least) {
-                let start = Instant::now();
-                engine.render(&self.request("accumulation", size, i))?;
-                if i > 0 {
-                    *least = least.min(start.elapsed().as_secs_f64() * 1e3);
-                }
-            }
-        }
-        Ok((least[0], least[1]))
+    /// 16 samples in one pass against four passes of four.
+    pub fn raster_16(&self, size: [u32; 2]) -> Result<Vec<Way>> {
+        let (context, intrinsics) = (&self.context, Self::intrinsics(size));
+        let (scene, path) = (&self.capture.scene, &self.capture.trajectory);
+        raster16::measure(&World { context, scene, path, intrinsics })
     }
 }
 

@@ -8,6 +8,8 @@ use shutterbug::plane::write_png_atomic;
 
 use super::cells::{Cell, METHODS, SAMPLES, SIZES};
 use super::chart;
+use super::peers_bounds::{Bounded, Bounds};
+use super::raster16::{SAME_PICTURE_DB, WAYS, Way};
 
 /// The paper's times, ms, on a GeForce 8800 GTX; the size of its picture is not given.
 pub const PAPER: [[Option<f64>; 4]; 3] = [
@@ -40,8 +42,12 @@ pub struct Table {
 pub struct Extra {
     /// Size, frames in flight, frames a second of the generic model.
     pub throughput: Vec<([u32; 2], u32, f64)>,
-    /// Size; ms of one render with 16 samples, and of four passes of four.
-    pub raster_16: Vec<([u32; 2], f64, f64)>,
+    /// 16 samples by one pass, and by four.
+    pub raster_16: Vec<Way>,
+    /// Rates of the device.
+    pub rates: Bounds,
+    /// Passes of the generic model at 240 samples against their bounds, by size.
+    pub bounds: Vec<([u32; 2], Vec<Bounded>)>,
 }
 
 /// One cell in words.
@@ -176,9 +182,46 @@ impl Table {
             )
             .expect("strings grow");
         }
-        for (size, ours, four) in &self.extra.raster_16 {
-            writeln!(text, "* raster with 16 samples, {}x{}: {ours:.2} ms; four passes of four samples with the same shaders: {four:.2} ms, {:.2} times as long (goal: 2.5, against lights in a storage buffer)", size[0], size[1], four / ours).expect("strings grow");
+        if !self.extra.raster_16.is_empty() {
+            self.sixteen(text);
         }
+        if self.extra.rates.copy_bytes_per_s > 0.0 {
+            self.bounds(text);
+        }
+    }
+
+    fn bounds(&self, text: &mut String) {
+        writeln!(text, "\n{}. What a pass must read and write at least, and the ratio of its time to the larger bound (aim for gather and noise together: 1.5).", self.extra.rates.line()).expect("strings grow");
+        for (size, rows) in &self.extra.bounds {
+            write!(text, "\ngeneric 240, {}x{}: {}", size[0], size[1], Bounded::HEAD).expect("strings grow");
+            rows.iter().for_each(|row| *text += &row.row());
+        }
+    }
+
+    fn sixteen(&self, text: &mut String) {
+        *text += "\n16 samples a pixel, rasterized and added up | size | least ms | median | CPU ms | times as long | PSNR to the second, dB\n---|---|---|---|---|---|---\n";
+        for way in &self.extra.raster_16 {
+            let first = self.extra.raster_16.iter().find(|w| w.size == way.size).expect("itself at least");
+            writeln!(
+                text,
+                "{} | {}x{} | {:.2} | {:.2} | {:.1} | {:.2} | {:.1}{}",
+                way.name,
+                way.size[0],
+                way.size[1],
+                way.ms_least,
+                way.ms_median,
+                way.cpu_ms_median,
+                way.ms_least / first.ms_least,
+                way.psnr_db,
+                if way.name != WAYS[0] && way.psnr_db < SAME_PICTURE_DB {
+                    " ANOTHER PICTURE: no ratio with it counts"
+                } else {
+                    ""
+                }
+            )
+            .expect("strings grow");
+        }
+        *text += "(goal: with lights in a storage buffer 2.5 times as long)\n";
     }
 
     /// Writes `table1.json`, `table1.md` and `table1.png`.

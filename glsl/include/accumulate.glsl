@@ -27,7 +27,7 @@ void main() {
     uvec2 pixel = push.origin + gl_GlobalInvocationID.xy;
     uint line = line_of(pixel, push.picture, push.scan_order);
     float weight = weights[push.first_weight + line - push.first_line];
-    vec4 seen = mean_of_pixel(color_samples, ivec2(pixel), push.grid);
+    vec4 seen = mean_of_pixel(color_samples, ivec2(pixel), grid_of(push.grid));
     vec4 sum = imageLoad(radiance, ivec2(pixel));
     imageStore(radiance, ivec2(pixel), sum + weight * seen);
 }

@@ -25,7 +25,12 @@ Claims claims_around(ivec2 pixel) {
     Claims around;
     for (int i = 0; i < 5; ++i) {
         ivec2 at = clamp(pixel + NEIGHBOURS[i], ivec2(0), ivec2(push.size) - 1);
-        around.at[i] = texelFetch(claims, int(seed_index(0u, at) / 4u));
+        uint index = seed_index(0u, at) / 4u;
+        if (CLAIMS_ARE_TEXELS == 1u) {
+            around.at[i] = texelFetch(claims, int(index));
+        } else {
+            around.at[i] = claim_words[index];
+        }
     }
     return around;
 }

@@ -52,6 +52,25 @@ layout(set = 0, binding = 5, std430) writeonly buffer Pixels {
 #include "motion.glsl"
 #include "effects/all.glsl"
 
+// Mean over position(u) = begin + a u + b u^2, u = (i + 1/2) / count. OWN_MEAN: the includer has its own.
+#ifndef OWN_MEAN
+vec3 mean_of_taps(vec2 begin_px, vec2 a, vec2 b, int count) {
+    float h = 1.0 / float(count);
+    vec2 at = begin_px + (0.5 * h) * (a + (0.5 * h) * b);
+    vec2 along = h * (a + (2.0 * h) * b);
+    vec2 bend = (2.0 * h * h) * b;
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < count; i += UNROLL) {
+        for (int k = 0; k < UNROLL; ++k) {
+            sum += tap(at);
+            at += along;
+            along += bend;
+        }
+    }
+    return sum * h;
+}
+#endif
+
 // Mean over the exposure; `x_px` is seen at knot `from`.
 vec4 mean_of_path(vec2 x_px, float from, float to, float knot_frames, int motion_count, ivec2 image_size) {
     vec2 history[MAX_MOTION_IMAGES];
@@ -73,19 +92,8 @@ vec4 mean_of_path(vec2 x_px, float from, float to, float knot_frames, int motion
     // position(u) = begin + a u + b u^2, u = (i + 1/2) / count.
     vec2 a = 4.0 * middle_px - 3.0 * begin_px - end_px;
     vec2 b = 2.0 * (begin_px + end_px) - 4.0 * middle_px;
-    float h = 1.0 / float(count);
-    vec2 at = begin_px + (0.5 * h) * (a + (0.5 * h) * b);
-    vec2 along = h * (a + (2.0 * h) * b);
-    vec2 bend = (2.0 * h * h) * b;
-    vec3 sum = vec3(0.0);
-    for (int i = 0; i < count; i += UNROLL) {
-        for (int k = 0; k < UNROLL; ++k) {
-            sum += tap(at);
-            at += along;
-            along += bend;
-        }
-    }
-    return vec4(sum * h, left ? -float(count) : float(count));
+    vec3 mean = mean_of_taps(begin_px, a, b, count);
+    return vec4(mean, left ? -float(count) : float(count));
 }
 
 void main() {

@@ -9,12 +9,20 @@ struct Light {
     vec4 attenuation;
 };
 const uint MAX_LIGHTS = 64;
+// LIGHTS_IN_STORAGE: all of them by the loop, from a storage buffer; a bench measures against it.
+#ifdef LIGHTS_IN_STORAGE
+layout(set = 0, binding = 2, std430) readonly buffer Lights {
+    Light lights[];
+};
+const uint FIXED_LIGHTS = 0;
+#else
 layout(set = 0, binding = 2, std140) uniform Lights {
     Light lights[MAX_LIGHTS];
 };
+const uint FIXED_LIGHTS = 8;
+#endif
 
 layout(constant_id = 2) const uint LIGHT_COUNT = 0;
-const uint FIXED_LIGHTS = 8;
 layout(constant_id = 16) const float L0PX = 0.0;
 layout(constant_id = 17) const float L0PY = 0.0;
 layout(constant_id = 18) const float L0PZ = 0.0;

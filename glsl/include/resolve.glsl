@@ -1,12 +1,20 @@
 // Reading the samples of one delivered pixel: `grid` texels of a supersampled image, each with as many samples as the
 // image has. MULTISAMPLED chooses the kind of image.
+// Where both counts are known when the kernel is made, a software device unrolls the loops over them; 0: not known.
+layout(constant_id = 12) const int KNOWN_GRID = 0;
+layout(constant_id = 13) const int KNOWN_SAMPLES = 0;
+
 #ifdef MULTISAMPLED
 #define SAMPLES_2D sampler2DMS
-int sample_count(sampler2DMS image) { return textureSamples(image); }
+int sample_count(sampler2DMS image) { return KNOWN_SAMPLES != 0 ? KNOWN_SAMPLES : textureSamples(image); }
 #else
 #define SAMPLES_2D sampler2D
 int sample_count(sampler2D image) { return 1; }
 #endif
+
+ivec2 grid_of(ivec2 pushed) {
+    return KNOWN_GRID != 0 ? ivec2(KNOWN_GRID) : pushed;
+}
 
 vec4 sample_at(SAMPLES_2D image, ivec2 texel, int index) {
 #ifdef MULTISAMPLED

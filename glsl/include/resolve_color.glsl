@@ -17,5 +17,5 @@ void main() {
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
-    imageStore(color, ivec2(pixel), mean_of_pixel(color_samples, ivec2(pixel), push.grid));
+    imageStore(color, ivec2(pixel), mean_of_pixel(color_samples, ivec2(pixel), grid_of(push.grid)));
 }

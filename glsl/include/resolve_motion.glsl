@@ -20,13 +20,14 @@ void main() {
         return;
     }
     int count = sample_count(motion_samples);
+    ivec2 grid = grid_of(push.grid);
     float nearest = 0.0;
-    ivec2 nearest_texel = ivec2(pixel) * push.grid;
+    ivec2 nearest_texel = ivec2(pixel) * grid;
     int nearest_index = 0;
-    for (int y = 0; y < push.grid.y; ++y) {
-        for (int x = 0; x < push.grid.x; ++x) {
+    for (int y = 0; y < grid.y; ++y) {
+        for (int x = 0; x < grid.x; ++x) {
             for (int i = 0; i < count; ++i) {
-                ivec2 texel = ivec2(pixel) * push.grid + ivec2(x, y);
+                ivec2 texel = ivec2(pixel) * grid + ivec2(x, y);
                 float inverse_depth = sample_at(depth_samples, texel, i).r;
                 if (inverse_depth > nearest) {
                     nearest = inverse_depth;

@@ -426,7 +426,7 @@ mod tests {
     #[test]
     fn pixels_that_share_their_chroma_keep_a_part_of_the_noise() {
         let theta = Theta::neutral().with(P::Read, 0.01);
-        let variance = |theta: &Theta, names: &[&str]| {
+        let variance = |theta: &Theta, names: &[&'static str]| {
             let mut settings = Settings::default();
             apply(&mut settings, theta, names).expect("in range");
             let shutter = ShutterTiming {

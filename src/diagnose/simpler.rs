@@ -21,8 +21,8 @@ impl Search<'_> {
                 let half = found.fit.half.get(p).copied().unwrap_or(0.0);
                 (found.fit.theta.get(*p) - self.base.get(*p)).abs() < half
             };
-            let idle = |n: &&str| changes_colours(n) && candidate_of(n).parameters.iter().all(within);
-            let Some(i) = found.set.iter().position(|n| idle(&n)) else { break };
+            let idle = |n: &&'static str| changes_colours(n) && candidate_of(n).parameters.iter().all(within);
+            let Some(i) = found.set.iter().position(idle) else { break };
             tracing::info!("at last drops {}: it may as well be none", found.set[i]);
             found.fit.theta = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
             found.set.remove(i);

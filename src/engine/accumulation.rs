@@ -10,6 +10,7 @@ use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
 use super::lens::Channel;
 use super::margin::reach_of;
+use super::paper::resolve_constants;
 use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
@@ -67,9 +68,8 @@ impl Accumulate {
         let multisampled = const { kernel("accumulate_ms.comp") };
         let plain = const { kernel("accumulate.comp") };
         let kernel = if stage.plan.msaa > 1 { multisampled } else { plain };
-        let (kernel, sampler) =
-            (ComputePipeline::new(&stage.context, kernel)?, Sampler::new(&stage.context, false)?);
-        Ok(Self { kernel, sampler })
+        let kernel = ComputePipeline::specialized(&stage.context, kernel, &resolve_constants(stage.plan))?;
+        Ok(Self { kernel, sampler: Sampler::new(&stage.context, false)? })
     }
 
     /// Binds the colour of a target, the sum, and the weights of a slot.

@@ -111,6 +111,8 @@ pub struct FastGather {
     gather: [ComputePipeline; 2],
     silhouettes: [ComputePipeline; 2],
     claims: Buffer,
+    /// Stands where texels of claims would, on a device that has fewer texels than pixels.
+    no_claims: Buffer,
     /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
     listed: Buffer,
     sampler: Sampler,
@@ -158,23 +160,25 @@ impl FastGather {
         assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
         assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
         let FastKind { one_surface, from_depth } = kind;
-        let blurring = |kernel, blur: u32| {
-            let flags = [blur, one_surface.into(), from_depth.into()];
-            let scales = [path_images as u32, path_scale, color_scale];
-            ComputePipeline::specialized(context, kernel, &[scales, flags].concat())
-        };
-        let both = |kernel| -> Result<_> { Ok([blurring(kernel, 0)?, blurring(kernel, 1)?]) };
         let pixels = if one_surface { 0 } else { u64::from(size[0]) * u64::from(size[1]) };
         let buffer = |name: &str, words: u64, usage: Usage| {
             Buffer::new(context, name, 4 * words, usage, Location::Device)
         };
+        // One claim a pixel at each of up to three moments of the exposure, and one word that is not used.
+        let claims = buffer("fast claims", 4 * pixels, Usage::StorageTexels)?;
+        let blurring = |kernel, blur: u32| {
+            let flags = [blur, one_surface.into(), from_depth.into(), claims.has_texels().into()];
+            let scales = [path_images as u32, path_scale, color_scale];
+            ComputePipeline::specialized(context, kernel, &[&scales[..], &flags[..]].concat())
+        };
+        let both = |kernel| -> Result<_> { Ok([blurring(kernel, 0)?, blurring(kernel, 1)?]) };
         Ok(Self {
             seeds: blurring(const { kernel("fast_seeds.comp") }, 0)?,
             gather: both(const { kernel("fast_gather.comp") })?,
             silhouettes: both(const { kernel("fast_silhouettes.comp") })?,
-            // One claim a pixel at each of up to three moments of the exposure, and one word that is not used.
-            claims: buffer("fast claims", 4 * pixels, Usage::StorageTexels)?,
+            no_claims: buffer("no claims", 4, Usage::Texels)?,
             listed: buffer("fast silhouettes", 4 + pixels, Usage::Storage)?,
+            claims,
             kind,
             unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Uniform, Location::Device)?,
             sampler: Sampler::new(context, false)?,
@@ -195,7 +199,11 @@ impl FastGather {
         let bind = |pipeline: &ComputePipeline, color: &Image, sampler: &Sampler| {
             pipeline.bind(&[
                 ("Seeds", Bound::Buffer(&self.claims)),
-                ("claims", Bound::Buffer(&self.claims)),
+                (
+                    "claims",
+                    Bound::Buffer(if self.claims.has_texels() { &self.claims } else { &self.no_claims }),
+                ),
+                ("ClaimWords", Bound::Buffer(&self.claims)),
                 ("listed", Bound::Buffer(&self.listed)),
                 ("moved", Bound::Buffer(images.moved.unwrap_or(&self.unmoved))),
                 ("path_0", path(0)),

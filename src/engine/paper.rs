@@ -139,6 +139,13 @@ assert_push_layout!(
     }
 );
 
+/// Specialization constants of the kernels that include `resolve.glsl`.
+pub(super) fn resolve_constants(plan: SamplePlan) -> [u32; 14] {
+    let mut constants = [0; 14];
+    (constants[12], constants[13]) = (plan.grid, plan.msaa);
+    constants
+}
+
 /// Resolves motion and depth of a target's nearest samples.
 pub(super) struct ResolveMotion {
     kernel: ComputePipeline,
@@ -150,9 +157,8 @@ impl ResolveMotion {
         let multisampled = const { kernel("resolve_motion_ms.comp") };
         let plain = const { kernel("resolve_motion.comp") };
         let kernel = if plan.msaa > 1 { multisampled } else { plain };
-        let (kernel, sampler) =
-            (ComputePipeline::new(&stage.context, kernel)?, Sampler::new(&stage.context, false)?);
-        Ok(Self { kernel, sampler })
+        let kernel = ComputePipeline::specialized(&stage.context, kernel, &resolve_constants(plan))?;
+        Ok(Self { kernel, sampler: Sampler::new(&stage.context, false)? })
     }
 
     pub(super) fn bind(&self, target: &RasterTarget, motion: &Image, depth: &Image) -> Result<BindGroup> {
@@ -239,7 +245,11 @@ impl Paper {
         };
         let context = &stage.context;
         let kernels = Kernels {
-            resolve_color: ComputePipeline::new(context, resolve_color)?,
+            resolve_color: ComputePipeline::specialized(
+                context,
+                resolve_color,
+                &resolve_constants(stage.plan),
+            )?,
             resolve_motion: ResolveMotion::new(stage, stage.plan)?,
             resolve_motion_plain: ResolveMotion::new(stage, plain)?,
             motion_from_depth: ComputePipeline::new(context, const { kernel("motion_from_depth.comp") })?,

@@ -53,8 +53,8 @@ impl FrameSlot {
     pub(super) fn new(stage: &Stage, index: usize) -> Result<Self> {
         let (width, height) = (u64::from(stage.intrinsics.width), u64::from(stage.intrinsics.height));
         let objects = stage.scene.objects.len() as u64;
-        let upload = |name: &str, bytes: u64| {
-            Buffer::new(&stage.context, name, bytes, Usage::Storage, Location::Upload)
+        let upload = |name: &str, bytes: u64, usage: Usage| {
+            Buffer::new(&stage.context, name, bytes, usage, Location::Upload)
         };
         let rows = u64::from(MAX_INSTANTS);
         let readback = |name: &str, bytes: u64| {
@@ -65,9 +65,13 @@ impl FrameSlot {
             gpu: Slot::new(&stage.context, &format!("frame {index}"))?,
             index,
             inputs: SlotInputs {
-                instants: upload("instants", rows * objects * size_of::<ObjectRow>() as u64)?,
-                cameras: upload("cameras", rows * size_of::<CameraRow>() as u64)?,
-                weights: upload("weights", rows * width.max(height) * 4)?,
+                instants: upload(
+                    "instants",
+                    rows * objects * size_of::<ObjectRow>() as u64,
+                    Usage::StorageTexels,
+                )?,
+                cameras: upload("cameras", rows * size_of::<CameraRow>() as u64, Usage::Texels)?,
+                weights: upload("weights", rows * width.max(height) * 4, Usage::Storage)?,
                 object_count: objects as u32,
                 used: 0,
                 used_weights: 0,

@@ -164,7 +164,7 @@ impl BindGroup {
                     [vk::DescriptorBufferInfo::default().buffer(buffer.handle).range(vk::WHOLE_SIZE)];
                 write.buffer_info(&buffer_info)
             }
-            (BindingKind::TexelBuffer, Bound::Buffer(buffer)) if buffer.view != vk::BufferView::null() => {
+            (BindingKind::TexelBuffer, Bound::Buffer(buffer)) if buffer.has_texels() => {
                 texels = [buffer.view];
                 write.texel_buffer_view(&texels)
             }

@@ -31,8 +31,8 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
-    /// The same, and a storage buffer that kernels write: a software device fetches a texel for all lanes at once, and a
-    /// word of a storage buffer lane by lane.
+    /// Storage buffer whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
+    /// fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
     StorageTexels,
     /// Vertex buffer.
     Vertex,
@@ -73,13 +73,13 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        if matches!(usage, Usage::Storage | Usage::StorageVertex | Usage::StorageTexels) && bytes > limit {
+        let stored = matches!(usage, Usage::Storage | Usage::StorageTexels | Usage::StorageVertex);
+        if stored && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
         }
         let (texels, limit) = (bytes / TEXEL_BYTES, context.info().max_texels);
-        let fetched = matches!(usage, Usage::Texels | Usage::StorageTexels);
-        if fetched && texels > limit {
+        if usage == Usage::Texels && texels > limit {
             let why = format!("maxTexelBufferElements of {}", context.info().name);
             return Err(Error::Limit { what: "texels of a buffer", value: texels, limit, why });
         }
@@ -91,7 +91,7 @@ impl Buffer {
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
             Usage::StorageTexels => {
-                vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
+                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies
             }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::StorageVertex => {
@@ -119,10 +119,15 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
-        if fetched {
+        if usage == Usage::Texels || (usage == Usage::StorageTexels && texels <= limit) {
             buffer.view = buffer.make_view()?;
         }
         Ok(buffer)
+    }
+
+    /// Whether kernels can fetch its texels.
+    pub fn has_texels(&self) -> bool {
+        self.view != vk::BufferView::null()
     }
 
     fn make_view(&self) -> Result<vk::BufferView> {

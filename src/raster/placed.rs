@@ -13,7 +13,6 @@ use crate::gpu::{
     GraphicsSpec, Location, Recorder, Usage, VertexFormat,
 };
 use crate::kernels::{Kernel, kernel};
-use crate::scene::Vertex;
 use crate::{assert_element_layout, assert_push_layout};
 
 #[repr(C)]
@@ -42,8 +41,6 @@ assert_element_layout!(
     "PlacedVertices",
     PlacedVertex { clip_xyw, position_m, normal, uv, kd, ks_ns, clip_from, clip_to }
 );
-// The kernel reads vertices as they are.
-const _: () = assert!(size_of::<Vertex>() == 40);
 
 const STRIDE: u32 = size_of::<PlacedVertex>() as u32;
 const COLOR: VertexFormat = VertexFormat {
@@ -108,7 +105,7 @@ fn shaders(kind: RasterKind) -> Option<(&'static Kernel, &'static Kernel, Vertex
 }
 
 impl Placed {
-    /// `None` for a kind that has its own placing, and for scenes whose placed vertices no storage buffer holds.
+    /// `None` for a kind that has its own placing, and for scenes whose vertices the device's buffers do not hold.
     pub(super) fn new(
         context: &Arc<Context>,
         scene: &SceneBuffers,
@@ -118,7 +115,8 @@ impl Placed {
     ) -> Result<Option<Self>> {
         let Some((vertex, fragment, format)) = shaders(kind) else { return Ok(None) };
         let bytes = u64::from(scene.vertex_count) * u64::from(STRIDE);
-        if bytes > context.info().max_storage_buffer_bytes {
+        let readable = scene.corners.is_some() && scene.materials.has_texels();
+        if !readable || bytes > context.info().max_storage_buffer_bytes {
             return Ok(None);
         }
         let pipeline = |(textured, glossy): &(bool, bool)| {
@@ -146,21 +144,22 @@ impl Placed {
         Ok(Some(Self { buffer, kernel, pipelines, textures }))
     }
 
-    /// `all`: what the raster binds; `instants`: the rows to place at.
+    /// `all`: what the raster binds; `instants`: the rows to place at. `None` where their texels cannot be fetched.
     pub(super) fn bind(
         &self,
         scene: &SceneBuffers,
         all: &[(&str, Bound<'_>)],
         instants: &Buffer,
-    ) -> Result<PlacedInput> {
+    ) -> Result<Option<PlacedInput>> {
+        let Some(corners) = scene.corners.as_ref().filter(|_| instants.has_texels()) else { return Ok(None) };
         let place = self.kernel.bind(&[
-            ("Vertices", Bound::Buffer(&scene.vertices)),
-            ("Instants", Bound::Buffer(instants)),
-            ("Materials", Bound::Buffer(&scene.materials)),
+            ("vertices", Bound::Buffer(corners)),
+            ("instants", Bound::Buffer(instants)),
+            ("materials", Bound::Buffer(&scene.materials)),
             ("PlacedVertices", Bound::Buffer(&self.buffer)),
         ])?;
         let raster = (!self.textures.is_empty()).then(|| self.pipelines[0].bind(0, all)).transpose()?;
-        Ok(PlacedInput { place, raster })
+        Ok(Some(PlacedInput { place, raster }))
     }
 
     /// Places all vertices for a row of instants.

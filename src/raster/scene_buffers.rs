@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::assert_element_layout;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
-use crate::scene::{Draw, Material, PointLight, Scene, Shading};
+use crate::scene::{Draw, Material, PointLight, Scene, Shading, Vertex};
 
 /// `MAX_LIGHTS` of `raster_lights.glsl`.
 pub const MAX_LIGHTS: usize = 64;
@@ -42,6 +42,8 @@ pub struct SceneBuffers {
     pub(super) indices: Buffer,
     pub(super) materials: Buffer,
     pub(super) lights: Buffer,
+    /// The vertices again, three texels each, where the device has as many.
+    pub(super) corners: Option<Buffer>,
     /// The scene's textures, then a white one for what has none.
     pub(super) textures: Vec<Image>,
     pub(super) sampler: Sampler,
@@ -76,8 +78,9 @@ impl SceneBuffers {
         let buffers = Self {
             vertices: uploader.buffer("vertices", vertices, Usage::StorageVertex)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
-            materials: uploader.buffer("materials", &material_bytes(scene), Usage::Storage)?,
+            materials: uploader.buffer("materials", &material_bytes(scene), Usage::StorageTexels)?,
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
+            corners: uploader.corners(scene)?,
             textures: uploader.textures(scene)?,
             sampler: Sampler::new(context, true)?,
             draws: scene.draws.clone(),
@@ -97,7 +100,7 @@ impl SceneBuffers {
     }
 }
 
-/// Staging buffers, in the order: the four buffers, then the textures.
+/// Staging buffers, in the order: the five buffers, then the textures.
 struct Uploader<'a> {
     context: &'a Arc<Context>,
     staging: Vec<Buffer>,
@@ -115,6 +118,16 @@ impl Uploader<'_> {
     fn buffer(&mut self, name: &str, bytes: &[u8], usage: Usage) -> Result<Buffer> {
         self.stage(name, bytes)?;
         Buffer::new(self.context, name, bytes.len() as u64, usage, Location::Device)
+    }
+
+    fn corners(&mut self, scene: &Scene) -> Result<Option<Buffer>> {
+        let words: Vec<[u32; 12]> = scene.vertices.iter().map(texels).collect();
+        let bytes: &[u8] = bytemuck::cast_slice(&words);
+        if bytes.len() as u64 / 16 > self.context.info().max_texels {
+            self.stage("no vertices as texels", &[])?;
+            return Ok(None);
+        }
+        self.buffer("vertices as texels", bytes, Usage::Texels).map(Some)
     }
 
     fn textures(&mut self, scene: &Scene) -> Result<Vec<Image>> {
@@ -137,8 +150,9 @@ impl Uploader<'_> {
         let mut slot = Slot::new(self.context, "upload")?;
         let mut recorder = slot.begin()?;
         recorder.prepare(&to.textures);
-        let (buffers, textures) = self.staging.split_at(4);
-        for (from, to) in buffers.iter().zip([&to.vertices, &to.indices, &to.materials, &to.lights]) {
+        let (buffers, textures) = self.staging.split_at(5);
+        let all = [&to.vertices, &to.indices, &to.materials, &to.lights];
+        for (from, to) in buffers.iter().zip(all.into_iter().chain(&to.corners)) {
             recorder.copy_buffer(from, to, from.bytes().min(to.bytes()));
         }
         for (from, to) in textures.iter().zip(&to.textures) {
@@ -149,6 +163,13 @@ impl Uploader<'_> {
         slot.submit()?;
         slot.wait(UPLOAD_LIMIT)
     }
+}
+
+/// A vertex as `raster_place.comp` fetches it.
+fn texels(v: &Vertex) -> [u32; 12] {
+    let ([x, y, z], [nx, ny, nz], [u, w]) = (v.position_m, v.normal, v.uv);
+    let [x, y, z, nx, ny, nz, u, w] = [x, y, z, nx, ny, nz, u, w].map(f32::to_bits);
+    [x, y, z, v.object, nx, ny, nz, v.material, u, w, 0, 0]
 }
 
 /// Whether a material of a draw has a specular colour.

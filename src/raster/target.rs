@@ -188,11 +188,11 @@ impl RasterTarget {
     pub fn bind(&self, scene: &SceneBuffers, instants: &Buffer, cameras: &Buffer) -> Result<RasterInput> {
         let all = [
             ("Instants", Bound::Buffer(instants)),
-            ("Cameras", Bound::Buffer(cameras)),
+            ("cameras", Bound::Buffer(cameras)),
             ("Materials", Bound::Buffer(&scene.materials)),
             ("Lights", Bound::Buffer(&scene.lights)),
         ];
-        let placed = self.placed.as_ref().map(|p| p.bind(scene, &all, instants)).transpose()?;
+        let placed = self.placed.as_ref().map(|p| p.bind(scene, &all, instants)).transpose()?.flatten();
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed })
     }
 
@@ -201,7 +201,7 @@ impl RasterTarget {
     /// # Errors
     /// Out of memory.
     pub fn bind_exact(&self, scene: &SceneBuffers, camera: &Buffer) -> Result<RasterInput> {
-        let all = [("Cameras", Bound::Buffer(camera)), ("Lights", Bound::Buffer(&scene.lights))];
+        let all = [("cameras", Bound::Buffer(camera)), ("Lights", Bound::Buffer(&scene.lights))];
         Ok(RasterInput { group: self.pipelines[0].bind(0, &all)?, placed: None })
     }
 

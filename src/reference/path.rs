@@ -222,7 +222,7 @@ mod tests {
                 [0.0, 0.0, d.x, d.y]
             });
             let images = [image];
-            let paths = Paths { images: &images, scale };
+            let paths = Paths { images: &images, scale, from_depth: None };
             let w = paths.weights(2.0, 1, 2);
             for (x, y) in [(17.3, 11.9), (20.0, 8.25), (25.5, 15.5)] {
                 let x_px = Vec2::new(x, y);

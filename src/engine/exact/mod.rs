@@ -92,7 +92,7 @@ impl Input {
         let upload = |name: &str, bytes: usize| {
             Buffer::new(context, name, bytes as u64, Usage::Storage, Location::Upload)
         };
-        let camera = upload("exact camera", 16)?;
+        let camera = Buffer::new(context, "exact camera", 16, Usage::Texels, Location::Upload)?;
         let lines = target.size[0].max(target.size[1]) as usize;
         let relative = upload("relatives", groups * lines * size_of::<RelativeRow>())?;
         let raster = target.bind_exact(&stage.buffers, &camera)?;
