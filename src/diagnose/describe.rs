@@ -199,7 +199,8 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
     let closed = closed_fraction(found.before.mean(), after, floor);
     let [lack, error] = left.smear.map(f64::abs);
-    let shaped = left.bias_dn > MOST_BIAS_DN
+    // Behind compression a colour is off by parts of a quantizer's step.
+    let shaped = left.bias_dn > MOST_BIAS_DN.max(3.0 * found.sampling_dn)
         || (lack > MOST_SMEAR && lack > SMEAR_ERRORS * error)
         || left.spread > MOST_SPREAD
         // Stuck pixels among bright ones are not found.

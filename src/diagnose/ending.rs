@@ -198,7 +198,7 @@ impl Search<'_> {
             far.unwrap_or_else(|| outliers(self.evidence, held, &means, self.judge.masks, theta));
         found.residue.solved = solved(self.evidence, held, [&before, &means], self.masks, theta);
         found.residue.placed = placed(self.evidence, held, [&before, &means], self.masks);
-        tracing::info!("left: {:?}", found.residue);
+        tracing::info!("left: {:?}, renders differ by {:.3} DN", found.residue, found.sampling_dn);
         Ok(())
     }
 
