@@ -240,7 +240,16 @@ impl Search<'_> {
         let last = last_of(&free);
         let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
         self.forward.native = false;
-        let half = super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
+        let mut half =
+            super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
+        if let (Some(&f), Some(&c)) = (half.get(&P::FlickerF), half.get(&P::FlickerC)) {
+            // A phase counts from time 0, and the frequency is off all the way from there.
+            let (depth, middle_s) = (
+                found.fit.theta.get(P::FlickerC).hypot(found.fit.theta.get(P::FlickerS)),
+                self.forward.middle_s(),
+            );
+            half.insert(P::FlickerS, c.hypot(depth * std::f64::consts::TAU * f * middle_s));
+        }
         self.forward.native = true;
         found.fit.half.extend(half);
         Ok(())

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::evidence::Evidence;
+use super::flicker::retuned;
 use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
@@ -210,6 +211,11 @@ fn stepped(forward: &Forward, theta: &Theta, free: &[P], step: &[f64], lengths: 
     let mut trial = theta.clone();
     for (&p, s) in free.iter().zip(step) {
         trial.set(p, theta.get(p) + lengths * s * p.spec().step);
+    }
+    if free.contains(&P::FlickerF) {
+        let frequency_hz = trial.get(P::FlickerF);
+        trial.set(P::FlickerF, theta.get(P::FlickerF));
+        trial = retuned(&trial, frequency_hz, forward.middle_s());
     }
     bounded(forward, trial)
 }

@@ -13,6 +13,15 @@ const FLICKER_HZ: [f64; 2] = [20.0, 260.0];
 /// Brightness of lamps on 50 and 60 Hz: among frequencies that the frames cannot tell apart the nearest to these.
 const MAINS_HZ: [f64; 2] = [100.0, 120.0];
 
+/// `theta` with another frequency of its flicker and the phase at the time `middle_s` as it was. A phase counts from time 0,
+/// which may be decades away from the footage: there, the least step of the frequency would be many turns.
+pub(super) fn retuned(theta: &Theta, frequency_hz: f64, middle_s: f64) -> Theta {
+    let turn = std::f64::consts::TAU * (theta.get(P::FlickerF) - frequency_hz) * middle_s;
+    let ((sin, cos), (c, s)) = (turn.sin_cos(), (theta.get(P::FlickerC), theta.get(P::FlickerS)));
+    let phase = [c * cos - s * sin, s * cos + c * sin];
+    theta.with(P::FlickerF, frequency_hz).with(P::FlickerC, phase[0]).with(P::FlickerS, phase[1])
+}
+
 /// Starts for flicker: the brightness of each line over the simulated one, and the sines that fit it best.
 pub(super) fn starts(
     forward: &mut Forward,
@@ -199,6 +208,25 @@ impl Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn another_frequency_turns_about_the_middle_of_the_footage() {
+        let at = |theta: &Theta, t: f64| {
+            let (sin, cos) = (std::f64::consts::TAU * theta.get(P::FlickerF) * t).sin_cos();
+            theta.get(P::FlickerC) * sin + theta.get(P::FlickerS) * cos
+        };
+        let theta = Theta::neutral().with(P::FlickerF, 107.7).with(P::FlickerC, 0.1).with(P::FlickerS, -0.05);
+        let middle_s = 1_305_031_102.25;
+        let retuned = retuned(&theta, 107.75, middle_s);
+        for t in [-0.2, 0.0, 0.2] {
+            let turn = std::f64::consts::TAU * 0.05 * t;
+            let want = at(&theta, middle_s + t);
+            // A tenth of a hertz is a hundredth of a turn at the ends of the footage; times in doubles are good to 1e-7 s.
+            assert!((at(&retuned, middle_s + t) - want).abs() < 0.112 * turn.abs() + 1e-3, "{t}");
+        }
+        let plain = theta.with(P::FlickerF, 107.75);
+        assert!((at(&plain, middle_s) - at(&theta, middle_s)).abs() > 0.02, "control");
+    }
 
     #[test]
     fn a_sine_is_one_and_a_drift_or_a_control_that_hunts_is_none() {

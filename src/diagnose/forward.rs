@@ -175,6 +175,11 @@ impl Forward {
         Ok(sharp)
     }
 
+    /// The middle of the footage, s.
+    pub(super) fn middle_s(&self) -> f64 {
+        0.5 * (self.starts_s[0] + self.starts_s[self.starts_s.len() - 1])
+    }
+
     /// The shutter for `theta`, kept inside the time for which there are poses.
     pub(super) fn shutter(&self, at: usize, theta: &Theta) -> ShutterTiming {
         let k = &self.intrinsics;

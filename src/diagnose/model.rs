@@ -225,7 +225,7 @@ impl Theta {
                 let depth = c.hypot(s);
                 let wide = half.get(&P::FlickerC).map(|h| [(depth - h).max(0.0), depth + h]);
                 number("depth", depth, wide, "");
-                let turn = half.get(&P::FlickerC).map(|h| h / depth.max(1e-9));
+                let turn = half.get(&P::FlickerS).map(|h| h / depth.max(1e-9));
                 let phase = s.atan2(c);
                 // Frames whose lines are all exposed at once know the frequency up to multiples of their own rate only:
                 // an interval about one of these aliases would say more than is known.

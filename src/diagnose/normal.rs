@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fit::{Level, Target, bounded, hide, pooled, residual};
+use super::flicker::retuned;
 use super::flow::{Flow, displaced};
 use super::forward::Forward;
 use super::linear::solve;
@@ -76,7 +77,11 @@ pub(super) fn linearise(
     let mut columns = Vec::new();
     for &p in free {
         let step = step_of(forward, theta, p, stretch);
-        let changed = theta.with(p, theta.get(p) + step).with(P::Quality, 0.0);
+        let changed = match p {
+            P::FlickerF => retuned(theta, theta.get(p) + step, forward.middle_s()),
+            p => theta.with(p, theta.get(p) + step),
+        };
+        let changed = changed.with(P::Quality, 0.0);
         let column = match p {
             P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
             P::Offset | P::Readout => Column::Time,
