@@ -146,8 +146,7 @@ fn puts_in_place(search: &Search<'_>, found: &Found, closed: f64) -> bool {
 
 /// Whether a fit has run to the end of what a parameter may be: it wanted to be something else.
 fn ends_at_a_bound(found: &Found) -> bool {
-    let free = Search::free(&found.set);
-    free.into_iter().chain(found.more.iter().copied()).any(|p| {
+    found.free().into_iter().any(|p| {
         let value = found.fit.theta.get(p);
         // Light of a veil may well be black or white, and an effect may be none.
         p != P::Level && found.fit.theta.is_on(p) && p.spec().range.contains(&value)

@@ -36,7 +36,7 @@ impl Search<'_> {
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let mut free = Self::free(&found.set);
         free.extend(&more);
-        let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+        let target = self.target();
         let frames = &self.evidence.fit;
         let freed = super::fit::fit(self.forward, target, frames, &found.fit.theta, &free, FINE)?;
         let now = self.judge.scores(self.forward, &freed.theta)?;
@@ -56,7 +56,7 @@ impl Search<'_> {
         }
         let mut free = Self::free(&found.set);
         free.retain(|p| !p.is_time() && !p.is_remap());
-        let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+        let target = self.target();
         let fit =
             super::fit::fit(self.forward, target, &self.evidence.fit, &found.fit.theta, &free, FILTERS)?;
         found.fit.theta = fit.theta;
@@ -234,9 +234,7 @@ impl Search<'_> {
 
     /// Half widths of the parameters that change the mean.
     pub(super) fn mean_intervals(&mut self, found: &mut Found) -> Result<()> {
-        let mut free = Self::free(&found.set);
-        free.extend(&found.more);
-        let target = super::fit::Target { evidence: self.evidence, masks: Some(self.masks) };
+        let (free, target) = (found.free(), self.target());
         let last = last_of(&free);
         let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
         self.forward.native = false;

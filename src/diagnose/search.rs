@@ -65,6 +65,13 @@ pub(super) struct Found {
     pub late: Vec<&'static str>,
 }
 
+impl Found {
+    /// Continuous parameters that fits of the set free.
+    pub(super) fn free(&self) -> Vec<P> {
+        Search::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
+    }
+}
+
 /// All that a search works on.
 pub(super) struct Search<'a> {
     pub forward: &'a mut Forward,
@@ -101,7 +108,8 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    fn target(&self) -> Target<'a> {
+    /// What fits compare with.
+    pub(super) fn target(&self) -> Target<'a> {
         Target { evidence: self.evidence, masks: Some(self.masks) }
     }
 
@@ -122,6 +130,17 @@ impl<'a> Search<'a> {
         }
         let (target, frames) = (self.target(), self.fit_frames());
         fit(self.forward, target, frames, start, &free, schedule)
+    }
+
+    /// The last fit of a set, with what was freed besides.
+    pub(super) fn refit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+        let free = found.free();
+        if !free.is_empty() {
+            let (target, frames) = (self.target(), self.fit_frames());
+            let fit = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
+            found.fit.theta = fit.theta;
+        }
+        Ok(())
     }
 
     /// Robust cost on the frames that fits see.

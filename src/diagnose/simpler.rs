@@ -1,10 +1,10 @@
 //! Fewer causes for what several explain: a gain below 1 and a black level together are what glare alone is, and a white
 //! balance that may as well be none is none.
 
-use super::fit::{Fit, Target, fit};
+use super::fit::Fit;
 use super::judge::Scores;
 use super::model::{P, candidate_of};
-use super::search::{Found, Search, last_of};
+use super::search::{Found, Search};
 use super::support::{changes_colours, restored};
 use crate::error::Result;
 
@@ -29,18 +29,6 @@ impl Search<'_> {
             self.refit_to_the_end(found)?;
         }
         found.fit.half = known;
-        Ok(())
-    }
-
-    /// The last fit of what is left of a set.
-    pub(super) fn refit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
-        let mut free = Self::free(&found.set);
-        free.extend(&found.more);
-        if !free.is_empty() {
-            let target = Target { evidence: self.evidence, masks: Some(self.masks) };
-            let fit = fit(self.forward, target, &self.evidence.fit, &found.fit.theta, &free, last_of(&free))?;
-            found.fit.theta = fit.theta;
-        }
         Ok(())
     }
 

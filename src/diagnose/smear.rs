@@ -34,9 +34,12 @@ impl Search<'_> {
     pub(super) fn look_for_smear(&mut self, found: &mut Found) -> Result<()> {
         let frames = self.evidence.fit.clone();
         let asked = self.names.contains(&"motion_blur") && !found.set.contains(&"motion_blur");
+        if !asked {
+            return Ok(());
+        }
         let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
         let smeared = |s: [f64; 2]| s[0] > MOST_SMEAR && s[0] > SMEAR_ERRORS * s[1];
-        if !asked || !self.smear(&frames, &means, &found.fit.theta).is_some_and(smeared) {
+        if !self.smear(&frames, &means, &found.fit.theta).is_some_and(smeared) {
             return Ok(());
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
