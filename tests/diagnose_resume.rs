@@ -17,6 +17,19 @@ use shutterbug::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
 use shutterbug::error::Error;
 use shutterbug::gpu::Context;
 
+/// What takes long and has no part in this.
+const WITHOUT: [&str; 9] = [
+    "jpeg",
+    "glare",
+    "flicker",
+    "sharpening",
+    "defocus",
+    "chromatic_aberration",
+    "bayer_mosaic",
+    "chroma_subsampling",
+    "motion_blur",
+];
+
 /// Asks to stop at the step that it is told.
 #[derive(Default)]
 struct Stopping {
@@ -47,9 +60,7 @@ fn run(
         seed,
         journal: Some(out.join("progress.jsonl")),
         stop: Some(progress.stop.clone()),
-        without: ["jpeg", "glare", "flicker", "sharpening", "defocus", "chromatic_aberration"]
-            .map(String::from)
-            .to_vec(),
+        without: WITHOUT.map(String::from).to_vec(),
         ..DiagnoseOptions::default()
     };
     let done = diagnose(context, capture, &options, &mut progress).map(|diagnosis| {

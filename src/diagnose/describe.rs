@@ -8,7 +8,6 @@ use super::judge::{closed_fraction, unexplained};
 use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
 use super::search::{Alone, Found, Search};
-use super::smear::{MOST_SMEAR, SMEAR_ERRORS};
 use super::support::{damped, restored};
 use crate::capture::Capture;
 use crate::error::Result;
@@ -197,10 +196,9 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let (after, floor) = (found.after.mean(), found.after.floor());
     let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
     let closed = closed_fraction(found.before.mean(), after, floor);
-    let [lack, error] = left.smear.map(f64::abs);
     // Behind compression a colour is off by parts of a quantizer's step.
     let shaped = left.bias_dn > MOST_BIAS_DN.max(3.0 * found.sampling_dn)
-        || (lack > MOST_SMEAR && lack > SMEAR_ERRORS * error)
+        || left.smear.is_clear()
         || left.spread > MOST_SPREAD
         // Stuck pixels among bright ones are not found.
         || left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot)
@@ -218,8 +216,12 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
     // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
     let explained = small || (rest <= difference && (closed > 0.8 || whole <= SMALL * difference));
+    // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
+    let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur");
     if explained && !shaped {
         Verdict::Explained
+    } else if smeared {
+        Verdict::UnknownEffect
     } else if puts_in_place(search, found, closed) {
         Verdict::PartlyExplained
     } else if closed < CLOSED[1] || ((shaped || ends_at_a_bound(found)) && closed < 0.9) {

@@ -10,9 +10,11 @@ use super::report::LeftOut;
 /// Fewest frames that can be split into frames to fit and frames to judge.
 const FEWEST_FRAMES: usize = 4;
 /// Most frames that fits look at, and most that are held out: more add time and hardly any certainty.
-const MOST_FIT: usize = 6;
-/// See [`MOST_FIT`].
-const MOST_HELD_OUT: usize = 8;
+const MOST: [usize; 2] = [6, 8];
+/// The same of large pictures, which show so much more each.
+const MOST_LARGE: [usize; 2] = [4, 4];
+/// Px from which on a picture is large.
+const LARGE_PX: usize = 640 * 480 * 2;
 /// Share of pixels that repeat their neighbours to the left and above below which a frame counts as dithered. Noise of
 /// half a DN leaves about 2 %.
 const MOST_SOLID: f64 = 0.05;
@@ -97,7 +99,7 @@ impl Evidence {
         if !left_out.is_empty() {
             warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
         }
-        let (fit, held_out) = split(frames.len());
+        let (fit, held_out) = split(frames.len(), k.width as usize * k.height as usize);
         let dithered =
             frames.iter().map(|f| solid_share(&f.dn)).sum::<f64>() < MOST_SOLID * frames.len() as f64;
         Ok(Self { frames, fit, held_out, left_out, reach_s, dithered, warnings })
@@ -180,12 +182,13 @@ fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut V
     [before.clamp(0.0, 10.0), after.clamp(0.0, 10.0)]
 }
 
-/// Blocks of two frames, in turn to fit and held out; thinned evenly where there are many.
-fn split(count: usize) -> (Vec<usize>, Vec<usize>) {
+/// Blocks of two frames, in turn to fit and held out; thinned evenly where there are many. `px`: of a picture.
+fn split(count: usize, px: usize) -> (Vec<usize>, Vec<usize>) {
     // Blocks of one where two would leave fewer than two blocks on a side.
     let block = if count >= 4 * BLOCK { BLOCK } else { 1 };
     let (fit, held): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block) % 2 == 0);
-    (thin(fit, MOST_FIT, block), thin(held, MOST_HELD_OUT, block))
+    let most = if px >= LARGE_PX { MOST_LARGE } else { MOST };
+    (thin(fit, most[0], block), thin(held, most[1], block))
 }
 
 fn thin(places: Vec<usize>, most: usize, block: usize) -> Vec<usize> {
@@ -200,11 +203,12 @@ mod tests {
 
     #[test]
     fn a_split_shares_no_frame_and_keeps_both_sides() {
-        for count in 4..200 {
-            let (fit, held) = split(count);
+        for (count, px) in (4..200).flat_map(|n| [(n, 320 * 240), (n, 1280 * 960)]) {
+            let (fit, held) = split(count, px);
             assert!(fit.len() >= 2 && held.len() >= 2, "{count}: {fit:?} {held:?}");
-            assert!(fit.iter().all(|f| !held.contains(f)) && fit.len() <= MOST_FIT);
+            assert!(fit.iter().all(|f| !held.contains(f)) && fit.len() <= MOST[0]);
             assert!(fit.iter().chain(&held).all(|&f| f < count));
+            assert!(px < LARGE_PX || fit.len() + held.len() <= MOST_LARGE[0] + MOST_LARGE[1]);
         }
     }
 

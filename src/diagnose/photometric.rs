@@ -36,24 +36,16 @@ pub(super) fn develop(
         linear
     };
     let (w, h) = (linear.width, linear.height);
-    let corner = 0.25 * ((w * w + h * h) as f32);
-    let (a1, a2) = (theta.get(P::A1) as f32, theta.get(P::A2) as f32);
+    let shading = shading_of(theta, k, w, h);
     let flicker = flicker_of(theta, lines, w, h);
     let mosaic = theta.get(P::Mosaic) as usize;
     let mut dn = Plane::new(w, h, 3);
-    for y in 0..h {
-        let dy = y as f32 + 0.5 - k.cy as f32;
-        for x in 0..w {
-            let dx = x as f32 + 0.5 - k.cx as f32;
-            let q = (dx * dx + dy * dy) / corner;
-            let pass = (1.0 + q * (a1 + q * a2)).max(0.0);
-            let (from, to) = (linear.pixel(x, y), dn.pixel_mut(x, y));
-            let light = flicker.as_ref().map(|(by_line, rows)| by_line[if *rows { y } else { x }]);
+    for (y, row) in dn.data.chunks_exact_mut(3 * w).enumerate() {
+        for (x, (from, to)) in linear.row(y).chunks_exact(3).zip(row.chunks_exact_mut(3)).enumerate() {
+            let pass = shading.as_ref().map_or(1.0, |s| s[y * w + x]);
+            let light = flicker.as_ref().map_or(1.0, |(by_line, rows)| by_line[if *rows { y } else { x }]);
             for c in 0..3 {
-                let sensor = match light {
-                    None => tone.sensor(from[c], pass),
-                    Some(light) => tone.sensor_lit(from[c], pass, light),
-                };
+                let sensor = tone.sensor(from[c], pass, light);
                 to[c] = if mosaic > 0 { sensor } else { tone.encode(sensor, c) };
             }
         }
@@ -113,6 +105,21 @@ fn clipped_mean(mean: f32, sigma: f32) -> f32 {
     mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
+/// What vignetting lets through, by pixel; nothing where there is none.
+fn shading_of(theta: &Theta, k: &Intrinsics, w: usize, h: usize) -> Option<Vec<f32>> {
+    let (a1, a2) = (theta.get(P::A1) as f32, theta.get(P::A2) as f32);
+    if a1 == 0.0 && a2 == 0.0 {
+        return None;
+    }
+    let corner = 0.25 * ((w * w + h * h) as f32);
+    let of = |x: usize, y: usize| {
+        let (dx, dy) = (x as f32 + 0.5 - k.cx as f32, y as f32 + 0.5 - k.cy as f32);
+        let q = (dx * dx + dy * dy) / corner;
+        (1.0 + q * (a1 + q * a2)).max(0.0)
+    };
+    Some((0..h).flat_map(|y| (0..w).map(move |x| of(x, y))).collect())
+}
+
 fn flicker_of(theta: &Theta, lines: LineTimes, w: usize, h: usize) -> Option<(Vec<f32>, bool)> {
     let (c, s) = (theta.get(P::FlickerC), theta.get(P::FlickerS));
     if c == 0.0 && s == 0.0 {
@@ -142,15 +149,20 @@ pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
     kernel.iter_mut().for_each(|v| *v /= sum);
     let (w, h, n) = (plane.width, plane.height, plane.channels);
     let mut across = Plane::new(w, h, n);
-    for y in 0..h {
+    let mut wide = vec![0.0; (w + 2 * radius) * n];
+    for (y, target) in across.data.chunks_exact_mut(w * n).enumerate() {
         let row = plane.row(y);
-        for x in 0..w {
-            for c in 0..n {
-                let mut sum = kernel[0] * row[x * n + c];
-                for (i, k) in kernel.iter().enumerate().skip(1) {
-                    sum += k * (row[x.saturating_sub(i) * n + c] + row[(x + i).min(w - 1) * n + c]);
-                }
-                across.data[(y * w + x) * n + c] = sum;
+        for (x, to) in wide.chunks_exact_mut(n).enumerate() {
+            let x = x.saturating_sub(radius).min(w - 1);
+            to.copy_from_slice(&row[x * n..(x + 1) * n]);
+        }
+        for (v, s) in target.iter_mut().zip(row) {
+            *v = kernel[0] * s;
+        }
+        for (i, k) in kernel.iter().enumerate().skip(1) {
+            let (before, after) = (&wide[(radius - i) * n..], &wide[(radius + i) * n..]);
+            for ((v, a), b) in target.iter_mut().zip(before).zip(after) {
+                *v += k * (a + b);
             }
         }
     }

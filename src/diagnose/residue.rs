@@ -4,6 +4,7 @@
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::noise::{NoiseData, flat_map};
+use super::smear::Smear;
 use super::tone::Tone;
 use crate::plane::Plane;
 
@@ -26,8 +27,8 @@ pub(super) struct Residue {
     pub outliers: f64,
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
     pub likeness: f64,
-    /// Lack of slopes along the motion, and its standard error, see [`super::smear`].
-    pub smear: [f64; 2],
+    /// Slopes that are missing along the motion.
+    pub smear: Smear,
     /// Share of the gap that lies where it is closed altogether, see [`solved`].
     pub solved: f64,
     /// Share of what is out of place that is put in its place, see [`super::placed`].
@@ -109,7 +110,16 @@ pub(super) fn residue(
     let likeness = likeness[likeness.len() / 2];
     // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
     let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue { bias_dn, spread, structure, outliers: 0.0, likeness, smear: [0.0; 2], solved: 0.0, placed: 0.0 }
+    Residue {
+        bias_dn,
+        spread,
+        structure,
+        outliers: 0.0,
+        likeness,
+        smear: Smear::default(),
+        solved: 0.0,
+        placed: 0.0,
+    }
 }
 
 /// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among it.
@@ -203,6 +213,9 @@ fn correlation(a: &Plane<f32>, b: &Plane<f32>, mask: &Plane<f32>) -> f64 {
     sums[0] / (sums[1] * sums[2]).sqrt().max(1e-9)
 }
 
+/// Variance that says nothing, DN^2: quartiles of whole DN are off by up to half a DN to each side.
+const ROUNDING_DN2: f64 = 0.5;
+
 /// Slope of the sRGB curve, DN per unit.
 fn slope_dn(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
@@ -215,8 +228,7 @@ impl NoiseData {
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
         for [l, v, _] in self.unclipped() {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            // Quartiles of whole DN are off by up to half a DN to each side: less variance than that says nothing.
-            let least = 0.5 / slope_dn(l).powi(2);
+            let least = ROUNDING_DN2 / slope_dn(l).powi(2);
             sum += ((v + least) / (model + least)).ln().abs();
             level += v;
             count += 1.0;
@@ -228,7 +240,10 @@ impl NoiseData {
         // What the model has of these it has to a third or so.
         let beyond = |seen: f64, model: f64| ((seen - model).abs() - 0.3 * model).max(0.0);
         let row2 = beyond(self.row2, theta.get(P::Row).powi(2));
-        let fixed = self.fixed.iter().map(|&[l, v, _]| beyond(v, dsnu2 + prnu2 * l * l));
+        // Before a camera that hardly moves a value is rounded the same way in every frame.
+        let rounding2 = |l: f64| ROUNDING_DN2 / slope_dn(l).powi(2);
+        let fixed =
+            self.fixed.iter().map(|&[l, v, _]| (beyond(v, dsnu2 + prnu2 * l * l) - rounding2(l)).max(0.0));
         let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
         (sum / count, [(row2 / level).sqrt(), (fixed2 / level).sqrt()])
     }

@@ -23,9 +23,28 @@ const FEWEST: usize = 12;
 
 /// Size, and size in standard errors, beyond which it is no chance. On nine captures of another renderer, five of them explained, it is
 /// 0.0001 to 0.0042; a blur of half a pixel makes about 0.025.
-pub(super) const MOST_SMEAR: f64 = 0.015;
+const MOST_SMEAR: f64 = 0.015;
 /// See [`MOST_SMEAR`].
-pub(super) const SMEAR_ERRORS: f64 = 4.0;
+const SMEAR_ERRORS: f64 = 4.0;
+
+/// By how much less of the slopes there is along the motion than across it, as a factor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Smear {
+    lack: f64,
+    standard_error: f64,
+}
+
+impl Smear {
+    /// Slopes differ along the motion, one way or the other.
+    pub(super) fn is_clear(self) -> bool {
+        self.lack.abs() > MOST_SMEAR && self.lack.abs() > SMEAR_ERRORS * self.standard_error
+    }
+
+    /// The real picture lacks slopes along the motion: an exposure is missing or too short.
+    pub(super) fn is_missing(self) -> bool {
+        self.lack > 0.0 && self.is_clear()
+    }
+}
 
 impl Search<'_> {
     /// Tries an exposure where what the set leaves is smeared along the motion: beside a large gap that is too little to be
@@ -38,8 +57,7 @@ impl Search<'_> {
             return Ok(());
         }
         let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
-        let smeared = |s: [f64; 2]| s[0] > MOST_SMEAR && s[0] > SMEAR_ERRORS * s[1];
-        if !self.smear(&frames, &means, &found.fit.theta).is_some_and(smeared) {
+        if !self.smear(&frames, &means, &found.fit.theta).is_some_and(Smear::is_missing) {
             return Ok(());
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
@@ -101,7 +119,7 @@ impl Search<'_> {
     }
 
     /// See [`super::smear`].
-    pub(super) fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<[f64; 2]> {
+    pub(super) fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<Smear> {
         let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
         // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
         let moves = self.names.iter().any(|n| candidate_of(n).needs_motion);
@@ -112,15 +130,14 @@ impl Search<'_> {
 /// Sums of one block: real times simulated slope and square of the simulated slope, along the motion and across it.
 type Sums = [f64; 4];
 
-/// By how much less of the slopes there is along the motion than across it, as a factor, and the standard error of that.
-/// `velocity`: of the content, by frame, px/s; nothing where too little can be seen.
+/// See [`Smear`]; the error is the jackknife's over blocks. `velocity`: of the content, by frame, px/s; nothing where too little can be seen.
 pub(super) fn smear(
     evidence: &Evidence,
     frames: &[usize],
     means: &[Plane<f32>],
     masks: &[Plane<f32>],
     velocity: &[Plane<f32>],
-) -> Option<[f64; 2]> {
+) -> Option<Smear> {
     let mut speeds: Vec<f32> =
         velocity.iter().flat_map(|v| v.data.chunks_exact(2).step_by(5)).map(|v| v[0].hypot(v[1])).collect();
     let at = speeds.len() * 9 / 10;
@@ -139,7 +156,7 @@ pub(super) fn smear(
     let without: Vec<f64> = blocks.iter().map(|b| lack(&std::array::from_fn(|i| all[i] - b[i]))).collect();
     let mean = without.iter().sum::<f64>() / n;
     let variance = without.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
-    Some([lack(&all), variance.sqrt()])
+    Some(Smear { lack: lack(&all), standard_error: variance.sqrt() })
 }
 
 /// Sums of the blocks of one frame.
@@ -200,7 +217,7 @@ mod tests {
         })
     }
 
-    fn seen(real: Plane<f32>, velocity: [f32; 2]) -> [f64; 2] {
+    fn seen(real: Plane<f32>, velocity: [f32; 2]) -> Smear {
         let evidence = Evidence::of_one(real);
         let plain = picture([1, 1], 1);
         let mean = Plane::from_fn(160, 128, |x, y| {
@@ -213,13 +230,13 @@ mod tests {
 
     #[test]
     fn a_blur_along_the_motion_is_told_and_one_in_all_directions_is_not() {
-        let [lack, error] = seen(picture([3, 1], 7), [300.0, 0.0]);
-        assert!(lack > 0.1 && lack > 5.0 * error, "{lack} {error}");
-        let [across, error] = seen(picture([3, 1], 7), [0.0, 300.0]);
-        assert!(across < -0.1 && across < -5.0 * error, "the other way: {across} {error}");
+        let along = seen(picture([3, 1], 7), [300.0, 0.0]);
+        assert!(along.is_missing() && along.lack > 0.1, "{along:?}");
+        let across = seen(picture([3, 1], 7), [0.0, 300.0]);
+        assert!(across.is_clear() && !across.is_missing(), "the other way: {across:?}");
         for blur in [1, 2] {
-            let [none, error] = seen(picture([blur, blur], 7), [300.0, 0.0]);
-            assert!(none.abs() < 0.05, "control {blur}: {none} {error}");
+            let none = seen(picture([blur, blur], 7), [300.0, 0.0]);
+            assert!(!none.is_missing() && none.lack.abs() < 0.05, "control {blur}: {none:?}");
         }
     }
 }

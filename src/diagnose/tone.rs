@@ -65,8 +65,8 @@ impl Noise {
 
 /// Everything that happens to a value on its own.
 pub(super) struct Tone {
-    /// Encoded DN of linear values 0 to 1.
-    table: Vec<f32>,
+    /// Encoded DN of linear values 0 to 1, and one more entry to interpolate to.
+    table: Box<[f32; TABLE + 2]>,
     wb: [f32; 3],
     gain: f32,
     black: f32,
@@ -90,7 +90,7 @@ impl Tone {
             255.0 * if exponent == 1.0 { value } else { value.powf(exponent) }
         };
         let mut tone = Self {
-            table: (0..=TABLE + 1).map(encode).collect(),
+            table: Box::new(std::array::from_fn(encode)),
             wb: [theta.get(P::WbR) as f32, 1.0, theta.get(P::WbB) as f32],
             gain: theta.get(P::Gain) as f32,
             black: theta.get(P::Black) as f32,
@@ -117,21 +117,16 @@ impl Tone {
         tone
     }
 
-    /// Linear value on the sensor, behind the black level, of radiance `linear` of which the lens lets `pass` through.
-    pub(super) fn sensor(&self, linear: f32, pass: f32) -> f32 {
-        let seen = (1.0 - self.veil) * linear * pass + self.veil_level;
-        self.black + (1.0 - self.black) * self.gain * seen
-    }
-
-    /// The same of a value that flickers by `light` behind the glare.
-    pub(super) fn sensor_lit(&self, linear: f32, pass: f32, light: f32) -> f32 {
+    /// Linear value on the sensor, behind the black level, of radiance `linear` of which the lens lets `pass` through, and
+    /// which flickers by `light` behind the glare.
+    pub(super) fn sensor(&self, linear: f32, pass: f32, light: f32) -> f32 {
         let seen = ((1.0 - self.veil) * linear * pass + self.veil_level) * light;
         self.black + (1.0 - self.black) * self.gain * seen
     }
 
     fn plain(&self, sensor: f32, channel: usize) -> f32 {
         let at = (self.wb[channel] * sensor).clamp(0.0, 1.0) * TABLE as f32;
-        let i = at as usize;
+        let i = place(at).min(TABLE);
         let f = at - i as f32;
         self.table[i] * (1.0 - f) + self.table[i + 1] * f
     }
@@ -144,7 +139,7 @@ impl Tone {
             Some(tables) => {
                 let root = sensor.abs().sqrt().copysign(sensor);
                 let at = ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
-                let i = (at as usize).min(COARSE - 2);
+                let i = place(at).min(COARSE - 2);
                 let f = at - i as f32;
                 plain + tables[channel][i].0 * (1.0 - f) + tables[channel][i + 1].0 * f
             }
@@ -239,6 +234,12 @@ impl Tone {
             })
             .collect()
     }
+}
+
+/// The entry of a table at or before a place in it. By way of 32 bits: a float becomes 64 of them, unsigned, in ten times as
+/// many instructions, and this is done for every value of every picture.
+fn place(at: f32) -> usize {
+    at as i32 as usize
 }
 
 /// The sensor's value at a place of the tables of noise.
