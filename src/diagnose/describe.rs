@@ -155,7 +155,7 @@ fn ends_at_a_bound(found: &Found) -> bool {
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
 /// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
-    let closed = closed_fraction(found.before.mean(), found.after.mean(), found.after.floor());
+    let closed = closed(found);
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
     // What wanted to be something else has explained nothing, whatever places it happens to fit.
     let bent = ends_at_a_bound(found);
@@ -188,6 +188,17 @@ fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
     warnings
 }
 
+/// Share of the gap that is closed. A floor is forgiven some per cent, but not where the spread itself is seen to be another than
+/// the model's: the little that an effect may close beside that is no explanation.
+fn closed(found: &Found) -> f64 {
+    let (before, after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
+    if found.residue.spread > MOST_SPREAD && after < floor && after < before {
+        (1.0 - (floor - after) / (before - after)).clamp(0.0, 1.0)
+    } else {
+        closed_fraction(before, after, floor)
+    }
+}
+
 fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let left = &found.residue;
     if another_scene(found) {
@@ -195,7 +206,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     }
     let (after, floor) = (found.after.mean(), found.after.floor());
     let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
-    let closed = closed_fraction(found.before.mean(), after, floor);
+    let closed = closed(found);
     // Behind compression a colour is off by parts of a quantizer's step.
     let shaped = left.bias_dn > MOST_BIAS_DN.max(3.0 * found.sampling_dn)
         || left.smear.is_clear()
@@ -215,7 +226,9 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     }
     let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
     // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
-    let explained = small || (rest <= difference && (closed > 0.8 || whole <= SMALL * difference));
+    // Nor does what wanted to be something else explain more than it closes.
+    let forgiven = rest <= difference && !ends_at_a_bound(found);
+    let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
     let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur");
     if explained && !shaped {
