@@ -8,7 +8,7 @@ use super::judge::{closed_fraction, unexplained};
 use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
 use super::search::{Alone, Found, Search};
-use super::support::{damped, restored};
+use super::support::{LEAST_DIFFERENCE, damped, restored};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -218,7 +218,9 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let whole = found.before.mean() - found.before.floor();
     // No more than two renderers may differ by, and no set that closes most of it.
     let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn);
-    if nothing && !shaped && (found.set.is_empty() || closed < CLOSED[0]) {
+    // Nor is a set worth naming that gains less than any of its effects would have to.
+    let tiny = whole <= LEAST_DIFFERENCE * search.renderer_difference;
+    if nothing && !shaped && (found.set.is_empty() || closed < CLOSED[0] || tiny) {
         return Verdict::NoGap;
     }
     if found.set.is_empty() {
@@ -230,7 +232,9 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let forgiven = rest <= difference && !ends_at_a_bound(found);
     let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
-    let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur");
+    // Compression and shared chroma may take more of the slopes along one axis.
+    let packed = found.fit.theta.is_on(P::Quality);
+    let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur") && !packed;
     if explained && !shaped {
         Verdict::Explained
     } else if smeared {
@@ -292,7 +296,7 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     let with = search.judge.scores(search.forward, &found.fit.theta)?;
     let mut out = Vec::new();
     for (i, name) in set.iter().enumerate() {
-        let without = search.leave_out(set, i, &found.fit)?.1;
+        let without = search.leave_out(set, i, &found.fit.theta)?.1;
         let alone = found.alone.iter().find(|a| a.name == *name);
         let (gain, gain_ci95) = search.judge.gain(&without, &with);
         out.push(EffectFound {

@@ -11,7 +11,7 @@ use super::placed::placed;
 use super::residue::{outliers, residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, Search, is_discrete, last_of};
-use super::support::{LEAST_SHARE, is_a_filter, restored};
+use super::support::{LEAST_DIFFERENCE, LEAST_SHARE, is_a_filter};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -42,7 +42,8 @@ impl Search<'_> {
         let now = self.judge.scores(self.forward, &freed.theta)?;
         let (gain, [low, _]) = self.judge.gain(&was, &now);
         tracing::info!("with {more:?}: {:.3} to {:.3} DN", was.mean(), now.mean());
-        if low > 0.0 && gain > LEAST_SHARE * was.mean() && gain > 0.12 * self.renderer_difference {
+        if low > 0.0 && gain > LEAST_SHARE * was.mean() && gain > LEAST_DIFFERENCE * self.renderer_difference
+        {
             found.fit.theta = freed.theta;
             found.more = more;
         }
@@ -85,14 +86,7 @@ impl Search<'_> {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
             let mut weakest: Option<(usize, Theta, f64)> = None;
             for i in 0..found.set.len() {
-                let rest: Vec<_> = found.set.iter().copied().filter(|n| *n != found.set[i]).collect();
-                let mut start = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
-                if found.set[i] == "jpeg" {
-                    // What it leaves of the noise is all there is to a model without it.
-                    start = self.with_noise(&start)?;
-                }
-                let fit = self.refit(&rest, &start, FINE)?;
-                let scores = self.judge.scores(self.forward, &fit.theta)?;
+                let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
                 let worse = scores.mean();
                 let name = found.set[i];
                 let periodic = name != "flicker"

@@ -16,7 +16,7 @@ use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
 use super::residue::Residue;
 use super::starts::best_starts;
-use super::support::LEAST_SHARE;
+use super::support::{LEAST_SHARE, mixes_pixels};
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
@@ -191,7 +191,14 @@ impl<'a> Search<'a> {
         theta: &Theta,
     ) -> Result<Fit> {
         let key = format!("{} {set:?} {theta:?}", candidate.name);
-        let work = |search: &mut Self| search.add_anew(candidate, set, theta);
+        let work = |search: &mut Self| {
+            let mut fit = search.add_anew(candidate, set, theta)?;
+            // A compression that can be read from the frames is there from the start, and noise is seen through it.
+            if mixes_pixels(candidate.name) && candidate.name != "jpeg" {
+                fit.theta = search.with_noise(&fit.theta)?;
+            }
+            Ok(fit)
+        };
         Forward::tried(self, |search| search.forward, ("candidate", &key), work)
     }
 

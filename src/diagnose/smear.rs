@@ -10,7 +10,7 @@ use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::search::{Found, Search};
-use super::support::{damped, restored};
+use super::support::{LEAST_DIFFERENCE, damped, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -77,7 +77,7 @@ impl Search<'_> {
         }
         let Some((set, fit, now)) = best else { return Ok(()) };
         let (gain, [low, _]) = self.judge.gain(&was, &now);
-        if low > 0.0 && gain > damped(0.12 * self.renderer_difference, now.floor()) {
+        if low > 0.0 && gain > damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor()) {
             self.smeared = true;
             (found.set, found.fit) = (set, fit);
         }

@@ -8,6 +8,8 @@ use crate::error::Result;
 
 /// Least share of the gap that an effect must be worth.
 pub(super) const LEAST_SHARE: f64 = 0.01;
+/// Least part of what two correct renderers may differ by that an effect must be worth.
+pub(super) const LEAST_DIFFERENCE: f64 = 0.12;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
 /// How well a floor is known, as a part of it: less than that is not left.
@@ -24,7 +26,7 @@ impl Search<'_> {
         // Where noise is expected to make more than there is nothing is left.
         let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
         let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
-        let least = damped(colours_dn.max(0.12 * self.renderer_difference), better.floor());
+        let least = damped(colours_dn.max(LEAST_DIFFERENCE * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
@@ -63,7 +65,7 @@ impl Search<'_> {
                 if self.is_known(set[i]) {
                     continue;
                 }
-                let (fit, rest) = self.leave_out(set, i, current)?;
+                let (fit, rest) = self.pruned(set, i, &current.theta)?;
                 if !self.supports(set[i], gap, &rest, scores)
                     && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
                 {
@@ -78,16 +80,30 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The set without one effect, the others fitted anew.
+    /// The set without one effect, the others fitted anew, and the noise too where the effect changes how noise is seen: what
+    /// a compression has left of it is all there is to a model without one.
+    pub(super) fn pruned(&mut self, set: &[&'static str], i: usize, theta: &Theta) -> Result<(Fit, Scores)> {
+        let mut start = restored(theta, &self.base, candidate_of(set[i]));
+        if mixes_pixels(set[i]) {
+            start = self.with_noise(&start)?;
+        }
+        self.rest_of(set, i, &start)
+    }
+
+    /// The set without one effect, the others fitted anew, the noise as it is.
     pub(super) fn leave_out(
         &mut self,
         set: &[&'static str],
         i: usize,
-        current: &Fit,
+        theta: &Theta,
     ) -> Result<(Fit, Scores)> {
+        let start = restored(theta, &self.base, candidate_of(set[i]));
+        self.rest_of(set, i, &start)
+    }
+
+    fn rest_of(&mut self, set: &[&'static str], i: usize, start: &Theta) -> Result<(Fit, Scores)> {
         let rest: Vec<_> = set.iter().copied().filter(|n| *n != set[i]).collect();
-        let start = restored(&current.theta, &self.base, candidate_of(set[i]));
-        let fit = self.refit(&rest, &start, FINE)?;
+        let fit = self.refit(&rest, start, FINE)?;
         let scores = self.judge.scores(self.forward, &fit.theta)?;
         Ok((fit, scores))
     }
@@ -118,6 +134,12 @@ pub(super) fn is_a_filter(name: &str, theta: &Theta) -> bool {
 /// Whether a candidate changes values by what they are, wherever they are.
 pub(super) fn changes_colours(name: &str) -> bool {
     matches!(name, "exposure_gain" | "glare" | "black_level" | "white_balance" | "gamma")
+}
+
+/// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must be to
+/// make the spread that is seen.
+pub(super) fn mixes_pixels(name: &str) -> bool {
+    matches!(name, "bayer_mosaic" | "sharpening" | "chroma_subsampling" | "jpeg")
 }
 
 /// What a difference of pictures counts in the score beside noise that scores `floor`: less than its size, DN.
