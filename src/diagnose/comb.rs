@@ -2,6 +2,8 @@
 //! its quality, whatever the picture shows and however noisy it was before (Fan and de Queiroz 2003). Noise hides what
 //! compression does to a simulated picture, and compression removes noise that the simulation expects; this tells of neither.
 
+use std::collections::BTreeMap;
+
 use super::dct::{AREA, Dct, SIDE, steps};
 use super::evidence::Evidence;
 use super::fit::spread_out;
@@ -14,7 +16,7 @@ const ROUNDING: f32 = 0.4;
 const LEAST_STEP: f32 = 3.0;
 /// Share of the coefficients that lie anywhere (clipped colours that the decoder has bent).
 const ANYWHERE: f32 = 0.1;
-/// Least evidence for a quality, nats: in all, and a coefficient.
+/// Least evidence for a quality, nats: of all coefficients that differ, and of each.
 const LEAST_NATS: [f32; 2] = [50.0, 0.25];
 
 /// The quality of the compression that frames (places) have behind them; none if they have none of these.
@@ -24,8 +26,8 @@ pub(super) fn quality(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
         some.iter().flat_map(|&at| of_frame(&evidence.frames[at].dn)).collect();
     let mut best: Option<(f32, u8)> = None;
     for quality in 5..=97 {
-        let (sum, count) = evidence_for(&coefficients, &steps(quality, false));
-        let clear = sum > LEAST_NATS[0] && sum > LEAST_NATS[1] * count;
+        let Sums { all: sum, apart, places } = evidence_for(&coefficients, &steps(quality, false));
+        let clear = apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * places && sum > 0.0;
         if clear && best.is_none_or(|b| sum > b.0) {
             best = Some((sum, quality));
         }
@@ -50,21 +52,36 @@ fn of_frame(dn: &crate::plane::Plane<f32>) -> Vec<[f32; AREA]> {
     out
 }
 
-/// Logarithm of how much likelier coefficients are with these steps than without, and their number. Only those beyond the
-/// first half step count: smooth pictures have small coefficients without any compression.
-fn evidence_for(coefficients: &[[f32; AREA]], steps: &[f32; AREA]) -> (f32, f32) {
-    let (mut sum, mut count) = (0.0f64, 0.0);
+/// Evidence, nats.
+struct Sums {
+    /// Of all coefficients.
+    all: f32,
+    /// Of coefficients that differ: those of one frequency about the same multiple count once, by their mean.
+    apart: f32,
+    /// Number of these.
+    places: f32,
+}
+
+/// Logarithm of how much likelier coefficients are with these steps than without. Only those beyond the first half step count:
+/// smooth pictures have small coefficients without any compression. A wall of one colour is one witness, however many blocks
+/// it fills: three solid colours whose means lay near multiples of a coarse step were 9000 nats for a quality of 5.
+fn evidence_for(coefficients: &[[f32; AREA]], steps: &[f32; AREA]) -> Sums {
+    let mut by_place: BTreeMap<(usize, i32), (f64, f64)> = BTreeMap::new();
     for block in coefficients {
-        for (c, step) in block.iter().zip(steps) {
+        for (i, (c, step)) in block.iter().zip(steps).enumerate() {
             if *step >= LEAST_STEP && c.abs() > 0.5 * step {
-                let off = (c - step * (c / step).round()) / ROUNDING;
+                let multiple = (c / step).round();
+                let off = (c - step * multiple) / ROUNDING;
                 let at = (-0.5 * off * off).exp() * 0.398_942_3 / ROUNDING * step;
-                sum += f64::from(((1.0 - ANYWHERE) * at + ANYWHERE).ln());
-                count += 1.0;
+                let (sum, count) = by_place.entry((i, multiple as i32)).or_default();
+                *sum += f64::from(((1.0 - ANYWHERE) * at + ANYWHERE).ln());
+                *count += 1.0;
             }
         }
     }
-    (sum as f32, count)
+    let all: f64 = by_place.values().map(|p| p.0).sum();
+    let apart: f64 = by_place.values().map(|p| p.0 / p.1).sum();
+    Sums { all: all as f32, apart: apart as f32, places: by_place.len() as f32 }
 }
 
 #[cfg(test)]
@@ -99,5 +116,15 @@ mod tests {
                 assert_eq!(told(&packed), Some(quality), "noise of {sigma} DN");
             }
         }
+    }
+
+    #[test]
+    fn a_few_solid_colours_near_multiples_of_a_step_are_no_compression() {
+        // Sixteen times 160, 320 and -160, the multiples of the step of the mean at a quality of 5.
+        let dn = Plane::from_fn(160, 120, |x, y| [[148.0, 168.0, 108.0][(x / 64 + y / 48) % 3]; 3]);
+        let evidence = Evidence::of_one(dn.clone());
+        let all = of_frame(&evidence.frames[0].dn);
+        assert!(evidence_for(&all, &steps(5, false)).all > 500.0, "control: every block speaks for it");
+        assert_eq!(told(&dn), None);
     }
 }

@@ -7,6 +7,7 @@ use super::forward::Quality;
 use super::judge::{closed_fraction, unexplained};
 use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
+use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
 use super::search::{Alone, Found, Search};
 use super::support::{LEAST_DIFFERENCE, damped, restored};
 use crate::capture::Capture;
@@ -106,10 +107,6 @@ pub(super) fn without_time(name: &str) -> Candidate {
 /// Mean difference of flat places that is no rounding, DN: solid colours are rounded by up to half a DN each, which leaves
 /// 0.25 at most.
 const MOST_BIAS_DN: f64 = 0.45;
-/// Mean logarithm of observed over modelled variance that two models of the same kind may have.
-const MOST_SPREAD: f64 = 0.35;
-/// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
-const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
 /// Share of values far off in flat places, where correct renderers have none.
 const MOST_OUTLIERS: f64 = 1e-4;
 /// Share of the gap that must be closed for a set to explain it, and for its effects to be named beside a remainder.

@@ -26,6 +26,17 @@ const COLOURS: f64 = 1.0015;
 /// Stuck pixels that are named whatever they are worth.
 const FEWEST_STUCK: usize = 8;
 
+/// Whether rows or a fixed pattern stand out of the noise, on frames to fit as on held-out ones, `without` a kind of noise and
+/// not `with` it: what the score of single values hardly shows beside other noise.
+fn stands_out(name: &str, data: [&NoiseData; 2], [without, with]: [&Theta; 2]) -> bool {
+    let kind = match name {
+        "row_noise" => 0,
+        "fixed_pattern_noise" => 1,
+        _ => return false,
+    };
+    data.iter().all(|d| d.shows(without)[kind] && !d.shows(with)[kind])
+}
+
 impl Search<'_> {
     /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
     pub(super) fn free_more(&mut self, found: &mut Found) -> Result<()> {
@@ -145,7 +156,11 @@ impl Search<'_> {
                     "hot_pixels" if !names.contains(&"fixed_pattern_noise") => {
                         self.are_stuck(gap, &rest_scores, &scores)
                     }
-                    _ => self.noise_counts(gap, &rest_scores, &scores),
+                    name => {
+                        let stands_out = told && stands_out(name, [&data, &held_out], [&without, &theta]);
+                        let gains = stands_out && self.judge.gain(&rest_scores, &scores).1[0] > 0.0;
+                        gains || self.noise_counts(gap, &rest_scores, &scores)
+                    }
                 };
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",

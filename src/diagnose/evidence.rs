@@ -182,11 +182,13 @@ fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut V
     [before.clamp(0.0, 10.0), after.clamp(0.0, 10.0)]
 }
 
-/// Blocks of two frames, in turn to fit and held out; thinned evenly where there are many. `px`: of a picture.
+/// Blocks of two frames, to fit or held out by Thue and Morse's sequence, which never settles into a period: of a flicker that
+/// repeats every four frames blocks in turn would show the fit one half only. Thinned evenly where there are many. `px`: of a
+/// picture.
 fn split(count: usize, px: usize) -> (Vec<usize>, Vec<usize>) {
     // Blocks of one where two would leave fewer than two blocks on a side.
     let block = if count >= 4 * BLOCK { BLOCK } else { 1 };
-    let (fit, held): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block) % 2 == 0);
+    let (fit, held): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block).count_ones() % 2 == 0);
     let most = if px >= LARGE_PX { MOST_LARGE } else { MOST };
     (thin(fit, most[0], block), thin(held, most[1], block))
 }
@@ -210,6 +212,21 @@ mod tests {
             assert!(fit.iter().chain(&held).all(|&f| f < count));
             assert!(px < LARGE_PX || fit.len() + held.len() <= MOST_LARGE[0] + MOST_LARGE[1]);
         }
+    }
+
+    #[test]
+    fn what_repeats_every_few_frames_is_seen_whole_by_the_fit() {
+        for count in [12, 14, 16, 20] {
+            let (fit, _) = split(count, 320 * 240);
+            for period in 3..=6 {
+                let mut phases: Vec<usize> = fit.iter().map(|f| f % period).collect();
+                phases.sort_unstable();
+                phases.dedup();
+                assert!(phases.len() >= 3, "{count} frames, every {period}: {fit:?} see {phases:?} alone");
+            }
+        }
+        let in_turn = [0, 1, 4, 5, 8, 9].map(|f: usize| f % 4);
+        assert!(in_turn.iter().all(|p| *p < 2), "control: blocks in turn");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain, noise_kept};
+use super::tone::{Tone, noise_gain, noise_kept, row_gain};
 use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
@@ -129,6 +129,7 @@ impl NoiseData {
             (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
         };
         let apart = APART[usize::from(theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen))];
+        let rows_apart = if theta.is_on(P::Sharpen) { APART[1] } else { 1 };
         for y in 0..h {
             for x in apart..w.saturating_sub(apart) {
                 for c in 0..3 {
@@ -145,7 +146,7 @@ impl NoiseData {
             }
         }
         for f in 0..frames.len() {
-            values.add_rows(w, h, |i| error(f, i).map(|e| e.0));
+            values.add_rows([w, h], rows_apart, |i| error(f, i).map(|e| e.0));
         }
         values.reduce(&tone, theta, usize::from(apart == APART[1]))
     }
@@ -284,8 +285,8 @@ impl Values {
         }
     }
 
-    /// Means of rows, high-passed from row to row.
-    fn add_rows(&mut self, w: usize, h: usize, error: impl Fn(usize) -> Option<f32>) {
+    /// Means of rows, high-passed over rows so far apart.
+    fn add_rows(&mut self, [w, h]: [usize; 2], apart: usize, error: impl Fn(usize) -> Option<f32>) {
         let rows: Vec<Option<[f64; 2]>> = (0..h)
             .map(|y| {
                 let (mut sum, mut square, mut n) = (0.0, 0.0, 0.0);
@@ -299,8 +300,8 @@ impl Values {
                 (n > 60.0).then(|| [mean, (square / n - mean * mean) / n])
             })
             .collect();
-        for y in 1..h.saturating_sub(1) {
-            if let (Some(a), Some(b), Some(c)) = (rows[y - 1], rows[y], rows[y + 1]) {
+        for y in apart..h.saturating_sub(apart) {
+            if let (Some(a), Some(b), Some(c)) = (rows[y - apart], rows[y], rows[y + apart]) {
                 self.rows.push(b[0] - 0.5 * (a[0] + c[0]));
                 self.row_own[0] += b[1] + 0.25 * (a[1] + c[1]);
                 self.row_own[1] += 1.0;
@@ -351,7 +352,8 @@ impl Values {
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
             let own = self.row_own[0] / self.row_own[1];
-            data.row2 = ((robust_variance(&mut rows) - own) / HIGH_PASS).max(0.0);
+            let row2 = ((robust_variance(&mut rows) - own) / HIGH_PASS).max(0.0);
+            data.row2 = row2 / f64::from(row_gain(theta));
         }
         data
     }

@@ -221,9 +221,20 @@ fn slope_dn(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
 }
 
+/// Mean logarithm of observed over modelled variance that two models of the same kind may have.
+pub(super) const MOST_SPREAD: f64 = 0.35;
+/// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
+pub(super) const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
+
 impl NoiseData {
+    /// Whether rows, or a fixed pattern, stand out that the model does not have.
+    pub(super) fn shows(&self, theta: &Theta) -> [bool; 2] {
+        let structure = self.misfit(theta).1;
+        [0, 1].map(|i| structure[i] > MOST_STRUCTURE[i])
+    }
+
     /// See [`Residue::spread`] and [`Residue::structure`].
-    fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
+    pub(super) fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
         let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
         for [l, v, _] in self.unclipped() {

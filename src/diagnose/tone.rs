@@ -104,7 +104,8 @@ impl Tone {
         let noise = Noise::new(theta);
         if noise.any() {
             let gains = noise_gain(theta);
-            let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, gains[c]));
+            let row_gain = row_gain(theta);
+            let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, [gains[c], row_gain]));
             let by_dn = [0, 1, 2].map(|c| tone.spread_by_dn(&tables[c], c));
             if theta.is_on(P::Quality) {
                 let packing = Packing::of(theta.get(P::Quality) as u8);
@@ -185,7 +186,12 @@ impl Tone {
 
     /// What noise adds to the mean and how wide it spreads, by the sensor's value: the integral over a normal
     /// distribution, clipping and encoding included.
-    fn under_noise(&self, noise: &Noise, channel: usize, gain: f32) -> Vec<(f32, Variances)> {
+    fn under_noise(
+        &self,
+        noise: &Noise,
+        channel: usize,
+        [gain, row_gain]: [f32; 2],
+    ) -> Vec<(f32, Variances)> {
         let keep = 1.0 - self.black;
         let weights: Vec<f32> =
             (-POINTS..=POINTS).map(|i| (-0.5 * (STEP * i as f32).powi(2)).exp()).collect();
@@ -206,7 +212,7 @@ impl Tone {
                 let share = (square - mean * mean).max(0.0) / linear2.max(1e-12);
                 let spread = Variances {
                     free: gain * share * parts[0],
-                    row: share * parts[1],
+                    row: row_gain * share * parts[1],
                     fixed: gain * share * parts[2],
                 };
                 (mean - self.plain(sensor, channel), spread)
@@ -259,6 +265,28 @@ pub(super) fn noise_kept(theta: &Theta) -> f32 {
     }
 }
 
+/// Variance that the noise of rows keeps: it is white down the picture, where sharpening lifts it.
+pub(super) fn row_gain(theta: &Theta) -> f32 {
+    let amount = theta.get(P::Sharpen) as f32;
+    let [centre, square] = bell_of(theta);
+    if amount == 0.0 { 1.0 } else { lifted(amount, centre, square) }
+}
+
+/// What becomes of the variance of white noise v in v + amount (v - soft): `centre` is the weight of a value in its own soft
+/// one, `square` the sum of the squares of all weights.
+fn lifted(amount: f32, centre: f32, square: f32) -> f32 {
+    (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * centre + amount * amount * square
+}
+
+/// Weight of the middle, and sum of the squares of the weights, of the Gaussian that sharpening takes off, along one axis.
+fn bell_of(theta: &Theta) -> [f32; 2] {
+    let sigma = theta.get(P::Radius) as f32;
+    let radius = (4.0 * sigma + 0.5).floor().max(1.0) as i32;
+    let bell: Vec<f32> = (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
+    let sum: f32 = bell.iter().sum();
+    [1.0 / sum, bell.iter().map(|b| b * b).sum::<f32>() / (sum * sum)]
+}
+
 /// Variance that white noise keeps behind the steps that mix pixels: demosaicking averages it, sharpening lifts it.
 pub(super) fn noise_gain(theta: &Theta) -> [f32; 3] {
     let mut gain = [1.0f32; 3];
@@ -268,13 +296,8 @@ pub(super) fn noise_gain(theta: &Theta) -> [f32; 3] {
     }
     let amount = theta.get(P::Sharpen) as f32;
     if amount != 0.0 {
-        let sigma = theta.get(P::Radius) as f32;
-        let radius = (4.0 * sigma + 0.5).floor().max(1.0) as i32;
-        let bell: Vec<f32> = (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
-        let sum: f32 = bell.iter().sum();
-        let centre = (1.0 / sum).powi(2);
-        let square = (bell.iter().map(|b| b * b).sum::<f32>() / (sum * sum)).powi(2);
-        let lift = (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * centre + amount * amount * square;
+        let [centre, square] = bell_of(theta).map(|v| v * v);
+        let lift = lifted(amount, centre, square);
         gain = gain.map(|g| g * lift);
     }
     gain
