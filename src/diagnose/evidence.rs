@@ -196,7 +196,8 @@ fn split(count: usize, px: usize) -> (Vec<usize>, Vec<usize>) {
 fn thin(places: Vec<usize>, most: usize, block: usize) -> Vec<usize> {
     let blocks: Vec<_> = places.chunks(block).collect();
     let wanted = (most / block).min(blocks.len());
-    (0..wanted).flat_map(|i| blocks[i * blocks.len() / wanted].to_vec()).collect()
+    // The middle of each part: the first of each would pick blocks at equal distances where there are five.
+    (0..wanted).flat_map(|i| blocks[(2 * i + 1) * blocks.len() / (2 * wanted)].to_vec()).collect()
 }
 
 #[cfg(test)]
