@@ -36,6 +36,8 @@ pub enum Usage {
     StorageTexels,
     /// Vertex buffer.
     Vertex,
+    /// Vertex buffer whose words are texels too, as those of [`Self::StorageTexels`].
+    VertexTexels,
     /// Vertex buffer that kernels read or write.
     StorageVertex,
     /// Index buffer.
@@ -44,13 +46,13 @@ pub enum Usage {
     Transfer,
 }
 
-/// Bytes of a texel of [`Usage::Texels`] and [`Usage::StorageTexels`].
+/// Bytes of a texel of [`Usage::Texels`], [`Usage::StorageTexels`] and [`Usage::VertexTexels`].
 const TEXEL_BYTES: u64 = 16;
 
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    /// Of [`Usage::Texels`] and [`Usage::StorageTexels`]: all of it as texels; else null.
+    /// Of the usages with texels: all of it as texels; else null.
     pub(super) view: vk::BufferView,
     pub(super) bytes: u64,
     allocation: Option<Allocation>,
@@ -73,7 +75,8 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        let stored = matches!(usage, Usage::Storage | Usage::StorageTexels | Usage::StorageVertex);
+        let texels_too = matches!(usage, Usage::StorageTexels | Usage::VertexTexels);
+        let stored = texels_too || matches!(usage, Usage::Storage | Usage::StorageVertex);
         if stored && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
@@ -94,6 +97,12 @@ impl Buffer {
                 vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies
             }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Usage::VertexTexels => {
+                vk::BufferUsageFlags::VERTEX_BUFFER
+                    | vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
+            }
             Usage::StorageVertex => {
                 vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
             }
@@ -119,7 +128,7 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
-        if usage == Usage::Texels || (usage == Usage::StorageTexels && texels <= limit) {
+        if usage == Usage::Texels || (texels_too && texels <= limit) {
             buffer.view = buffer.make_view()?;
         }
         Ok(buffer)

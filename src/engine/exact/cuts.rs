@@ -7,15 +7,15 @@
 use super::super::Stage;
 use super::cut::{Limits, Views, cut, strength};
 use crate::error::Result;
-use crate::gpu::{BindGroup, Buffer};
-use crate::raster::{Geometry, Mesh, MotionGroups, Place};
+use crate::gpu::Buffer;
+use crate::raster::{Geometry, Mesh, MotionGroups, Place, PlaceInput};
 
 /// Spans that differ by less are the same frame's, s.
 const SAME_S: f64 = 1e-9;
 
 /// Triangles, bound to the knots of each frame in flight.
 pub(super) struct Placeable {
-    pub(super) groups: Vec<BindGroup>,
+    pub(super) groups: Vec<PlaceInput>,
     pub(super) geometry: Geometry,
 }
 

@@ -123,7 +123,7 @@ impl Exact {
         let place = Place::new(&stage.context, &stage.buffers)?;
         let knots = slots.iter().map(|_| {
             let bytes = groups.count() * MAX_KNOTS * size_of::<KnotRow>();
-            Buffer::new(&stage.context, "knots", bytes as u64, Usage::Storage, Location::Upload)
+            Buffer::new(&stage.context, "knots", bytes as u64, Usage::StorageTexels, Location::Upload)
         });
         let knots = knots.collect::<Result<Vec<_>>>()?;
         let mut exact = Self {
