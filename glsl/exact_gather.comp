@@ -5,18 +5,19 @@
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
+#include "rgb9e5.glsl"
 // What lists the tiles: 0 at rest, 1 one surface, 2 several.
 layout(constant_id = 0) const int WAY = 1;
 // There are pictures of the begin and the end of the exposure.
 layout(constant_id = 1) const bool UNCOVER = false;
-// RGB: linear radiance; its sampler counts in texels.
-layout(set = 0, binding = 0) uniform sampler2D texels;
-// The same image by texel. A: 1/m, inverse distance.
+// Linear radiance, as words of a texel and of the one to its right.
+layout(set = 0, binding = 0) uniform usampler2D texels;
+// 1/m, inverse distance.
 layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
-// RGB: linear radiance by pixel, at the begin and at the end of each line's exposure; the samplers count in pixels.
+// RGB: linear radiance by pixel, at the begin and at the end of each line's exposure; bilinear.
 layout(set = 0, binding = 8) uniform sampler2D early;
 layout(set = 0, binding = 9) uniform sampler2D late;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
@@ -31,6 +32,8 @@ layout(push_constant) uniform Push {
     // px rendered beyond each side, and all with them.
     vec2 margin_px;
     vec2 picture_px;
+    // Of the picture's sides.
+    vec2 share_per_px;
     // tau per line in scan order, as a vector over the picture: what a line later is seen later by.
     vec2 tau_per_px;
     // Most samples.
@@ -62,17 +65,24 @@ void note_beyond(vec2 at) {
     beyond = beyond || any(lessThan(at, vec2(0.0))) || any(greaterThan(at, push.picture_px));
 }
 
-ivec2 inside(vec2 at) {
-    return ivec2(clamp(at, vec2(0.0), push.picture_px - 1.0));
-}
-
+// Of the pixel there, or of the nearest in the picture. Pixels and texels are not fetched but sampled (nearest), because
+// lavapipe 22.3 looks up the level of each lane for a fetch.
 vec4 path_at(vec2 at) {
-    return texelFetch(paths, inside(at), 0);
+    return textureLod(paths, at * push.share_per_px, 0.0);
 }
 
 // Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    return textureLod(texels, at * push.grid, 0.0).rgb;
+    vec2 from = max(at * push.grid - 0.5, 0.0);
+    vec2 first = floor(from);
+    vec2 away = from - first;
+    vec2 per_texel = push.share_per_px / push.grid;
+    vec2 share = (first + 0.5) * per_texel;
+    uvec2 upper = textureLod(texels, share, 0.0).xy;
+    uvec2 lower = textureLod(texels, vec2(share.x, share.y + per_texel.y), 0.0).xy;
+    float across = away.x * away.y;
+    return rgb9e5_weighed(upper.x, 1.0 - away.x - away.y + across) + rgb9e5_weighed(upper.y, away.x - across) +
+           rgb9e5_weighed(lower.x, away.y - across) + rgb9e5_weighed(lower.y, across);
 }
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
@@ -135,7 +145,7 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             vec2 at = pixel - along(seeds[s], tau);
             at = pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - pixel;
-            float inverse = texelFetch(inverses, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
+            float inverse = textureLod(inverses, at * push.share_per_px, 0.0).r;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;
@@ -150,8 +160,8 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             // begin on.
             vec4 path = seeds[2];
             vec2 hidden = pixel - along(path, tau);
-            vec3 uncovered = tau < 0.0 ? textureLod(early, hidden + path.xy, 0.0).rgb
-                                       : textureLod(late, hidden + path.zw, 0.0).rgb;
+            vec3 uncovered = tau < 0.0 ? textureLod(early, (hidden + path.xy) * push.share_per_px, 0.0).rgb
+                                       : textureLod(late, (hidden + path.zw) * push.share_per_px, 0.0).rgb;
             seen = nearest < 0.0 ? 2.0 * uncovered : seen;
         }
         sum += seen;

@@ -229,6 +229,8 @@ pub enum Format {
     Rgba32f,
     /// Motion, px.
     Rg32f,
+    /// Two words.
+    Rg32ui,
     /// One float.
     R32f,
     /// Depth attachment.
@@ -245,6 +247,7 @@ impl Format {
             Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
             Self::Rg32f => vk::Format::R32G32_SFLOAT,
+            Self::Rg32ui => vk::Format::R32G32_UINT,
             Self::R32f => vk::Format::R32_SFLOAT,
             Self::Depth32f => vk::Format::D32_SFLOAT,
             Self::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
@@ -255,7 +258,7 @@ impl Format {
     /// Bytes a texel.
     pub fn texel_bytes(self) -> u64 {
         match self {
-            Self::Rgba16f | Self::Rg32f => 8,
+            Self::Rgba16f | Self::Rg32f | Self::Rg32ui => 8,
             Self::Rgba32f => 16,
             Self::R32f | Self::Depth32f | Self::Rgba8Srgb | Self::Rgba8 => 4,
         }
@@ -410,6 +413,11 @@ pub struct Sampler {
     context: Arc<Context>,
 }
 
+/// Largest level of detail of samplers. All images have one level, so it changes nothing but this: lavapipe 22.3 compiles
+/// code that looks up the level of every lane, a third of a bilinear reading, unless the sampler allows a level above 0.
+/// (`texelFetch` of an image always has that code, and a sampler in texels may not allow such a level.)
+const ONE_LEVEL: f32 = 1.0;
+
 impl Sampler {
     /// `linear`: bilinear and repeating in both directions; else nearest and clamped, for `texelFetch`.
     ///
@@ -425,7 +433,24 @@ impl Sampler {
             .min_filter(filter)
             .address_mode_u(mode)
             .address_mode_v(mode)
-            .address_mode_w(mode);
+            .address_mode_w(mode)
+            .max_lod(ONE_LEVEL);
+        Self::from_info(context, &info)
+    }
+
+    /// Bilinear between texels, with positions as shares of the image's sides, held at the outermost texels.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn in_shares(context: &Arc<Context>) -> Result<Self> {
+        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode)
+            .max_lod(ONE_LEVEL);
         Self::from_info(context, &info)
     }
 

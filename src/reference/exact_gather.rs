@@ -16,8 +16,10 @@ const SPREAD_PX: f32 = 0.14434;
 /// What the kernel is told.
 #[derive(Clone, Copy)]
 pub struct Inputs<'a> {
-    /// RGB: linear radiance of the supersampled picture. A: inverse distance, 1/m.
+    /// RGB: linear radiance of the supersampled picture. A: unused.
     pub texels: &'a Plane<f32>,
+    /// By pixel: inverse distance, 1/m.
+    pub inverses: &'a Plane<f32>,
     /// By pixel: px from the middle of the line's exposure to its begin and its end.
     pub paths: &'a Plane<f32>,
     /// Linear radiance by pixel at the begin and at the end of each line's exposure, where there is.
@@ -82,15 +84,20 @@ impl Gather<'_> {
         self.beyond |= at.cmplt(Vec2::ZERO).any() || at.cmpgt(self.picture_px()).any();
     }
 
+    /// The pixel there, or the nearest in the picture.
+    fn inside(&self, at: Vec2) -> [usize; 2] {
+        let at: IVec2 = at.as_ivec2().clamp(IVec2::ZERO, self.picture_px().as_ivec2() - 1);
+        [at.x as usize, at.y as usize]
+    }
+
     fn path_at(&self, at: Vec2) -> Vec4 {
-        let at: IVec2 = at.clamp(Vec2::ZERO, self.picture_px() - 1.0).as_ivec2();
-        Vec4::from_slice(self.inputs.paths.pixel(at.x as usize, at.y as usize))
+        let [x, y] = self.inside(at);
+        Vec4::from_slice(self.inputs.paths.pixel(x, y))
     }
 
     fn inverse_at(&self, at: Vec2) -> f32 {
-        let inside = at.clamp(Vec2::ZERO, self.picture_px() - 0.01);
-        let texel = (inside * self.inputs.grid as f32).as_ivec2();
-        self.inputs.texels.pixel(texel.x as usize, texel.y as usize)[3]
+        let [x, y] = self.inside(at);
+        self.inputs.inverses.pixel(x, y)[0]
     }
 
     fn radiance_at(&self, at: Vec2) -> Vec3 {

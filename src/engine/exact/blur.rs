@@ -34,18 +34,22 @@ struct PathsPush {
     line_count: u32,
     columns: u32,
     lens: LensPush,
+    share_per_row: [f32; 2],
     near_m: f32,
 }
-assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, columns, lens, near_m });
+assert_push_layout!(
+    "exact_paths_ms.comp",
+    PathsPush { size, line_count, columns, lens, share_per_row, near_m }
+);
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TilesPush {
     size: [u32; 2],
-    picture: [i32; 2],
-    grid: i32,
+    share_per_px: [f32; 2],
+    grid: f32,
 }
-assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
+assert_push_layout!("exact_tiles.comp", TilesPush { size, share_per_px, grid });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -64,6 +68,7 @@ struct GatherPush {
     size: [u32; 2],
     margin_px: [f32; 2],
     picture_px: [f32; 2],
+    share_per_px: [f32; 2],
     tau_per_px: [f32; 2],
     most: i32,
     grid: f32,
@@ -71,7 +76,7 @@ struct GatherPush {
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, grid, tiles_across }
+    GatherPush { size, margin_px, picture_px, share_per_px, tau_per_px, most, grid, tiles_across }
 );
 
 /// `WAY` of `exact_gather.comp`: how a tile is gathered.
@@ -102,6 +107,7 @@ struct Images {
     texels: Image,
     relatives: Image,
     paths: Image,
+    inverses: Image,
     tiles: [Image; 4],
     around: [Image; 2],
     /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
@@ -121,13 +127,14 @@ impl Images {
         };
         Ok(Self {
             lists: WAYS.iter().map(list).collect::<Result<_>>()?,
-            texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
+            texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rg32ui)?,
             relatives: image(
                 "relatives",
                 [TEXELS_A_GROUP * group_count as u32, picture[0].max(picture[1])],
                 Format::Rgba32f,
             )?,
             paths: image("paths", picture, Format::Rgba16f)?,
+            inverses: image("inverses", picture, Format::R32f)?,
             tiles: [
                 path("tile_near")?,
                 path("tile_far")?,
@@ -151,7 +158,12 @@ impl Blur {
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
         let images = Images::new(stage, size, group_count)?;
-        let all = target.attachments.images().chain([&images.texels, &images.relatives, &images.paths]);
+        let all = target.attachments.images().chain([
+            &images.texels,
+            &images.relatives,
+            &images.paths,
+            &images.inverses,
+        ]);
         prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
@@ -164,7 +176,7 @@ impl Blur {
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
         ];
-        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
+        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_shares(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
         let uncover = uncovers.then(|| Uncover::new(stage, slots, size, &inputs)).transpose()?;
@@ -212,8 +224,8 @@ impl Blur {
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
         recorder.dispatch(&self.paths[lens.index()], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push =
-            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
+        let share_per_px = picture.map(|s| 1.0 / s as f32);
+        let push = TilesPush { size: tiles, share_per_px, grid: stage.plan.grid as f32 };
         recorder.dispatch(&self.kernels[0], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
@@ -245,6 +257,7 @@ impl Blur {
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
             lens: LensPush::NONE,
+            share_per_row: self.images.relatives.spec().size.map(|s| 1.0 / s as f32),
         }
     }
 
@@ -255,6 +268,7 @@ impl Blur {
             size: [camera.width, camera.height],
             margin_px: self.margin_px.map(|m| m as f32),
             picture_px: self.target.size.map(|s| s as f32),
+            share_per_px: self.target.size.map(|s| 1.0 / s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
             most: MOST_SAMPLES,
             grid: self.target.plan.grid as f32,
@@ -279,11 +293,13 @@ fn bind(
             ("depth_samples", fetched(target.attachments.depth())),
             ("texels", Bound::Storage(&images.texels)),
             ("paths", Bound::Storage(&images.paths)),
+            ("inverses", Bound::Storage(&images.inverses)),
             ("relatives", fetched(&images.relatives)),
         ])?,
         kernels[0].bind(&[
             ("texels", fetched(&images.texels)),
             ("paths", fetched(&images.paths)),
+            ("inverses", fetched(&images.inverses)),
             ("tile_near", Bound::Storage(near)),
             ("tile_far", Bound::Storage(far)),
             ("tile_facts", Bound::Storage(facts)),
@@ -313,10 +329,10 @@ fn bind_gather(
     let fetched = |image| Bound::Sampled(image, sampler);
     let [around_near, around_far] = &images.around;
     // A kernel that is compiled without them reads neither.
-    let [early, late] = [0, 1].map(|i| uncover.map_or(&images.texels, |u| u.picture(i)));
+    let [early, late] = [0, 1].map(|i| uncover.map_or(&images.paths, |u| u.picture(i)));
     kernel.bind(&[
-        ("texels", Bound::Sampled(&images.texels, linear)),
-        ("inverses", fetched(&images.texels)),
+        ("texels", fetched(&images.texels)),
+        ("inverses", fetched(&images.inverses)),
         ("paths", fetched(&images.paths)),
         ("around_near", fetched(around_near)),
         ("around_far", fetched(around_far)),
