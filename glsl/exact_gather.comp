@@ -22,11 +22,9 @@ layout(set = 0, binding = 8) uniform sampler2D early;
 layout(set = 0, binding = 9) uniform sampler2D late;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
-layout(set = 0, binding = 7, std430) readonly buffer Tiles {
-    uvec3 groups;
-    uint count;
-    uint tiles[];
-} listed;
+// Four words a texel: the size of the dispatch and the number of tiles, then the tiles. Not a storage buffer, which a software
+// device reads lane by lane.
+layout(set = 0, binding = 7) uniform usamplerBuffer listed;
 layout(push_constant) uniform Push {
     uvec2 size;
     // px rendered beyond each side, and all with them.
@@ -48,6 +46,13 @@ const float HIT_PX = 0.75;
 // a variance of 1/12 px^2 an axis. A texel is a box itself, 1/48, and reading it bilinearly at any phase adds 1/24: the
 // samples may add 1/48, the square of this. Quarters, which would be right without these two, lose 1 to 2 dB.
 const float SPREAD_PX = 0.14434;
+
+// A px of a path has a sample; of what is longer than this, px, every second one has.
+const float DENSE_PX = 6.0;
+
+float samples_of(float length_px) {
+    return min(length_px, 0.5 * (length_px + DENSE_PX));
+}
 
 // A pixel that is one texel is not spread.
 float spread_px() {
@@ -114,7 +119,7 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
     vec2 ahead = spread_px() - side;
     vec2 even = side + ahead, odd = side - ahead;
-    int pairs = clamp(int(ceil(0.5 * (length(begin) + length(end)))), 1, push.most / 2);
+    int pairs = clamp(int(ceil(0.5 * samples_of(length(begin) + length(end)))), 1, push.most / 2);
     // The middles of n equal steps vary by less than what they stand for, by a factor of 1 - 1/n^2: they are moved apart
     // until they vary as much. Two are then Gauss's, and the mean over a parabola is exact. Not four: there it would cost
     // textures finer than 3 px half a decibel and gain edges a fifth.
@@ -135,7 +140,7 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
 
 // Several surfaces: at every instant, the nearest place whose path leads here, and what is on both sides of it.
 vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
-    int count = 2 * clamp(int(ceil(0.5 * length_px)), 2, push.most / 2);
+    int count = 2 * clamp(int(ceil(0.5 * samples_of(length_px))), 2, push.most / 2);
     vec3 sum = vec3(0.0);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
@@ -187,8 +192,10 @@ vec4 gather(vec2 pixel, ivec2 tile) {
 }
 
 void main() {
-    for (uint i = gl_WorkGroupID.x; i < listed.count; i += gl_NumWorkGroups.x) {
-        ivec2 tile = ivec2(listed.tiles[i] % push.tiles_across, listed.tiles[i] / push.tiles_across);
+    uint count = texelFetch(listed, 0).w;
+    for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
+        uint number = texelFetch(listed, 1 + int(i >> 2))[i & 3u];
+        ivec2 tile = ivec2(number % push.tiles_across, number / push.tiles_across);
         ivec2 place = tile * EXACT_TILE + ivec2(gl_LocalInvocationID.xy) - ivec2(push.margin_px);
         if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, ivec2(push.size)))) {
             continue;

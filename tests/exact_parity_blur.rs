@@ -305,7 +305,8 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
             (0_u32..).zip(inputs.around).filter(|(_, a)| a.way == Some(way)).map(|(i, _)| i).collect();
         let mut words = vec![0, 0, 0, listed.len() as u32];
         words.extend(listed.iter().rev());
-        let list = bench.filled(Usage::Storage, &words);
+        words.resize(words.len().next_multiple_of(4), 0);
+        let list = bench.filled(Usage::StorageTexels, &words);
         let resources = [
             ("texels", Bound::Sampled(&texels, &sampler)),
             ("inverses", Bound::Sampled(&inverses, &sampler)),

@@ -31,7 +31,7 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
-    /// Storage buffer whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
+    /// [`Self::Storage`] whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
     /// fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
     StorageTexels,
     /// Vertex buffer.
@@ -94,7 +94,10 @@ impl Buffer {
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
             Usage::StorageTexels => {
-                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies
+                vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
             }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
             Usage::VertexTexels => {

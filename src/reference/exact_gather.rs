@@ -13,6 +13,13 @@ const HIT_PX: f32 = 0.75;
 /// Half the distance of two bilinear samples that stand for a pixel's width, px; the kernel says why.
 const SPREAD_PX: f32 = 0.14434;
 
+/// A px of a path has a sample; of what is longer than this, px, every second one has.
+const DENSE_PX: f32 = 6.0;
+
+fn samples_of(length_px: f32) -> f32 {
+    length_px.min(0.5 * (length_px + DENSE_PX))
+}
+
 /// What the kernel is told.
 #[derive(Clone, Copy)]
 pub struct Inputs<'a> {
@@ -136,7 +143,7 @@ impl Gather<'_> {
         let side = self.spread_px() * if way.x > way.y { Vec2::Y } else { Vec2::X };
         let ahead = Vec2::splat(self.spread_px()) - side;
         let (even, odd) = (side + ahead, side - ahead);
-        let wanted = (0.5 * (begin.length() + end.length())).ceil() as i32;
+        let wanted = (0.5 * samples_of(begin.length() + end.length())).ceil() as i32;
         let pairs = wanted.clamp(1, self.inputs.most / 2);
         let count = 2.0 * pairs as f32;
         let apart = if pairs == 2 { 1.0 } else { 1.0 / (1.0 - 1.0 / (count * count)).sqrt() };
@@ -159,7 +166,7 @@ impl Gather<'_> {
         let seeds = [self.path_at(self.pixel), tile.near, tile.far];
         let length = |s: Vec4| s.truncate().truncate().length() + Vec2::new(s.z, s.w).length();
         let longest = seeds.map(length).into_iter().fold(0.0, f32::max);
-        let count = 2 * ((0.5 * longest).ceil() as i32).clamp(2, self.inputs.most / 2);
+        let count = 2 * ((0.5 * samples_of(longest)).ceil() as i32).clamp(2, self.inputs.most / 2);
         let mut sum = Vec3::ZERO;
         for i in 0..count {
             let tau = (i as f32 + 0.5) / count as f32 - 0.5;

@@ -11,7 +11,7 @@ use super::Input;
 use super::uncover::Uncover;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Sampler, Usage,
 };
@@ -121,9 +121,20 @@ impl Images {
         };
         let tiles = picture.map(|s| s.div_ceil(TILE));
         let path = |name: &str| image(name, tiles, Format::Rgba16f);
-        let list_bytes = u64::from(4 + tiles[0] * tiles[1]) * size_of::<u32>() as u64;
+        // Whole texels of four words.
+        let list_bytes = u64::from(4 + tiles[0] * tiles[1]).next_multiple_of(4) * size_of::<u32>() as u64;
+        let most = stage.context.info().max_texels;
+        if list_bytes / 16 > most {
+            let why = format!("maxTexelBufferElements of {}", stage.context.info().name);
+            return Err(Error::Limit {
+                what: "tiles of a picture",
+                value: list_bytes / 4,
+                limit: 4 * most,
+                why,
+            });
+        }
         let list = |(_, name): &(u32, &str)| {
-            Buffer::new(&stage.context, name, list_bytes, Usage::Storage, Location::Device)
+            Buffer::new(&stage.context, name, list_bytes, Usage::StorageTexels, Location::Device)
         };
         Ok(Self {
             lists: WAYS.iter().map(list).collect::<Result<_>>()?,

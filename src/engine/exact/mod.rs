@@ -47,7 +47,8 @@ const MOST_KNOWN: usize = 4096;
 /// How the method renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactOptions {
-    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px. Triangles are cut for it.
+    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px; twice that where blur hides it.
+    /// Triangles are cut for it.
     pub chord_px: f64,
     /// Most triangles that cutting may make (the distance above is doubled until they suffice).
     pub most_triangles: u32,
@@ -178,9 +179,10 @@ impl Exact {
         (self.still, self.blur) = (None, None);
     }
 
-    fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
+    fn needs_cut(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
         let bends = readout_s(request) > 0.0 || stage.lens.is_some();
-        bends && self.cuts.of(span(request), lines(request)).is_none()
+        let seen = (span(request), self.reach(stage, request).hides_chords());
+        bends && self.cuts.of(seen, lines(request)).is_none()
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -214,10 +216,11 @@ impl Exact {
         if !self.needs_cut(stage, request) {
             return Ok(());
         }
+        let seen = (span(request), self.reach(stage, request).hides_chords());
         let limits = Limits { chord_px: self.options.chord_px, most: self.options.most_triangles as usize };
         let (place, knots, mesh, groups) = (&self.place, &self.knots[..], &self.mesh, &self.groups);
         let source = Source { place, knots, mesh, groups, limits };
-        self.cuts.make(stage, &source, span(request), lines(request))
+        self.cuts.make(stage, &source, seen, lines(request))
     }
 
     fn make_images(
@@ -275,7 +278,8 @@ impl Exact {
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let bent = push.knot_count > 1 || stage.lens.is_some();
-        let cut = bent.then(|| self.cuts.of(span(request), lines(request))).flatten();
+        let seen = (span(request), reach.hides_chords());
+        let cut = bent.then(|| self.cuts.of(seen, lines(request))).flatten();
         let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {

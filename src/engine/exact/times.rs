@@ -12,6 +12,8 @@ use crate::raster::{LensPush, PlacePush, View, spaced};
 const LINES_BEYOND: f64 = 0.25;
 /// Px beyond the reach of the blur: bilinear reading, and paths between the instants at which reach was measured.
 const MARGIN_GUARD_PX: f64 = 2.0;
+/// Where something moves this far from the middle of its exposure, chords may be coarser.
+const HIDING_PX: f64 = 2.0;
 /// Where less moves than this, blur cannot be seen, px.
 const UNSEEN_PX: f64 = 1e-3;
 
@@ -48,6 +50,13 @@ pub(super) fn exposures(
         vec![shutter.middle_s()]
     };
     middles.into_iter().map(|m| [inside(m - half_s), inside(m), inside(m + half_s)]).collect()
+}
+
+impl BlurReach {
+    /// Whether blur hides what straight edges between vertices are off by.
+    pub(super) fn hides_chords(&self) -> bool {
+        self.reach_px > HIDING_PX
+    }
 }
 
 /// From exposures at the begin, the middle and the end of the readout.
