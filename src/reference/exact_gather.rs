@@ -168,9 +168,12 @@ impl Gather<'_> {
         let longest = seeds.map(length).into_iter().fold(0.0, f32::max);
         let count = 2 * ((0.5 * samples_of(longest)).ceil() as i32).clamp(2, self.inputs.most / 2);
         let mut sum = Vec3::ZERO;
+        // The pixel's own path stands for that of the two which it is nearer to.
+        let [to_near, to_far] = [1, 2].map(|i| (seeds[i] - seeds[0]).length_squared());
+        let candidates = [seeds[0], if to_near > to_far { seeds[1] } else { seeds[2] }];
         for i in 0..count {
             let tau = (i as f32 + 0.5) / count as f32 - 0.5;
-            let found = self.visible(&seeds, tau);
+            let found = self.visible(&candidates, tau);
             let at = found.unwrap_or(self.pixel - along(seeds[1], tau));
             self.note_beyond(at);
             let aside = self.spread_px() * Vec2::new(if i % 2 == 0 { -1.0 } else { 1.0 }, 1.0);
@@ -192,11 +195,11 @@ impl Gather<'_> {
         sample_bilinear(picture, hidden + way, &mut false).truncate()
     }
 
-    /// The nearest of the seeds' places whose path leads here.
-    fn visible(&self, seeds: &[Vec4; 3], tau: f32) -> Option<Vec2> {
+    /// The nearest of the candidates' places whose path leads here.
+    fn visible(&self, candidates: &[Vec4; 2], tau: f32) -> Option<Vec2> {
         let (mut nearest, mut found) = (-1.0, None);
-        for &seed in seeds {
-            let mut at = self.pixel - along(seed, tau);
+        for &candidate in candidates {
+            let mut at = self.pixel - along(candidate, tau);
             at = self.pixel - along(self.path_at(at), self.own_tau(at, tau));
             let off = at + along(self.path_at(at), self.own_tau(at, tau)) - self.pixel;
             let inverse = self.inverse_at(at);
