@@ -116,7 +116,7 @@ pub struct FastGather {
     /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
     listed: Buffer,
     sampler: Sampler,
-    /// Linear, in texels.
+    /// Linear, in shares of the picture.
     between: Sampler,
     kind: FastKind,
     /// Stands where matrices would.
@@ -182,7 +182,7 @@ impl FastGather {
             kind,
             unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Uniform, Location::Device)?,
             sampler: Sampler::new(context, false)?,
-            between: Sampler::in_texels(context)?,
+            between: Sampler::in_shares(context)?,
             size,
         })
     }
