@@ -10,6 +10,10 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const int WAY = 1;
 // There are pictures of the begin and the end of the exposure.
 layout(constant_id = 1) const bool UNCOVER = false;
+// Texels of a pixel's side.
+layout(constant_id = 2) const int GRID = 2;
+// Behind a function, because the build's reflection does not evaluate comparisons of constants.
+int grid() { return GRID; }
 // Linear radiance, as words of a texel and of the one to its right.
 layout(set = 0, binding = 0) uniform usampler2D texels;
 // 1/m, inverse distance.
@@ -34,9 +38,11 @@ layout(push_constant) uniform Push {
     vec2 share_per_px;
     // tau per line in scan order, as a vector over the picture: what a line later is seen later by.
     vec2 tau_per_px;
+    // Where `early` and `late` were drawn, as far as they can be read between pixels.
+    vec2 drawn_from_px;
+    vec2 drawn_to_px;
     // Most samples.
     int most;
-    float grid;
     uint tiles_across;
 } push;
 
@@ -56,7 +62,7 @@ float samples_of(float length_px) {
 
 // A pixel that is one texel is not spread.
 float spread_px() {
-    return push.grid > 1.5 ? SPREAD_PX : 0.0;
+    return grid() == 1 ? 0.0 : SPREAD_PX;
 }
 
 // Displacement at tau: the parabola through the three known points.
@@ -78,10 +84,10 @@ vec4 path_at(vec2 at) {
 
 // Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    vec2 from = max(at * push.grid - 0.5, 0.0);
+    vec2 from = max(at * float(grid()) - 0.5, 0.0);
     vec2 first = floor(from);
     vec2 away = from - first;
-    vec2 per_texel = push.share_per_px / push.grid;
+    vec2 per_texel = push.share_per_px / float(grid());
     vec2 share = (first + 0.5) * per_texel;
     uvec2 upper = textureLod(texels, share, 0.0).xy;
     uvec2 lower = textureLod(texels, vec2(share.x, share.y + per_texel.y), 0.0).xy;
@@ -92,16 +98,20 @@ vec3 radiance_at(vec2 at) {
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
 vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
+    // One step: a second one brings less than 0.1 dB, where paths vary as smoothly as here.
     vec2 at = pixel - along(path, tau);
-    for (int i = 0; i < 2; ++i) {
-        at = pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
-    }
-    return at;
+    return pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
 }
 
 // Mean of the pixel's box around its centre: samples at the centres of texels.
 vec3 box_at(vec2 at) {
-    float q = push.grid > 1.5 ? 0.25 : 0.0;
+    if (grid() == 2) {
+        uvec2 upper = textureLod(texels, (at - 0.25) * push.share_per_px, 0.0).xy;
+        uvec2 lower = textureLod(texels, (at + vec2(-0.25, 0.25)) * push.share_per_px, 0.0).xy;
+        return rgb9e5_weighed(upper.x, 0.25) + rgb9e5_weighed(upper.y, 0.25) + rgb9e5_weighed(lower.x, 0.25) +
+               rgb9e5_weighed(lower.y, 0.25);
+    }
+    float q = grid() == 1 ? 0.0 : 0.25;
     return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
                    radiance_at(at + vec2(q, q)));
 }
@@ -168,10 +178,11 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             // What is hidden at the middle and not now is what lies farthest, and is in view until the end, or from the
             // begin on.
             vec4 path = seeds[2];
-            vec2 hidden = pixel - along(path, tau);
-            vec3 uncovered = tau < 0.0 ? textureLod(early, (hidden + path.xy) * push.share_per_px, 0.0).rgb
-                                       : textureLod(late, (hidden + path.zw) * push.share_per_px, 0.0).rgb;
-            seen = nearest < 0.0 ? 2.0 * uncovered : seen;
+            vec2 place = pixel - along(path, tau) + (tau < 0.0 ? path.xy : path.zw);
+            bool drawn = all(greaterThanEqual(place, push.drawn_from_px)) && all(lessThanEqual(place, push.drawn_to_px));
+            vec3 uncovered = tau < 0.0 ? textureLod(early, place * push.share_per_px, 0.0).rgb
+                                       : textureLod(late, place * push.share_per_px, 0.0).rgb;
+            seen = nearest < 0.0 && drawn ? 2.0 * uncovered : seen;
         }
         sum += seen;
     }

@@ -264,13 +264,24 @@ struct GatherPush {
     picture_px: [f32; 2],
     share_per_px: [f32; 2],
     tau_per_px: [f32; 2],
+    drawn_from_px: [f32; 2],
+    drawn_to_px: [f32; 2],
     most: i32,
-    grid: f32,
     tiles_across: u32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, share_per_px, tau_per_px, most, grid, tiles_across }
+    GatherPush {
+        size,
+        margin_px,
+        picture_px,
+        share_per_px,
+        tau_per_px,
+        drawn_from_px,
+        drawn_to_px,
+        most,
+        tiles_across
+    }
 );
 
 fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32> {
@@ -296,8 +307,9 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
         picture_px: picture.map(|s| s as f32),
         share_per_px: picture.map(|s| 1.0 / s as f32),
         tau_per_px: inputs.tau_per_px.to_array(),
+        drawn_from_px: inputs.drawn_px[0].to_array(),
+        drawn_to_px: inputs.drawn_px[1].to_array(),
         most: inputs.most,
-        grid: inputs.grid as f32,
         tiles_across: tiles[0] as u32,
     };
     for way in [Way::Resting, Way::Smooth, Way::Layered] {
@@ -320,7 +332,7 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
         ];
         // Fewer workgroups than tiles: each takes several.
         let groups = (listed.len() as u32).div_ceil(3).max(1);
-        let constants = [way as u32, inputs.uncovered.is_some().into()];
+        let constants = [way as u32, inputs.uncovered.is_some().into(), inputs.grid as u32];
         bench.run(const { kernel("exact_gather.comp") }, &constants, &resources, &push, [8 * groups, 8]);
     }
     bench.read(&radiance).remove(0)
@@ -355,11 +367,14 @@ fn exact_gather_is_its_twin() {
                 let (early, late) = (other(20.0), other(30.0));
                 let uncovered = (tau_per_px != Vec2::ZERO).then_some([&early, &late]);
                 let around = &around[..];
+                // Not at the borders.
+                let drawn_px = [Vec2::new(3.5, 1.5), Vec2::new(size[0] as f32 - 6.5, size[1] as f32 - 0.5)];
                 let inputs = exact_gather::Inputs {
                     texels,
                     inverses,
                     paths,
                     uncovered,
+                    drawn_px,
                     around,
                     margin_px,
                     tau_per_px,

@@ -31,6 +31,8 @@ pub struct Inputs<'a> {
     pub paths: &'a Plane<f32>,
     /// Linear radiance by pixel at the begin and at the end of each line's exposure, where there is.
     pub uncovered: Option<[&'a Plane<f32>; 2]>,
+    /// From where to where these were drawn, as far as they can be read between pixels, px.
+    pub drawn_px: [Vec2; 2],
     /// By tile.
     pub around: &'a [Around],
     /// px rendered beyond each side.
@@ -116,13 +118,10 @@ impl Gather<'_> {
         tau + self.line - self.inputs.tau_per_px.dot(at)
     }
 
-    /// Where what is here at tau was in the picture: two fixed-point steps.
+    /// Where what is here at tau was in the picture: a fixed-point step.
     fn origin_of(&self, path: Vec4, tau: f32) -> Vec2 {
-        let mut at = self.pixel - along(path, tau);
-        for _ in 0..2 {
-            at = self.pixel - along(self.path_at(at), self.own_tau(at, tau));
-        }
-        at
+        let at = self.pixel - along(path, tau);
+        self.pixel - along(self.path_at(at), self.own_tau(at, tau))
     }
 
     /// Mean of the pixel's box.
@@ -177,22 +176,27 @@ impl Gather<'_> {
             let at = found.unwrap_or(self.pixel - along(seeds[1], tau));
             self.note_beyond(at);
             let aside = self.spread_px() * Vec2::new(if i % 2 == 0 { -1.0 } else { 1.0 }, 1.0);
-            sum += match (found, self.inputs.uncovered) {
-                (None, Some(pictures)) => 2.0 * self.uncovered(pictures, seeds[2], tau),
-                _ => self.radiance_at(at + aside) + self.radiance_at(at - aside),
+            let uncovered = self.inputs.uncovered.filter(|_| found.is_none());
+            sum += match uncovered.and_then(|pictures| self.uncovered(pictures, seeds[2], tau)) {
+                Some(uncovered) => 2.0 * uncovered,
+                None => self.radiance_at(at + aside) + self.radiance_at(at - aside),
             };
         }
         (sum / (2 * count) as f32, count as f32)
     }
 
     /// What is hidden at the middle and not now is what lies farthest: it is in view until the end, or from the begin on.
-    fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Vec3 {
+    /// `None` where it was not drawn.
+    fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Option<Vec3> {
         let hidden = self.pixel - along(path, tau);
         let (picture, way) = match tau < 0.0 {
             true => (pictures[0], path.truncate().truncate()),
             false => (pictures[1], Vec2::new(path.z, path.w)),
         };
-        sample_bilinear(picture, hidden + way, &mut false).truncate()
+        let place = hidden + way;
+        let [from, to] = self.inputs.drawn_px;
+        let drawn = place.cmpge(from).all() && place.cmple(to).all();
+        drawn.then(|| sample_bilinear(picture, place, &mut false).truncate())
     }
 
     /// The nearest of the candidates' places whose path leads here.

@@ -13,7 +13,8 @@ use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
 use crate::error::{Error, Result};
 use crate::gpu::{
-    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Sampler, Usage,
+    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
+    Sampler, Usage,
 };
 use crate::kernels::kernel;
 use crate::raster::{LensPush, RasterKind, RasterTarget};
@@ -70,13 +71,24 @@ struct GatherPush {
     picture_px: [f32; 2],
     share_per_px: [f32; 2],
     tau_per_px: [f32; 2],
+    drawn_from_px: [f32; 2],
+    drawn_to_px: [f32; 2],
     most: i32,
-    grid: f32,
     tiles_across: u32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, share_per_px, tau_per_px, most, grid, tiles_across }
+    GatherPush {
+        size,
+        margin_px,
+        picture_px,
+        share_per_px,
+        tau_per_px,
+        drawn_from_px,
+        drawn_to_px,
+        most,
+        tiles_across
+    }
 );
 
 /// `WAY` of `exact_gather.comp`: how a tile is gathered.
@@ -193,7 +205,7 @@ impl Blur {
         let uncover = uncovers.then(|| Uncover::new(stage, slots, size, &inputs)).transpose()?;
         let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
         let gather = |way: u32, uncover: Option<&Uncover>| {
-            let constants = [way, uncover.is_some().into()];
+            let constants = [way, uncover.is_some().into(), stage.plan.grid];
             let kernel =
                 ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &constants)?;
             let list = &images.lists[way as usize];
@@ -254,7 +266,8 @@ impl Blur {
         recorder.dispatch(&self.kernels[1], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        let layered = self.layered.as_ref().filter(|_| part.uncovers).unwrap_or(&self.gathers[LAYERED]);
+        let layered =
+            self.layered.as_ref().filter(|_| part.uncovered.is_some()).unwrap_or(&self.gathers[LAYERED]);
         let gathers = self.gathers[..LAYERED].iter().chain([layered]);
         for ((kernel, group), list) in gathers.zip(&self.images.lists) {
             recorder.dispatch_indirect(kernel, group, &push, list);
@@ -273,6 +286,7 @@ impl Blur {
     }
 
     fn gather_push(&self, camera: &Intrinsics, shutter: &ShutterTiming, part: &Part) -> GatherPush {
+        let drawn = part.uncovered.map_or([(0, 0); 2], |a| [(a.x, a.width), (a.y, a.height)]);
         let (rows, reversed) = orientation(shutter.scan_order);
         let per_px = shutter.line_delay_s() / part.exposure_s * if reversed { -1.0 } else { 1.0 };
         GatherPush {
@@ -281,8 +295,9 @@ impl Blur {
             picture_px: self.target.size.map(|s| s as f32),
             share_per_px: self.target.size.map(|s| 1.0 / s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
+            drawn_from_px: drawn.map(|(from, _)| from as f32 + 0.5),
+            drawn_to_px: drawn.map(|(from, side)| (from + side) as f32 - 0.5),
             most: MOST_SAMPLES,
-            grid: self.target.plan.grid as f32,
             tiles_across: self.images.tiles[0].spec().size[0],
         }
     }
@@ -362,8 +377,8 @@ pub(super) struct Part {
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
-    /// Whether the pictures of the exposure's begin and end were drawn.
-    pub(super) uncovers: bool,
+    /// Where the pictures of the exposure's begin and end were drawn, px of the attachment.
+    pub(super) uncovered: Option<RenderArea>,
     /// The colour that is drawn.
     pub(super) channel: Channel,
 }

@@ -144,7 +144,7 @@ impl Exact {
         for request in expected {
             let reach = exact.reach(stage, request);
             margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
-            uncovers |= reach.uncovers;
+            uncovers |= reach.uncovered.is_some();
         }
         if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
             exact.make_images(stage, slots, radiance, first, (margin_px, uncovers))?;
@@ -189,8 +189,10 @@ impl Exact {
         if request.shutter.exposure_time_s <= 0.0 {
             return self.still.is_none();
         }
-        let BlurReach { margin_px: needed, uncovers, .. } = self.reach(stage, request);
-        let lacks = |b: &Blur| uncovers && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i]);
+        let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
+        let lacks = |b: &Blur| {
+            uncovered.is_some() && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i])
+        };
         self.blur.as_ref().is_none_or(lacks)
     }
 
@@ -204,8 +206,8 @@ impl Exact {
     ) -> Result<()> {
         if self.needs_images(stage, request) {
             let have = self.margin_px();
-            let BlurReach { margin_px: needed, mut uncovers, .. } = self.reach(stage, request);
-            uncovers |= self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
+            let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
+            let uncovers = uncovered.is_some() || self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
             let margin_px = [0, 1].map(|i| needed[i].max(have[i]));
             self.make_images(stage, slots, radiance, request, (margin_px, uncovers))?;
         }
@@ -254,8 +256,8 @@ impl Exact {
         if self.known.len() >= MOST_KNOWN {
             self.known.clear();
         }
-        let uncovers = self.bounds.uncover(stage, &self.groups, request);
-        let reach = BlurReach { uncovers, ..measure_reach(stage, request) };
+        let uncovered = self.bounds.uncover(stage, &self.groups, request);
+        let reach = BlurReach { uncovered, ..measure_reach(stage, request) };
         self.known.insert(key, reach);
         reach
     }
@@ -285,7 +287,7 @@ impl Exact {
         for channel in stage.channels() {
             let lens = stage.lens_push(channel, [camera.width, camera.height]);
             let push = PlacePush { lens, ..push };
-            if let (Some(blur), true) = (&self.blur, reach.uncovers) {
+            if let (Some(blur), Some(area)) = (&self.blur, part.uncovered) {
                 let pushes = uncover::INSTANTS.map(|tau| PlacePush {
                     lens,
                     ..place_push(&camera, &request.shutter, push.knot_count as usize, tau)
@@ -341,7 +343,7 @@ impl Exact {
         reach: BlurReach,
     ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
-        let times = if rolls || reach.uncovers {
+        let times = if rolls || reach.uncovered.is_some() {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
         } else {
             vec![shutter.middle_s()]
@@ -366,7 +368,7 @@ impl Exact {
             line_count: line_count as u32,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
-            uncovers: reach.uncovers,
+            uncovered: reach.uncovered_area(view.camera, self.margin_px()).filter(|_| blurs),
             channel: Channel::GREEN,
         };
         (place_push(view.camera, shutter, times.len(), 0.0), part)

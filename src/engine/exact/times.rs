@@ -1,10 +1,13 @@
 //! When lines are exposed, and how far content moves meanwhile, in the units of the kernels.
 
+use glam::DVec2;
+
 use super::super::Stage;
 use super::super::frame::{FrameRequest, camera_path, check_coverage};
 use super::super::margin::reach_of;
 use super::blur::orientation;
 use crate::camera::{Intrinsics, NEAR_M, ShutterTiming};
+use crate::gpu::RenderArea;
 use crate::raster::{LensPush, PlacePush, View, spaced};
 
 /// Lines beyond the picture whose time is still extended, as a share of all: vertices there are ends of edges that
@@ -22,8 +25,8 @@ const UNSEEN_PX: f64 = 1e-3;
 pub(super) struct BlurReach {
     pub(super) margin_px: [u32; 2],
     pub(super) reach_px: f64,
-    /// Whether objects uncover what is seen.
-    pub(super) uncovers: bool,
+    /// Where objects uncover what is seen: low and high x and y, px of the picture (not limited to it).
+    pub(super) uncovered: Option<[DVec2; 2]>,
 }
 
 /// Lines of the attachment, margin included.
@@ -53,6 +56,20 @@ pub(super) fn exposures(
 }
 
 impl BlurReach {
+    /// Where objects uncover what is seen, with all that may be read for it, px of an attachment of `camera`'s size.
+    pub(super) fn uncovered_area(&self, camera: &Intrinsics, margin_px: [u32; 2]) -> Option<RenderArea> {
+        let [low, high] = self.uncovered?;
+        let beyond = self.reach_px + MARGIN_GUARD_PX;
+        let side = |low: f64, high: f64, margin: u32, size: u32| {
+            let at = |px: f64| (px + f64::from(margin)).clamp(0.0, f64::from(size)) as u32;
+            let from = at((low - beyond).floor()).min(size - 1);
+            (from, at((high + beyond).ceil()).max(from + 1) - from)
+        };
+        let (x, width) = side(low.x, high.x, margin_px[0], camera.width);
+        let (y, height) = side(low.y, high.y, margin_px[1], camera.height);
+        Some(RenderArea { x, y, width, height })
+    }
+
     /// Whether blur hides what straight edges between vertices are off by.
     pub(super) fn hides_chords(&self) -> bool {
         self.reach_px > HIDING_PX
