@@ -75,12 +75,13 @@ vec4 column(uint knot, int number) {
     return uintBitsToFloat(ROW(knots, 9 * int(knot) + number));
 }
 
+// Products of matrices as raster_place.comp has them: a picture at rest is the same to the bit.
 vec4 clip_at(uint knot, vec3 position) {
-    return column(knot, 0) * position.x + column(knot, 1) * position.y + column(knot, 2) * position.z + column(knot, 3);
+    return mat4(column(knot, 0), column(knot, 1), column(knot, 2), column(knot, 3)) * vec4(position, 1.0);
 }
 
-mat4x3 centred_at(uint knot) {
-    return mat4x3(column(knot, 4).xyz, column(knot, 5).xyz, column(knot, 6).xyz, column(knot, 7).xyz);
+mat4 centred_at(uint knot) {
+    return mat4(column(knot, 4), column(knot, 5), column(knot, 6), column(knot, 7));
 }
 
 // Linear between knots, and beyond them as between the last two.
@@ -145,13 +146,13 @@ void main() {
     int material = 2 * int(side.w);
     placed[index].clip_xyw = float[3](clip.x, clip.y, clip.w);
     if (LIT) {
-        mat4x3 centred = centred_at(first + k);
+        mat4 centred = centred_at(first + k);
         vec3 eye = column(first + k, 8).xyz;
         if (push.knot_count > 1) {
             centred += weight * (centred_at(first + k + 1) - centred);
             eye += weight * (column(first + k + 1, 8).xyz - eye);
         }
-        placed[index].position_m = three(centred * vec4(position, 1.0));
+        placed[index].position_m = three((centred * vec4(position, 1.0)).xyz);
         placed[index].normal = three(mat3(centred) * uintBitsToFloat(side.xyz));
         placed[index].eye_m = three(eye);
         vec4 ks_ns = uintBitsToFloat(ROW(materials, material + 1));
