@@ -13,55 +13,28 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::reference::fast_push::Push;
 
-assert_push_layout!(
-    "fast_seeds.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
-assert_push_layout!(
-    "fast_gather.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
-
-assert_push_layout!(
-    "fast_silhouettes.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
+/// All three kernels are told the same.
+macro_rules! assert_push_of {
+    ($($file:literal),+) => {
+        $(assert_push_layout!(
+            $file,
+            Push {
+                size,
+                margin_px,
+                start_s,
+                readout_time_s,
+                exposure_time_s,
+                knot_step_s,
+                reference_knot,
+                last_knot,
+                scan_order,
+                max_samples,
+                slots
+            }
+        );)+
+    };
+}
+assert_push_of!("fast_seeds.comp", "fast_gather.comp", "fast_silhouettes.comp");
 
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
