@@ -54,7 +54,7 @@ const float HIT_PX = 0.75;
 const float SPREAD_PX = 0.14434;
 
 // A px of a path has a sample; of what is longer than this, px, every second one has.
-const float DENSE_PX = 6.0;
+const float DENSE_PX = 12.0;
 
 float samples_of(float length_px) {
     return min(length_px, 0.5 * (length_px + DENSE_PX));

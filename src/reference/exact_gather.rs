@@ -14,7 +14,7 @@ const HIT_PX: f32 = 0.75;
 const SPREAD_PX: f32 = 0.14434;
 
 /// A px of a path has a sample; of what is longer than this, px, every second one has.
-const DENSE_PX: f32 = 6.0;
+const DENSE_PX: f32 = 12.0;
 
 fn samples_of(length_px: f32) -> f32 {
     length_px.min(0.5 * (length_px + DENSE_PX))
