@@ -133,7 +133,8 @@ impl Bench {
             let mut engine = self.engine(take, method, &request);
             let mut plain = self.engine(take, &accumulation(1), &request);
             let (mut ms, mut plain_ms) = (Vec::new(), Vec::new());
-            let (mut cpu_ms, mut plain_cpu_ms, mut passes) = (0.0, 0.0, Vec::new());
+            let (mut cpu_ms, mut plain_cpu_ms) = (0.0, 0.0);
+            let (mut passes, mut plain_passes) = (Vec::new(), Vec::new());
             let repeats = number("LADDER_REPEATS", REPEATS).max(2);
             for i in 0..repeats {
                 let times = [
@@ -145,7 +146,9 @@ impl Bench {
                         report::cpu_ms()
                     },
                     {
-                        plain_ms.push(plain.render(&request).unwrap().host_ms);
+                        let frame = plain.render(&request).unwrap();
+                        plain_ms.push(frame.host_ms);
+                        report::keep_least(&mut plain_passes, &frame.times);
                         report::cpu_ms()
                     },
                 ];
@@ -177,7 +180,7 @@ impl Bench {
                 picture: frame.picture,
                 reference: reference.clone(),
             };
-            println!("{row} {}", report::passes(&passes));
+            println!("{row} {}; plain: {}", report::passes(&passes), report::passes(&plain_passes));
             rows.push(row);
         }
         rows

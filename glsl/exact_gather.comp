@@ -5,37 +5,44 @@
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
+#include "rgb9e5.glsl"
 // What lists the tiles: 0 at rest, 1 one surface, 2 several.
 layout(constant_id = 0) const int WAY = 1;
 // There are pictures of the begin and the end of the exposure.
 layout(constant_id = 1) const bool UNCOVER = false;
-// RGB: linear radiance; its sampler counts in texels.
-layout(set = 0, binding = 0) uniform sampler2D texels;
-// The same image by texel. A: 1/m, inverse distance.
+// Texels of a pixel's side.
+layout(constant_id = 2) const int GRID = 2;
+// Behind a function, because the build's reflection does not evaluate comparisons of constants.
+int grid() { return GRID; }
+// Linear radiance, as words of a texel and of the one to its right.
+layout(set = 0, binding = 0) uniform usampler2D texels;
+// 1/m, inverse distance.
 layout(set = 0, binding = 6) uniform sampler2D inverses;
 layout(set = 0, binding = 1) uniform sampler2D paths;
 layout(set = 0, binding = 2) uniform sampler2D around_near;
 layout(set = 0, binding = 3) uniform sampler2D around_far;
-// RGB: linear radiance by pixel, at the begin and at the end of each line's exposure; the samplers count in pixels.
+// RGB: linear radiance by pixel, at the begin and at the end of each line's exposure; bilinear.
 layout(set = 0, binding = 8) uniform sampler2D early;
 layout(set = 0, binding = 9) uniform sampler2D late;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
-layout(set = 0, binding = 7, std430) readonly buffer Tiles {
-    uvec3 groups;
-    uint count;
-    uint tiles[];
-} listed;
+// Four words a texel: the size of the dispatch and the number of tiles, then the tiles. Not a storage buffer, which a software
+// device reads lane by lane.
+layout(set = 0, binding = 7) uniform usamplerBuffer listed;
 layout(push_constant) uniform Push {
     uvec2 size;
     // px rendered beyond each side, and all with them.
     vec2 margin_px;
     vec2 picture_px;
+    // Of the picture's sides.
+    vec2 share_per_px;
     // tau per line in scan order, as a vector over the picture: what a line later is seen later by.
     vec2 tau_per_px;
+    // Where `early` and `late` were drawn, as far as they can be read between pixels.
+    vec2 drawn_from_px;
+    vec2 drawn_to_px;
     // Most samples.
     int most;
-    float grid;
     uint tiles_across;
 } push;
 
@@ -46,9 +53,16 @@ const float HIT_PX = 0.75;
 // samples may add 1/48, the square of this. Quarters, which would be right without these two, lose 1 to 2 dB.
 const float SPREAD_PX = 0.14434;
 
+// A px of a path has a sample; of what is longer than this, px, every second one has.
+const float DENSE_PX = 12.0;
+
+float samples_of(float length_px) {
+    return min(length_px, 0.5 * (length_px + DENSE_PX));
+}
+
 // A pixel that is one texel is not spread.
 float spread_px() {
-    return push.grid > 1.5 ? SPREAD_PX : 0.0;
+    return grid() == 1 ? 0.0 : SPREAD_PX;
 }
 
 // Displacement at tau: the parabola through the three known points.
@@ -62,31 +76,42 @@ void note_beyond(vec2 at) {
     beyond = beyond || any(lessThan(at, vec2(0.0))) || any(greaterThan(at, push.picture_px));
 }
 
-ivec2 inside(vec2 at) {
-    return ivec2(clamp(at, vec2(0.0), push.picture_px - 1.0));
-}
-
+// Of the pixel there, or of the nearest in the picture. Pixels and texels are not fetched but sampled (nearest), because
+// lavapipe 22.3 looks up the level of each lane for a fetch.
 vec4 path_at(vec2 at) {
-    return texelFetch(paths, inside(at), 0);
+    return textureLod(paths, at * push.share_per_px, 0.0);
 }
 
 // Bilinear between texels.
 vec3 radiance_at(vec2 at) {
-    return textureLod(texels, at * push.grid, 0.0).rgb;
+    vec2 from = max(at * float(grid()) - 0.5, 0.0);
+    vec2 first = floor(from);
+    vec2 away = from - first;
+    vec2 per_texel = push.share_per_px / float(grid());
+    vec2 share = (first + 0.5) * per_texel;
+    uvec2 upper = textureLod(texels, share, 0.0).xy;
+    uvec2 lower = textureLod(texels, vec2(share.x, share.y + per_texel.y), 0.0).xy;
+    float across = away.x * away.y;
+    return rgb9e5_weighed(upper.x, 1.0 - away.x - away.y + across) + rgb9e5_weighed(upper.y, away.x - across) +
+           rgb9e5_weighed(lower.x, away.y - across) + rgb9e5_weighed(lower.y, across);
 }
 
 // Where what is at `pixel` at tau was in the picture, following `path` and correcting it by what is found there.
 vec2 origin_of(vec2 pixel, float line, vec4 path, float tau) {
+    // One step: a second one brings less than 0.1 dB, where paths vary as smoothly as here.
     vec2 at = pixel - along(path, tau);
-    for (int i = 0; i < 2; ++i) {
-        at = pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
-    }
-    return at;
+    return pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
 }
 
 // Mean of the pixel's box around its centre: samples at the centres of texels.
 vec3 box_at(vec2 at) {
-    float q = push.grid > 1.5 ? 0.25 : 0.0;
+    if (grid() == 2) {
+        uvec2 upper = textureLod(texels, (at - 0.25) * push.share_per_px, 0.0).xy;
+        uvec2 lower = textureLod(texels, (at + vec2(-0.25, 0.25)) * push.share_per_px, 0.0).xy;
+        return rgb9e5_weighed(upper.x, 0.25) + rgb9e5_weighed(upper.y, 0.25) + rgb9e5_weighed(lower.x, 0.25) +
+               rgb9e5_weighed(lower.y, 0.25);
+    }
+    float q = grid() == 1 ? 0.0 : 0.25;
     return 0.25 * (radiance_at(at + vec2(-q, -q)) + radiance_at(at + vec2(q, -q)) + radiance_at(at + vec2(-q, q)) +
                    radiance_at(at + vec2(q, q)));
 }
@@ -104,7 +129,7 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
     vec2 ahead = spread_px() - side;
     vec2 even = side + ahead, odd = side - ahead;
-    int pairs = clamp(int(ceil(0.5 * (length(begin) + length(end)))), 1, push.most / 2);
+    int pairs = clamp(int(ceil(0.5 * samples_of(length(begin) + length(end)))), 1, push.most / 2);
     // The middles of n equal steps vary by less than what they stand for, by a factor of 1 - 1/n^2: they are moved apart
     // until they vary as much. Two are then Gauss's, and the mean over a parabola is exact. Not four: there it would cost
     // textures finer than 3 px half a decibel and gain edges a fifth.
@@ -125,17 +150,21 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
 
 // Several surfaces: at every instant, the nearest place whose path leads here, and what is on both sides of it.
 vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
-    int count = 2 * clamp(int(ceil(0.5 * length_px)), 2, push.most / 2);
+    int count = 2 * clamp(int(ceil(0.5 * samples_of(length_px))), 2, push.most / 2);
     vec3 sum = vec3(0.0);
+    // The pixel's own path stands for that of the two which it is nearer to: a third candidate costs a third more and brings
+    // less than 0.1 dB.
+    vec4 to_near = seeds[1] - seeds[0], to_far = seeds[2] - seeds[0];
+    vec4 candidates[2] = vec4[2](seeds[0], dot(to_near, to_near) > dot(to_far, to_far) ? seeds[1] : seeds[2]);
     for (int i = 0; i < count; ++i) {
         float tau = (float(i) + 0.5) / float(count) - 0.5;
         float nearest = -1.0;
         vec2 found = pixel - along(seeds[1], tau);
-        for (int s = 0; s < 3; ++s) {
-            vec2 at = pixel - along(seeds[s], tau);
+        for (int s = 0; s < 2; ++s) {
+            vec2 at = pixel - along(candidates[s], tau);
             at = pixel - along(path_at(at), tau + line - dot(push.tau_per_px, at));
             vec2 off = at + along(path_at(at), tau + line - dot(push.tau_per_px, at)) - pixel;
-            float inverse = texelFetch(inverses, ivec2(clamp(at, vec2(0.0), push.picture_px - 0.01) * push.grid), 0).a;
+            float inverse = textureLod(inverses, at * push.share_per_px, 0.0).r;
             if (dot(off, off) < HIT_PX * HIT_PX && inverse > nearest) {
                 nearest = inverse;
                 found = at;
@@ -149,10 +178,11 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             // What is hidden at the middle and not now is what lies farthest, and is in view until the end, or from the
             // begin on.
             vec4 path = seeds[2];
-            vec2 hidden = pixel - along(path, tau);
-            vec3 uncovered = tau < 0.0 ? textureLod(early, hidden + path.xy, 0.0).rgb
-                                       : textureLod(late, hidden + path.zw, 0.0).rgb;
-            seen = nearest < 0.0 ? 2.0 * uncovered : seen;
+            vec2 place = pixel - along(path, tau) + (tau < 0.0 ? path.xy : path.zw);
+            bool drawn = all(greaterThanEqual(place, push.drawn_from_px)) && all(lessThanEqual(place, push.drawn_to_px));
+            vec3 uncovered = tau < 0.0 ? textureLod(early, place * push.share_per_px, 0.0).rgb
+                                       : textureLod(late, place * push.share_per_px, 0.0).rgb;
+            seen = nearest < 0.0 && drawn ? 2.0 * uncovered : seen;
         }
         sum += seen;
     }
@@ -177,8 +207,10 @@ vec4 gather(vec2 pixel, ivec2 tile) {
 }
 
 void main() {
-    for (uint i = gl_WorkGroupID.x; i < listed.count; i += gl_NumWorkGroups.x) {
-        ivec2 tile = ivec2(listed.tiles[i] % push.tiles_across, listed.tiles[i] / push.tiles_across);
+    uint count = texelFetch(listed, 0).w;
+    for (uint i = gl_WorkGroupID.x; i < count; i += gl_NumWorkGroups.x) {
+        uint number = texelFetch(listed, 1 + int(i >> 2))[i & 3u];
+        ivec2 tile = ivec2(number % push.tiles_across, number / push.tiles_across);
         ivec2 place = tile * EXACT_TILE + ivec2(gl_LocalInvocationID.xy) - ivec2(push.margin_px);
         if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, ivec2(push.size)))) {
             continue;

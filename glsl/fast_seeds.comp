@@ -58,7 +58,7 @@ void main() {
         bend = (last_px / after + first_px / reference) / (after + reference);
         slope = last_px / after - bend * after;
     }
-    float depth = texelFetch(inverse_depth, texel, 0).r;
+    float depth = texel_of(inverse_depth, texel).r;
     precise vec2 lands_px = at_px;
     for (uint slot = 0u; slot < push.slots; ++slot) {
         precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;

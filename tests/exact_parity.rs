@@ -15,7 +15,7 @@ use shutterbug::gpu::{Bound, Format, Sampler};
 use shutterbug::kernels::kernel;
 use shutterbug::plane::Plane;
 use shutterbug::raster::LensPush;
-use shutterbug::reference::exact_paths::{self, Relative, exact_paths};
+use shutterbug::reference::exact_paths::{self, Outputs, Relative, exact_paths};
 use shutterbug::reference::exact_still::exact_still;
 
 #[repr(C)]
@@ -25,9 +25,10 @@ struct PathsPush {
     line_count: u32,
     columns: u32,
     lens: LensPush,
+    share_per_row: [f32; 2],
     near_m: f32,
 }
-assert_push_layout!("exact_paths.comp", PathsPush { size, line_count, columns, lens, near_m });
+assert_push_layout!("exact_paths.comp", PathsPush { size, line_count, columns, lens, share_per_row, near_m });
 
 /// Matrices near the identity: what a camera does within an exposure.
 fn relatives(count: usize, scatter: &mut Scatter) -> Vec<Relative> {
@@ -91,7 +92,7 @@ fn paths_case(
     }
 }
 
-fn run_paths(bench: &mut Bench, case: &PathsCase, lens: &TestLens) -> [Plane<f32>; 2] {
+fn run_paths(bench: &mut Bench, case: &PathsCase, lens: &TestLens) -> Outputs {
     let size = [case.color.width / case.grid, case.color.height / case.grid];
     let color = bench.upload(std::slice::from_ref(&case.color), Format::Rgba32f, false);
     let depth = bench.upload(std::slice::from_ref(&case.depth), Format::R32f, false);
@@ -101,7 +102,8 @@ fn run_paths(bench: &mut Bench, case: &PathsCase, lens: &TestLens) -> [Plane<f32
     };
     let matrices = Plane::from_fn(6 * case.groups, case.line_count, |x, y| row(y, x));
     let matrices = bench.upload(std::slice::from_ref(&matrices), Format::Rgba32f, false);
-    let texels = bench.empty([case.color.width, case.color.height], Format::Rgba16f, 1, false);
+    let texels = bench.empty([case.color.width, case.color.height], Format::Rg32ui, 1, false);
+    let inverses = bench.empty(size, Format::R32f, 1, false);
     let paths = bench.empty(size, Format::Rgba16f, 1, false);
     let sampler = Sampler::new(&bench.watched.0, false).unwrap();
     let resources = [
@@ -109,6 +111,7 @@ fn run_paths(bench: &mut Bench, case: &PathsCase, lens: &TestLens) -> [Plane<f32
         ("depth_samples", Bound::Sampled(&depth, &sampler)),
         ("texels", Bound::Storage(&texels)),
         ("paths", Bound::Storage(&paths)),
+        ("inverses", Bound::Storage(&inverses)),
         ("relatives", Bound::Sampled(&matrices, &sampler)),
     ];
     let push = PathsPush {
@@ -116,15 +119,21 @@ fn run_paths(bench: &mut Bench, case: &PathsCase, lens: &TestLens) -> [Plane<f32
         line_count: case.line_count as u32,
         columns: case.columns.into(),
         lens: lens.push,
+        share_per_row: [1.0 / (6 * case.groups) as f32, 1.0 / case.line_count as f32],
         near_m: NEAR_M as f32,
     };
     let constants = [case.grid as u32, 1, u32::from(lens.extended.is_some())];
     let along = if case.columns { [push.size[1], push.size[0]] } else { push.size };
     bench.run(const { kernel("exact_paths.comp") }, &constants, &resources, &push, along);
-    [bench.read(&texels).remove(0), bench.read(&paths).remove(0)]
+    let words = bench.read(&texels).remove(0).data;
+    Outputs {
+        words: words.chunks_exact(2).map(|pair| [pair[0].to_bits(), pair[1].to_bits()]).collect(),
+        inverses: bench.read(&inverses).remove(0),
+        paths: bench.read(&paths).remove(0),
+    }
 }
 
-fn paths_twin(case: &PathsCase, lens: &TestLens) -> (Plane<f32>, Plane<f32>) {
+fn paths_twin(case: &PathsCase, lens: &TestLens) -> Outputs {
     exact_paths(&exact_paths::Inputs {
         color: &case.color,
         depth: &case.depth,
@@ -153,10 +162,12 @@ fn exact_paths_is_its_twin() {
                     "{size:?}, grid {grid}, {groups} groups, columns {columns}, lens {}",
                     lens.push.index()
                 );
-                let [texels, paths] = run_paths(&mut bench, &case, lens);
-                let (want_texels, want_paths) = paths_twin(&case, lens);
-                assert_eq!(differing(&texels, &want_texels, HALF).1, 0, "{label}: texels");
-                assert_eq!(differing(&paths, &want_paths, HALF).1, 0, "{label}: paths");
+                let Outputs { words, inverses, paths } = run_paths(&mut bench, &case, lens);
+                let want = paths_twin(&case, lens);
+                let others = words.iter().zip(&want.words).filter(|(a, b)| a != b).count();
+                assert!(others == 0, "{label}: {others} pairs of texels");
+                assert_eq!(differing(&inverses, &want.inverses, 1e-6).1, 0, "{label}: inverse distances");
+                assert_eq!(differing(&paths, &want.paths, HALF).1, 0, "{label}: paths");
                 if size == [1, 1] {
                     continue;
                 }
@@ -166,10 +177,10 @@ fn exact_paths_is_its_twin() {
                 wrong.relatives =
                     case.relatives.iter().map(|r| Relative { begin: r.end, end: r.end }).collect();
                 (wrong.line_count, wrong.groups) = (case.line_count, case.groups);
-                let seen = differing(&paths, &paths_twin(&wrong, lens).1, HALF).1;
+                let seen = differing(&paths, &paths_twin(&wrong, lens).paths, HALF).1;
                 assert!(2 * seen > size[0] * size[1], "control: {label}: begin for end is seen in {seen} px");
                 wrong.relatives = case.relatives.iter().rev().copied().collect();
-                let seen = differing(&paths, &paths_twin(&wrong, lens).1, HALF).1;
+                let seen = differing(&paths, &paths_twin(&wrong, lens).paths, HALF).1;
                 let one = case.relatives.len() == 1;
                 assert!(one || 2 * seen > size[0] * size[1], "control: {label}: lines in reverse: {seen} px");
             }

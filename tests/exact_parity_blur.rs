@@ -5,7 +5,7 @@
 mod gpu_support;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use gpu_support::bench::{Bench, Scatter, differing};
 use shutterbug::assert_push_layout;
 use shutterbug::gpu::{Bound, Format, Sampler, Usage};
@@ -14,6 +14,7 @@ use shutterbug::plane::Plane;
 use shutterbug::reference::exact_gather::{self, exact_gather};
 use shutterbug::reference::exact_neighbours::{Around, Way, exact_neighbours};
 use shutterbug::reference::exact_tiles::{TILE, Tile, exact_tiles};
+use shutterbug::reference::rgb9e5;
 
 /// Half floats hold eleven bits.
 const HALF: f32 = 1e-3;
@@ -23,6 +24,7 @@ const JUMPS: f32 = 8192.0;
 /// A picture of walls and things before them, each with paths of its own; some at rest.
 struct Scene {
     texels: Plane<f32>,
+    inverses: Plane<f32>,
     paths: Plane<f32>,
     grid: usize,
 }
@@ -49,30 +51,46 @@ fn scene(size: [usize; 2], grid: usize, speed_px: f32, scatter: &mut Scatter) ->
         let path = layers[layer_at(x, y)];
         if path == Vec4::ZERO { [0.0; 4] } else { (path + slope * y as f32).to_array().map(half) }
     });
+    let inverses = Plane::from_fn(size[0], size[1], |x, y| {
+        [1.0 / ([4.0, 1.5, 8.0][layer_at(x, y)] + 0.01 * (x % 5) as f32)]
+    });
     let texels = Plane::from_fn(size[0] * grid, size[1] * grid, |x, y| {
-        let distance_m = [4.0, 1.5, 8.0][layer_at(x / grid, y / grid)] + 0.01 * (x % 5) as f32;
         let bright = if (x / 7 + y / 5) % 2 == 0 { 1.0 } else { 0.1 };
         // Below, one colour, nearly.
         if y / grid > 2 * size[1] / 3 {
-            return [0.5, 0.25, 1.0 + 0.001 * scatter.number(), 1.0 / distance_m].map(half);
+            return stored([0.5, 0.25, 1.0 + 0.001 * scatter.number()]);
         }
-        [bright * scatter.number(), bright, 6.0 * scatter.number(), 1.0 / distance_m].map(half)
+        stored([bright * scatter.number(), bright, 6.0 * scatter.number()])
     });
-    Scene { texels, paths, grid }
+    Scene { texels, inverses, paths, grid }
+}
+
+/// As far as words hold it.
+fn stored(color: [f32; 3]) -> [f32; 4] {
+    rgb9e5::color(rgb9e5::rgb9e5(color.into(), 0.5)).extend(0.0).to_array()
+}
+
+/// Texels as the kernels read them: words of each and of the one to its right.
+fn pairs(texels: &Plane<f32>) -> Plane<f32> {
+    Plane::from_fn(texels.width, texels.height, |x, y| {
+        [x, (x + 1).min(texels.width - 1)]
+            .map(|x| f32::from_bits(rgb9e5::rgb9e5(Vec3::from_slice(texels.pixel(x, y)), 0.5)))
+    })
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TilesPush {
     size: [u32; 2],
-    picture: [i32; 2],
-    grid: i32,
+    share_per_px: [f32; 2],
+    grid: f32,
 }
-assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
+assert_push_layout!("exact_tiles.comp", TilesPush { size, share_per_px, grid });
 
 fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 4] {
     let sampler = Sampler::new(&bench.watched.0, false).unwrap();
-    let texels = bench.upload(std::slice::from_ref(&scene.texels), Format::Rgba32f, false);
+    let texels = bench.upload(&[pairs(&scene.texels)], Format::Rg32ui, false);
+    let inverses = bench.upload(std::slice::from_ref(&scene.inverses), Format::R32f, false);
     let paths = bench.upload(std::slice::from_ref(&scene.paths), Format::Rgba32f, false);
     let tiles = [scene.paths.width.div_ceil(TILE), scene.paths.height.div_ceil(TILE)];
     let near = bench.empty(tiles, Format::Rgba16f, 1, false);
@@ -82,6 +100,7 @@ fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 4] {
     let resources = [
         ("texels", Bound::Sampled(&texels, &sampler)),
         ("paths", Bound::Sampled(&paths, &sampler)),
+        ("inverses", Bound::Sampled(&inverses, &sampler)),
         ("tile_near", Bound::Storage(&near)),
         ("tile_far", Bound::Storage(&far)),
         ("tile_facts", Bound::Storage(&facts)),
@@ -89,8 +108,8 @@ fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 4] {
     ];
     let push = TilesPush {
         size: tiles.map(|s| s as u32),
-        picture: [scene.paths.width as i32, scene.paths.height as i32],
-        grid: scene.grid as i32,
+        share_per_px: [1.0 / scene.paths.width as f32, 1.0 / scene.paths.height as f32],
+        grid: scene.grid as f32,
     };
     bench.run(const { kernel("exact_tiles.comp") }, &[], &resources, &push, push.size);
     [near, far, facts, colors].map(|image| bench.read(&image).remove(0))
@@ -122,7 +141,7 @@ fn exact_tiles_is_its_twin() {
         for speed_px in [0.01, 0.4, 12.0, 900.0] {
             let scene = scene(size, grid, speed_px, &mut scatter);
             let tiles = size.map(|s| s.div_ceil(TILE));
-            let want = exact_tiles(&scene.texels, &scene.paths, grid);
+            let want = exact_tiles(&scene.texels, &scene.inverses, &scene.paths, grid);
             let label = format!("{size:?}, grid {grid}, {speed_px} px");
             let got = run_tiles(&mut bench, &scene);
             // Paths are halves already, and the sum with the mark is a float's; colours are rounded to halves.
@@ -134,7 +153,7 @@ fn exact_tiles_is_its_twin() {
                 let shifted = Plane::from_fn(size[0], size[1], |x, y| {
                     std::array::from_fn::<f32, 4, _>(|c| scene.paths.pixel(x.saturating_sub(1), y)[c])
                 });
-                let wrong = exact_tiles(&scene.texels, &shifted, grid);
+                let wrong = exact_tiles(&scene.texels, &scene.inverses, &shifted, grid);
                 assert_ne!(wrong, want, "control: {label}: a px to the side");
             }
         }
@@ -208,7 +227,7 @@ fn exact_neighbours_is_its_twin() {
     for (size, grid) in SIZES {
         for (speed_px, radius) in [(0.01, 1), (3.0, 1), (12.0, 2), (40.0, 8)] {
             let scene = scene(size, grid, speed_px, &mut scatter);
-            let tiles = exact_tiles(&scene.texels, &scene.paths, grid);
+            let tiles = exact_tiles(&scene.texels, &scene.inverses, &scene.paths, grid);
             let counts = size.map(|s| s.div_ceil(TILE) as u32);
             let first = counts.map(|c| c / 5);
             let push = NeighboursPush {
@@ -243,20 +262,33 @@ struct GatherPush {
     size: [u32; 2],
     margin_px: [f32; 2],
     picture_px: [f32; 2],
+    share_per_px: [f32; 2],
     tau_per_px: [f32; 2],
+    drawn_from_px: [f32; 2],
+    drawn_to_px: [f32; 2],
     most: i32,
-    grid: f32,
     tiles_across: u32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, grid, tiles_across }
+    GatherPush {
+        size,
+        margin_px,
+        picture_px,
+        share_per_px,
+        tau_per_px,
+        drawn_from_px,
+        drawn_to_px,
+        most,
+        tiles_across
+    }
 );
 
 fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32> {
     let (sampler, linear) =
-        (Sampler::new(&bench.watched.0, false).unwrap(), Sampler::in_texels(&bench.watched.0).unwrap());
-    let texels = bench.upload(std::slice::from_ref(inputs.texels), Format::Rgba32f, false);
+        (Sampler::new(&bench.watched.0, false).unwrap(), Sampler::in_shares(&bench.watched.0).unwrap());
+    let texels = bench.upload(&[pairs(inputs.texels)], Format::Rg32ui, false);
+    let inverses = bench.upload(std::slice::from_ref(inputs.inverses), Format::R32f, false);
     let paths = bench.upload(std::slice::from_ref(inputs.paths), Format::Rgba32f, false);
     let picture = [inputs.paths.width, inputs.paths.height];
     let tiles = picture.map(|s| s.div_ceil(TILE));
@@ -265,7 +297,7 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
     };
     let near = bench.upload(&[plane(&|a| a.near)], Format::Rgba32f, false);
     let far = bench.upload(&[plane(&|a| a.far)], Format::Rgba32f, false);
-    let [early, late] = inputs.uncovered.unwrap_or([inputs.texels; 2]);
+    let [early, late] = inputs.uncovered.unwrap_or([inputs.paths; 2]);
     let [early, late] = [early, late].map(|p| bench.upload(std::slice::from_ref(p), Format::Rgba32f, false));
     let size = [0, 1].map(|i| picture[i] - 2 * inputs.margin_px[i]);
     let radiance = bench.empty(size, Format::Rgba32f, 1, false);
@@ -273,9 +305,11 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
         size: size.map(|s| s as u32),
         margin_px: inputs.margin_px.map(|m| m as f32),
         picture_px: picture.map(|s| s as f32),
+        share_per_px: picture.map(|s| 1.0 / s as f32),
         tau_per_px: inputs.tau_per_px.to_array(),
+        drawn_from_px: inputs.drawn_px[0].to_array(),
+        drawn_to_px: inputs.drawn_px[1].to_array(),
         most: inputs.most,
-        grid: inputs.grid as f32,
         tiles_across: tiles[0] as u32,
     };
     for way in [Way::Resting, Way::Smooth, Way::Layered] {
@@ -283,10 +317,11 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
             (0_u32..).zip(inputs.around).filter(|(_, a)| a.way == Some(way)).map(|(i, _)| i).collect();
         let mut words = vec![0, 0, 0, listed.len() as u32];
         words.extend(listed.iter().rev());
-        let list = bench.filled(Usage::Storage, &words);
+        words.resize(words.len().next_multiple_of(4), 0);
+        let list = bench.filled(Usage::StorageTexels, &words);
         let resources = [
-            ("texels", Bound::Sampled(&texels, &linear)),
-            ("inverses", Bound::Sampled(&texels, &sampler)),
+            ("texels", Bound::Sampled(&texels, &sampler)),
+            ("inverses", Bound::Sampled(&inverses, &sampler)),
             ("paths", Bound::Sampled(&paths, &sampler)),
             ("around_near", Bound::Sampled(&near, &sampler)),
             ("around_far", Bound::Sampled(&far, &sampler)),
@@ -297,7 +332,7 @@ fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32
         ];
         // Fewer workgroups than tiles: each takes several.
         let groups = (listed.len() as u32).div_ceil(3).max(1);
-        let constants = [way as u32, inputs.uncovered.is_some().into()];
+        let constants = [way as u32, inputs.uncovered.is_some().into(), inputs.grid as u32];
         bench.run(const { kernel("exact_gather.comp") }, &constants, &resources, &push, [8 * groups, 8]);
     }
     bench.read(&radiance).remove(0)
@@ -314,7 +349,7 @@ fn exact_gather_is_its_twin() {
         for speed_px in [0.01, 0.6, 3.0, 14.0, 60.0] {
             for tau_per_px in [Vec2::ZERO, Vec2::new(0.0, 0.006), Vec2::new(-0.009, 0.0)] {
                 let scene = scene(size, grid, speed_px, &mut scatter);
-                let tiles = exact_tiles(&scene.texels, &scene.paths, grid);
+                let tiles = exact_tiles(&scene.texels, &scene.inverses, &scene.paths, grid);
                 let counts = size.map(|s| s.div_ceil(TILE) as u32);
                 let push = NeighboursPush {
                     size: counts,
@@ -324,7 +359,7 @@ fn exact_gather_is_its_twin() {
                     tile_px: TILE as f32,
                 };
                 let (around, _) = neighbours_twin(&tiles, &push);
-                let (texels, paths) = (&scene.texels, &scene.paths);
+                let (texels, inverses, paths) = (&scene.texels, &scene.inverses, &scene.paths);
                 let most = if speed_px == 14.0 { 6 } else { 256 };
                 // Nothing of the scene has this much red.
                 let other =
@@ -332,10 +367,14 @@ fn exact_gather_is_its_twin() {
                 let (early, late) = (other(20.0), other(30.0));
                 let uncovered = (tau_per_px != Vec2::ZERO).then_some([&early, &late]);
                 let around = &around[..];
+                // Not at the borders.
+                let drawn_px = [Vec2::new(3.5, 1.5), Vec2::new(size[0] as f32 - 6.5, size[1] as f32 - 0.5)];
                 let inputs = exact_gather::Inputs {
                     texels,
+                    inverses,
                     paths,
                     uncovered,
+                    drawn_px,
                     around,
                     margin_px,
                     tau_per_px,

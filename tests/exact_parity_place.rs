@@ -103,7 +103,7 @@ fn vertex_words(vertices: &[exact_place::Vertex]) -> Vec<u32> {
             words.push(v.group);
             words.extend(v.normal.to_array().map(f32::to_bits));
             words.push(v.group % 2);
-            words.extend([0.25_f32, 0.75].map(f32::to_bits));
+            words.extend([0.25_f32, 0.75, 0.0, 0.0].map(f32::to_bits));
             words
         })
         .collect()
@@ -118,15 +118,15 @@ fn run_place(
     let (rows, raw) = (knot_words(knots), vertex_words(vertices));
     let materials: Vec<f32> = (0..16).map(|i| i as f32).collect();
     let [knots, raw, materials] = [
-        bench.filled(Usage::Storage, &rows),
-        bench.filled(Usage::Storage, &raw),
-        bench.filled(Usage::Storage, &materials),
+        bench.filled(Usage::StorageTexels, &rows),
+        bench.filled(Usage::StorageTexels, &raw),
+        bench.filled(Usage::StorageTexels, &materials),
     ];
     let placed = bench.buffer(vertices.len() * PLACED * 4);
     let resources = [
-        ("Vertices", Bound::Buffer(&raw)),
-        ("Knots", Bound::Buffer(&knots)),
-        ("Materials", Bound::Buffer(&materials)),
+        ("vertices", Bound::Buffer(&raw)),
+        ("knots", Bound::Buffer(&knots)),
+        ("materials", Bound::Buffer(&materials)),
         ("PlacedVertices", Bound::Buffer(&placed)),
     ];
     let full = PlacePush {
@@ -141,8 +141,12 @@ fn run_place(
     };
     let constants = [1, u32::from(lens.extended.is_some())];
     let size = [vertices.len() as u32, 1];
+    let bytes = vertices.len() * PLACED * 4;
+    bench.run(const { kernel("exact_place_words.comp") }, &constants, &resources, &full, size);
+    let words = bench.read_buffer(&placed, bytes);
     bench.run(const { kernel("exact_place.comp") }, &constants, &resources, &full, size);
-    let bytes = bench.read_buffer(&placed, vertices.len() * PLACED * 4);
+    let bytes = bench.read_buffer(&placed, bytes);
+    assert!(bytes == words, "what is read as texels is placed elsewhere than what is read as words");
     let mut data: Vec<f32> = bytemuck::pod_collect_to_vec(&bytes);
     for (i, v) in data.chunks_exact_mut(PLACED).enumerate() {
         let material = (vertices[i].group % 2) as f32 * 8.0;

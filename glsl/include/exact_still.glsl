@@ -17,7 +17,7 @@ void main() {
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
-    vec4 seen = mean_of_pixel(color_samples, ivec2(pixel) + push.margin_px, push.grid);
+    vec4 seen = mean_of_pixel(color_samples, ivec2(pixel) + push.margin_px, grid_of(push.grid));
     // One sample read; statistics are told so.
     imageStore(radiance, ivec2(pixel), vec4(seen.rgb, 1.0));
 }

@@ -23,7 +23,7 @@ struct Followed {
 };
 
 float inverse_depth_at(vec2 position_px) {
-    return texelFetch(inverse_depth, path_texel(position_px), 0).r;
+    return texel_of(inverse_depth, path_texel(position_px)).r;
 }
 
 // Between a place on the nearer surface and one on the farther: the first beyond the silhouette, by bisection, and

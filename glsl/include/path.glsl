@@ -16,6 +16,14 @@ int path_scale() { return PATH_SCALE; }
 layout(constant_id = 5) const uint FROM_DEPTH = 0u;
 bool from_depth() { return FROM_DEPTH != 0u; }
 
+// Texels of the path images and of the depth, margin included.
+ivec2 path_texels() { return (ivec2(push.size) + 2 * push.margin_px) * PATH_SCALE; }
+
+// A texel of them. It is not fetched but sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a fetch.
+vec4 texel_of(sampler2D image, ivec2 texel) {
+    return textureLod(image, (vec2(texel) + 0.5) / vec2(path_texels()), 0.0);
+}
+
 // FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant to
 // clip space at each knot. A uniform buffer: a software device reads it once for all lanes.
 layout(set = 0, binding = 10, std140) uniform Moved {
@@ -56,9 +64,9 @@ const float LEAST_W = 0.02;
 
 // Displacement of what a texel shows by a matrix, px.
 vec2 displacement_by(ivec2 texel, vec4 x, vec4 y, vec4 w) {
-    vec2 size = vec2(textureSize(inverse_depth, 0));
+    vec2 size = vec2(path_texels());
     precise vec2 ndc = (vec2(texel) + 0.5) / size * 2.0 - 1.0;
-    float depth = texelFetch(inverse_depth, texel, 0).r;
+    float depth = texel_of(inverse_depth, texel).r;
     precise float sx = x.x * ndc.x + x.y * ndc.y + x.z * depth + x.w;
     precise float sy = y.x * ndc.x + y.y * ndc.y + y.z * depth + y.w;
     precise float sw = max(w.x * ndc.x + w.y * ndc.y + w.z * depth + w.w, LEAST_W);
@@ -71,8 +79,8 @@ vec2 knot_displacement(ivec2 texel, int layer) {
     if (from_depth()) {
         return displacement_by(texel, moved.rows[3 * layer], moved.rows[3 * layer + 1], moved.rows[3 * layer + 2]);
     }
-    vec4 pair = layer < 2 ? texelFetch(path_0, texel, 0)
-                          : (layer < 4 ? texelFetch(path_1, texel, 0) : texelFetch(path_2, texel, 0));
+    vec4 pair = layer < 2 ? texel_of(path_0, texel)
+                          : (layer < 4 ? texel_of(path_1, texel) : texel_of(path_2, texel));
     return (layer & 1) == 0 ? pair.xy : pair.zw;
 }
 
@@ -128,14 +136,14 @@ vec2 texel_displacement(ivec2 texel, PathWeights w) {
     if (from_depth()) {
         return displacement_by(texel, w.x, w.y, w.w);
     }
-    vec4 knots = texelFetch(path_0, texel, 0);
+    vec4 knots = texel_of(path_0, texel);
     precise vec2 sum = w.image_0.x * knots.xy + w.image_0.y * knots.zw;
     if (path_images() > 1) {
-        knots = texelFetch(path_1, texel, 0);
+        knots = texel_of(path_1, texel);
         sum = sum + (w.image_1.x * knots.xy + w.image_1.y * knots.zw);
     }
     if (path_images() > 2) {
-        knots = texelFetch(path_2, texel, 0);
+        knots = texel_of(path_2, texel);
         sum = sum + (w.image_2.x * knots.xy + w.image_2.y * knots.zw);
     }
     return sum;
@@ -143,7 +151,7 @@ vec2 texel_displacement(ivec2 texel, PathWeights w) {
 
 // The texel of the path images that holds a position, px.
 ivec2 path_texel(vec2 position_px) {
-    ivec2 last = textureSize(inverse_depth, 0) - 1;
+    ivec2 last = path_texels() - 1;
     vec2 inside = clamp(floor(position_px * float(PATH_SCALE)), vec2(0.0), vec2(last));
     return clamp(ivec2(inside), ivec2(0), last);
 }
@@ -172,13 +180,13 @@ struct PathBlock {
 
 // The block around a position, read once for any number of instants.
 ivec2 path_block(vec2 position_px) {
-    ivec2 last = max(textureSize(inverse_depth, 0) - 2, ivec2(0));
+    ivec2 last = max(path_texels() - 2, ivec2(0));
     precise vec2 wanted = position_px * float(PATH_SCALE) - 0.5;
     return clamp(ivec2(floor(clamp(wanted, vec2(0.0), vec2(last)))), ivec2(0), last);
 }
 
 PathBlock block_displacement(ivec2 block, PathWeights w) {
-    ivec2 far = min(block + 1, textureSize(inverse_depth, 0) - 1);
+    ivec2 far = min(block + 1, path_texels() - 1);
     precise vec2 a = texel_displacement(block, w);
     precise vec2 b = texel_displacement(ivec2(far.x, block.y), w);
     precise vec2 c = texel_displacement(ivec2(block.x, far.y), w);

@@ -7,13 +7,18 @@
 // give 1/2; what they hold is finer than that at edges and coarser within textures. Tried: 0.3 to 0.5.
 const float NEIGHBOURS_SHARE = 0.3125;
 
+// Sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a fetch.
+vec3 color_at(ivec2 texel) {
+    return textureLod(color, (vec2(texel) + 0.5) / vec2(color_texels()), 0.0).rgb;
+}
+
 // Mean of the picture over one px around a position: what the pixel's area saw. Three texels an axis with the position as
 // their mean; at a pixel's centre the mean of its own texels, to the bit.
 vec3 read_pixel_area(vec2 position_px, inout bool clamped) {
     if (color_scale() == 1) {
         return sample_bilinear(color, position_px, clamped).rgb;
     }
-    ivec2 last = textureSize(color, 0) - 1;
+    ivec2 last = color_texels() - 1;
     precise vec2 wanted = position_px * 2.0 - 0.5;
     vec2 inside = clamp(wanted, vec2(0.5), vec2(last) - 0.5);
     clamped = clamped || inside != wanted;
@@ -29,9 +34,9 @@ vec3 read_pixel_area(vec2 position_px, inout bool clamped) {
     for (int y = 0; y < 3; ++y) {
         int row = y == 0 ? low.y : (y == 1 ? middle.y : high.y);
         float weight = y == 0 ? before.y : (y == 1 ? own.y : after.y);
-        precise vec3 along = before.x * texelFetch(color, ivec2(low.x, row), 0).rgb;
-        along = along + own.x * texelFetch(color, ivec2(middle.x, row), 0).rgb;
-        along = along + after.x * texelFetch(color, ivec2(high.x, row), 0).rgb;
+        precise vec3 along = before.x * color_at(ivec2(low.x, row));
+        along = along + own.x * color_at(ivec2(middle.x, row));
+        along = along + after.x * color_at(ivec2(high.x, row));
         sum = sum + weight * along;
     }
     return sum;

@@ -15,7 +15,7 @@ use super::finish::{Finish, prepare};
 use super::frame::FrameRequest;
 use super::lens::Channel;
 use super::margin::reach_of;
-use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger};
+use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger, resolve_constants};
 use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
@@ -112,10 +112,12 @@ impl Fast {
             true => const { [kernel("resolve_color_ms.comp"), kernel("resolve_color_half_ms.comp")] },
             false => const { [kernel("resolve_color.comp"), kernel("resolve_color_half.comp")] },
         };
-        let resolve_color = resolve_color.map(|kernel| ComputePipeline::new(&stage.context, kernel));
-        let [exact, half] = resolve_color;
         options.path_scale = options.path_scale.clamp(1, 2);
         let (context, grid) = (&stage.context, stage.plan.grid);
+        let of_texel = SamplePlan { grid: grid / grid.min(2), ..stage.plan };
+        let constants = resolve_constants(of_texel);
+        let [exact, half] =
+            resolve_color.map(|kernel| ComputePipeline::specialized(context, kernel, &constants));
         let rests = MotionGroups::new(&stage.scene).count() == 1;
         let (color_scale, path_scale) = (grid.min(2), options.path_scale);
         let path_images = options.motion_images as usize / 2;

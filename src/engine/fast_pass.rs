@@ -13,55 +13,28 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::reference::fast_push::Push;
 
-assert_push_layout!(
-    "fast_seeds.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
-assert_push_layout!(
-    "fast_gather.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
-
-assert_push_layout!(
-    "fast_silhouettes.comp",
-    Push {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        knot_step_s,
-        reference_knot,
-        last_knot,
-        scan_order,
-        max_samples,
-        slots
-    }
-);
+/// All three kernels are told the same.
+macro_rules! assert_push_of {
+    ($($file:literal),+) => {
+        $(assert_push_layout!(
+            $file,
+            Push {
+                size,
+                margin_px,
+                start_s,
+                readout_time_s,
+                exposure_time_s,
+                knot_step_s,
+                reference_knot,
+                last_knot,
+                scan_order,
+                max_samples,
+                slots
+            }
+        );)+
+    };
+}
+assert_push_of!("fast_seeds.comp", "fast_gather.comp", "fast_silhouettes.comp");
 
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
@@ -116,7 +89,7 @@ pub struct FastGather {
     /// Pixels that see several surfaces, after the size of the dispatch that handles them and their number.
     listed: Buffer,
     sampler: Sampler,
-    /// Linear, in texels.
+    /// Linear, in shares of the picture.
     between: Sampler,
     kind: FastKind,
     /// Stands where matrices would.
@@ -182,7 +155,7 @@ impl FastGather {
             kind,
             unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Uniform, Location::Device)?,
             sampler: Sampler::new(context, false)?,
-            between: Sampler::in_texels(context)?,
+            between: Sampler::in_shares(context)?,
             size,
         })
     }

@@ -31,11 +31,13 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
-    /// Storage buffer whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
+    /// [`Self::Storage`] whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
     /// fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
     StorageTexels,
     /// Vertex buffer.
     Vertex,
+    /// Vertex buffer whose words are texels too, as those of [`Self::StorageTexels`].
+    VertexTexels,
     /// Vertex buffer that kernels read or write.
     StorageVertex,
     /// Index buffer.
@@ -44,13 +46,13 @@ pub enum Usage {
     Transfer,
 }
 
-/// Bytes of a texel of [`Usage::Texels`] and [`Usage::StorageTexels`].
+/// Bytes of a texel of [`Usage::Texels`], [`Usage::StorageTexels`] and [`Usage::VertexTexels`].
 const TEXEL_BYTES: u64 = 16;
 
 /// A buffer and its memory.
 pub struct Buffer {
     pub(super) handle: vk::Buffer,
-    /// Of [`Usage::Texels`] and [`Usage::StorageTexels`]: all of it as texels; else null.
+    /// Of the usages with texels: all of it as texels; else null.
     pub(super) view: vk::BufferView,
     pub(super) bytes: u64,
     allocation: Option<Allocation>,
@@ -73,7 +75,8 @@ impl Buffer {
     ) -> Result<Self> {
         let bytes = bytes.max(16);
         let limit = context.info().max_storage_buffer_bytes;
-        let stored = matches!(usage, Usage::Storage | Usage::StorageTexels | Usage::StorageVertex);
+        let texels_too = matches!(usage, Usage::StorageTexels | Usage::VertexTexels);
+        let stored = texels_too || matches!(usage, Usage::Storage | Usage::StorageVertex);
         if stored && bytes > limit {
             let why = format!("maxStorageBufferRange of {}", context.info().name);
             return Err(Error::Limit { what: "size of a storage buffer, bytes", value: bytes, limit, why });
@@ -91,9 +94,18 @@ impl Buffer {
             Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
             Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
             Usage::StorageTexels => {
-                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies
+                vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
             }
             Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Usage::VertexTexels => {
+                vk::BufferUsageFlags::VERTEX_BUFFER
+                    | vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
+            }
             Usage::StorageVertex => {
                 vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
             }
@@ -119,7 +131,7 @@ impl Buffer {
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
         buffer.allocation = Some(allocation);
         bound.map_err(failed("vkBindBufferMemory"))?;
-        if usage == Usage::Texels || (usage == Usage::StorageTexels && texels <= limit) {
+        if usage == Usage::Texels || (texels_too && texels <= limit) {
             buffer.view = buffer.make_view()?;
         }
         Ok(buffer)
@@ -220,6 +232,8 @@ pub enum Format {
     Rgba32f,
     /// Motion, px.
     Rg32f,
+    /// Two words.
+    Rg32ui,
     /// One float.
     R32f,
     /// Depth attachment.
@@ -236,6 +250,7 @@ impl Format {
             Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
             Self::Rg32f => vk::Format::R32G32_SFLOAT,
+            Self::Rg32ui => vk::Format::R32G32_UINT,
             Self::R32f => vk::Format::R32_SFLOAT,
             Self::Depth32f => vk::Format::D32_SFLOAT,
             Self::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
@@ -246,7 +261,7 @@ impl Format {
     /// Bytes a texel.
     pub fn texel_bytes(self) -> u64 {
         match self {
-            Self::Rgba16f | Self::Rg32f => 8,
+            Self::Rgba16f | Self::Rg32f | Self::Rg32ui => 8,
             Self::Rgba32f => 16,
             Self::R32f | Self::Depth32f | Self::Rgba8Srgb | Self::Rgba8 => 4,
         }
@@ -401,6 +416,11 @@ pub struct Sampler {
     context: Arc<Context>,
 }
 
+/// Largest level of detail of samplers. All images have one level, so it changes nothing but this: lavapipe 22.3 compiles
+/// code that looks up the level of every lane, a third of a bilinear reading, unless the sampler allows a level above 0.
+/// (`texelFetch` of an image always has that code, and a sampler in texels may not allow such a level.)
+const ONE_LEVEL: f32 = 1.0;
+
 impl Sampler {
     /// `linear`: bilinear and repeating in both directions; else nearest and clamped, for `texelFetch`.
     ///
@@ -416,7 +436,24 @@ impl Sampler {
             .min_filter(filter)
             .address_mode_u(mode)
             .address_mode_v(mode)
-            .address_mode_w(mode);
+            .address_mode_w(mode)
+            .max_lod(ONE_LEVEL);
+        Self::from_info(context, &info)
+    }
+
+    /// Bilinear between texels, with positions as shares of the image's sides, held at the outermost texels.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn in_shares(context: &Arc<Context>) -> Result<Self> {
+        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(mode)
+            .address_mode_v(mode)
+            .address_mode_w(mode)
+            .max_lod(ONE_LEVEL);
         Self::from_info(context, &info)
     }
 

@@ -258,6 +258,11 @@ fn missing(
     let wanted = [
         (vk::Format::R16G16B16A16_SFLOAT, image, "rgba16f as attachment and storage image"),
         (vk::Format::R32G32_SFLOAT, image, "rg32f as attachment and storage image"),
+        (
+            vk::Format::R32G32_UINT,
+            vk::FormatFeatureFlags::STORAGE_IMAGE | vk::FormatFeatureFlags::SAMPLED_IMAGE,
+            "rg32ui as storage image",
+        ),
         (vk::Format::R32G32B32A32_SFLOAT, vk::FormatFeatureFlags::STORAGE_IMAGE, "rgba32f as storage image"),
         (vk::Format::R32_SFLOAT, vk::FormatFeatureFlags::STORAGE_IMAGE, "r32f as storage image"),
         (

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::place::Placed;
+use super::scene_buffers::vertex_rows;
 use super::tessellate::Mesh;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Location, Slot, Usage};
@@ -28,7 +29,8 @@ impl Geometry {
     /// # Errors
     /// Out of memory.
     pub fn new(context: &Arc<Context>, mesh: &Mesh) -> Result<Self> {
-        let vertices: &[u8] = bytemuck::cast_slice(&mesh.vertices);
+        let rows = vertex_rows(&mesh.vertices);
+        let vertices: &[u8] = bytemuck::cast_slice(&rows);
         let indices: &[u8] = bytemuck::cast_slice(&mesh.indices);
         let staged = |name: &str, bytes: &[u8]| {
             let mut staging =
@@ -41,7 +43,7 @@ impl Geometry {
             Buffer::new(context, name, bytes.len() as u64, usage, Location::Device)
         };
         let geometry = Self {
-            vertices: device("cut vertices", vertices, Usage::StorageVertex)?,
+            vertices: device("cut vertices", vertices, Usage::VertexTexels)?,
             vertex_count: mesh.vertices.len() as u32,
             placed: Buffer::new(
                 context,

@@ -9,7 +9,7 @@ use glam::{DMat4, DVec2, DVec4};
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
 use crate::scene::Scene;
 
-/// `Knot` of `exact_place.comp`.
+/// Nine texels of `knots` in `exact_place.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct KnotRow {

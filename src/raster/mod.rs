@@ -14,7 +14,7 @@ pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
 pub use knots::{KnotRow, MotionGroups, RelativeRow, View, moved_rows, relative_rows, spaced};
 pub use lens::LensPush;
-pub use place::{Place, PlacePush};
+pub use place::{Place, PlaceInput, PlacePush};
 pub use scene_buffers::SceneBuffers;
 pub use target::{Drawn, RasterInput, RasterKind, RasterTarget};
 pub use tessellate::Mesh;

@@ -6,11 +6,10 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::{Geometry, LensPush, SceneBuffers};
-use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Recorder, VertexFormat};
 use crate::kernels::kernel;
-use crate::scene::Vertex;
+use crate::{assert_element_layout, assert_push_layout};
 
 /// Push constants of `exact_place.comp`, explained there.
 #[repr(C)]
@@ -38,7 +37,7 @@ assert_push_layout!(
     PlacePush { vertex_count, knot_count, place_low, place_high, place_from_ndc, place_offset, near_m, lens }
 );
 
-/// `Placed` of `exact_place.comp`.
+/// `Placed` of `exact_place.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 pub(super) struct Placed {
@@ -51,8 +50,11 @@ pub(super) struct Placed {
     ks_ns: [f32; 4],
     group: u32,
 }
-// The shader reads vertices as they are.
-const _: () = assert!(size_of::<Vertex>() == 40 && size_of::<Placed>() == 88);
+assert_element_layout!(
+    "exact_place.comp",
+    "PlacedVertices",
+    Placed { clip_xyw, position_m, normal, eye_m, uv, kd, ks_ns, group }
+);
 
 pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
     stride: size_of::<Placed>() as u32,
@@ -70,8 +72,14 @@ pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
 
 /// The kernels.
 pub struct Place {
-    /// Without and with a lens; the bindings are the same.
-    kernels: [ComputePipeline; 2],
+    /// That read texels, and that read storage buffers; of each without and with a lens, whose bindings are the same.
+    kernels: [[ComputePipeline; 2]; 2],
+}
+
+/// A geometry and the knots, bound for the kernels that can read them.
+pub struct PlaceInput {
+    group: BindGroup,
+    words: bool,
 }
 
 impl Place {
@@ -80,33 +88,39 @@ impl Place {
     /// # Errors
     /// Out of memory.
     pub fn new(context: &Arc<Context>, scene: &SceneBuffers) -> Result<Self> {
-        let kernel = const { kernel("exact_place.comp") };
-        let make = |lens: u32| ComputePipeline::specialized(context, kernel, &[scene.lit.into(), lens]);
-        Ok(Self { kernels: [make(0)?, make(1)?] })
+        let texels = const { kernel("exact_place.comp") };
+        let words = const { kernel("exact_place_words.comp") };
+        let make =
+            |kernel, lens: u32| ComputePipeline::specialized(context, kernel, &[scene.lit.into(), lens]);
+        let kernels = [[make(texels, 0)?, make(texels, 1)?], [make(words, 0)?, make(words, 1)?]];
+        Ok(Self { kernels })
     }
 
     /// Binds a geometry and the rows of [`super::MotionGroups::knot_rows`].
     ///
     /// # Errors
     /// Out of memory.
-    pub fn bind(&self, scene: &SceneBuffers, geometry: &Geometry, knots: &Buffer) -> Result<BindGroup> {
-        self.kernels[0].bind(&[
-            ("Vertices", Bound::Buffer(&geometry.vertices)),
-            ("Knots", Bound::Buffer(knots)),
-            ("Materials", Bound::Buffer(&scene.materials)),
+    pub fn bind(&self, scene: &SceneBuffers, geometry: &Geometry, knots: &Buffer) -> Result<PlaceInput> {
+        let words = [&geometry.vertices, knots, &scene.materials].iter().any(|b| !b.has_texels());
+        let group = self.kernels[usize::from(words)][0].bind(&[
+            ("vertices", Bound::Buffer(&geometry.vertices)),
+            ("knots", Bound::Buffer(knots)),
+            ("materials", Bound::Buffer(&scene.materials)),
             ("PlacedVertices", Bound::Buffer(&geometry.placed)),
-        ])
+        ])?;
+        Ok(PlaceInput { group, words })
     }
 
-    /// Places all vertices of the geometry that the group binds.
+    /// Places all vertices of the geometry that the input binds.
     pub fn record(
         &self,
         recorder: &mut Recorder<'_>,
         geometry: &Geometry,
-        group: &BindGroup,
+        input: &PlaceInput,
         push: &PlacePush,
     ) {
         let push = PlacePush { vertex_count: geometry.vertex_count, ..*push };
-        recorder.dispatch(&self.kernels[push.lens.index()], group, &push, [geometry.vertex_count, 1]);
+        let kernel = &self.kernels[usize::from(input.words)][push.lens.index()];
+        recorder.dispatch(kernel, &input.group, &push, [geometry.vertex_count, 1]);
     }
 }

@@ -115,7 +115,7 @@ impl Placed {
     ) -> Result<Option<Self>> {
         let Some((vertex, fragment, format)) = shaders(kind) else { return Ok(None) };
         let bytes = u64::from(scene.vertex_count) * u64::from(STRIDE);
-        let readable = scene.corners.is_some() && scene.materials.has_texels();
+        let readable = scene.vertices.has_texels() && scene.materials.has_texels();
         if !readable || bytes > context.info().max_storage_buffer_bytes {
             return Ok(None);
         }
@@ -151,9 +151,11 @@ impl Placed {
         all: &[(&str, Bound<'_>)],
         instants: &Buffer,
     ) -> Result<Option<PlacedInput>> {
-        let Some(corners) = scene.corners.as_ref().filter(|_| instants.has_texels()) else { return Ok(None) };
+        if !instants.has_texels() {
+            return Ok(None);
+        }
         let place = self.kernel.bind(&[
-            ("vertices", Bound::Buffer(corners)),
+            ("vertices", Bound::Buffer(&scene.vertices)),
             ("instants", Bound::Buffer(instants)),
             ("materials", Bound::Buffer(&scene.materials)),
             ("PlacedVertices", Bound::Buffer(&self.buffer)),

@@ -38,12 +38,11 @@ assert_element_layout!("raster_color.frag", "Lights", LightRow { position_m, col
 
 /// Vertices, indices, materials, lights and textures.
 pub struct SceneBuffers {
+    /// Rows of [`VertexRow`].
     pub(super) vertices: Buffer,
     pub(super) indices: Buffer,
     pub(super) materials: Buffer,
     pub(super) lights: Buffer,
-    /// The vertices again, three texels each, where the device has as many.
-    pub(super) corners: Option<Buffer>,
     /// The scene's textures, then a white one for what has none.
     pub(super) textures: Vec<Image>,
     pub(super) sampler: Sampler,
@@ -73,14 +72,14 @@ impl SceneBuffers {
             return Err(Error::Limit { what: "number of point lights", value, limit, why });
         }
         let mut uploader = Uploader { context, staging: Vec::new() };
-        let vertices: &[u8] = bytemuck::cast_slice(&scene.vertices);
+        let rows = vertex_rows(&scene.vertices);
+        let vertices: &[u8] = bytemuck::cast_slice(&rows);
         let indices: &[u8] = bytemuck::cast_slice(&scene.indices);
         let buffers = Self {
-            vertices: uploader.buffer("vertices", vertices, Usage::StorageVertex)?,
+            vertices: uploader.buffer("vertices", vertices, Usage::VertexTexels)?,
             indices: uploader.buffer("indices", indices, Usage::Index)?,
             materials: uploader.buffer("materials", &material_bytes(scene), Usage::StorageTexels)?,
             lights: uploader.buffer("lights", &light_bytes(lights), Usage::Uniform)?,
-            corners: uploader.corners(scene)?,
             textures: uploader.textures(scene)?,
             sampler: Sampler::new(context, true)?,
             draws: scene.draws.clone(),
@@ -100,7 +99,7 @@ impl SceneBuffers {
     }
 }
 
-/// Staging buffers, in the order: the five buffers, then the textures.
+/// Staging buffers, in the order: the four buffers, then the textures.
 struct Uploader<'a> {
     context: &'a Arc<Context>,
     staging: Vec<Buffer>,
@@ -118,16 +117,6 @@ impl Uploader<'_> {
     fn buffer(&mut self, name: &str, bytes: &[u8], usage: Usage) -> Result<Buffer> {
         self.stage(name, bytes)?;
         Buffer::new(self.context, name, bytes.len() as u64, usage, Location::Device)
-    }
-
-    fn corners(&mut self, scene: &Scene) -> Result<Option<Buffer>> {
-        let words: Vec<[u32; 12]> = scene.vertices.iter().map(texels).collect();
-        let bytes: &[u8] = bytemuck::cast_slice(&words);
-        if bytes.len() as u64 / 16 > self.context.info().max_texels {
-            self.stage("no vertices as texels", &[])?;
-            return Ok(None);
-        }
-        self.buffer("vertices as texels", bytes, Usage::Texels).map(Some)
     }
 
     fn textures(&mut self, scene: &Scene) -> Result<Vec<Image>> {
@@ -150,9 +139,9 @@ impl Uploader<'_> {
         let mut slot = Slot::new(self.context, "upload")?;
         let mut recorder = slot.begin()?;
         recorder.prepare(&to.textures);
-        let (buffers, textures) = self.staging.split_at(5);
+        let (buffers, textures) = self.staging.split_at(4);
         let all = [&to.vertices, &to.indices, &to.materials, &to.lights];
-        for (from, to) in buffers.iter().zip(all.into_iter().chain(&to.corners)) {
+        for (from, to) in buffers.iter().zip(all) {
             recorder.copy_buffer(from, to, from.bytes().min(to.bytes()));
         }
         for (from, to) in textures.iter().zip(&to.textures) {
@@ -165,11 +154,17 @@ impl Uploader<'_> {
     }
 }
 
-/// A vertex as `raster_place.comp` fetches it.
-fn texels(v: &Vertex) -> [u32; 12] {
-    let ([x, y, z], [nx, ny, nz], [u, w]) = (v.position_m, v.normal, v.uv);
-    let [x, y, z, nx, ny, nz, u, w] = [x, y, z, nx, ny, nz, u, w].map(f32::to_bits);
-    [x, y, z, v.object, nx, ny, nz, v.material, u, w, 0, 0]
+/// A vertex in the device's memory: three texels of four words for the kernels that place vertices.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+pub(super) struct VertexRow {
+    pub(super) vertex: Vertex,
+    unused: [u32; 2],
+}
+const _: () = assert!(size_of::<VertexRow>() == 48);
+
+pub(super) fn vertex_rows(vertices: &[Vertex]) -> Vec<VertexRow> {
+    vertices.iter().map(|v| VertexRow { vertex: *v, unused: [0; 2] }).collect()
 }
 
 /// Whether a material of a draw has a specular colour.

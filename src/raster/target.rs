@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::place::PLACED_FORMAT;
 use super::placed::{Placed, PlacedInput};
+use super::scene_buffers::VertexRow;
 use super::{Geometry, LensPush, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
 use crate::camera::{ExtendedLens, NEAR_M};
@@ -16,7 +17,7 @@ use crate::gpu::{
     GraphicsSpec, Recorder, RenderArea, VertexFormat,
 };
 use crate::kernels::{Kernel, kernel};
-use crate::scene::{Draw, Vertex};
+use crate::scene::Draw;
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,13 +90,13 @@ struct ExactPush {
 assert_push_layout!("raster_exact.vert", ExactPush { near_m });
 
 const VERTEX_FORMAT: VertexFormat = VertexFormat {
-    stride: size_of::<Vertex>() as u32,
+    stride: size_of::<VertexRow>() as u32,
     attributes: &[
-        (offset_of!(Vertex, position_m) as u32, 3),
-        (offset_of!(Vertex, object) as u32, 0),
-        (offset_of!(Vertex, normal) as u32, 3),
-        (offset_of!(Vertex, material) as u32, 0),
-        (offset_of!(Vertex, uv) as u32, 2),
+        (offset_of!(VertexRow, vertex.position_m) as u32, 3),
+        (offset_of!(VertexRow, vertex.object) as u32, 0),
+        (offset_of!(VertexRow, vertex.normal) as u32, 3),
+        (offset_of!(VertexRow, vertex.material) as u32, 0),
+        (offset_of!(VertexRow, vertex.uv) as u32, 2),
     ],
 };
 

@@ -13,15 +13,26 @@ const HIT_PX: f32 = 0.75;
 /// Half the distance of two bilinear samples that stand for a pixel's width, px; the kernel says why.
 const SPREAD_PX: f32 = 0.14434;
 
+/// A px of a path has a sample; of what is longer than this, px, every second one has.
+const DENSE_PX: f32 = 12.0;
+
+fn samples_of(length_px: f32) -> f32 {
+    length_px.min(0.5 * (length_px + DENSE_PX))
+}
+
 /// What the kernel is told.
 #[derive(Clone, Copy)]
 pub struct Inputs<'a> {
-    /// RGB: linear radiance of the supersampled picture. A: inverse distance, 1/m.
+    /// RGB: linear radiance of the supersampled picture. A: unused.
     pub texels: &'a Plane<f32>,
+    /// By pixel: inverse distance, 1/m.
+    pub inverses: &'a Plane<f32>,
     /// By pixel: px from the middle of the line's exposure to its begin and its end.
     pub paths: &'a Plane<f32>,
     /// Linear radiance by pixel at the begin and at the end of each line's exposure, where there is.
     pub uncovered: Option<[&'a Plane<f32>; 2]>,
+    /// From where to where these were drawn, as far as they can be read between pixels, px.
+    pub drawn_px: [Vec2; 2],
     /// By tile.
     pub around: &'a [Around],
     /// px rendered beyond each side.
@@ -82,15 +93,20 @@ impl Gather<'_> {
         self.beyond |= at.cmplt(Vec2::ZERO).any() || at.cmpgt(self.picture_px()).any();
     }
 
+    /// The pixel there, or the nearest in the picture.
+    fn inside(&self, at: Vec2) -> [usize; 2] {
+        let at: IVec2 = at.as_ivec2().clamp(IVec2::ZERO, self.picture_px().as_ivec2() - 1);
+        [at.x as usize, at.y as usize]
+    }
+
     fn path_at(&self, at: Vec2) -> Vec4 {
-        let at: IVec2 = at.clamp(Vec2::ZERO, self.picture_px() - 1.0).as_ivec2();
-        Vec4::from_slice(self.inputs.paths.pixel(at.x as usize, at.y as usize))
+        let [x, y] = self.inside(at);
+        Vec4::from_slice(self.inputs.paths.pixel(x, y))
     }
 
     fn inverse_at(&self, at: Vec2) -> f32 {
-        let inside = at.clamp(Vec2::ZERO, self.picture_px() - 0.01);
-        let texel = (inside * self.inputs.grid as f32).as_ivec2();
-        self.inputs.texels.pixel(texel.x as usize, texel.y as usize)[3]
+        let [x, y] = self.inside(at);
+        self.inputs.inverses.pixel(x, y)[0]
     }
 
     fn radiance_at(&self, at: Vec2) -> Vec3 {
@@ -102,13 +118,10 @@ impl Gather<'_> {
         tau + self.line - self.inputs.tau_per_px.dot(at)
     }
 
-    /// Where what is here at tau was in the picture: two fixed-point steps.
+    /// Where what is here at tau was in the picture: a fixed-point step.
     fn origin_of(&self, path: Vec4, tau: f32) -> Vec2 {
-        let mut at = self.pixel - along(path, tau);
-        for _ in 0..2 {
-            at = self.pixel - along(self.path_at(at), self.own_tau(at, tau));
-        }
-        at
+        let at = self.pixel - along(path, tau);
+        self.pixel - along(self.path_at(at), self.own_tau(at, tau))
     }
 
     /// Mean of the pixel's box.
@@ -129,7 +142,7 @@ impl Gather<'_> {
         let side = self.spread_px() * if way.x > way.y { Vec2::Y } else { Vec2::X };
         let ahead = Vec2::splat(self.spread_px()) - side;
         let (even, odd) = (side + ahead, side - ahead);
-        let wanted = (0.5 * (begin.length() + end.length())).ceil() as i32;
+        let wanted = (0.5 * samples_of(begin.length() + end.length())).ceil() as i32;
         let pairs = wanted.clamp(1, self.inputs.most / 2);
         let count = 2.0 * pairs as f32;
         let apart = if pairs == 2 { 1.0 } else { 1.0 / (1.0 - 1.0 / (count * count)).sqrt() };
@@ -152,37 +165,45 @@ impl Gather<'_> {
         let seeds = [self.path_at(self.pixel), tile.near, tile.far];
         let length = |s: Vec4| s.truncate().truncate().length() + Vec2::new(s.z, s.w).length();
         let longest = seeds.map(length).into_iter().fold(0.0, f32::max);
-        let count = 2 * ((0.5 * longest).ceil() as i32).clamp(2, self.inputs.most / 2);
+        let count = 2 * ((0.5 * samples_of(longest)).ceil() as i32).clamp(2, self.inputs.most / 2);
         let mut sum = Vec3::ZERO;
+        // The pixel's own path stands for that of the two which it is nearer to.
+        let [to_near, to_far] = [1, 2].map(|i| (seeds[i] - seeds[0]).length_squared());
+        let candidates = [seeds[0], if to_near > to_far { seeds[1] } else { seeds[2] }];
         for i in 0..count {
             let tau = (i as f32 + 0.5) / count as f32 - 0.5;
-            let found = self.visible(&seeds, tau);
+            let found = self.visible(&candidates, tau);
             let at = found.unwrap_or(self.pixel - along(seeds[1], tau));
             self.note_beyond(at);
             let aside = self.spread_px() * Vec2::new(if i % 2 == 0 { -1.0 } else { 1.0 }, 1.0);
-            sum += match (found, self.inputs.uncovered) {
-                (None, Some(pictures)) => 2.0 * self.uncovered(pictures, seeds[2], tau),
-                _ => self.radiance_at(at + aside) + self.radiance_at(at - aside),
+            let uncovered = self.inputs.uncovered.filter(|_| found.is_none());
+            sum += match uncovered.and_then(|pictures| self.uncovered(pictures, seeds[2], tau)) {
+                Some(uncovered) => 2.0 * uncovered,
+                None => self.radiance_at(at + aside) + self.radiance_at(at - aside),
             };
         }
         (sum / (2 * count) as f32, count as f32)
     }
 
     /// What is hidden at the middle and not now is what lies farthest: it is in view until the end, or from the begin on.
-    fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Vec3 {
+    /// `None` where it was not drawn.
+    fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Option<Vec3> {
         let hidden = self.pixel - along(path, tau);
         let (picture, way) = match tau < 0.0 {
             true => (pictures[0], path.truncate().truncate()),
             false => (pictures[1], Vec2::new(path.z, path.w)),
         };
-        sample_bilinear(picture, hidden + way, &mut false).truncate()
+        let place = hidden + way;
+        let [from, to] = self.inputs.drawn_px;
+        let drawn = place.cmpge(from).all() && place.cmple(to).all();
+        drawn.then(|| sample_bilinear(picture, place, &mut false).truncate())
     }
 
-    /// The nearest of the seeds' places whose path leads here.
-    fn visible(&self, seeds: &[Vec4; 3], tau: f32) -> Option<Vec2> {
+    /// The nearest of the candidates' places whose path leads here.
+    fn visible(&self, candidates: &[Vec4; 2], tau: f32) -> Option<Vec2> {
         let (mut nearest, mut found) = (-1.0, None);
-        for &seed in seeds {
-            let mut at = self.pixel - along(seed, tau);
+        for &candidate in candidates {
+            let mut at = self.pixel - along(candidate, tau);
             at = self.pixel - along(self.path_at(at), self.own_tau(at, tau));
             let off = at + along(self.path_at(at), self.own_tau(at, tau)) - self.pixel;
             let inverse = self.inverse_at(at);

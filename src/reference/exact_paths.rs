@@ -1,8 +1,9 @@
 //! `--method exact` with an exposure: what the gather reads of the samples. Twin of `glsl/exact_paths.comp`; its
 //! multisampled variant differs in nothing but how a sample is fetched.
 
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
+use super::rgb9e5::rgb9e5;
 use crate::plane::Plane;
 
 /// Farthest path, px.
@@ -43,22 +44,41 @@ pub struct Inputs<'a> {
     pub sensor: &'a dyn Fn(Vec4) -> Vec4,
 }
 
-/// Radiance and inverse distance (1/m) of every texel, and the path of every pixel (px from the middle of its line's
-/// exposure to the begin and to the end), before they are rounded to half floats.
+/// What the kernel writes.
+pub struct Outputs {
+    /// Words of the radiance of a texel and of the one to its right (the last one has itself there), row by row.
+    pub words: Vec<[u32; 2]>,
+    /// Inverse distance of the nearest sample of every pixel, 1/m.
+    pub inverses: Plane<f32>,
+    /// Of every pixel, px from the middle of its line's exposure to the begin and to the end, before they are rounded to half
+    /// floats.
+    pub paths: Plane<f32>,
+}
+
+/// All of a picture.
 ///
 /// # Panics
 /// If shapes do not fit.
-pub fn exact_paths(inputs: &Inputs<'_>) -> (Plane<f32>, Plane<f32>) {
-    let (color, depth) = (inputs.color, inputs.depth);
-    let texels = Plane::from_fn(color.width, color.height, |x, y| {
-        let c = color.pixel(x, y);
-        [c[0], c[1], c[2], depth.pixel(x, y)[0].max(0.0) / inputs.near_m]
-    });
+pub fn exact_paths(inputs: &Inputs<'_>) -> Outputs {
+    let color = inputs.color;
+    let texels = (0..color.height).flat_map(|y| (0..color.width).map(move |x| [x, y]));
+    let word = |x: usize, y: usize| rgb9e5(Vec3::from_slice(color.pixel(x, y)), round_up(x, y));
+    let pair = |[x, y]: [usize; 2]| [word(x, y), word((x + 1).min(color.width - 1), y)];
     let size = [color.width / inputs.grid, color.height / inputs.grid];
-    (texels, Plane::from_fn(size[0], size[1], |x, y| path(inputs, size, [x, y])))
+    Outputs {
+        words: texels.map(pair).collect(),
+        inverses: Plane::from_fn(size[0], size[1], |x, y| [nearest(inputs, [x, y]).0 / inputs.near_m]),
+        paths: Plane::from_fn(size[0], size[1], |x, y| path(inputs, size, [x, y])),
+    }
 }
 
-fn path(inputs: &Inputs<'_>, size: [usize; 2], [x, y]: [usize; 2]) -> [f32; 4] {
+/// Texels take turns in how they are rounded.
+fn round_up(x: usize, y: usize) -> f32 {
+    [[0.125, 0.625], [0.875, 0.375]][y % 2][x % 2]
+}
+
+/// Depth and group of the nearest sample of a pixel.
+fn nearest(inputs: &Inputs<'_>, [x, y]: [usize; 2]) -> (f32, f32) {
     let (mut depth, mut group) = (0.0_f32, 0.0);
     for row in y * inputs.grid..(y + 1) * inputs.grid {
         for column in x * inputs.grid..(x + 1) * inputs.grid {
@@ -68,6 +88,11 @@ fn path(inputs: &Inputs<'_>, size: [usize; 2], [x, y]: [usize; 2]) -> [f32; 4] {
             }
         }
     }
+    (depth, group)
+}
+
+fn path(inputs: &Inputs<'_>, size: [usize; 2], [x, y]: [usize; 2]) -> [f32; 4] {
+    let (depth, group) = nearest(inputs, [x, y]);
     let pixels = Vec2::new(size[0] as f32, size[1] as f32);
     let ndc = (Vec2::new(x as f32, y as f32) + 0.5) / pixels * 2.0 - 1.0;
     let ideal = (inputs.ideal)(ndc);

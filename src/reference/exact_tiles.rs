@@ -38,17 +38,23 @@ pub struct Tile {
     pub away: f32,
 }
 
-/// All tiles, row by row. `texels`: radiance and inverse distance, `grid` a pixel's side; `paths`: `[height, width, 4]`.
+/// All tiles, row by row. `texels`: radiance, `grid` a pixel's side; `inverses`: inverse distance, 1/m; `paths`:
+/// `[height, width, 4]`.
 ///
 /// # Panics
 /// If shapes do not fit.
-pub fn exact_tiles(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize) -> Vec<Tile> {
+pub fn exact_tiles(texels: &Plane<f32>, inverses: &Plane<f32>, paths: &Plane<f32>, grid: usize) -> Vec<Tile> {
     let tiles = [paths.width.div_ceil(TILE), paths.height.div_ceil(TILE)];
     let all = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y]));
-    all.map(|tile| exact_tile(texels, paths, grid, tile)).collect()
+    all.map(|tile| exact_tile((texels, grid), inverses, paths, tile)).collect()
 }
 
-fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize; 2]) -> Tile {
+fn exact_tile(
+    (texels, grid): (&Plane<f32>, usize),
+    inverses: &Plane<f32>,
+    paths: &Plane<f32>,
+    tile: [usize; 2],
+) -> Tile {
     let last = [paths.width - 1, paths.height - 1];
     let path = |x: usize, y: usize| Vec4::from_slice(paths.pixel(x.min(last[0]), y.min(last[1])));
     let mut found = Tile {
@@ -73,7 +79,7 @@ fn exact_tile(texels: &Plane<f32>, paths: &Plane<f32>, grid: usize, tile: [usize
             let color = Vec3::from_slice(texels.pixel(x * grid + corner, y * grid + corner));
             (least, most) = (least.min(color), most.max(color));
         }
-        let inverse = texels.pixel(x * grid, y * grid)[3];
+        let inverse = inverses.pixel(x, y)[0];
         if inverse > found.near_inverse {
             (found.near_inverse, found.near) = (inverse, own);
         }

@@ -32,6 +32,7 @@ pub mod paper_gather;
 pub mod path;
 pub mod raster;
 pub mod resolve;
+pub mod rgb9e5;
 pub mod rolling_shutter;
 pub mod sample;
 mod shade;

@@ -11,9 +11,10 @@ use super::Input;
 use super::uncover::Uncover;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{
-    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, Sampler, Usage,
+    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
+    Sampler, Usage,
 };
 use crate::kernels::kernel;
 use crate::raster::{LensPush, RasterKind, RasterTarget};
@@ -34,18 +35,22 @@ struct PathsPush {
     line_count: u32,
     columns: u32,
     lens: LensPush,
+    share_per_row: [f32; 2],
     near_m: f32,
 }
-assert_push_layout!("exact_paths_ms.comp", PathsPush { size, line_count, columns, lens, near_m });
+assert_push_layout!(
+    "exact_paths_ms.comp",
+    PathsPush { size, line_count, columns, lens, share_per_row, near_m }
+);
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct TilesPush {
     size: [u32; 2],
-    picture: [i32; 2],
-    grid: i32,
+    share_per_px: [f32; 2],
+    grid: f32,
 }
-assert_push_layout!("exact_tiles.comp", TilesPush { size, picture, grid });
+assert_push_layout!("exact_tiles.comp", TilesPush { size, share_per_px, grid });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -64,14 +69,26 @@ struct GatherPush {
     size: [u32; 2],
     margin_px: [f32; 2],
     picture_px: [f32; 2],
+    share_per_px: [f32; 2],
     tau_per_px: [f32; 2],
+    drawn_from_px: [f32; 2],
+    drawn_to_px: [f32; 2],
     most: i32,
-    grid: f32,
     tiles_across: u32,
 }
 assert_push_layout!(
     "exact_gather.comp",
-    GatherPush { size, margin_px, picture_px, tau_per_px, most, grid, tiles_across }
+    GatherPush {
+        size,
+        margin_px,
+        picture_px,
+        share_per_px,
+        tau_per_px,
+        drawn_from_px,
+        drawn_to_px,
+        most,
+        tiles_across
+    }
 );
 
 /// `WAY` of `exact_gather.comp`: how a tile is gathered.
@@ -102,6 +119,7 @@ struct Images {
     texels: Image,
     relatives: Image,
     paths: Image,
+    inverses: Image,
     tiles: [Image; 4],
     around: [Image; 2],
     /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
@@ -115,19 +133,31 @@ impl Images {
         };
         let tiles = picture.map(|s| s.div_ceil(TILE));
         let path = |name: &str| image(name, tiles, Format::Rgba16f);
-        let list_bytes = u64::from(4 + tiles[0] * tiles[1]) * size_of::<u32>() as u64;
+        // Whole texels of four words.
+        let list_bytes = u64::from(4 + tiles[0] * tiles[1]).next_multiple_of(4) * size_of::<u32>() as u64;
+        let most = stage.context.info().max_texels;
+        if list_bytes / 16 > most {
+            let why = format!("maxTexelBufferElements of {}", stage.context.info().name);
+            return Err(Error::Limit {
+                what: "tiles of a picture",
+                value: list_bytes / 4,
+                limit: 4 * most,
+                why,
+            });
+        }
         let list = |(_, name): &(u32, &str)| {
-            Buffer::new(&stage.context, name, list_bytes, Usage::Storage, Location::Device)
+            Buffer::new(&stage.context, name, list_bytes, Usage::StorageTexels, Location::Device)
         };
         Ok(Self {
             lists: WAYS.iter().map(list).collect::<Result<_>>()?,
-            texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rgba16f)?,
+            texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rg32ui)?,
             relatives: image(
                 "relatives",
                 [TEXELS_A_GROUP * group_count as u32, picture[0].max(picture[1])],
                 Format::Rgba32f,
             )?,
             paths: image("paths", picture, Format::Rgba16f)?,
+            inverses: image("inverses", picture, Format::R32f)?,
             tiles: [
                 path("tile_near")?,
                 path("tile_far")?,
@@ -151,7 +181,12 @@ impl Blur {
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
         let images = Images::new(stage, size, group_count)?;
-        let all = target.attachments.images().chain([&images.texels, &images.relatives, &images.paths]);
+        let all = target.attachments.images().chain([
+            &images.texels,
+            &images.relatives,
+            &images.paths,
+            &images.inverses,
+        ]);
         prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
@@ -164,13 +199,13 @@ impl Blur {
             ComputePipeline::new(context, const { kernel("exact_tiles.comp") })?,
             ComputePipeline::new(context, const { kernel("exact_neighbours.comp") })?,
         ];
-        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_texels(context)?);
+        let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_shares(context)?);
         let inputs =
             slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
         let uncover = uncovers.then(|| Uncover::new(stage, slots, size, &inputs)).transpose()?;
         let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
         let gather = |way: u32, uncover: Option<&Uncover>| {
-            let constants = [way, uncover.is_some().into()];
+            let constants = [way, uncover.is_some().into(), stage.plan.grid];
             let kernel =
                 ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &constants)?;
             let list = &images.lists[way as usize];
@@ -212,8 +247,8 @@ impl Blur {
         recorder.copy_buffer_to_image(&self.inputs[slot].relative, &self.images.relatives);
         recorder.dispatch(&self.paths[lens.index()], &self.groups[0], &push, along_and_across);
         recorder.mark("exact_tiles");
-        let push =
-            TilesPush { size: tiles, picture: picture.map(|s| s as i32), grid: stage.plan.grid as i32 };
+        let share_per_px = picture.map(|s| 1.0 / s as f32);
+        let push = TilesPush { size: tiles, share_per_px, grid: stage.plan.grid as f32 };
         recorder.dispatch(&self.kernels[0], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
         let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
@@ -231,7 +266,8 @@ impl Blur {
         recorder.dispatch(&self.kernels[1], &self.groups[2], &push, tiles);
         recorder.mark("exact_gather");
         let push = self.gather_push(&stage.intrinsics, shutter, part);
-        let layered = self.layered.as_ref().filter(|_| part.uncovers).unwrap_or(&self.gathers[LAYERED]);
+        let layered =
+            self.layered.as_ref().filter(|_| part.uncovered.is_some()).unwrap_or(&self.gathers[LAYERED]);
         let gathers = self.gathers[..LAYERED].iter().chain([layered]);
         for ((kernel, group), list) in gathers.zip(&self.images.lists) {
             recorder.dispatch_indirect(kernel, group, &push, list);
@@ -245,19 +281,23 @@ impl Blur {
             columns: u32::from(!shutter.scan_order.lines_are_rows()),
             near_m: NEAR_M as f32,
             lens: LensPush::NONE,
+            share_per_row: self.images.relatives.spec().size.map(|s| 1.0 / s as f32),
         }
     }
 
     fn gather_push(&self, camera: &Intrinsics, shutter: &ShutterTiming, part: &Part) -> GatherPush {
+        let drawn = part.uncovered.map_or([(0, 0); 2], |a| [(a.x, a.width), (a.y, a.height)]);
         let (rows, reversed) = orientation(shutter.scan_order);
         let per_px = shutter.line_delay_s() / part.exposure_s * if reversed { -1.0 } else { 1.0 };
         GatherPush {
             size: [camera.width, camera.height],
             margin_px: self.margin_px.map(|m| m as f32),
             picture_px: self.target.size.map(|s| s as f32),
+            share_per_px: self.target.size.map(|s| 1.0 / s as f32),
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
+            drawn_from_px: drawn.map(|(from, _)| from as f32 + 0.5),
+            drawn_to_px: drawn.map(|(from, side)| (from + side) as f32 - 0.5),
             most: MOST_SAMPLES,
-            grid: self.target.plan.grid as f32,
             tiles_across: self.images.tiles[0].spec().size[0],
         }
     }
@@ -279,11 +319,13 @@ fn bind(
             ("depth_samples", fetched(target.attachments.depth())),
             ("texels", Bound::Storage(&images.texels)),
             ("paths", Bound::Storage(&images.paths)),
+            ("inverses", Bound::Storage(&images.inverses)),
             ("relatives", fetched(&images.relatives)),
         ])?,
         kernels[0].bind(&[
             ("texels", fetched(&images.texels)),
             ("paths", fetched(&images.paths)),
+            ("inverses", fetched(&images.inverses)),
             ("tile_near", Bound::Storage(near)),
             ("tile_far", Bound::Storage(far)),
             ("tile_facts", Bound::Storage(facts)),
@@ -313,10 +355,10 @@ fn bind_gather(
     let fetched = |image| Bound::Sampled(image, sampler);
     let [around_near, around_far] = &images.around;
     // A kernel that is compiled without them reads neither.
-    let [early, late] = [0, 1].map(|i| uncover.map_or(&images.texels, |u| u.picture(i)));
+    let [early, late] = [0, 1].map(|i| uncover.map_or(&images.paths, |u| u.picture(i)));
     kernel.bind(&[
-        ("texels", Bound::Sampled(&images.texels, linear)),
-        ("inverses", fetched(&images.texels)),
+        ("texels", fetched(&images.texels)),
+        ("inverses", fetched(&images.inverses)),
         ("paths", fetched(&images.paths)),
         ("around_near", fetched(around_near)),
         ("around_far", fetched(around_far)),
@@ -335,8 +377,8 @@ pub(super) struct Part {
     pub(super) exposure_s: f64,
     /// Longest way from the middle of a path to an end, px.
     pub(super) reach_px: f64,
-    /// Whether the pictures of the exposure's begin and end were drawn.
-    pub(super) uncovers: bool,
+    /// Where the pictures of the exposure's begin and end were drawn, px of the attachment.
+    pub(super) uncovered: Option<RenderArea>,
     /// The colour that is drawn.
     pub(super) channel: Channel,
 }

@@ -47,7 +47,8 @@ const MOST_KNOWN: usize = 4096;
 /// How the method renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactOptions {
-    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px. Triangles are cut for it.
+    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px; twice that where blur hides it.
+    /// Triangles are cut for it.
     pub chord_px: f64,
     /// Most triangles that cutting may make (the distance above is doubled until they suffice).
     pub most_triangles: u32,
@@ -123,7 +124,7 @@ impl Exact {
         let place = Place::new(&stage.context, &stage.buffers)?;
         let knots = slots.iter().map(|_| {
             let bytes = groups.count() * MAX_KNOTS * size_of::<KnotRow>();
-            Buffer::new(&stage.context, "knots", bytes as u64, Usage::Storage, Location::Upload)
+            Buffer::new(&stage.context, "knots", bytes as u64, Usage::StorageTexels, Location::Upload)
         });
         let knots = knots.collect::<Result<Vec<_>>>()?;
         let mut exact = Self {
@@ -143,7 +144,7 @@ impl Exact {
         for request in expected {
             let reach = exact.reach(stage, request);
             margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
-            uncovers |= reach.uncovers;
+            uncovers |= reach.uncovered.is_some();
         }
         if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
             exact.make_images(stage, slots, radiance, first, (margin_px, uncovers))?;
@@ -178,17 +179,20 @@ impl Exact {
         (self.still, self.blur) = (None, None);
     }
 
-    fn needs_cut(&self, stage: &Stage, request: &FrameRequest) -> bool {
+    fn needs_cut(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
         let bends = readout_s(request) > 0.0 || stage.lens.is_some();
-        bends && self.cuts.of(span(request), lines(request)).is_none()
+        let seen = (span(request), self.reach(stage, request).hides_chords());
+        bends && self.cuts.of(seen, lines(request)).is_none()
     }
 
     fn needs_images(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
         if request.shutter.exposure_time_s <= 0.0 {
             return self.still.is_none();
         }
-        let BlurReach { margin_px: needed, uncovers, .. } = self.reach(stage, request);
-        let lacks = |b: &Blur| uncovers && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i]);
+        let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
+        let lacks = |b: &Blur| {
+            uncovered.is_some() && b.uncover.is_none() || (0..2).any(|i| needed[i] > b.margin_px[i])
+        };
         self.blur.as_ref().is_none_or(lacks)
     }
 
@@ -202,8 +206,8 @@ impl Exact {
     ) -> Result<()> {
         if self.needs_images(stage, request) {
             let have = self.margin_px();
-            let BlurReach { margin_px: needed, mut uncovers, .. } = self.reach(stage, request);
-            uncovers |= self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
+            let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
+            let uncovers = uncovered.is_some() || self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
             let margin_px = [0, 1].map(|i| needed[i].max(have[i]));
             self.make_images(stage, slots, radiance, request, (margin_px, uncovers))?;
         }
@@ -214,10 +218,11 @@ impl Exact {
         if !self.needs_cut(stage, request) {
             return Ok(());
         }
+        let seen = (span(request), self.reach(stage, request).hides_chords());
         let limits = Limits { chord_px: self.options.chord_px, most: self.options.most_triangles as usize };
         let (place, knots, mesh, groups) = (&self.place, &self.knots[..], &self.mesh, &self.groups);
         let source = Source { place, knots, mesh, groups, limits };
-        self.cuts.make(stage, &source, span(request), lines(request))
+        self.cuts.make(stage, &source, seen, lines(request))
     }
 
     fn make_images(
@@ -251,8 +256,8 @@ impl Exact {
         if self.known.len() >= MOST_KNOWN {
             self.known.clear();
         }
-        let uncovers = self.bounds.uncover(stage, &self.groups, request);
-        let reach = BlurReach { uncovers, ..measure_reach(stage, request) };
+        let uncovered = self.bounds.uncover(stage, &self.groups, request);
+        let reach = BlurReach { uncovered, ..measure_reach(stage, request) };
         self.known.insert(key, reach);
         reach
     }
@@ -275,13 +280,14 @@ impl Exact {
         let mut recorder = slot.gpu.begin()?;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
         let bent = push.knot_count > 1 || stage.lens.is_some();
-        let cut = bent.then(|| self.cuts.of(span(request), lines(request))).flatten();
+        let seen = (span(request), reach.hides_chords());
+        let cut = bent.then(|| self.cuts.of(seen, lines(request))).flatten();
         let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
         for channel in stage.channels() {
             let lens = stage.lens_push(channel, [camera.width, camera.height]);
             let push = PlacePush { lens, ..push };
-            if let (Some(blur), true) = (&self.blur, reach.uncovers) {
+            if let (Some(blur), Some(area)) = (&self.blur, part.uncovered) {
                 let pushes = uncover::INSTANTS.map(|tau| PlacePush {
                     lens,
                     ..place_push(&camera, &request.shutter, push.knot_count as usize, tau)
@@ -337,7 +343,7 @@ impl Exact {
         reach: BlurReach,
     ) -> (PlacePush, Part) {
         let rolls = shutter.readout_time_s > 0.0 && shutter.line_count > 1;
-        let times = if rolls || reach.uncovers {
+        let times = if rolls || reach.uncovered.is_some() {
             self.groups.knot_times_s(view, (shutter.start_s, shutter.end_s()), KNOT_ERROR_PX, MAX_KNOTS)
         } else {
             vec![shutter.middle_s()]
@@ -362,7 +368,7 @@ impl Exact {
             line_count: line_count as u32,
             exposure_s: shutter.exposure_time_s,
             reach_px: reach.reach_px,
-            uncovers: reach.uncovers,
+            uncovered: reach.uncovered_area(view.camera, self.margin_px()).filter(|_| blurs),
             channel: Channel::GREEN,
         };
         (place_push(view.camera, shutter, times.len(), 0.0), part)

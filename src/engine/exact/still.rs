@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::super::Stage;
 use super::super::finish::prepare;
+use super::super::paper::resolve_constants;
 use super::super::slots::FrameSlot;
 use super::Input;
 use crate::assert_push_layout;
@@ -43,7 +44,8 @@ impl Still {
         prepare(&mut slots[0].gpu, target.attachments.images())?;
         let multisampled = const { kernel("exact_still_ms.comp") };
         let plain = const { kernel("exact_still.comp") };
-        let kernel = ComputePipeline::new(context, if stage.plan.msaa > 1 { multisampled } else { plain })?;
+        let kernel = if stage.plan.msaa > 1 { multisampled } else { plain };
+        let kernel = ComputePipeline::specialized(context, kernel, &resolve_constants(stage.plan))?;
         let sampler = Sampler::new(context, false)?;
         let group = kernel.bind(&[
             ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &sampler)),

@@ -1,10 +1,13 @@
 //! When lines are exposed, and how far content moves meanwhile, in the units of the kernels.
 
+use glam::DVec2;
+
 use super::super::Stage;
 use super::super::frame::{FrameRequest, camera_path, check_coverage};
 use super::super::margin::reach_of;
 use super::blur::orientation;
 use crate::camera::{Intrinsics, NEAR_M, ShutterTiming};
+use crate::gpu::RenderArea;
 use crate::raster::{LensPush, PlacePush, View, spaced};
 
 /// Lines beyond the picture whose time is still extended, as a share of all: vertices there are ends of edges that
@@ -12,6 +15,8 @@ use crate::raster::{LensPush, PlacePush, View, spaced};
 const LINES_BEYOND: f64 = 0.25;
 /// Px beyond the reach of the blur: bilinear reading, and paths between the instants at which reach was measured.
 const MARGIN_GUARD_PX: f64 = 2.0;
+/// Where something moves this far from the middle of its exposure, chords may be coarser.
+const HIDING_PX: f64 = 2.0;
 /// Where less moves than this, blur cannot be seen, px.
 const UNSEEN_PX: f64 = 1e-3;
 
@@ -20,8 +25,8 @@ const UNSEEN_PX: f64 = 1e-3;
 pub(super) struct BlurReach {
     pub(super) margin_px: [u32; 2],
     pub(super) reach_px: f64,
-    /// Whether objects uncover what is seen.
-    pub(super) uncovers: bool,
+    /// Where objects uncover what is seen: low and high x and y, px of the picture (not limited to it).
+    pub(super) uncovered: Option<[DVec2; 2]>,
 }
 
 /// Lines of the attachment, margin included.
@@ -48,6 +53,27 @@ pub(super) fn exposures(
         vec![shutter.middle_s()]
     };
     middles.into_iter().map(|m| [inside(m - half_s), inside(m), inside(m + half_s)]).collect()
+}
+
+impl BlurReach {
+    /// Where objects uncover what is seen, with all that may be read for it, px of an attachment of `camera`'s size.
+    pub(super) fn uncovered_area(&self, camera: &Intrinsics, margin_px: [u32; 2]) -> Option<RenderArea> {
+        let [low, high] = self.uncovered?;
+        let beyond = self.reach_px + MARGIN_GUARD_PX;
+        let side = |low: f64, high: f64, margin: u32, size: u32| {
+            let at = |px: f64| (px + f64::from(margin)).clamp(0.0, f64::from(size)) as u32;
+            let from = at((low - beyond).floor()).min(size - 1);
+            (from, at((high + beyond).ceil()).max(from + 1) - from)
+        };
+        let (x, width) = side(low.x, high.x, margin_px[0], camera.width);
+        let (y, height) = side(low.y, high.y, margin_px[1], camera.height);
+        Some(RenderArea { x, y, width, height })
+    }
+
+    /// Whether blur hides what straight edges between vertices are off by.
+    pub(super) fn hides_chords(&self) -> bool {
+        self.reach_px > HIDING_PX
+    }
 }
 
 /// From exposures at the begin, the middle and the end of the readout.

@@ -1,6 +1,6 @@
 //! What an object that moves by itself uncovers: the picture of the middle of the exposure does not hold it, one of its
 //! begin or its end does. Two more pictures are drawn then, of one sample a pixel: they fill what is behind the object for
-//! a part of the exposure only. Where the camera alone moves, what is uncovered is narrow, and guessed from beside it.
+//! a part of the exposure only, and only around such objects. Where the camera alone moves, what is uncovered is narrow, and guessed from beside it.
 
 use glam::{DVec2, DVec3};
 
@@ -44,36 +44,47 @@ impl Bounds {
         Self(moving.map(|(group, span)| (group, corners(span))).collect())
     }
 
-    /// Whether something in view moves so far against the world during an exposure that what it uncovers is seen.
-    pub(super) fn uncover(&self, stage: &Stage, groups: &MotionGroups, request: &FrameRequest) -> bool {
+    /// Where something in view moves so far against the world during an exposure that what it uncovers is seen: a rectangle
+    /// around all such things (low and high x and y, px of the picture, not limited to it).
+    pub(super) fn uncover(
+        &self,
+        stage: &Stage,
+        groups: &MotionGroups,
+        request: &FrameRequest,
+    ) -> Option<[DVec2; 2]> {
         let shutter = &request.shutter;
         if self.0.is_empty() || shutter.exposure_time_s <= 0.0 || check_coverage(stage, request).is_err() {
-            return false;
+            return None;
         }
         let path = camera_path(stage, request);
         let k = &stage.intrinsics;
         let size = DVec2::new(f64::from(k.width), f64::from(k.height));
         let (first_s, last_s) = (shutter.start_s, shutter.end_s() - shutter.exposure_time_s);
-        [first_s, 0.5 * (first_s + last_s), last_s].into_iter().any(|begin_s| {
+        let mut around: Option<[DVec2; 2]> = None;
+        for begin_s in [first_s, 0.5 * (first_s + last_s), last_s] {
             let end_s = begin_s + shutter.exposure_time_s;
             let camera_from_world = path.pose_at(0.5 * (begin_s + end_s)).inverse();
-            self.0
-                .iter()
-                .filter(|(group, _)| groups.covers(*group, begin_s) && groups.covers(*group, end_s))
-                .any(|(group, corners)| {
-                    let [from, to] = [begin_s, end_s].map(|t| {
-                        let pose = camera_from_world.then_from(&groups.world_from_object(*group, t));
-                        corners.map(|c| {
-                            let p = pose.transform(c);
-                            DVec2::new(k.fx * p.x, k.fy * p.y) / p.z.max(NEAREST_M) + DVec2::new(k.cx, k.cy)
-                        })
-                    });
-                    let low = from.iter().chain(&to).copied().fold(DVec2::INFINITY, DVec2::min);
-                    let high = from.iter().chain(&to).copied().fold(DVec2::NEG_INFINITY, DVec2::max);
-                    let in_view = low.cmplt(size).all() && high.cmpgt(DVec2::ZERO).all();
-                    in_view && from.iter().zip(&to).any(|(a, b)| (*a - *b).length() > LEAST_PX)
-                })
-        })
+            for (group, corners) in &self.0 {
+                if !groups.covers(*group, begin_s) || !groups.covers(*group, end_s) {
+                    continue;
+                }
+                let [from, to] = [begin_s, end_s].map(|t| {
+                    let pose = camera_from_world.then_from(&groups.world_from_object(*group, t));
+                    corners.map(|c| {
+                        let p = pose.transform(c);
+                        DVec2::new(k.fx * p.x, k.fy * p.y) / p.z.max(NEAREST_M) + DVec2::new(k.cx, k.cy)
+                    })
+                });
+                let low = from.iter().chain(&to).copied().fold(DVec2::INFINITY, DVec2::min);
+                let high = from.iter().chain(&to).copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+                let in_view = low.cmplt(size).all() && high.cmpgt(DVec2::ZERO).all();
+                if in_view && from.iter().zip(&to).any(|(a, b)| (*a - *b).length() > LEAST_PX) {
+                    let [l, h] = around.unwrap_or([low, high]);
+                    around = Some([l.min(low), h.max(high)]);
+                }
+            }
+        }
+        around
     }
 }
 
