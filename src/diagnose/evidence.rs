@@ -193,11 +193,38 @@ fn split(count: usize, px: usize) -> (Vec<usize>, Vec<usize>) {
     (thin(fit, most[0], block), thin(held, most[1], block))
 }
 
+/// Periods, in frames, whose phases a choice of frames should show.
+const PERIODS: std::ops::RangeInclusive<usize> = 3..=6;
+/// Most blocks among which a choice is sought.
+const MOST_BLOCKS: usize = 12;
+
+/// Of many frames a few: blocks that show the most phases of anything that repeats, and leave the shortest gaps.
 fn thin(places: Vec<usize>, most: usize, block: usize) -> Vec<usize> {
     let blocks: Vec<_> = places.chunks(block).collect();
-    let wanted = (most / block).min(blocks.len());
-    // The middle of each part: the first of each would pick blocks at equal distances where there are five.
-    (0..wanted).flat_map(|i| blocks[(2 * i + 1) * blocks.len() / (2 * wanted)].to_vec()).collect()
+    let count = blocks.len().min(MOST_BLOCKS);
+    let spread: Vec<&[usize]> = (0..count).map(|i| blocks[i * blocks.len() / count]).collect();
+    let wanted = (most / block).min(count);
+    let chosen = |set: u32| -> Vec<usize> {
+        (0..count).filter(|i| set >> i & 1 == 1).flat_map(|i| spread[i].to_vec()).collect()
+    };
+    (0..1u32 << count)
+        .filter(|set| set.count_ones() as usize == wanted)
+        .map(chosen)
+        .max_by_key(|frames| (fewest_phases(frames), std::cmp::Reverse(longest_gap(frames, &places))))
+        .unwrap_or_default()
+}
+
+/// Phases of the period of which frames show fewest.
+fn fewest_phases(frames: &[usize]) -> usize {
+    let phases = |period: usize| (0..period).filter(|p| frames.iter().any(|f| f % period == *p)).count();
+    PERIODS.map(phases).min().unwrap_or(0)
+}
+
+/// Most frames from one that is shown to the next, and to the ends of `all`.
+fn longest_gap(frames: &[usize], all: &[usize]) -> usize {
+    let ends = all.first().into_iter().chain(frames).chain(all.last());
+    let ends: Vec<usize> = ends.copied().collect();
+    ends.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0)
 }
 
 #[cfg(test)]
@@ -217,17 +244,12 @@ mod tests {
 
     #[test]
     fn what_repeats_every_few_frames_is_seen_whole_by_the_fit() {
-        for count in [12, 14, 16, 20] {
+        for count in [12, 13, 14, 16, 20, 60] {
             let (fit, _) = split(count, 320 * 240);
-            for period in 3..=6 {
-                let mut phases: Vec<usize> = fit.iter().map(|f| f % period).collect();
-                phases.sort_unstable();
-                phases.dedup();
-                assert!(phases.len() >= 3, "{count} frames, every {period}: {fit:?} see {phases:?} alone");
-            }
+            assert!(fewest_phases(&fit) >= 3, "{count} frames: {fit:?}");
+            assert!(longest_gap(&fit, &[0, count - 1]) <= count / 2 + 1, "{count} frames: {fit:?}");
         }
-        let in_turn = [0, 1, 4, 5, 8, 9].map(|f: usize| f % 4);
-        assert!(in_turn.iter().all(|p| *p < 2), "control: blocks in turn");
+        assert!(fewest_phases(&[0, 1, 4, 5, 8, 9]) == 2, "control: blocks in turn");
     }
 
     #[test]
