@@ -421,24 +421,27 @@ pub struct Sampler {
 /// (`texelFetch` of an image always has that code, and a sampler in texels may not allow such a level.)
 const ONE_LEVEL: f32 = 1.0;
 
+/// A sampler that does the same along all axes.
+fn sampling(filter: vk::Filter, mode: vk::SamplerAddressMode) -> vk::SamplerCreateInfo<'static> {
+    vk::SamplerCreateInfo::default()
+        .mag_filter(filter)
+        .min_filter(filter)
+        .address_mode_u(mode)
+        .address_mode_v(mode)
+        .address_mode_w(mode)
+}
+
 impl Sampler {
     /// `linear`: bilinear and repeating in both directions; else nearest and clamped, for `texelFetch`.
     ///
     /// # Errors
     /// Out of memory.
     pub fn new(context: &Arc<Context>, linear: bool) -> Result<Self> {
-        let (filter, mode) = match linear {
-            true => (vk::Filter::LINEAR, vk::SamplerAddressMode::REPEAT),
-            false => (vk::Filter::NEAREST, vk::SamplerAddressMode::CLAMP_TO_EDGE),
+        let info = match linear {
+            true => sampling(vk::Filter::LINEAR, vk::SamplerAddressMode::REPEAT),
+            false => sampling(vk::Filter::NEAREST, vk::SamplerAddressMode::CLAMP_TO_EDGE),
         };
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(filter)
-            .min_filter(filter)
-            .address_mode_u(mode)
-            .address_mode_v(mode)
-            .address_mode_w(mode)
-            .max_lod(ONE_LEVEL);
-        Self::from_info(context, &info)
+        Self::from_info(context, &info.max_lod(ONE_LEVEL))
     }
 
     /// Bilinear between texels, with positions as shares of the image's sides, held at the outermost texels.
@@ -446,15 +449,8 @@ impl Sampler {
     /// # Errors
     /// Out of memory.
     pub fn in_shares(context: &Arc<Context>) -> Result<Self> {
-        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(vk::Filter::LINEAR)
-            .min_filter(vk::Filter::LINEAR)
-            .address_mode_u(mode)
-            .address_mode_v(mode)
-            .address_mode_w(mode)
-            .max_lod(ONE_LEVEL);
-        Self::from_info(context, &info)
+        let info = sampling(vk::Filter::LINEAR, vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        Self::from_info(context, &info.max_lod(ONE_LEVEL))
     }
 
     /// Bilinear between texels, with positions in texels (the first one's centre at 0.5), held at the outermost ones.
@@ -462,15 +458,8 @@ impl Sampler {
     /// # Errors
     /// Out of memory.
     pub fn in_texels(context: &Arc<Context>) -> Result<Self> {
-        let mode = vk::SamplerAddressMode::CLAMP_TO_EDGE;
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(vk::Filter::LINEAR)
-            .min_filter(vk::Filter::LINEAR)
-            .address_mode_u(mode)
-            .address_mode_v(mode)
-            .address_mode_w(mode)
-            .unnormalized_coordinates(true);
-        Self::from_info(context, &info)
+        let info = sampling(vk::Filter::LINEAR, vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        Self::from_info(context, &info.unnormalized_coordinates(true))
     }
 
     fn from_info(context: &Arc<Context>, info: &vk::SamplerCreateInfo<'_>) -> Result<Self> {
