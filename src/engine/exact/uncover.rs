@@ -45,7 +45,7 @@ impl Bounds {
     }
 
     /// Where something in view moves so far against the world during an exposure that what it uncovers is seen: a rectangle
-    /// around all such things (low and high x and y, px of the picture, not limited to it).
+    /// around all such things (low and high x and y, px of the picture, not limited to it; behind a lens without limits).
     pub(super) fn uncover(
         &self,
         stage: &Stage,
@@ -84,7 +84,11 @@ impl Bounds {
                 }
             }
         }
-        around
+        // Where a lens puts them is not where they are here: the whole picture then.
+        around.map(|seen| match stage.lens {
+            Some(_) => [DVec2::NEG_INFINITY, DVec2::INFINITY],
+            None => seen,
+        })
     }
 }
 
