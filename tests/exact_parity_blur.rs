@@ -4,15 +4,14 @@
 
 mod gpu_support;
 
-use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec4};
 use gpu_support::bench::{Bench, Scatter, differing};
-use shutterbug::assert_push_layout;
 use shutterbug::gpu::{Bound, Format, Sampler, Usage};
 use shutterbug::kernels::kernel;
 use shutterbug::plane::Plane;
 use shutterbug::reference::exact_gather::{self, exact_gather};
 use shutterbug::reference::exact_neighbours::{Around, Way, exact_neighbours};
+use shutterbug::reference::exact_push::{GatherPush, NeighboursPush, TilesPush};
 use shutterbug::reference::exact_tiles::{TILE, Tile, exact_tiles};
 use shutterbug::reference::rgb9e5;
 
@@ -77,15 +76,6 @@ fn pairs(texels: &Plane<f32>) -> Plane<f32> {
             .map(|x| f32::from_bits(rgb9e5::rgb9e5(Vec3::from_slice(texels.pixel(x, y)), 0.5)))
     })
 }
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct TilesPush {
-    size: [u32; 2],
-    share_per_px: [f32; 2],
-    grid: f32,
-}
-assert_push_layout!("exact_tiles.comp", TilesPush { size, share_per_px, grid });
 
 fn run_tiles(bench: &mut Bench, scene: &Scene) -> [Plane<f32>; 4] {
     let sampler = Sampler::new(&bench.watched.0, false).unwrap();
@@ -159,17 +149,6 @@ fn exact_tiles_is_its_twin() {
         }
     }
 }
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct NeighboursPush {
-    size: [u32; 2],
-    first: [u32; 2],
-    end: [u32; 2],
-    radius: i32,
-    tile_px: f32,
-}
-assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, first, end, radius, tile_px });
 
 /// Near, far, and the three lists (sorted: nothing depends on their order).
 type Neighbours = (Plane<f32>, Plane<f32>, [Vec<u32>; 3]);
@@ -255,34 +234,6 @@ fn exact_neighbours_is_its_twin() {
     }
     assert!(most.iter().all(|m| *m >= 10), "every way was met: {most:?}");
 }
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct GatherPush {
-    size: [u32; 2],
-    margin_px: [f32; 2],
-    picture_px: [f32; 2],
-    share_per_px: [f32; 2],
-    tau_per_px: [f32; 2],
-    drawn_from_px: [f32; 2],
-    drawn_to_px: [f32; 2],
-    most: i32,
-    tiles_across: u32,
-}
-assert_push_layout!(
-    "exact_gather.comp",
-    GatherPush {
-        size,
-        margin_px,
-        picture_px,
-        share_per_px,
-        tau_per_px,
-        drawn_from_px,
-        drawn_to_px,
-        most,
-        tiles_across
-    }
-);
 
 fn run_gather(bench: &mut Bench, inputs: &exact_gather::Inputs<'_>) -> Plane<f32> {
     let (sampler, linear) =

@@ -229,7 +229,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let forgiven = rest <= difference && !ends_at_a_bound(found);
     let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
-    // Compression and shared chroma may take more of the slopes along one axis.
+    // Compression, with shared chroma before it, may take more of the slopes along one axis.
     let packed = found.fit.theta.is_on(P::Quality);
     let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur") && !packed;
     if explained && !shaped {

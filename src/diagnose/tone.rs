@@ -268,8 +268,11 @@ pub(super) fn noise_kept(theta: &Theta) -> f32 {
 /// Variance that the noise of rows keeps: it is white down the picture, where sharpening lifts it.
 pub(super) fn row_gain(theta: &Theta) -> f32 {
     let amount = theta.get(P::Sharpen) as f32;
+    if amount == 0.0 {
+        return 1.0;
+    }
     let [centre, square] = bell_of(theta);
-    if amount == 0.0 { 1.0 } else { lifted(amount, centre, square) }
+    lifted(amount, centre, square)
 }
 
 /// What becomes of the variance of white noise v in v + amount (v - soft): `centre` is the weight of a value in its own soft

@@ -15,6 +15,7 @@ pub mod exact_gather;
 pub mod exact_neighbours;
 pub mod exact_paths;
 pub mod exact_place;
+pub mod exact_push;
 pub mod exact_still;
 pub mod exact_tiles;
 pub mod fast_claims;

@@ -18,6 +18,7 @@ use crate::gpu::{
 };
 use crate::kernels::kernel;
 use crate::raster::{LensPush, RasterKind, RasterTarget};
+use crate::reference::exact_push::{GatherPush, NeighboursPush, TilesPush};
 
 /// `EXACT_TILE` of `exact_tile.glsl`.
 const TILE: u32 = 8;
@@ -43,39 +44,10 @@ assert_push_layout!(
     PathsPush { size, line_count, columns, lens, share_per_row, near_m }
 );
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct TilesPush {
-    size: [u32; 2],
-    share_per_px: [f32; 2],
-    grid: f32,
-}
 assert_push_layout!("exact_tiles.comp", TilesPush { size, share_per_px, grid });
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct NeighboursPush {
-    size: [u32; 2],
-    first: [u32; 2],
-    end: [u32; 2],
-    radius: i32,
-    tile_px: f32,
-}
 assert_push_layout!("exact_neighbours.comp", NeighboursPush { size, first, end, radius, tile_px });
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct GatherPush {
-    size: [u32; 2],
-    margin_px: [f32; 2],
-    picture_px: [f32; 2],
-    share_per_px: [f32; 2],
-    tau_per_px: [f32; 2],
-    drawn_from_px: [f32; 2],
-    drawn_to_px: [f32; 2],
-    most: i32,
-    tiles_across: u32,
-}
 assert_push_layout!(
     "exact_gather.comp",
     GatherPush {
