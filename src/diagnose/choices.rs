@@ -10,6 +10,8 @@ use crate::error::Result;
 
 /// Most turns between values and the quality of compression.
 const TURNS: usize = 4;
+/// The highest quality that is tried before the steps from the best one.
+const FINEST: f64 = 97.0;
 /// Where costs of discrete candidates are compared.
 const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, frames: 4 };
 
@@ -49,7 +51,8 @@ impl Search<'_> {
             let theta = theta.with(p, f64::from(quality));
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
-        let weighing = self.weighing(&theta.with(p, 0.0), &PIXELS)?;
+        let without = theta.with(p, 0.0);
+        let weighing = self.weighing(&without, &PIXELS)?;
         let mut tried: Vec<(f64, f64)> = Vec::new();
         let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
             let value = value.clamp(1.0, p.spec().range[1]).round();
@@ -62,10 +65,14 @@ impl Search<'_> {
         };
         let mut at = 1.0;
         if p == P::Quality {
-            for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, 97.0] {
+            for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST] {
                 at = attempt(self, value)?;
             }
-            for step in [6.0, 3.0, 2.0, 1.0] {
+            // The finest compression hides little: where that is the best there is none, and none is looked for further.
+            let none = at == FINEST
+                && self.cost(&without, &PIXELS, &weighing)?
+                    <= self.cost(&theta.with(p, at), &PIXELS, &weighing)?;
+            for step in [6.0, 3.0, 2.0, 1.0].into_iter().filter(|_| !none) {
                 for value in [at - step, at + step] {
                     at = attempt(self, value)?;
                 }

@@ -2,7 +2,7 @@
 //! its quality, whatever the picture shows and however noisy it was before (Fan and de Queiroz 2003). Noise hides what
 //! compression does to a simulated picture, and compression removes noise that the simulation expects; this tells of neither.
 
-use std::collections::BTreeMap;
+use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
 use super::evidence::Evidence;
@@ -14,6 +14,8 @@ const FRAMES: usize = 4;
 const ROUNDING: f32 = 0.4;
 /// Least step that shows beside rounding.
 const LEAST_STEP: f32 = 3.0;
+/// Multiples of a step that are told apart, to either side of 0: a coefficient is 1024 at most.
+const MULTIPLES: usize = 2 * 1024 / LEAST_STEP as usize + 3;
 /// Share of the coefficients that lie anywhere (clipped colours that the decoder has bent).
 const ANYWHERE: f32 = 0.1;
 /// Least evidence for a quality, nats: of all coefficients that differ, and of each.
@@ -24,14 +26,13 @@ pub(super) fn quality(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     let some = spread_out(frames, FRAMES);
     let coefficients: Vec<[f32; AREA]> =
         some.iter().flat_map(|&at| of_frame(&evidence.frames[at].dn)).collect();
-    let mut best: Option<(f32, u8)> = None;
-    for quality in 5..=97 {
-        let Sums { all: sum, apart, places } = evidence_for(&coefficients, &steps(quality, false));
-        let clear = apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * places && sum > 0.0;
-        if clear && best.is_none_or(|b| sum > b.0) {
-            best = Some((sum, quality));
-        }
-    }
+    let told = |quality: u8| {
+        let Sums { all, apart, places } = evidence_for(&coefficients, &steps(quality, false));
+        let clear = apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * places && all > 0.0;
+        clear.then_some((all, quality))
+    };
+    let told: Vec<_> = (5u8..=97).into_par_iter().filter_map(told).collect();
+    let best = told.into_iter().reduce(|best, other| if other.0 > best.0 { other } else { best });
     tracing::debug!("compression: {best:?} (nats, quality) from {} blocks", coefficients.len());
     best.map(|b| b.1)
 }
@@ -66,22 +67,24 @@ struct Sums {
 /// smooth pictures have small coefficients without any compression. A wall of one colour is one witness, however many blocks
 /// it fills: three solid colours whose means lay near multiples of a coarse step were 9000 nats for a quality of 5.
 fn evidence_for(coefficients: &[[f32; AREA]], steps: &[f32; AREA]) -> Sums {
-    let mut by_place: BTreeMap<(usize, i32), (f64, f64)> = BTreeMap::new();
+    let mut by_place = vec![(0.0f64, 0.0f64); AREA * MULTIPLES];
     for block in coefficients {
         for (i, (c, step)) in block.iter().zip(steps).enumerate() {
             if *step >= LEAST_STEP && c.abs() > 0.5 * step {
                 let multiple = (c / step).round();
                 let off = (c - step * multiple) / ROUNDING;
                 let at = (-0.5 * off * off).exp() * 0.398_942_3 / ROUNDING * step;
-                let (sum, count) = by_place.entry((i, multiple as i32)).or_default();
+                let multiple = (multiple as i32 + MULTIPLES as i32 / 2).clamp(0, MULTIPLES as i32 - 1);
+                let (sum, count) = &mut by_place[i * MULTIPLES + multiple as usize];
                 *sum += f64::from(((1.0 - ANYWHERE) * at + ANYWHERE).ln());
                 *count += 1.0;
             }
         }
     }
-    let all: f64 = by_place.values().map(|p| p.0).sum();
-    let apart: f64 = by_place.values().map(|p| p.0 / p.1).sum();
-    Sums { all: all as f32, apart: apart as f32, places: by_place.len() as f32 }
+    let seen = || by_place.iter().filter(|p| p.1 > 0.0);
+    let all: f64 = seen().map(|p| p.0).sum();
+    let apart: f64 = seen().map(|p| p.0 / p.1).sum();
+    Sums { all: all as f32, apart: apart as f32, places: seen().count() as f32 }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::placed::placed;
 use super::residue::{outliers, residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, Search, is_discrete, last_of};
-use super::support::{LEAST_DIFFERENCE, LEAST_SHARE, is_a_filter};
+use super::support::{LEAST_DIFFERENCE, LEAST_SHARE, is_a_filter, restored};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -177,14 +177,40 @@ impl Search<'_> {
             (theta, scores) = (without, rest_scores);
         }
         self.noise_intervals(&names, &theta, found)?;
-        self.look_at_the_rest(&theta, found)?;
         found.fit.theta = theta;
         found.set.extend(names);
         Ok(())
     }
 
+    /// Takes out what the noise, now that it is known, has made superfluous: what was taken beside other noise may have stood for
+    /// that (chroma shared in pairs behind a compression, for the noise of rows).
+    pub(super) fn prune_beside_noise(&mut self, found: &mut Found) -> Result<()> {
+        loop {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?.mean();
+            let mut least: Option<(f64, usize, Theta)> = None;
+            for i in (0..found.set.len()).filter(|&i| !candidate_of(found.set[i]).noise) {
+                if self.is_known(found.set[i]) {
+                    continue;
+                }
+                let theta = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+                let without = self.judge.scores(self.forward, &theta)?.mean();
+                if without <= now && least.as_ref().is_none_or(|l| without < l.0) {
+                    least = Some((without, i, theta));
+                }
+            }
+            let Some((without, i, theta)) = least else { return Ok(()) };
+            tracing::info!("beside the noise drops {}: {without:.4} DN without, {now:.4} with", found.set[i]);
+            found.set.remove(i);
+            found.set.retain(|n| !candidate_of(n).noise);
+            found.fit.theta = theta;
+            self.refit_to_the_end(found)?;
+            self.choose_noise(found)?;
+        }
+    }
+
     /// What the set leaves on held-out frames, see [`super::residue`].
-    fn look_at_the_rest(&mut self, theta: &Theta, found: &mut Found) -> Result<()> {
+    pub(super) fn look_at_the_rest(&mut self, found: &mut Found) -> Result<()> {
+        let theta = &found.fit.theta.clone();
         let held = &self.evidence.held_out;
         let mut means = self.forward.simulate(held, theta, Quality::Fine)?;
         let coarser = self.forward.simulate(held, theta, Quality::Fit)?;

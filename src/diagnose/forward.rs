@@ -101,7 +101,7 @@ pub(super) struct Bench {
 }
 
 /// Place, how well, times, order of lines, and the set-up and lens.
-type Key = (usize, Quality, [u64; 3], ScanOrder, Vec<u64>);
+pub(super) type Key = (usize, Quality, [u64; 3], ScanOrder, Vec<u64>);
 
 /// What stands for the margin in the key of a picture that is read through a lens.
 const READ: u64 = u64::MAX;
@@ -281,7 +281,7 @@ impl Forward {
             let clock = Instant::now();
             let done = if reads {
                 let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
-                self.read(&places, requests, theta, scale, quality)?
+                self.read(&places, &requests, theta, scale, quality)?
             } else {
                 self.rendered(&requests, theta, scale, quality)?
             };
@@ -364,25 +364,45 @@ impl Forward {
     fn read(
         &mut self,
         places: &[usize],
-        requests: Vec<FrameRequest>,
+        requests: &[FrameRequest],
         theta: &Theta,
         scale: f64,
         quality: Quality,
     ) -> Result<Vec<Plane<f32>>> {
-        let map = self.lens_map(theta);
-        let path = self.path(theta);
-        let k = self.wide_intrinsics(&self.magnified(theta, scale));
-        let wider: Vec<_> = requests.into_iter().map(|r| self.widened(r)).collect();
-        let engine = self.wide_engine(quality)?;
-        engine.aim(k, path);
-        let planes = in_flight(engine, &wider)?;
+        let map = self.lens_map(theta, quality);
+        let k = self.magnified(theta, scale);
+        let keys: Vec<Key> = places.iter().map(|&at| self.wide_key(at, theta, &k, quality)).collect();
+        let mut planes: Vec<_> = keys.iter().map(|key| self.bench.wide.recall(key)).collect();
+        let missing: Vec<usize> = (0..places.len()).filter(|&i| planes[i].is_none()).collect();
+        if !missing.is_empty() {
+            let path = self.path(theta);
+            let k = self.wide_intrinsics(&k, quality);
+            let wider: Vec<_> = missing.iter().map(|&i| self.widened(requests[i].clone(), quality)).collect();
+            let engine = self.wide_engine(quality)?;
+            engine.aim(k, path);
+            for (&i, plane) in missing.iter().zip(in_flight(engine, &wider)?) {
+                let plane = Arc::new(plane);
+                self.bench.wide.keep(keys[i].clone(), plane.clone());
+                planes[i] = Some(plane);
+            }
+        }
         let shared = &*self;
         let lens = planes.par_iter().zip(places).map(|(plane, &at)| {
             let shutter = shared.shutter(at, theta);
             let velocity = (shutter.readout_time_s > 0.0).then(|| shared.velocity(at, theta));
+            let plane = plane.as_ref().expect("just rendered");
             shared.through_lens(plane, &map, &shutter, velocity.as_ref())
         });
         Ok(lens.collect())
+    }
+
+    /// All that a larger picture depends on: not the lens.
+    fn wide_key(&self, at: usize, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
+        let s = self.shutter(at, theta);
+        let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
+        let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p).to_bits());
+        let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).collect();
+        (at, quality, times, s.scan_order, geometry)
     }
 
     /// The camera of `theta`, through a lens that magnifies by `scale`.

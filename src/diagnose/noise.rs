@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::evidence::Evidence;
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain, noise_kept, row_gain};
+use super::tone::{Tone, noise_gain, noise_kept, row_seen};
 use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
@@ -128,8 +128,9 @@ impl NoiseData {
             let r = r + dither(frames[f], i);
             (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
         };
-        let apart = APART[usize::from(theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen))];
-        let rows_apart = if theta.is_on(P::Sharpen) { APART[1] } else { 1 };
+        let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
+        let apart = APART[usize::from(mixed)];
+        let rows_apart = if mixed { APART[1] } else { 1 };
         for y in 0..h {
             for x in apart..w.saturating_sub(apart) {
                 for c in 0..3 {
@@ -353,7 +354,7 @@ impl Values {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
             let own = self.row_own[0] / self.row_own[1];
             let row2 = ((robust_variance(&mut rows) - own) / HIGH_PASS).max(0.0);
-            data.row2 = row2 / f64::from(row_gain(theta));
+            data.row2 = row2 / f64::from(row_seen(theta));
         }
         data
     }

@@ -76,12 +76,14 @@ fn rounded_mean(mean: f32, sigma: f32, step: f32) -> f32 {
     }
     if wide > 0.2 {
         // The error of rounding as a series of waves, each damped by the noise.
-        let turn = std::f32::consts::TAU * at;
-        let wave = |m: f32| {
-            let damped = (-0.5 * (std::f32::consts::TAU * m * wide).powi(2)).exp();
-            (m * turn).sin() / (std::f32::consts::PI * m) * damped
-        };
-        return step * (at + (-wave(1.0) + wave(2.0) - wave(3.0)));
+        let (s, c) = (std::f32::consts::TAU * at).sin_cos();
+        let damped = (-0.5 * (std::f32::consts::TAU * wide).powi(2)).exp();
+        // Sines of twice and three times the angle; damping goes with the square of that.
+        let waves = [s, 2.0 * s * c, s * (3.0 - 4.0 * s * s)];
+        let dampings = [damped, damped.powi(4), damped.powi(9)];
+        let [one, two, three] =
+            [0, 1, 2].map(|k| waves[k] * dampings[k] / (std::f32::consts::PI * (k + 1) as f32));
+        return step * (at - one + two - three);
     }
     // Only the nearest threshold is within reach.
     let below = at.floor();

@@ -7,6 +7,8 @@
 //! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
 //! patterns and banding count, which single pixels cannot show.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use super::packing::Left;
 use super::tone::{Tone, Variances};
 use crate::plane::Plane;
@@ -48,7 +50,9 @@ pub(super) fn crps(error: f64, variance: f64) -> f64 {
     }
     let sigma = variance.sqrt();
     let z = error / sigma;
-    sigma * (z * erf(z * std::f64::consts::FRAC_1_SQRT_2) + 2.0 * density(z) - FRAC_1_SQRT_PI)
+    // The density and the distribution share their exponential.
+    let bell = (-0.5 * z * z).exp();
+    sigma * (z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI)
 }
 
 const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
@@ -58,17 +62,20 @@ fn expected(variance: f64) -> f64 {
     if variance < 1e-6 { 0.0 } else { variance.sqrt() * FRAC_1_SQRT_PI }
 }
 
-fn density(z: f64) -> f64 {
-    (-0.5 * z * z).exp() * 0.398_942_280_401_432_7
-}
+const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 
 /// Abramowitz and Stegun 7.1.26, to 1.5e-7.
 pub(super) fn erf(x: f64) -> f64 {
+    erf_beside(x, (-x * x).exp())
+}
+
+/// [`erf`] where the exponential of -x^2 is known.
+fn erf_beside(x: f64, bell: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
     let poly = t
         * (0.254_829_592
             + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    x.signum() * (1.0 - poly * (-x * x).exp())
+    x.signum() * (1.0 - poly * bell)
 }
 
 /// Mean of scores and of what is expected.
@@ -103,33 +110,41 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
     };
     let open = |f: &Scored<'_>, i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     // What compression leaves of the noise depends on what is looked at.
-    let at = |i: usize, share: fn(&Left) -> f32| -> Variances {
-        let mut v = tone.spread(frame.mean.data[i], i % 3);
-        let share = share(&tone.left(frame.mean.data[i], i % 3));
-        (v.free, v.fixed) = (v.free * share, v.fixed * share);
-        if !rounds {
-            // Rounding to whole DN adds its own 1/12.
-            v.free += 1.0 / 12.0;
+    let noisy = tone.is_noisy();
+    // Rounding to whole DN adds its own 1/12.
+    let rounding = if rounds { 0.0 } else { 1.0 / 12.0 };
+    let at = |i: usize| -> (Variances, Left) {
+        if noisy {
+            (tone.spread(frame.mean.data[i], i % 3), tone.left(frame.mean.data[i], i % 3))
+        } else {
+            (Variances::default(), Left::ALL)
         }
-        v
     };
-    let pixel: fn(&Left) -> f32 = |l| l.pixel;
+    let part = |v: &Variances, share: f32| -> Variances {
+        Variances { free: v.free * share + rounding, fixed: v.fixed * share, row: v.row }
+    };
     let mut means: [Mean; 7] = Default::default();
     for i in (0..w * h * 3).filter(|&i| open(frame, i)) {
-        let v = at(i, pixel);
+        let (v, left) = at(i);
+        let v = part(&v, left.pixel);
         means[0].add(error_of(frame, i).into(), (v.free + v.row + v.fixed).into());
     }
-    let shares: [fn(&Left) -> f32; 3] = [|l| l.bands[0], |l| l.bands[1], |l| l.bands[2]];
     bands(w, h, &mut means[1..4], |i| {
-        open(frame, i).then(|| (error_of(frame, i), shares.map(|share| at(i, share))))
+        open(frame, i).then(|| {
+            let (v, left) = at(i);
+            (error_of(frame, i), left.bands.map(|share| part(&v, share)))
+        })
     });
-    let shares: [fn(&Left) -> f32; 2] = [|l| l.lines[0], |l| l.lines[1]];
     lines(w, h, &mut means[4..6], |i| {
-        open(frame, i).then(|| (error_of(frame, i), shares.map(|share| at(i, share))))
+        open(frame, i).then(|| {
+            let (v, left) = at(i);
+            (error_of(frame, i), left.lines.map(|share| part(&v, share)))
+        })
     });
     if let Some(before) = before {
         for i in (0..w * h * 3).filter(|&i| open(frame, i) && open(before, i)) {
-            let v = at(i, pixel);
+            let (v, left) = at(i);
+            let v = part(&v, left.pixel);
             let error = error_of(frame, i) - error_of(before, i);
             means[6].add(error.into(), (2.0 * (v.free + v.row)).into());
         }

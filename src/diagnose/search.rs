@@ -435,6 +435,7 @@ impl<'a> Search<'a> {
             self.refit_to_the_end(found)?;
             self.tune_choices(found)?;
             self.sharpen(found)?;
+            self.veil_or_black(found)?;
         }
         watch.step("noise");
         self.judge.quality = Quality::Fine;
@@ -443,6 +444,8 @@ impl<'a> Search<'a> {
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
+        self.prune_beside_noise(found)?;
+        self.look_at_the_rest(found)?;
         watch.step("intervals");
         self.mean_intervals(found)?;
         watch.step("scores");

@@ -1,12 +1,19 @@
 //! Fewer causes for what several explain: a gain below 1 and a black level together are what glare alone is, and a white
 //! balance that may as well be none is none.
 
-use super::fit::Fit;
+use super::fit::{Fit, LAST, Level};
+use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, candidate_of};
 use super::search::{Found, Search};
 use super::support::{changes_colours, restored};
 use crate::error::Result;
+
+/// Means over blocks, in which rounding is a small part of a DN.
+const MEANS: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, frames: 6 };
+/// How much lower the cost must be, and what share of it may be left, for glare to be taken instead of a black level. What
+/// devices make differently of colours, a tenth of a DN, costs 0.003.
+const CLEARER: [f64; 2] = [0.006, 0.7];
 
 impl Search<'_> {
     /// Takes out effects on colours that may as well not be there: all their values are neutral within their intervals.
@@ -29,6 +36,31 @@ impl Search<'_> {
             self.refit_to_the_end(found)?;
         }
         found.fit.half = known;
+        Ok(())
+    }
+
+    /// Puts glare in the place of a black level where that fits clearly better. Both lighten what is dark, by a straight line
+    /// that black level leaves one number to and glare two; the score forgives rounding, and with it a slope that is two per
+    /// cent off, means over blocks do not.
+    pub(super) fn veil_or_black(&mut self, found: &mut Found) -> Result<()> {
+        let (black, veil) = ("black_level", "glare");
+        if !found.set.contains(&black) || found.set.contains(&veil) || !self.names.contains(&veil) {
+            return Ok(());
+        }
+        let set: Vec<_> = found.set.iter().map(|n| if *n == black { veil } else { *n }).collect();
+        // A white veil is a black level.
+        let start = restored(&found.fit.theta, &self.base, candidate_of(black));
+        let start = start.with(P::Veil, found.fit.theta.get(P::Black).max(0.0)).with(P::Level, 1.0);
+        let other = self.refit(&set, &start, LAST)?;
+        let weighing = self.weighing(&found.fit.theta, &MEANS)?;
+        let was = self.cost(&found.fit.theta.clone(), &MEANS, &weighing)?;
+        let now = self.cost(&other.theta, &MEANS, &weighing)?;
+        tracing::info!("glare for a black level: {now:.5} for {was:.5}");
+        if was - now > CLEARER[0] && now < CLEARER[1] * was {
+            found.set = set;
+            found.fit.theta = other.theta;
+            self.refit_to_the_end(found)?;
+        }
         Ok(())
     }
 

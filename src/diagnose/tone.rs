@@ -72,8 +72,8 @@ pub(super) struct Tone {
     black: f32,
     veil: f32,
     veil_level: f32,
-    /// By channel and sensor value: what noise adds to the mean, and the spread.
-    noise: Option<[Vec<(f32, Variances)>; 3]>,
+    /// By channel and sensor value: what noise adds to the mean.
+    shift: Option<Box<[[f32; COARSE]; 3]>>,
     /// By channel and whole DN of the mean.
     by_dn: Option<[Vec<Variances>; 3]>,
     /// By channel and whole DN of the mean: what compression leaves of that.
@@ -96,7 +96,7 @@ impl Tone {
             black: theta.get(P::Black) as f32,
             veil: theta.get(P::Veil) as f32,
             veil_level: (theta.get(P::Veil) * theta.get(P::Level)) as f32,
-            noise: None,
+            shift: None,
             by_dn: None,
             left: None,
             kept: noise_kept(theta),
@@ -105,7 +105,7 @@ impl Tone {
         if noise.any() {
             let gains = noise_gain(theta);
             let row_gain = row_gain(theta);
-            let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, [gains[c], row_gain]));
+            let tables = [0, 1, 2].map(|c| tone.under_noise(&noise, c, [gains[c], row_gain[c]]));
             let by_dn = [0, 1, 2].map(|c| tone.spread_by_dn(&tables[c], c));
             if theta.is_on(P::Quality) {
                 let packing = Packing::of(theta.get(P::Quality) as u8);
@@ -113,18 +113,20 @@ impl Tone {
                 tone.left = Some([0, 1, 2].map(|c| by_dn[c].iter().map(left).collect()));
             }
             tone.by_dn = Some(by_dn);
-            tone.noise = Some(tables);
+            tone.shift = Some(Box::new([0, 1, 2].map(|c| std::array::from_fn(|i| tables[c][i].0))));
         }
         tone
     }
 
     /// Linear value on the sensor, behind the black level, of radiance `linear` of which the lens lets `pass` through, and
     /// which flickers by `light` behind the glare.
+    #[inline]
     pub(super) fn sensor(&self, linear: f32, pass: f32, light: f32) -> f32 {
         let seen = ((1.0 - self.veil) * linear * pass + self.veil_level) * light;
         self.black + (1.0 - self.black) * self.gain * seen
     }
 
+    #[inline]
     fn plain(&self, sensor: f32, channel: usize) -> f32 {
         let at = (self.wb[channel] * sensor).clamp(0.0, 1.0) * TABLE as f32;
         let i = place(at).min(TABLE);
@@ -133,16 +135,17 @@ impl Tone {
     }
 
     /// Mean delivered value, DN, of a sensor's value.
+    #[inline]
     pub(super) fn encode(&self, sensor: f32, channel: usize) -> f32 {
         let plain = self.plain(sensor, channel);
-        match &self.noise {
+        match &self.shift {
             None => plain,
-            Some(tables) => {
+            Some(shift) => {
                 let root = sensor.abs().sqrt().copysign(sensor);
                 let at = ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
                 let i = place(at).min(COARSE - 2);
                 let f = at - i as f32;
-                plain + tables[channel][i].0 * (1.0 - f) + tables[channel][i + 1].0 * f
+                plain + shift[channel][i] * (1.0 - f) + shift[channel][i + 1] * f
             }
         }
     }
@@ -164,7 +167,7 @@ impl Tone {
 
     /// Whether there is any noise.
     pub(super) fn is_noisy(&self) -> bool {
-        self.noise.is_some()
+        self.shift.is_some()
     }
 
     /// DN per unit of the linear value before the black level, where the mean is `dn`; 0 where clipped.
@@ -265,8 +268,24 @@ pub(super) fn noise_kept(theta: &Theta) -> f32 {
     }
 }
 
-/// Variance that the noise of rows keeps: it is white down the picture, where sharpening lifts it.
-pub(super) fn row_gain(theta: &Theta) -> f32 {
+/// Variance that the noise of rows keeps in a pixel of each colour. It is white down the picture, where sharpening lifts it and
+/// demosaicking averages it: red and blue come from their own row in one row of two and from those above and below in the
+/// other, green from its own row in every second pixel and half of it from there in the others.
+pub(super) fn row_gain(theta: &Theta) -> [f32; 3] {
+    let kept = if theta.get(P::Mosaic) >= 1.0 { [0.75, 0.6875, 0.75] } else { [1.0; 3] };
+    kept.map(|k| k * row_lift(theta))
+}
+
+/// Variance that the noise of rows keeps in the mean of a row over its colours, about rows that are not its neighbours. Behind
+/// a Bayer pattern a row with red has 1, 3/4 and 0 of its own noise in the three colours, and 0, 1/8 and 1/2 of each neighbour's.
+pub(super) fn row_seen(theta: &Theta) -> f32 {
+    let (own, other) = (1.75 / 3.0, 0.625 / 3.0);
+    let kept = if theta.get(P::Mosaic) >= 1.0 { own * own + 2.0 * other * other } else { 1.0 };
+    kept * row_lift(theta)
+}
+
+/// What sharpening makes of noise that is white down the picture.
+fn row_lift(theta: &Theta) -> f32 {
     let amount = theta.get(P::Sharpen) as f32;
     if amount == 0.0 {
         return 1.0;

@@ -1,23 +1,36 @@
 //! Frames through a lens, for fits: a larger picture without the lens, at twice the resolution, is read where the lens looks.
-//! The engine draws through lenses itself, but cuts its triangles anew for each; a fit changes the lens at every step.
+//! The engine draws through lenses itself, but cuts its triangles anew for each; a fit changes the lens at every step, and as
+//! long as it changes nothing else the larger picture is the same.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::forward::{Forward, Quality};
+use super::forward::{Forward, Key, Quality};
 use super::model::{P, Theta};
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::engine::{Engine, EngineOptions, FrameRequest};
 use crate::error::Result;
 use crate::plane::Plane;
 
-/// Rendered px a px: bicubic reading at this size blurs by less than 0.1 px.
-const SCALE: u32 = 2;
+/// Rendered px a px along each axis. Bicubic reading at twice the size blurs by less than 0.1 px; where a valley is looked for
+/// in means over blocks of 4 px and more, what reading at the same size blurs is nothing.
+fn finer(quality: Quality) -> u32 {
+    if quality == Quality::Coarse { 1 } else { 2 }
+}
 
-/// Where every pixel of the delivered picture is read in the wider one, px.
-type Places = Arc<Vec<[f32; 2]>>;
+/// Most bytes of larger pictures that are kept.
+const KEPT_BYTES: usize = 256 << 20;
+
+/// Where every part of every pixel of the delivered picture is read in the wider one, px of the delivered one.
+#[derive(Clone)]
+pub(super) struct Places {
+    /// Parts a pixel, along each axis.
+    parts: usize,
+    at: Arc<Vec<[f32; 2]>>,
+}
 
 /// What is kept of the larger picture.
 #[derive(Default)]
@@ -27,35 +40,61 @@ pub(super) struct Wide {
     /// Px beyond each side.
     pub(super) margin_px: u32,
     map: Option<(Vec<u64>, Places)>,
+    /// Larger pictures by what they show, in the order of their last use.
+    kept: HashMap<Key, (u64, Arc<Plane<f32>>)>,
+    clock: u64,
 }
 
 impl Wide {
     /// As if nothing had been rendered, with a margin.
     pub(super) fn begin(&mut self, margin_px: u32) -> Result<()> {
         self.map = None;
+        self.kept.clear();
         if self.margin_px != margin_px {
             (self.engines, self.margin_px) = (Default::default(), margin_px);
         }
         self.engines.iter_mut().flatten().try_for_each(Engine::forget)
     }
+
+    /// A larger picture that is kept.
+    pub(super) fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
+        self.clock += 1;
+        let entry = self.kept.get_mut(key)?;
+        entry.0 = self.clock;
+        Some(entry.1.clone())
+    }
+
+    /// Keeps a larger picture, in the place of those that nobody has asked for longest.
+    pub(super) fn keep(&mut self, key: Key, plane: Arc<Plane<f32>>) {
+        let most = (KEPT_BYTES / (4 * plane.data.len()).max(1)).max(1);
+        while self.kept.len() >= most {
+            let oldest = self.kept.iter().min_by_key(|(_, (used, _))| *used).map(|(key, _)| key.clone());
+            self.kept.remove(&oldest.expect("not empty"));
+        }
+        self.clock += 1;
+        self.kept.insert(key, (self.clock, plane));
+    }
 }
 
 impl Forward {
-    /// Where each of the 2x2 parts of each pixel looks, px of the picture without the lens; makes the margin wide enough.
-    pub(super) fn lens_map(&mut self, theta: &Theta) -> Arc<Vec<[f32; 2]>> {
-        let key: Vec<u64> =
+    /// Where each part of each pixel looks, px of the picture without the lens; makes the margin wide enough.
+    pub(super) fn lens_map(&mut self, theta: &Theta, quality: Quality) -> Places {
+        let parts = finer(quality) as usize;
+        let mut key: Vec<u64> =
             [P::K1, P::K2, P::P1, P::P2, P::K3, P::Focal].iter().map(|&p| theta.get(p).to_bits()).collect();
+        key.push(parts as u64);
         if let Some((known, map)) = &self.bench.wide.map
             && *known == key
         {
             return map.clone();
         }
         let k = self.intrinsics;
-        let (w, h) = (k.width as usize * 2, k.height as usize * 2);
+        let (w, h) = (k.width as usize * parts, k.height as usize * parts);
+        let part = 1.0 / parts as f64;
         let map: Vec<[f32; 2]> = (0..w * h)
             .into_par_iter()
             .map(|i| {
-                let px = DVec2::new(0.5 * ((i % w) as f64 + 0.5), 0.5 * ((i / w) as f64 + 0.5));
+                let px = DVec2::new(part * ((i % w) as f64 + 0.5), part * ((i / w) as f64 + 0.5));
                 self.without_lens(px, theta).as_vec2().to_array()
             })
             .collect();
@@ -66,21 +105,23 @@ impl Forward {
         let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
             self.bench.wide.engines = Default::default();
+            self.bench.wide.kept.clear();
             self.bench.wide.margin_px = needed.max(24).next_multiple_of(8);
             self.forget_wide();
         }
-        let map = Arc::new(map);
+        let map = Places { parts, at: Arc::new(map) };
         self.bench.wide.map = Some((key, map.clone()));
         map
     }
 
     /// The camera of the larger picture, px of that.
-    pub(super) fn wide_intrinsics(&self, k: &Intrinsics) -> Intrinsics {
+    pub(super) fn wide_intrinsics(&self, k: &Intrinsics, quality: Quality) -> Intrinsics {
         let k = k.with_margin([self.bench.wide.margin_px; 2]);
-        let s = f64::from(SCALE);
+        let scale = finer(quality);
+        let s = f64::from(scale);
         Intrinsics {
-            width: k.width * SCALE,
-            height: k.height * SCALE,
+            width: k.width * scale,
+            height: k.height * scale,
             fx: k.fx * s,
             fy: k.fy * s,
             cx: k.cx * s,
@@ -93,16 +134,16 @@ impl Forward {
         let place = quality as usize;
         if self.bench.wide.engines[place].is_none() {
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
-            // Four pixels are one: a sample in each is four.
+            // Four pixels are one, but for the coarse: a sample in each is four.
             let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::forward::options(quality) };
-            let k = self.wide_intrinsics(&self.intrinsics);
+            let k = self.wide_intrinsics(&self.intrinsics, quality);
             self.bench.wide.engines[place] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
         }
         Ok(self.bench.wide.engines[place].as_mut().expect("just made"))
     }
 
     /// A request for the larger picture: lines beyond the picture keep the sensor's pace.
-    pub(super) fn widened(&self, mut request: FrameRequest) -> FrameRequest {
+    pub(super) fn widened(&self, mut request: FrameRequest, quality: Quality) -> FrameRequest {
         let k = &self.intrinsics;
         let margin_px = self.bench.wide.margin_px;
         let shutter = &mut request.shutter;
@@ -110,10 +151,11 @@ impl Forward {
         let count = shutter.scan_order.line_count(k.width + 2 * margin_px, k.height + 2 * margin_px);
         let before_s = shutter.readout_time_s * f64::from(margin_px) / inner;
         // Half lines: the first half of a line of the sensor starts a quarter of its delay early.
-        let early_s = 0.25 * shutter.readout_time_s / inner;
+        let scale = finer(quality);
+        let early_s = 0.5 * (1.0 - 1.0 / f64::from(scale)) * shutter.readout_time_s / inner;
         shutter.start_s -= before_s + early_s;
         shutter.readout_time_s *= f64::from(count) / inner;
-        shutter.line_count = count * SCALE;
+        shutter.line_count = count * scale;
         request.settings = crate::chain::Settings::default();
         request
     }
@@ -123,7 +165,7 @@ impl Forward {
     pub(super) fn through_lens(
         &self,
         wide: &Plane<f32>,
-        map: &[[f32; 2]],
+        map: &Places,
         shutter: &ShutterTiming,
         velocity: Option<&Plane<f32>>,
     ) -> Plane<f32> {
@@ -135,7 +177,8 @@ impl Forward {
             ScanOrder::LeftToRight => (0, 1.0),
             ScanOrder::RightToLeft => (0, -1.0),
         };
-        let (scale, margin) = (SCALE as f32, self.bench.wide.margin_px as f32);
+        let (parts, margin) = (map.parts, self.bench.wide.margin_px as f32);
+        let (scale, share) = (parts as f32, 1.0 / (parts * parts) as f32);
         let place = |mut p: [f32; 2], px: [f32; 2]| {
             if let Some(v) = velocity {
                 let at = |i: usize, n: usize| (p[i].max(0.0) as usize).min(n - 1);
@@ -145,18 +188,20 @@ impl Forward {
             }
             [(p[0] + margin) * scale - 0.5, (p[1] + margin) * scale - 0.5]
         };
-        let mut out = Plane::new(w, h, 3);
-        for y in 0..h {
-            for x in 0..w {
-                let mut sum = [0.0f32; 3];
-                for (sx, sy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                    let at = (2 * y + sy) * 2 * w + 2 * x + sx;
-                    let px = [(2 * x + sx) as f32 * 0.5 + 0.25, (2 * y + sy) as f32 * 0.5 + 0.25];
-                    let v = bicubic(wide, place(map[at], px));
-                    (0..3).for_each(|c| sum[c] += 0.25 * v[c]);
+        let mut out: Plane<f32> = Plane::new(w, h, 3);
+        for (y, row) in out.data.chunks_exact_mut(3 * w).enumerate() {
+            for sy in 0..parts {
+                let line = y * parts + sy;
+                let looks = &map.at[line * parts * w..(line + 1) * parts * w];
+                for (x, (to, looks)) in row.chunks_exact_mut(3).zip(looks.chunks_exact(parts)).enumerate() {
+                    for (sx, at) in looks.iter().enumerate() {
+                        let px = [((x * parts + sx) as f32 + 0.5) / scale, (line as f32 + 0.5) / scale];
+                        let v = bicubic(wide, place(*at, px));
+                        (0..3).for_each(|c| to[c] += share * v[c]);
+                    }
                 }
-                out.pixel_mut(x, y).copy_from_slice(&sum.map(|v| v.max(0.0)));
             }
+            row.iter_mut().for_each(|v| *v = v.max(0.0));
         }
         out
     }
@@ -164,19 +209,26 @@ impl Forward {
 
 /// Catmull-Rom; the border repeats outwards. `at`: px, centres at whole numbers.
 fn bicubic(plane: &Plane<f32>, at: [f32; 2]) -> [f32; 3] {
-    let (w, h) = (plane.width as i64, plane.height as i64);
+    let (w, h) = (plane.width as i32, plane.height as i32);
     let (x, y) = (at[0].clamp(-2.0, w as f32 + 1.0), at[1].clamp(-2.0, h as f32 + 1.0));
-    let (x0, y0) = (x.floor(), y.floor());
-    let (wx, wy) = (weights(x - x0), weights(y - y0));
-    let (x0, y0) = (x0 as i64 - 1, y0 as i64 - 1);
+    // Whole numbers by way of what is positive: baseline processors have no instruction for `floor`.
+    let (x0, y0) = ((x + 2.0) as i32 - 2, (y + 2.0) as i32 - 2);
+    let (wx, wy) = (weights(x - x0 as f32), weights(y - y0 as f32));
+    let (x0, y0) = (x0 - 1, y0 - 1);
     let mut sum = [0.0f32; 3];
+    let within = x0 >= 0 && x0 + 3 < w;
     for (j, wy) in wy.into_iter().enumerate() {
-        let row = (y0 + j as i64).clamp(0, h - 1) * w;
-        for (i, wx) in wx.into_iter().enumerate() {
-            let p = (3 * (row + (x0 + i as i64).clamp(0, w - 1))) as usize;
-            let weight = wx * wy;
-            for c in 0..3 {
-                sum[c] += weight * plane.data[p + c];
+        let row = (y0 + j as i32).clamp(0, h - 1) * w;
+        if within {
+            let from = 3 * (row + x0) as usize;
+            let values: &[f32; 12] = plane.data[from..from + 12].try_into().expect("twelve");
+            for (i, wx) in wx.into_iter().enumerate() {
+                (0..3).for_each(|c| sum[c] += wx * wy * values[3 * i + c]);
+            }
+        } else {
+            for (i, wx) in wx.into_iter().enumerate() {
+                let from = 3 * (row + (x0 + i as i32).clamp(0, w - 1)) as usize;
+                (0..3).for_each(|c| sum[c] += wx * wy * plane.data[from + c]);
             }
         }
     }
