@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::evidence::Evidence;
+use super::flips::Flips;
 use super::journal::Journal;
 use super::model::{P, Theta};
 use super::photometric::{LineTimes, develop};
@@ -490,6 +491,22 @@ impl Forward {
         let radiance = self.radiance(frames, theta, quality)?;
         let tone = Tone::new(theta);
         Ok(frames.par_iter().zip(&radiance).map(|(&at, r)| self.develop(at, r, theta, &tone)).collect())
+    }
+
+    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no compression, or
+    /// where pixels share their chroma before it.
+    pub(super) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
+        let tone = Tone::new(theta);
+        if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
+            return Ok(Vec::new());
+        }
+        let before = self.simulate(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let of = |dn: &Plane<f32>| {
+            let spread = dn.data.iter().enumerate().map(|(i, v)| tone.spread(*v, i % 3));
+            let variance: Vec<f32> = spread.map(|v| v.free + v.fixed).collect();
+            Flips::of(dn, &variance, theta.get(P::Quality) as u8)
+        };
+        Ok(before.iter().map(of).collect())
     }
 
     /// Develops the radiance of a frame.

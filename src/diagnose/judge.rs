@@ -74,14 +74,17 @@ impl<'a> Judge<'a> {
             means.iter_mut().for_each(|m| self.hot.put(m));
         }
         let tone = Tone::new(theta);
+        let flips = forward.flips(frames, theta, self.quality)?;
         let scored: Vec<_> = frames
             .iter()
             .zip(&means)
-            .map(|(&at, mean)| Scored {
+            .enumerate()
+            .map(|(i, (&at, mean))| Scored {
                 real: &self.evidence.frames[at].dn,
                 mean,
                 mask: self.masks.map(|m| &m[at]),
                 dithered: self.evidence.dithered,
+                flips: flips.get(i),
             })
             .collect();
         let scores = (0..frames.len())

@@ -14,6 +14,7 @@ mod ending;
 mod evidence;
 mod fit;
 mod flicker;
+mod flips;
 mod flow;
 mod forward;
 mod hot;

@@ -14,9 +14,9 @@ use crate::chain::rng::random_bits;
 use crate::plane::Plane;
 
 /// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and colours.
-const ROUNDED2: f32 = 0.12;
+pub(super) const ROUNDED2: f32 = 0.12;
 /// Rows of the conversion to brightness and two colours.
-const TO_YCC: [[f32; 3]; 3] =
+pub(super) const TO_YCC: [[f32; 3]; 3] =
     [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
 /// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2.

@@ -9,6 +9,7 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
+use super::flips::Flips;
 use super::packing::Left;
 use super::tone::{Tone, Variances};
 use crate::plane::Plane;
@@ -41,6 +42,8 @@ pub(super) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// Whether the real frames are dithered.
     pub dithered: bool,
+    /// What compression leaves of the noise where; the same everywhere if that is not known.
+    pub flips: Option<&'a Flips>,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -115,7 +118,10 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
     let rounding = if rounds { 0.0 } else { 1.0 / 12.0 };
     let at = |i: usize| -> (Variances, Left) {
         if noisy {
-            (tone.spread(frame.mean.data[i], i % 3), tone.left(frame.mean.data[i], i % 3))
+            let spread = tone.spread(frame.mean.data[i], i % 3);
+            let left = tone.left(frame.mean.data[i], i % 3);
+            let local = frame.flips.map(|f| f.left(w, i, spread.free + spread.fixed));
+            (spread, local.unwrap_or(left))
         } else {
             (Variances::default(), Left::ALL)
         }
@@ -290,7 +296,7 @@ mod tests {
         let mean = Plane::from_fn(64, 64, |_, _| [128.3f32; 3]);
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let gain = |dithered: bool| {
-            let scored = Scored { real: &real, mean: &mean, mask: None, dithered };
+            let scored = Scored { real: &real, mean: &mean, mask: None, dithered, flips: None };
             let [none, right] = [0.0, 1.0 / slope].map(|sigma| {
                 score_frame(&scored, None, &Tone::new(&Theta::neutral().with(P::Read, sigma))).score
             });
@@ -306,7 +312,7 @@ mod tests {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None, dithered: false };
+        let scored = Scored { real: &real, mean: &mean, mask: None, dithered: false, flips: None };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));

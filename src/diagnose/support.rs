@@ -25,7 +25,9 @@ impl Search<'_> {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         // Where noise is expected to make more than there is nothing is left.
         let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
-        let colours_dn = if changes_colours(name) { COLOURS_DN } else { 0.0 };
+        // Behind compression a colour that is off by that may be off by a step of the quantizer.
+        let packed = if self.compression.is_some() { 2.0 } else { 1.0 };
+        let colours_dn = if changes_colours(name) { packed * COLOURS_DN } else { 0.0 };
         let least = damped(colours_dn.max(LEAST_DIFFERENCE * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
