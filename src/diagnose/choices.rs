@@ -20,6 +20,7 @@ impl Search<'_> {
     pub(super) fn is_known(&self, name: &str) -> bool {
         match name {
             "jpeg" => self.compression.is_some(),
+            "chroma_subsampling" => self.shared.is_some(),
             "motion_blur" => self.smeared,
             _ => false,
         }
@@ -47,8 +48,13 @@ impl Search<'_> {
     /// Tries the values of a choice, or qualities from coarse to fine.
     pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
         let p = candidate.parameters[0];
-        if let Some(quality) = self.compression.filter(|_| p == P::Quality) {
-            let theta = theta.with(p, f64::from(quality));
+        let shown = match p {
+            P::Quality => self.compression,
+            P::Chroma => self.shared,
+            _ => None,
+        };
+        if let Some(value) = shown {
+            let theta = theta.with(p, f64::from(value));
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
         let without = theta.with(p, 0.0);

@@ -9,7 +9,7 @@ use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
 use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
 use super::search::{Alone, Found, Search};
-use super::support::{LEAST_DIFFERENCE, damped, restored};
+use super::support::{FLOOR_PART, LEAST_DIFFERENCE, damped, restored};
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -116,6 +116,9 @@ const CLOSED: [f64; 2] = [0.5, 0.75];
 /// the end of a range: a gain and a white balance close 93 % of a gamma's gap.
 const STRUCTURED: f64 = 0.97;
 
+/// How well the floor is known of noise behind compression: coefficients that go either way are no normal distribution.
+const PACKED_FLOOR: f64 = 0.15;
+
 /// Gaps up to so many times what two renderers may differ by are small: whatever is left of them may be that.
 const SMALL: f64 = 2.5;
 
@@ -189,10 +192,19 @@ fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
     warnings
 }
 
+/// Whether noise alone has been found.
+fn is_noise(found: &Found) -> bool {
+    !found.set.is_empty() && found.set.iter().all(|n| candidate_of(n).noise)
+}
+
 /// Share of the gap that is closed. A floor is forgiven some per cent, but not where the spread itself is seen to be another than
 /// the model's: the little that an effect may close beside that is no explanation.
 fn closed(found: &Found) -> f64 {
-    let (before, after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
+    let (before, mut after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
+    if is_noise(found) {
+        // Weak noise alone: what the floor is not known to may be as much as the gap.
+        after -= (after - floor).clamp(0.0, FLOOR_PART * floor);
+    }
     if found.residue.spread > MOST_SPREAD && after < floor && after < before {
         (1.0 - (floor - after) / (before - after)).clamp(0.0, 1.0)
     } else {
@@ -206,7 +218,10 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         return Verdict::UnknownEffect;
     }
     let (after, floor) = (found.after.mean(), found.after.floor());
-    let difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
+    let mut difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
+    if found.fit.theta.is_on(P::Quality) {
+        difference = difference.max(PACKED_FLOOR * floor);
+    }
     let closed = closed(found);
     // Behind compression a colour is off by parts of a quantizer's step.
     let shaped = left.bias_dn > MOST_BIAS_DN.max(3.0 * found.sampling_dn)
@@ -216,7 +231,9 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         || left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot)
         || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
     let rest = unexplained(after, floor);
-    let whole = found.before.mean() - found.before.floor();
+    // A camera that is known to be noisier than its frames are (compression takes noise away) is a gap as well.
+    let gained = found.before.mean() - after;
+    let whole = (found.before.mean() - found.before.floor()).max(gained);
     // No more than two renderers may differ by, and no set that closes most of it.
     let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn);
     // Nor is a set worth naming that gains less than any of its effects would have to.
@@ -231,7 +248,8 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
     // Nor does what wanted to be something else explain more than it closes.
     let forgiven = rest <= difference && !ends_at_a_bound(found);
-    let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference));
+    // Nor is a floor known to what weak noise alone leaves.
+    let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference || is_noise(found)));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
     // Compression, with shared chroma before it, may take more of the slopes along one axis.
     let packed = found.fit.theta.is_on(P::Quality);

@@ -125,6 +125,8 @@ impl Search<'_> {
     pub(super) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
         let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let fitted = found.fit.theta.clone();
+        let means = self.forward.simulate(&self.evidence.fit, &fitted, self.judge.quality)?;
+        self.judge.keep_stuck(&self.evidence.fit, &means);
         let data = self.noise_data(&fitted, &self.evidence.fit)?;
         let held_out = self.noise_data(&fitted, &self.evidence.held_out)?;
         tracing::debug!("noise {data:?}");
@@ -201,11 +203,16 @@ impl Search<'_> {
             let Some((without, i, theta)) = least else { return Ok(()) };
             tracing::info!("beside the noise drops {}: {without:.4} DN without, {now:.4} with", found.set[i]);
             found.set.remove(i);
-            found.set.retain(|n| !candidate_of(n).noise);
             found.fit.theta = theta;
             self.refit_to_the_end(found)?;
-            self.choose_noise(found)?;
+            self.choose_noise_anew(found)?;
         }
+    }
+
+    /// Decides once more which kinds of noise there are, after the set has become another.
+    pub(super) fn choose_noise_anew(&mut self, found: &mut Found) -> Result<()> {
+        found.set.retain(|n| !candidate_of(n).noise);
+        self.choose_noise(found)
     }
 
     /// What the set leaves on held-out frames, see [`super::residue`].

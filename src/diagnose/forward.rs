@@ -40,7 +40,8 @@ pub(super) enum Quality {
     Fit,
     /// Sixteen samples: what is reported.
     Fine,
-    /// Sixty-four: what samples miss of a pixel is noise in what a fit of a filter takes for exact, and weakens it.
+    /// Sixty-four, and an exposure in four parts: what samples miss of a pixel is noise in what a fit of a filter takes for
+    /// exact, and weakens it.
     Finest,
 }
 
@@ -370,9 +371,18 @@ impl Forward {
         scale: f64,
         quality: Quality,
     ) -> Result<Vec<Plane<f32>>> {
+        if quality == Quality::Finest && theta.is_on(P::Exposure) {
+            return mean_of_quarters(|i| {
+                self.read(places, &quarters(requests, i), theta, scale, Quality::Fine)
+            });
+        }
         let map = self.lens_map(theta, quality);
         let k = self.magnified(theta, scale);
-        let keys: Vec<Key> = places.iter().map(|&at| self.wide_key(at, theta, &k, quality)).collect();
+        let keys: Vec<Key> = places
+            .iter()
+            .zip(requests)
+            .map(|(&at, r)| self.wide_key(at, &r.shutter, theta, &k, quality))
+            .collect();
         let mut planes: Vec<_> = keys.iter().map(|key| self.bench.wide.recall(key)).collect();
         let missing: Vec<usize> = (0..places.len()).filter(|&i| planes[i].is_none()).collect();
         if !missing.is_empty() {
@@ -388,18 +398,17 @@ impl Forward {
             }
         }
         let shared = &*self;
-        let lens = planes.par_iter().zip(places).map(|(plane, &at)| {
-            let shutter = shared.shutter(at, theta);
+        let shutters = requests.par_iter().map(|r| &r.shutter);
+        let lens = planes.par_iter().zip(places).zip(shutters).map(|((plane, &at), shutter)| {
             let velocity = (shutter.readout_time_s > 0.0).then(|| shared.velocity(at, theta));
             let plane = plane.as_ref().expect("just rendered");
-            shared.through_lens(plane, &map, &shutter, velocity.as_ref())
+            shared.through_lens(plane, &map, shutter, velocity.as_ref())
         });
         Ok(lens.collect())
     }
 
     /// All that a larger picture depends on: not the lens.
-    fn wide_key(&self, at: usize, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
-        let s = self.shutter(at, theta);
+    fn wide_key(&self, at: usize, s: &ShutterTiming, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
         let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
         let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p).to_bits());
         let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).collect();
@@ -428,20 +437,13 @@ impl Forward {
         if quality < Quality::Finest {
             return self.rendered_at(requests, theta, k, quality);
         }
-        // Sixteen samples at four places of the picture, a quarter of their distance apart.
-        let mut sum: Vec<Plane<f32>> = Vec::new();
-        for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+        // Sixteen samples at four places of the picture, a quarter of their distance apart, each over its quarter of the exposure.
+        let places = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+        mean_of_quarters(|i| {
+            let (x, y) = places[i];
             let k = Intrinsics { cx: k.cx + x / 16.0, cy: k.cy + y / 16.0, ..k };
-            let part = self.rendered_at(requests, theta, k, Quality::Fine)?;
-            if sum.is_empty() {
-                sum = part;
-            } else {
-                let pairs = sum.iter_mut().zip(&part).flat_map(|(s, p)| s.data.iter_mut().zip(&p.data));
-                pairs.for_each(|(s, p)| *s += p);
-            }
-        }
-        sum.iter_mut().flat_map(|p| &mut p.data).for_each(|v| *v *= 0.25);
-        Ok(sum)
+            self.rendered_at(&quarters(requests, i), theta, k, Quality::Fine)
+        })
     }
 
     fn rendered_at(
@@ -539,6 +541,28 @@ pub(super) fn options(quality: Quality) -> EngineOptions {
         frames_in_flight: 2,
         ..EngineOptions::default()
     }
+}
+
+/// Requests for one of the four quarters of their exposures.
+fn quarters(requests: &[FrameRequest], which: usize) -> Vec<FrameRequest> {
+    let mut out = requests.to_vec();
+    for FrameRequest { shutter, .. } in &mut out {
+        shutter.exposure_time_s *= 0.25;
+        shutter.start_s += which as f64 * shutter.exposure_time_s;
+    }
+    out
+}
+
+/// The mean of the pictures of four quarters.
+fn mean_of_quarters(mut of_quarter: impl FnMut(usize) -> Result<Vec<Plane<f32>>>) -> Result<Vec<Plane<f32>>> {
+    let mut sum = of_quarter(0)?;
+    for i in 1..4 {
+        let part = of_quarter(i)?;
+        let pairs = sum.iter_mut().zip(&part).flat_map(|(s, p)| s.data.iter_mut().zip(&p.data));
+        pairs.for_each(|(s, p)| *s += p);
+    }
+    sum.iter_mut().flat_map(|p| &mut p.data).for_each(|v| *v *= 0.25);
+    Ok(sum)
 }
 
 /// Renders several frames; linear radiance, shape `[height, width, 3]`.

@@ -55,6 +55,17 @@ impl HotMap {
         Self { pixels, of }
     }
 
+    /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens has put
+    /// elsewhere is as steady as a stuck pixel.
+    pub(super) fn keep_above(&mut self, evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) {
+        let above = |i: usize| {
+            let one =
+                |(&at, mean): (&usize, &Plane<f32>)| evidence.frames[at].dn.data[i] > mean.data[i] + ABOVE_DN;
+            frames.iter().zip(means).all(one)
+        };
+        self.pixels.retain(|(i, _)| (3 * i..3 * i + 3).any(above));
+    }
+
     /// Share of the pixels.
     pub(super) fn fraction(&self) -> f64 {
         self.pixels.len() as f64 / self.of.max(1) as f64

@@ -56,6 +56,15 @@ impl<'a> Judge<'a> {
         Self { evidence, masks, seed, hot, quality: Quality::Fit, known: HashMap::new() }
     }
 
+    /// Keeps the stuck pixels that stand above these means of `frames` (places) too.
+    pub(super) fn keep_stuck(&mut self, frames: &[usize], means: &[Plane<f32>]) {
+        let count = self.hot.count();
+        self.hot.keep_above(self.evidence, frames, means);
+        if self.hot.count() < count {
+            self.known.clear();
+        }
+    }
+
     /// Scores of `theta` on the held-out frames.
     pub(super) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
         let key = format!("{:?} {theta:?}", self.quality);

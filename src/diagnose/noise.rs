@@ -6,9 +6,10 @@
 use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
+use super::mixing::{LUMA, shared};
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain, noise_kept, row_seen};
+use super::tone::{Tone, noise_gain, row_seen};
 use crate::plane::Plane;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
@@ -25,6 +26,9 @@ const FEWEST: usize = 200;
 const BINS: usize = 32;
 /// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
 const BIN_ERROR: f64 = 0.05;
+
+/// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
+const LEAST_OF_THREE: f32 = 24.0;
 
 /// Noise before a compression over what is seen behind it, from which on the former is not known.
 const MOST_REMOVED: f64 = 12.0;
@@ -117,7 +121,8 @@ impl NoiseData {
             let i = dn as usize;
             linear[i][c] + (linear[i + 1][c] - linear[i][c]) * (dn - i as f32)
         };
-        let error = |f: usize, i: usize| -> Option<(f32, f32)> {
+        // Linear error, and the simulated value, DN.
+        let error = |f: usize, i: usize| -> Option<[f32; 2]> {
             let (r, m) = (evidence.frames[frames[f]].dn.data[i], means[f].data[i]);
             // Values near the ends are clipped, and their spread with them.
             if !flats[f][i / 3] || !(12.0..=240.0).contains(&m) || r <= 0.0 || r >= 255.0 {
@@ -126,7 +131,36 @@ impl NoiseData {
             let slope = slopes[m as usize][i % 3];
             // Never out of the table: values at its ends were left out above.
             let r = r + dither(frames[f], i);
-            (slope > 20.0).then(|| (decode(r, i % 3) - decode(m, i % 3), m))
+            (slope > 20.0).then(|| [decode(r, i % 3) - decode(m, i % 3), m])
+        };
+        // Where pixels share their chroma each still has its own brightness: that has the noise of the three colours, each by
+        // its slope, and stands for a colour as bright as they are on such a mean. Noise of rows is common to the three.
+        let luma = is_luma(theta);
+        let brightness = |f: usize, i: usize, common: bool| -> Option<[f32; 2]> {
+            let (mut sum, mut slope2, mut slope, mut linear) = (0.0, 0.0, 0.0, 0.0);
+            for (c, weight) in LUMA.into_iter().enumerate() {
+                let m = means[f].data[i + c];
+                // A value at the end of its range keeps the others: without such pixels the rest would have less noise.
+                if !flats[f][i / 3] || !(LEAST_OF_THREE..=240.0).contains(&m) {
+                    return None;
+                }
+                // In DN: what colours have taken from each other is no error of brightness.
+                let off = evidence.frames[frames[f]].dn.data[i + c] + dither(frames[f], i + c) - m;
+                let steep = weight * slopes[m as usize][c];
+                sum += weight * off;
+                slope += steep;
+                slope2 += steep * steep;
+                linear += steep * steep * decode(m, c);
+            }
+            let own = if common { slope } else { slope2.sqrt() };
+            Some([sum / own, tone.dn_of(linear / slope2)])
+        };
+        let seen_at = |f: usize, i: usize, common: bool| -> Option<[f32; 2]> {
+            match (luma, i % 3) {
+                (false, _) => error(f, i),
+                (true, 0) => brightness(f, i, common),
+                (true, _) => None,
+            }
         };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
@@ -137,9 +171,9 @@ impl NoiseData {
                     let i = 3 * (y * w + x) + c;
                     let mut seen: Vec<[f32; 3]> = Vec::with_capacity(frames.len());
                     for f in 0..frames.len() {
-                        let (a, b) = (error(f, i - 3 * apart), error(f, i + 3 * apart));
-                        if let (Some((e, m)), Some((a, _)), Some((b, _))) = (error(f, i), a, b) {
-                            seen.push([e - 0.5 * (a + b), m, decode(m, c)]);
+                        let [a, e, b] = [i - 3 * apart, i, i + 3 * apart].map(|i| seen_at(f, i, false));
+                        if let (Some([e, m]), Some([a, _]), Some([b, _])) = (e, a, b) {
+                            seen.push([e - 0.5 * (a + b), m, decode(m, if luma { 1 } else { c })]);
                         }
                     }
                     values.add(&seen);
@@ -147,7 +181,7 @@ impl NoiseData {
             }
         }
         for f in 0..frames.len() {
-            values.add_rows([w, h], rows_apart, |i| error(f, i).map(|e| e.0));
+            values.add_rows([w, h], rows_apart, |i| seen_at(f, i, true).map(|e| e[0]));
         }
         values.reduce(&tone, theta, usize::from(apart == APART[1]))
     }
@@ -165,8 +199,12 @@ impl NoiseData {
         }
         if on("fixed_pattern_noise") {
             let [dsnu2, prnu2] = line(&self.unclipped_fixed(), PATTERN).0;
-            theta.set(P::Dsnu, dsnu2.sqrt());
-            theta.set(P::Prnu, prnu2.sqrt());
+            // A pattern is a part of the spread: where single frames have none, it is what renderers differ by at places that
+            // stay in sight.
+            if theta.is_on(P::Quality) || self.holds(|l| dsnu2 + prnu2 * l * l) {
+                theta.set(P::Dsnu, dsnu2.sqrt());
+                theta.set(P::Prnu, prnu2.sqrt());
+            }
         }
         let known = |l: f64| {
             let read2 = if on("read_noise") { 0.0 } else { base.get(P::Read).powi(2) };
@@ -200,6 +238,13 @@ impl NoiseData {
 }
 
 impl NoiseData {
+    /// Whether single frames spread by no less than half of that variance, by the linear value, on average.
+    fn holds(&self, variance: impl Fn(f64) -> f64) -> bool {
+        let bins = self.unclipped();
+        let [seen, told] = bins.iter().fold([0.0; 2], |[s, t], &[l, v, n]| [s + n * v, t + n * variance(l)]);
+        told <= 2.0 * seen
+    }
+
     /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
     pub(super) fn unclipped(&self) -> Vec<[f64; 3]> {
         let inside = |[l, v, _]: &&[f64; 3]| {
@@ -312,7 +357,8 @@ impl Values {
 
     fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
-        let gain = gain * f64::from(noise_kept(theta));
+        // Chroma shared behind a compression: what is measured is single colours.
+        let gain = gain * f64::from(shared(theta).filter(|_| !is_luma(theta)).map_or(1.0, kept));
         let mean_dn: Vec<f32> =
             self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
         let linear = |bin: usize| f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);
@@ -358,6 +404,16 @@ impl Values {
         }
         data
     }
+}
+
+/// Whether noise is measured of brightness: where pixels share their chroma and nothing is compressed.
+fn is_luma(theta: &Theta) -> bool {
+    theta.is_on(P::Chroma) && !theta.is_on(P::Quality)
+}
+
+/// What equal noise in all colours keeps where pixels share their chroma, on average.
+fn kept(shared: [[f32; 3]; 3]) -> f32 {
+    shared.iter().flatten().sum::<f32>() / 3.0
 }
 
 /// Half a DN to either side, by value and frame: between whole values quantiles would jump. Where a scene has solid colours, whose
@@ -466,6 +522,17 @@ mod tests {
             }
         }
         assert!(measured_dn2(0.0, 0.3) < 0.03, "rounding alone is no noise: {}", measured_dn2(0.0, 0.3));
+    }
+
+    #[test]
+    fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
+        let dsnu = |seen: f64| {
+            let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();
+            let data = NoiseData { total: bins(seen), fixed: bins(4e-6), row2: 0.0 };
+            data.fit(&Theta::neutral(), &Theta::neutral(), &["fixed_pattern_noise"]).get(P::Dsnu)
+        };
+        assert_eq!(dsnu(0.0), 0.0);
+        assert!((dsnu(5e-6) / 2e-3 - 1.0).abs() < 1e-3, "control: {}", dsnu(5e-6));
     }
 
     #[test]

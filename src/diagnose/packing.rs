@@ -107,6 +107,17 @@ impl Left {
     /// All of the noise.
     pub(super) const ALL: Self = Self { pixel: 1.0, high_pass: [1.0; 2], bands: [1.0; 3], lines: [1.0; 2] };
 
+    /// What two steps leave one after the other.
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let pairs = |a: [f32; 2], b: [f32; 2]| [a[0] * b[0], a[1] * b[1]];
+        Self {
+            pixel: self.pixel * other.pixel,
+            high_pass: pairs(self.high_pass, other.high_pass),
+            bands: [0, 1, 2].map(|i| self.bands[i] * other.bands[i]),
+            lines: pairs(self.lines, other.lines),
+        }
+    }
+
     fn mix(&self, other: &Self, t: f32) -> Self {
         let m = |a: f32, b: f32| a * (1.0 - t) + b * t;
         let pairs = |a: [f32; 2], b: [f32; 2]| [m(a[0], b[0]), m(a[1], b[1])];
@@ -174,6 +185,16 @@ impl Packing {
 /// Size of the picture of noise, px.
 const DRAWN: [usize; 2] = [256, 192];
 
+/// White noise of variance 1 in each of three channels.
+pub(super) fn normal_noise([w, h]: [usize; 2]) -> Plane<f32> {
+    let normal = |x: usize, y: usize, c: u32| {
+        let bits = random_bits([x as u32, y as u32], c, 0x4b, [1, 2]);
+        let unit = |b: u32| (b as f32 + 0.5) / 4_294_967_296.0;
+        (-2.0 * unit(bits[0]).ln()).sqrt() * (std::f32::consts::TAU * unit(bits[1])).cos()
+    };
+    Plane::from_fn(w, h, |x, y| [0, 1, 2].map(|c| normal(x, y, c)))
+}
+
 fn drawn_at(quality: u8, sigma: f32) -> Left {
     let [w, h] = DRAWN;
     // The means of blocks lie anywhere between two steps.
@@ -181,14 +202,10 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
         let bits = random_bits([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0];
         96.0 + 64.0 * (bits as f32 / u32::MAX as f32)
     };
-    let normal = |x: usize, y: usize, c: u32| {
-        let bits = random_bits([x as u32, y as u32], c, 0x4b, [1, 2]);
-        let unit = |b: u32| (b as f32 + 0.5) / 4_294_967_296.0;
-        (-2.0 * unit(bits[0]).ln()).sqrt() * (std::f32::consts::TAU * unit(bits[1])).cos()
-    };
+    let noise = normal_noise(DRAWN);
     let mean = Plane::from_fn(w, h, |x, y| [grey(x, y); 3]);
     let noisy =
-        Plane::from_fn(w, h, |x, y| [0, 1, 2].map(|c| (grey(x, y) + sigma * normal(x, y, c)).round()));
+        Plane::from_fn(w, h, |x, y| [0, 1, 2].map(|c| (grey(x, y) + sigma * noise.pixel(x, y)[c]).round()));
     let expected = packed_mean(&mean, &vec![sigma * sigma; mean.data.len()], quality);
     // No noise is left to be averaged over.
     let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], quality);
@@ -215,7 +232,7 @@ impl Left {
     }
 }
 
-fn square(values: impl Iterator<Item = f32>) -> f32 {
+pub(super) fn square(values: impl Iterator<Item = f32>) -> f32 {
     let (sum, count) = values.fold((0.0f64, 0.0), |(s, n), v| (s + f64::from(v * v), n + 1.0));
     (sum / f64::max(count, 1.0)) as f32
 }
@@ -234,7 +251,7 @@ fn high_pass(e: &Plane<f32>, apart: usize) -> f32 {
 }
 
 /// Mean square difference between means over blocks of `n` px and over blocks of twice that side.
-fn band(e: &Plane<f32>, n: usize) -> f32 {
+pub(super) fn band(e: &Plane<f32>, n: usize) -> f32 {
     let mean = |x0: usize, y0: usize, n: usize, c: usize| {
         let sum: f32 = (0..n * n).map(|i| e.pixel(x0 + i % n, y0 + i / n)[c]).sum();
         sum / (n * n) as f32
@@ -250,7 +267,7 @@ fn band(e: &Plane<f32>, n: usize) -> f32 {
 }
 
 /// Variance of the means of rows or columns, times their length.
-fn lines(e: &Plane<f32>, rows: bool) -> f32 {
+pub(super) fn lines(e: &Plane<f32>, rows: bool) -> f32 {
     let (count, length) = if rows { (e.height, e.width) } else { (e.width, e.height) };
     let at = |line: usize, i: usize| if rows { e.pixel(i, line) } else { e.pixel(line, i) };
     let means = (0..count * 3).map(|k| {

@@ -184,7 +184,7 @@ pub(super) fn gaussian(plane: &Plane<f32>, sigma: f32) -> Plane<f32> {
 }
 
 /// One colour a pixel, then bilinear; the picture is mirrored about its outermost pixels.
-fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
+pub(super) fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
     let (w, h) = (plane.width, plane.height);
     // Place of red in the 2x2 cell; blue lies diagonally opposite.
     let red = [(0, 0), (0, 0), (1, 1), (1, 0), (0, 1)][pattern];
@@ -216,7 +216,7 @@ fn demosaicked(plane: &Plane<f32>, pattern: usize) -> Plane<f32> {
 }
 
 /// Colour at half the resolution: 1 both ways, 2 along rows only.
-fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
+pub(super) fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
     let (w, h) = (dn.width, dn.height);
     let rows = if scheme == 1 { 2 } else { 1 };
     let mut out = Plane::new(w, h, 3);
@@ -464,7 +464,7 @@ mod tests {
         for scheme in [1.0, 2.0] {
             let shared = theta.with(P::Chroma, scheme);
             let seen = variance(&shared, &["read_noise", "chroma_subsampling"]) / whole;
-            let told = f64::from(Tone::new(&shared).left(100.0, 1).pixel);
+            let told = f64::from(Tone::new(&shared).left(&[100.0; 3], 1).pixel);
             assert!((seen / told - 1.0).abs() < 0.06, "{scheme}: {seen} {told}");
             assert!(told < 0.8, "control: all of it would be 1");
         }

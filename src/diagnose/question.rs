@@ -23,6 +23,8 @@ pub(super) struct Question<'a> {
     pub names: Vec<&'static str>,
     /// Quality of the compression that the frames themselves show.
     pub compression: Option<u8>,
+    /// Scheme by which the frames themselves show pixels to share their colour.
+    pub shared: Option<u8>,
 }
 
 /// What the simulation as given shows where frames are compared.
@@ -69,6 +71,7 @@ impl<'a> Question<'a> {
             names: self.names.clone(),
             smeared: false,
             compression: self.compression,
+            shared: self.shared,
         }
     }
 

@@ -95,12 +95,8 @@ pub(super) fn residue(
     };
     let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
     let row_dn = rows / means[0].data.len() as f64;
-    // Compression leaves differences of its own, which say nothing about noise; shared chroma mixes that of the channels.
-    let (spread, structure) = match (theta.is_on(P::Quality), theta.is_on(P::Chroma)) {
-        (true, _) => (0.0, [0.0; 2]),
-        (false, true) => (0.0, noise.misfit(theta).1),
-        (false, false) => noise.misfit(theta),
-    };
+    // Compression leaves differences of its own, which say nothing about noise.
+    let (spread, structure) = if theta.is_on(P::Quality) { (0.0, [0.0; 2]) } else { noise.misfit(theta) };
     let mut likeness: Vec<f64> = frames
         .iter()
         .zip(means)

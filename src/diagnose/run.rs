@@ -120,7 +120,9 @@ pub fn diagnose(
     forward.deadline = options.time_limit.map(|limit| clock + limit);
     let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
     let compression = compression(&evidence, &names, &base);
-    let question = Question { evidence: &evidence, base, seed: options.seed, names: tried, compression };
+    let shared = shared_colour(&evidence, &names, &base).filter(|_| compression.is_none());
+    let question =
+        Question { evidence: &evidence, base, seed: options.seed, names: tried, compression, shared };
     if forward.static_camera {
         let masks = cover.as_ref().map(|c| c.masks.as_slice());
         forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
@@ -171,6 +173,12 @@ pub fn diagnose(
 fn compression(evidence: &Evidence, names: &[&str], base: &Theta) -> Option<u8> {
     let asked = names.contains(&"jpeg") && !base.is_on(P::Quality);
     asked.then(|| super::comb::quality(evidence, &evidence.fit)).flatten()
+}
+
+/// The scheme by which the frames show pixels to share their colour, if that is to be found.
+fn shared_colour(evidence: &Evidence, names: &[&str], base: &Theta) -> Option<u8> {
+    let asked = names.contains(&"chroma_subsampling") && !base.is_on(P::Chroma) && !base.is_on(P::Quality);
+    asked.then(|| super::pairs::scheme(evidence, &evidence.fit)).flatten()
 }
 
 /// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,

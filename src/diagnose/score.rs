@@ -119,7 +119,7 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
     let at = |i: usize| -> (Variances, Left) {
         if noisy {
             let spread = tone.spread(frame.mean.data[i], i % 3);
-            let left = tone.left(frame.mean.data[i], i % 3);
+            let left = tone.left(&frame.mean.data[i - i % 3..i - i % 3 + 3], i % 3);
             let local = frame.flips.map(|f| f.left(w, i, spread.free + spread.fixed));
             (spread, local.unwrap_or(left))
         } else {

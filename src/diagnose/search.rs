@@ -15,7 +15,7 @@ use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::normal::{linearise, screened};
 use super::residue::Residue;
-use super::starts::best_starts;
+use super::starts::{best_starts, is_hopeful};
 use super::support::{LEAST_SHARE, mixes_pixels};
 use super::weighing::Weighing;
 use crate::error::Result;
@@ -25,6 +25,8 @@ use crate::plane::Plane;
 const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
 const SHORTLIST: usize = 4;
+/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time.
+const BENT: [&str; 2] = ["time_offset", "rolling_shutter"];
 /// Beyond which difference sizes are compared instead of squares, DN.
 const COMPARED_DN: f64 = 1.5;
 
@@ -89,6 +91,8 @@ pub(super) struct Search<'a> {
     pub smeared: bool,
     /// The quality of the compression that the frames show to have behind them, where that is a candidate.
     pub compression: Option<u8>,
+    /// The scheme by which the frames show pixels to share their colour, where that is a candidate.
+    pub shared: Option<u8>,
     /// When to come to an end.
     pub deadline: Option<Instant>,
 }
@@ -171,14 +175,12 @@ impl<'a> Search<'a> {
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());
         }
-        if theta.is_on(P::Quality) {
-            // What two compressions of nearly the same picture differ by looks like noise that compression has weakened:
-            // it is some only if the score says so.
-            let silent = data.fit(theta, &self.base, &[]);
-            let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
-            if with?.mean() >= without?.mean() {
-                return Ok(silent);
-            }
+        // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise that
+        // compression has weakened: it is some only if the score says so.
+        let silent = data.fit(theta, &self.base, &[]);
+        let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
+        if with?.mean() >= without?.mean() {
+            return Ok(silent);
         }
         Ok(noisy)
     }
@@ -193,8 +195,10 @@ impl<'a> Search<'a> {
         let key = format!("{} {set:?} {theta:?}", candidate.name);
         let work = |search: &mut Self| {
             let mut fit = search.add_anew(candidate, set, theta)?;
-            // A compression that can be read from the frames is there from the start, and noise is seen through it.
-            if mixes_pixels(candidate.name) && candidate.name != "jpeg" {
+            // A compression that can be read from the frames is there from the start, and noise is seen through it. How much
+            // sharpening lifts it has changed with the rest of the set.
+            let lifted = set.contains(&"sharpening") && moves(candidate);
+            if lifted || mixes_pixels(candidate.name) && candidate.name != "jpeg" {
                 fit.theta = search.with_noise(&fit.theta)?;
             }
             Ok(fit)
@@ -255,13 +259,21 @@ impl<'a> Search<'a> {
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         let mut late = Vec::new();
-        // Compression that the frames themselves show is carried along as noise is: all else is seen through it.
-        let packed = self.compression.map(|q| self.base.with(P::Quality, f64::from(q)));
-        let start = self.with_noise(&packed.unwrap_or_else(|| self.base.clone()))?;
+        // Compression and shared colour that the frames themselves show are carried along as noise is: all else is seen
+        // through them.
+        let shown = [("chroma_subsampling", P::Chroma, self.shared), ("jpeg", P::Quality, self.compression)];
+        let mut packed = self.base.clone();
+        let mut set: Vec<&'static str> = Vec::new();
+        for (name, p, value) in shown {
+            if let Some(value) = value {
+                packed.set(p, f64::from(value));
+                set.push(name);
+            }
+        }
+        let start = self.with_noise(&packed)?;
         let mut scores = self.judge.scores(self.forward, &start)?;
         let gap = (before.mean() - before.floor()).max(0.0);
         let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
-        let mut set: Vec<&'static str> = self.compression.iter().map(|_| "jpeg").collect();
         let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
             let options = if round == 0 {
@@ -283,6 +295,7 @@ impl<'a> Search<'a> {
             self.prune(gap, &mut set, &mut current, &mut scores)?;
         }
         self.simplify(gap, &mut set, &mut current, &mut scores)?;
+        self.one_number_for_two(&mut set, &mut current, &mut scores)?;
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
@@ -350,6 +363,7 @@ impl<'a> Search<'a> {
             let against = match name {
                 _ if candidate.noise => self.base.clone(),
                 "jpeg" => self.with_noise(&self.base.clone())?,
+                "chroma_subsampling" if self.shared.is_some() => self.with_noise(&self.base.clone())?,
                 _ => start.clone(),
             };
             let against = self.judge.scores(self.forward, &against)?;
@@ -385,6 +399,13 @@ impl<'a> Search<'a> {
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
         let mut short = self.shortlist(set, current, &smooth)?;
+        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !short.contains(n)).collect::<Vec<_>>()
+        {
+            let (target, candidate) = (self.target(), candidate_of(name));
+            if is_hopeful(self.forward, target, self.evidence, &current.theta, candidate)? {
+                short.push(name);
+            }
+        }
         short.extend(rest);
         let mut out = Vec::new();
         for name in short {
@@ -438,12 +459,16 @@ impl<'a> Search<'a> {
             self.veil_or_black(found)?;
         }
         watch.step("noise");
-        self.judge.quality = Quality::Fine;
+        self.judge.quality = finest_of(&found.fit.theta);
         self.prune_finely(found)?;
         self.drop_insignificant(found)?;
+        self.judge.quality = Quality::Fine;
         self.forward.native = true;
         found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
+        if self.drop_insignificant(found)? {
+            self.choose_noise_anew(found)?;
+        }
         self.prune_beside_noise(found)?;
         self.look_at_the_rest(found)?;
         watch.step("intervals");
@@ -462,6 +487,12 @@ pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
 /// pixel as it is.
 pub(super) fn last_of(free: &[P]) -> Schedule {
     if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
+}
+
+/// How well frames are rendered where sets are told apart that differ by little: what sixteen samples of a long exposure miss
+/// may be more than a filter changes.
+pub(super) fn finest_of(theta: &Theta) -> Quality {
+    if theta.is_on(P::Exposure) { Quality::Finest } else { Quality::Fine }
 }
 
 /// Whether a candidate changes where things are seen.

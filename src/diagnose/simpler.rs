@@ -15,15 +15,20 @@ const MEANS: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, fra
 /// devices make differently of colours, a tenth of a DN, costs 0.003.
 const CLEARER: [f64; 2] = [0.006, 0.7];
 
+/// Effects of two numbers, and those of one that they hold.
+const ONE_FOR_TWO: [(&str, &str); 3] =
+    [("lens_distortion", "focal_length_error"), ("glare", "exposure_gain"), ("glare", "black_level")];
+
 impl Search<'_> {
     /// Takes out effects on colours that may as well not be there: all their values are neutral within their intervals.
     /// Behind compression a colour that is off by a tenth of a DN may be off by a whole step of its quantizer, and a
-    /// white balance of a thousandth can be worth half the gap.
-    pub(super) fn drop_insignificant(&mut self, found: &mut Found) -> Result<()> {
-        let known = found.fit.half.clone();
+    /// white balance of a thousandth can be worth half the gap. Returns whether there were such.
+    pub(super) fn drop_insignificant(&mut self, found: &mut Found) -> Result<bool> {
+        let (known, count) = (found.fit.half.clone(), found.set.len());
         while found.set.len() > 1 && found.set.iter().any(|n| changes_colours(n)) {
+            let native = self.forward.native;
             self.mean_intervals(found)?;
-            self.forward.native = false;
+            self.forward.native = native;
             let within = |p: &P| {
                 let half = found.fit.half.get(p).copied().unwrap_or(0.0);
                 (found.fit.theta.get(*p) - self.base.get(*p)).abs() < half
@@ -36,7 +41,7 @@ impl Search<'_> {
             self.refit_to_the_end(found)?;
         }
         found.fit.half = known;
-        Ok(())
+        Ok(found.set.len() < count)
     }
 
     /// Puts glare in the place of a black level where that fits clearly better. Both lighten what is dark, by a straight line
@@ -60,6 +65,32 @@ impl Search<'_> {
             found.set = set;
             found.fit.theta = other.theta;
             self.refit_to_the_end(found)?;
+        }
+        Ok(())
+    }
+
+    /// Puts an effect of one number in the place of one of two where that is no worse: behind noise, or beside a pose that is off,
+    /// a lens that bends to one side and back is taken for a focal length, and glare without light for a gain.
+    pub(super) fn one_number_for_two(
+        &mut self,
+        set: &mut Vec<&'static str>,
+        current: &mut Fit,
+        scores: &mut Scores,
+    ) -> Result<()> {
+        for (two, one) in ONE_FOR_TWO {
+            let asked = set.contains(&two) && !set.contains(&one) && self.names.contains(&one);
+            if !asked || self.late() {
+                continue;
+            }
+            let rest: Vec<_> = set.iter().copied().filter(|n| *n != two).collect();
+            let start = restored(&current.theta, &self.base, candidate_of(two));
+            let mut fit = self.add(candidate_of(one), &rest, &start)?;
+            fit.theta = self.with_noise(&fit.theta)?;
+            let found = self.judge.scores(self.forward, &fit.theta)?;
+            tracing::info!("{one} for {two}: {:.4} for {:.4} DN", found.mean(), scores.mean());
+            if self.judge.gain(&found, scores).1[0] <= 0.0 {
+                (*set, *current, *scores) = (rest.into_iter().chain([one]).collect(), fit, found);
+            }
         }
         Ok(())
     }

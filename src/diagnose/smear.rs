@@ -26,6 +26,10 @@ const FEWEST: usize = 12;
 const MOST_SMEAR: f64 = 0.015;
 /// See [`MOST_SMEAR`].
 const SMEAR_ERRORS: f64 = 4.0;
+/// Share of the slopes' lack that an exposure may leave which explains it.
+const CURED: f64 = 0.4;
+/// Share of what a delay leaves that an exposure in its place must be worth.
+const CLEARLY: f64 = 0.15;
 
 /// By how much less of the slopes there is along the motion than across it, as a factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,14 +55,24 @@ impl Search<'_> {
     /// a share of it. A time offset may have taken the delay of its middle for its own, and sharpening hides it: each is
     /// tried together with it.
     pub(super) fn look_for_smear(&mut self, found: &mut Found) -> Result<()> {
-        let frames = self.evidence.fit.clone();
         let asked = self.names.contains(&"motion_blur") && !found.set.contains(&"motion_blur");
         if !asked {
             return Ok(());
         }
-        let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fit)?;
-        if !self.smear(&frames, &means, &found.fit.theta).is_some_and(Smear::is_missing) {
-            return Ok(());
+        // What few samples miss of an exposure hides what it explains.
+        let quality = std::mem::replace(&mut self.judge.quality, Quality::Finest);
+        let done = self.exposed(found);
+        self.judge.quality = quality;
+        done
+    }
+
+    fn exposed(&mut self, found: &mut Found) -> Result<()> {
+        let frames = self.evidence.fit.clone();
+        let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fine)?;
+        let smear = self.smear(&frames, &means, &found.fit.theta).unwrap_or_default();
+        tracing::info!("along the motion: {smear:?}");
+        if !smear.is_missing() {
+            return self.blur_for_delay(found);
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
@@ -77,9 +91,29 @@ impl Search<'_> {
         }
         let Some((set, fit, now)) = best else { return Ok(()) };
         let (gain, [low, _]) = self.judge.gain(&was, &now);
-        if low > 0.0 && gain > damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor()) {
+        let means = self.forward.simulate(&frames, &fit.theta, Quality::Finest)?;
+        let left = self.smear(&frames, &means, &fit.theta).unwrap_or_default();
+        tracing::info!("along the motion then: {left:?}");
+        let cured = left.lack.abs() < CURED * smear.lack;
+        if low > 0.0 && (cured || gain > damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor())) {
             self.smeared = true;
             (found.set, found.fit) = (set, fit);
+        }
+        Ok(())
+    }
+
+    /// Puts an exposure in the place of a delay where that is clearly better: of a slow motion's blur little more than the
+    /// delay of its middle shows.
+    fn blur_for_delay(&mut self, found: &mut Found) -> Result<()> {
+        let Some((mut set, theta)) = self.without_delay(found).into_iter().nth(1) else { return Ok(()) };
+        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+        let blurred = self.add(candidate_of("motion_blur"), &set, &theta)?;
+        let now = self.judge.scores(self.forward, &blurred.theta)?;
+        let (gain, [low, _]) = self.judge.gain(&was, &now);
+        tracing::info!("an exposure for a delay: {:.4} to {:.4} DN", was.mean(), now.mean());
+        if low > 0.0 && gain > CLEARLY * (was.mean() - was.floor()).max(0.0) {
+            set.push("motion_blur");
+            (found.set, found.fit) = (set, blurred);
         }
         Ok(())
     }

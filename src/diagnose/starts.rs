@@ -12,6 +12,8 @@ const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Coarse, f
 
 /// How many times the cost of the best start another one may cost and still be worth a fit.
 const HOPELESS: f64 = 2.0;
+/// What share of the cost without a candidate a start of it may cost to be hopeful.
+const HOPEFUL: f64 = 0.97;
 
 /// Starts for a candidate beside what `theta` already has.
 fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Theta> {
@@ -74,6 +76,26 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
         }
         _ => vec![theta.clone()],
     }
+}
+
+/// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it. Recorded
+/// motion shakes, and where the camera was some ms earlier its speed was another.
+pub(super) fn is_hopeful(
+    forward: &mut Forward,
+    target: Target<'_>,
+    evidence: &Evidence,
+    theta: &Theta,
+    candidate: &CandidateSpec,
+) -> Result<bool> {
+    let some = spread_out(&evidence.fit, LOOK.frames);
+    let weighing = weighing_of(forward, &some, theta, &LOOK, 2.0)?;
+    let most = HOPEFUL * cost_of(forward, target, &some, theta, &LOOK, &weighing)?;
+    for start in starts(forward, theta, candidate) {
+        if cost_of(forward, target, &some, &start, &LOOK, &weighing)? < most {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// The best starts, at most `most`.

@@ -13,7 +13,7 @@ pub(super) const LEAST_DIFFERENCE: f64 = 0.12;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
 /// How well a floor is known, as a part of it: less than that is not left.
-const FLOOR_PART: f64 = 0.05;
+pub(super) const FLOOR_PART: f64 = 0.05;
 /// What correct renderers make differently of colours, DN: half of what devices were seen to (see [`super::intervals`]).
 const COLOURS_DN: f64 = 0.05;
 /// A simpler candidate is preferred to one that gains less than this share more.
@@ -27,7 +27,8 @@ impl Search<'_> {
         let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
         // Behind compression a colour that is off by that may be off by a step of the quantizer.
         let packed = if self.compression.is_some() { 2.0 } else { 1.0 };
-        let colours_dn = if changes_colours(name) { packed * COLOURS_DN } else { 0.0 };
+        let values = changes_colours(name) || name == "vignetting";
+        let colours_dn = if values { packed * COLOURS_DN } else { 0.0 };
         let least = damped(colours_dn.max(LEAST_DIFFERENCE * self.renderer_difference), better.floor());
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
@@ -89,7 +90,12 @@ impl Search<'_> {
         if mixes_pixels(set[i]) {
             start = self.with_noise(&start)?;
         }
-        self.rest_of(set, i, &start)
+        let (mut fit, mut scores) = self.rest_of(set, i, &start)?;
+        if set.contains(&"sharpening") && set[i] != "sharpening" {
+            fit.theta = self.with_noise(&fit.theta)?;
+            scores = self.judge.scores(self.forward, &fit.theta)?;
+        }
+        Ok((fit, scores))
     }
 
     /// The set without one effect, the others fitted anew, the noise as it is.

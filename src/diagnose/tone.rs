@@ -1,6 +1,7 @@
 //! What a sensor's value becomes when it is encoded, under the noise that it has: mean and spread of the delivered value.
 //! Noise that is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
+use super::mixing::{mixed, shared};
 use super::model::{P, Theta};
 use super::packing::{Left, Packing};
 use crate::plane::srgb_encode;
@@ -78,8 +79,10 @@ pub(super) struct Tone {
     by_dn: Option<[Vec<Variances>; 3]>,
     /// By channel and whole DN of the mean: what compression leaves of that.
     left: Option<[Vec<Left>; 3]>,
-    /// What subsampling the chroma keeps of a pixel's variance.
-    kept: f32,
+    /// By channel: what of the noise means over blocks and lines have where pixels are mixed.
+    mixed: Option<[Left; 3]>,
+    /// Where pixels share their chroma: what of each colour's variance each colour has.
+    shared: Option<[[f32; 3]; 3]>,
 }
 
 impl Tone {
@@ -99,7 +102,8 @@ impl Tone {
             shift: None,
             by_dn: None,
             left: None,
-            kept: noise_kept(theta),
+            mixed: mixed(theta),
+            shared: shared(theta),
         };
         let noise = Noise::new(theta);
         if noise.any() {
@@ -150,12 +154,24 @@ impl Tone {
         }
     }
 
-    /// What subsampling and compression leave of the spread about a mean of so many DN; all of it without them.
-    pub(super) fn left(&self, mean_dn: f32, channel: usize) -> Left {
-        let at = (mean_dn + 0.5).clamp(0.0, 255.0) as usize;
-        let left = self.left.as_ref().map_or(Left::ALL, |t| t[channel][at]);
-        // Means over blocks keep theirs: chroma is averaged within them.
-        Left { pixel: self.kept * left.pixel, ..left }
+    /// What mixing, subsampling and compression leave of the spread of a channel of a pixel of these mean DN; all of it without
+    /// them.
+    pub(super) fn left(&self, mean_dn: &[f32], channel: usize) -> Left {
+        let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
+        let mut left = self.left.as_ref().map_or(Left::ALL, |t| t[channel][at]);
+        if let Some(mixed) = &self.mixed {
+            left = left.times(&mixed[channel]);
+        }
+        if let Some(shared) = &self.shared {
+            let variance = |c: usize| {
+                let v = self.spread(mean_dn[c], c);
+                v.free + v.fixed
+            };
+            let all: f32 = (0..3).map(|from| shared[channel][from] * variance(from)).sum();
+            // Means over blocks keep theirs: chroma is averaged within them.
+            left.pixel *= all / variance(channel).max(1e-9);
+        }
+        left
     }
 
     /// Spread about a mean of so many DN before compression.
@@ -185,6 +201,11 @@ impl Tone {
         let (a, b) = (self.table[i - 1], self.table[i]);
         let encoded = ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32;
         (encoded / self.wb[channel].max(1e-6) - self.black) / (1.0 - self.black)
+    }
+
+    /// DN of green of a linear value before the black level, without noise.
+    pub(super) fn dn_of(&self, linear: f32) -> f32 {
+        self.plain(self.black + (1.0 - self.black) * linear, 1)
     }
 
     /// What noise adds to the mean and how wide it spreads, by the sensor's value: the integral over a normal
@@ -257,17 +278,6 @@ fn sensor_at(place: usize) -> f32 {
     root * root.abs()
 }
 
-/// Part of its variance that white noise of a pixel keeps where n pixels share their chroma: the luma's part, 0.447 in each
-/// channel alike, and the n-th part of the rest.
-pub(super) fn noise_kept(theta: &Theta) -> f32 {
-    const LUMA: f32 = 0.299 * 0.299 + 0.587 * 0.587 + 0.114 * 0.114;
-    match theta.get(P::Chroma) as usize {
-        0 => 1.0,
-        1 => LUMA + (1.0 - LUMA) / 4.0,
-        _ => LUMA + (1.0 - LUMA) / 2.0,
-    }
-}
-
 /// Variance that the noise of rows keeps in a pixel of each colour. It is white down the picture, where sharpening lifts it and
 /// demosaicking averages it: red and blue come from their own row in one row of two and from those above and below in the
 /// other, green from its own row in every second pixel and half of it from there in the others.
@@ -285,7 +295,7 @@ pub(super) fn row_seen(theta: &Theta) -> f32 {
 }
 
 /// What sharpening makes of noise that is white down the picture.
-fn row_lift(theta: &Theta) -> f32 {
+pub(super) fn row_lift(theta: &Theta) -> f32 {
     let amount = theta.get(P::Sharpen) as f32;
     if amount == 0.0 {
         return 1.0;
@@ -316,11 +326,16 @@ pub(super) fn noise_gain(theta: &Theta) -> [f32; 3] {
         // Own pixels keep their variance, those between two keep a half, those between four a quarter.
         gain = [0.5625, 0.625, 0.5625];
     }
+    let lift = noise_lift(theta);
+    gain.map(|g| g * lift)
+}
+
+/// What sharpening makes of the variance of white noise.
+pub(super) fn noise_lift(theta: &Theta) -> f32 {
     let amount = theta.get(P::Sharpen) as f32;
-    if amount != 0.0 {
-        let [centre, square] = bell_of(theta).map(|v| v * v);
-        let lift = lifted(amount, centre, square);
-        gain = gain.map(|g| g * lift);
+    if amount == 0.0 {
+        return 1.0;
     }
-    gain
+    let [centre, square] = bell_of(theta).map(|v| v * v);
+    lifted(amount, centre, square)
 }

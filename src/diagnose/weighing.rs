@@ -83,7 +83,7 @@ impl Weighing {
 fn noise_of(mean: &Plane<f32>, tone: &Tone, block: usize) -> Vec<f32> {
     let n = block as f32;
     let variance = mean.data.iter().enumerate().map(|(i, m)| {
-        let (v, left) = (tone.spread(*m, i % 3), tone.left(*m, i % 3));
+        let (v, left) = (tone.spread(*m, i % 3), tone.left(&mean.data[i - i % 3..i - i % 3 + 3], i % 3));
         let share = match block {
             1 => left.pixel,
             2 => left.bands[0],
