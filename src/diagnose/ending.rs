@@ -8,7 +8,7 @@ use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::placed::placed;
-use super::residue::{outliers, residue, solved};
+use super::residue::{MOST_SPREAD, outliers, residue, solved};
 use super::score::FAMILIES;
 use super::search::{Found, Search, is_discrete, last_of};
 use super::support::{LEAST_DIFFERENCE, LEAST_SHARE, is_a_filter, restored};
@@ -26,15 +26,21 @@ const COLOURS: f64 = 1.0015;
 /// Stuck pixels that are named whatever they are worth.
 const FEWEST_STUCK: usize = 8;
 
-/// Whether rows or a fixed pattern stand out of the noise, on frames to fit as on held-out ones, `without` a kind of noise and
-/// not `with` it: what the score of single values hardly shows beside other noise.
+/// Whether rows, a fixed pattern or the spread of single values stand out of the other noise, on frames to fit as on held-out
+/// ones, `without` a kind of noise and not `with` it: what the score hardly shows beside other noise.
 fn stands_out(name: &str, data: [&NoiseData; 2], [without, with]: [&Theta; 2]) -> bool {
-    let kind = match name {
-        "row_noise" => 0,
-        "fixed_pattern_noise" => 1,
-        _ => return false,
+    let shows = |d: &NoiseData, theta: &Theta| match name {
+        "row_noise" => d.shows(theta)[0],
+        "fixed_pattern_noise" => d.shows(theta)[1],
+        _ if is_spread(name) => d.misfit(theta).0 > MOST_SPREAD,
+        _ => false,
     };
-    data.iter().all(|d| d.shows(without)[kind] && !d.shows(with)[kind])
+    data.iter().all(|d| shows(d, without) && !shows(d, with))
+}
+
+/// Whether a kind of noise is a spread of single values, new in every frame.
+fn is_spread(name: &str) -> bool {
+    matches!(name, "read_noise" | "shot_noise")
 }
 
 impl Search<'_> {
@@ -89,10 +95,7 @@ impl Search<'_> {
 
     /// Takes out what only coarse renders made look useful.
     pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
-        let gap = {
-            let before = self.judge.scores(self.forward, &self.base.clone())?;
-            (before.mean() - before.floor()).max(0.0)
-        };
+        let before = self.judge.scores(self.forward, &self.base.clone())?;
         while !found.set.is_empty() {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
             let mut weakest: Option<(usize, Theta, f64)> = None;
@@ -105,7 +108,7 @@ impl Search<'_> {
                 let supported = if self.is_known(name) {
                     self.judge.gain(&scores, &now).1[0] > 0.0
                 } else {
-                    self.supports(name, gap, &scores, &now)
+                    self.supports(name, &before, &scores, &now)
                 };
                 let needed = supported && periodic && !is_a_filter(name, &found.fit.theta);
                 if !needed && weakest.as_ref().is_none_or(|w| worse < w.2) {
@@ -138,7 +141,7 @@ impl Search<'_> {
         let silent = self.noisy(&data, &found.fit.theta, &[]);
         let gap = (self.judge.scores(self.forward, &silent)?.mean() - scores.floor()).max(0.0);
         let clear = |theta: &Theta| {
-            let [a, b] = [data.significance(theta), held_out.significance(theta)];
+            let [a, b] = [&data, &held_out].map(|d| d.significance(theta, &self.base));
             [a[0].min(b[0]) > SIGNIFICANT, a[1].min(b[1]) > SIGNIFICANT]
         };
         loop {
@@ -160,7 +163,9 @@ impl Search<'_> {
                     }
                     name => {
                         let stands_out = told && stands_out(name, [&data, &held_out], [&without, &theta]);
-                        let gains = stands_out && self.judge.gain(&rest_scores, &scores).1[0] > 0.0;
+                        let (gain, [low, _]) = self.judge.gain(&rest_scores, &scores);
+                        // Beside strong noise of rows the score says little of single values, whose spread is plain.
+                        let gains = stands_out && if is_spread(name) { gain > 0.0 } else { low > 0.0 };
                         gains || self.noise_counts(gap, &rest_scores, &scores)
                     }
                 };

@@ -25,6 +25,8 @@ const SYSTEMATIC_PX: f64 = 0.01;
 /// What two correct renderers make differently of a colour, DN: software devices decode textures to within so much (measured
 /// against the CPU reference: real frames stood 0.09 DN above simulated ones, none below).
 const SYSTEMATIC_COLOUR_DN: f64 = 0.1;
+/// The same of all colours alike, DN: blind, gains and gammas were off by 0.05 to 0.06 DN beyond what single colours explain.
+const COMMON_DN: f64 = 0.03;
 /// Whole DN that count as one colour.
 const COLOUR_DN: usize = 4;
 /// By how much the variances of two correct renderers' pixels differ, px^2: a third of a pixel's own 1/12.
@@ -146,7 +148,7 @@ fn rounding(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
     sum
 }
 
-/// Variance from colours that renderers make differently, each colour and channel for itself.
+/// Variance from colours that renderers make differently, each colour and channel for itself and all of them alike.
 fn colours(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
     let per = VALUES / 256 * COLOUR_DN;
     let mut slopes = vec![vec![0.0f64; n]; VALUES.div_ceil(per) * 3];
@@ -161,6 +163,9 @@ fn colours(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
         let x = back(l, part);
         (0..n).for_each(|i| sum[i] += (SYSTEMATIC_COLOUR_DN * x[i]).powi(2));
     }
+    let all: Vec<f64> = (0..n).map(|i| slopes.iter().map(|s| s[i]).sum()).collect();
+    let x = back(l, &all);
+    (0..n).for_each(|i| sum[i] += (COMMON_DN * x[i]).powi(2));
     sum
 }
 

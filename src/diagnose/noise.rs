@@ -30,6 +30,9 @@ const BIN_ERROR: f64 = 0.05;
 /// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
 const LEAST_OF_THREE: f32 = 24.0;
 
+/// Frames whose values lie in such a range show a pixel's pattern alike, DN.
+const ALIKE_DN: f32 = 16.0;
+
 /// Noise before a compression over what is seen behind it, from which on the former is not known.
 const MOST_REMOVED: f64 = 12.0;
 
@@ -53,7 +56,8 @@ struct Values {
     total: Vec<Vec<f32>>,
     /// Sum of the simulated values, DN.
     dn: Vec<f64>,
-    /// Mean over the frames, the number of frames, and the mean linear value.
+    /// Sum and difference of the means of one value over two halves of the frames in which it is about as bright, and the mean
+    /// linear value.
     fixed: Vec<Vec<[f32; 3]>>,
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
@@ -290,11 +294,12 @@ impl NoiseData {
     }
 
     /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
-    /// spread grows with brightness. `theta` has the noise that is there besides.
-    pub(super) fn significance(&self, theta: &Theta) -> [f64; 2] {
+    /// spread grows with brightness. `theta` has the pattern that is there besides, `base` what is known of the two.
+    pub(super) fn significance(&self, theta: &Theta, base: &Theta) -> [f64; 2] {
         let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
         for [l, v, n] in self.unclipped() {
-            let besides = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
+            let pattern = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
+            let besides = pattern + base.get(P::Read).powi(2) + base.get(P::Shot) * l;
             let error = (v * v * (BIN_ERROR * BIN_ERROR + 3.0 / n)).max(1e-18);
             let g = [1.0, l];
             for i in 0..2 {
@@ -322,12 +327,24 @@ impl Values {
             self.total[bin(*m)].push(*e);
             self.dn[bin(*m)] += f64::from(*m);
         }
-        if seen.len() >= 3 {
-            let n = seen.len() as f32;
-            let mean = |i: usize| seen.iter().map(|s| s[i]).sum::<f32>() / n;
-            // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light:
-            // by the first frame alone, dark pixels would have the pattern of brighter ones.
-            self.fixed[bin(mean(1))].push([mean(0), n, mean(2)]);
+        // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light: only
+        // frames in which it is about as bright are put together. (In the dark errors are clipped: together with those a mean
+        // had a spread of its own, and a prnu of 4.5 % was measured as 5.9.)
+        let mut by_value = seen.to_vec();
+        by_value.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        let mut rest = by_value.as_slice();
+        while let Some(first) = rest.first() {
+            let (alike, brighter) = rest.split_at(rest.partition_point(|s| s[1] < first[1] + ALIKE_DN));
+            rest = brighter;
+            if alike.len() >= 2 {
+                let mean = |i: usize| alike.iter().map(|s| s[i]).sum::<f32>() / alike.len() as f32;
+                let half = |from: usize| {
+                    let half = alike.iter().skip(from).step_by(2);
+                    half.clone().map(|s| s[0]).sum::<f32>() / half.count() as f32
+                };
+                let (a, b) = (half(0), half(1));
+                self.fixed[bin(mean(1))].push([a + b, a - b, mean(2)]);
+            }
         }
     }
 
@@ -373,12 +390,10 @@ impl Values {
             let dn2 = variance * f64::from(tone.slope_at(mean_dn[bin], 1)).powi(2);
             packed.as_ref().map_or(1.0, |p| f64::from(p.restored(dn2 as f32, kind)))
         };
-        let mut total = vec![0.0; BINS];
         let mut whole = vec![1.0; BINS];
         let mut data = NoiseData::default();
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            total[bin] = robust_variance(v) / HIGH_PASS;
-            let seen = (total[bin] - quantum(bin)).max(0.0);
+            let seen = (robust_variance(v) / HIGH_PASS - quantum(bin)).max(0.0);
             whole[bin] = removed(bin, seen);
             let variance = seen * whole[bin] / gain;
             // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
@@ -388,13 +403,12 @@ impl Values {
         }
         let known = |bin: &usize| whole[*bin] < MOST_REMOVED;
         for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
-            let mean = |i: usize| v.iter().map(|v| f64::from(v[i])).sum::<f64>() / v.len() as f64;
-            let n = mean(1);
-            let mut means: Vec<f32> = v.iter().map(|v| v[0]).collect();
-            // total = free + fixed, and the mean of n keeps fixed + free / n.
-            let of_mean = robust_variance(&mut means) / HIGH_PASS;
-            let variance = ((of_mean - total[bin] / n) / (1.0 - 1.0 / n)).max(0.0) * whole[bin] / gain;
-            data.fixed.push([mean(2).max(0.0), variance, v.len() as f64]);
+            let linear = v.iter().map(|v| f64::from(v[2])).sum::<f64>() / v.len() as f64;
+            // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone, twice.
+            let [sum, difference] =
+                [0, 1].map(|i| robust_variance(&mut v.iter().map(|v| v[i]).collect::<Vec<f32>>()));
+            let variance = (sum - difference).max(0.0) / (4.0 * HIGH_PASS);
+            data.fixed.push([linear.max(0.0), variance * whole[bin] / gain, v.len() as f64]);
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();

@@ -197,7 +197,7 @@ impl<'a> Search<'a> {
             let mut fit = search.add_anew(candidate, set, theta)?;
             // A compression that can be read from the frames is there from the start, and noise is seen through it. How much
             // sharpening lifts it has changed with the rest of the set.
-            let lifted = set.contains(&"sharpening") && moves(candidate);
+            let lifted = set.contains(&"sharpening") && (moves(candidate) || candidate.name == "defocus");
             if lifted || mixes_pixels(candidate.name) && candidate.name != "jpeg" {
                 fit.theta = search.with_noise(&fit.theta)?;
             }
@@ -272,7 +272,6 @@ impl<'a> Search<'a> {
         }
         let start = self.with_noise(&packed)?;
         let mut scores = self.judge.scores(self.forward, &start)?;
-        let gap = (before.mean() - before.floor()).max(0.0);
         let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
         let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
@@ -284,7 +283,7 @@ impl<'a> Search<'a> {
             } else {
                 self.round(watch, &set, &current, &mut late)?
             };
-            let Some((name, fit, _)) = self.choose(gap, &scores, options) else { break };
+            let Some((name, fit, _)) = self.choose(&before, &scores, options) else { break };
             set.push(name);
             let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
             // The noise shows better now.
@@ -292,9 +291,9 @@ impl<'a> Search<'a> {
             let better = self.judge.scores(self.forward, &current.theta)?;
             tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
             scores = better;
-            self.prune(gap, &mut set, &mut current, &mut scores)?;
+            self.prune(&before, &mut set, &mut current, &mut scores)?;
         }
-        self.simplify(gap, &mut set, &mut current, &mut scores)?;
+        self.simplify(&before, &mut set, &mut current, &mut scores)?;
         self.one_number_for_two(&mut set, &mut current, &mut scores)?;
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");

@@ -98,13 +98,13 @@ impl Search<'_> {
     /// Puts one candidate in the place of two effects on colours for as long as nothing is lost by it.
     pub(super) fn simplify(
         &mut self,
-        gap: f64,
+        before: &Scores,
         set: &mut Vec<&'static str>,
         current: &mut Fit,
         scores: &mut Scores,
     ) -> Result<()> {
         while !self.late() {
-            let Some((next, fit, simpler)) = self.one_for_two(gap, set, current, scores)? else { break };
+            let Some((next, fit, simpler)) = self.one_for_two(before, set, current, scores)? else { break };
             tracing::info!("{next:?} for {set:?}: {:.3} for {:.3} DN", simpler.mean(), scores.mean());
             (*set, *current, *scores) = (next, fit, simpler);
         }
@@ -114,7 +114,7 @@ impl Search<'_> {
     /// The best set with one candidate instead of two of its members, if the two are worth no more than the one.
     fn one_for_two(
         &mut self,
-        gap: f64,
+        before: &Scores,
         set: &[&'static str],
         current: &Fit,
         scores: &Scores,
@@ -131,7 +131,7 @@ impl Search<'_> {
                 for &other in &others {
                     let fit = self.add(candidate_of(other), &rest, &start)?;
                     let found = self.judge.scores(self.forward, &fit.theta)?;
-                    let worth_two = self.supports(two, gap, &found, scores);
+                    let worth_two = self.supports(two, before, &found, scores);
                     if !worth_two && best.as_ref().is_none_or(|b| found.mean() < b.2.mean()) {
                         let next = rest.iter().copied().chain([other]).collect();
                         best = Some((next, fit, found));

@@ -10,6 +10,8 @@ use crate::error::Result;
 pub(super) const LEAST_SHARE: f64 = 0.01;
 /// Least part of what two correct renderers may differ by that an effect must be worth.
 pub(super) const LEAST_DIFFERENCE: f64 = 0.12;
+/// Of a gap that is noise alone, the part that a model with that noise takes away: 1 - 1 / sqrt(2).
+const NOISE_EXCESS: f64 = 0.29;
 /// What is worth less than [`LEAST_SHARE`] of the whole gap must be worth this share of what the others leave.
 const CLEAR_SHARE: f64 = 0.4;
 /// How well a floor is known, as a part of it: less than that is not left.
@@ -21,7 +23,7 @@ const PARSIMONY: f64 = 0.02;
 
 impl Search<'_> {
     /// Whether a gain counts.
-    pub(super) fn supports(&self, name: &str, gap: f64, worse: &Scores, better: &Scores) -> bool {
+    pub(super) fn supports(&self, name: &str, before: &Scores, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
         // Where noise is expected to make more than there is nothing is left.
         let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
@@ -30,15 +32,18 @@ impl Search<'_> {
         let values = changes_colours(name) || name == "vignetting";
         let colours_dn = if values { packed * COLOURS_DN } else { 0.0 };
         let least = damped(colours_dn.max(LEAST_DIFFERENCE * self.renderer_difference), better.floor());
+        // What noise makes of the score is no gap once the model has that noise.
+        let whole = (before.mean() - before.floor()).max(0.0);
+        let gap = (before.mean() - better.floor()).clamp(NOISE_EXCESS * whole, whole);
         low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
     }
 
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
-    pub(super) fn choose(&self, gap: f64, now: &Scores, options: Vec<Tried>) -> Option<Tried> {
+    pub(super) fn choose(&self, before: &Scores, now: &Scores, options: Vec<Tried>) -> Option<Tried> {
         let gain = |o: &Tried| now.mean() - o.2.mean();
         let counted: Vec<_> = options
             .into_iter()
-            .filter(|o| self.supports(o.0, gap, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
+            .filter(|o| self.supports(o.0, before, now, &o.2) && !is_a_filter(o.0, &o.1.theta))
             .collect();
         let best = counted.iter().max_by(|a, b| gain(a).total_cmp(&gain(b)))?.clone();
         let size = |name: &str| candidate_of(name).parameters.len();
@@ -46,7 +51,8 @@ impl Search<'_> {
         // cannot differ by may be what tells a black level from glare.
         let as_good = |o: &Tried| {
             o.0 == best.0
-                || (gain(o) >= (1.0 - PARSIMONY) * gain(&best) && !self.supports(best.0, gap, &o.2, &best.2))
+                || (gain(o) >= (1.0 - PARSIMONY) * gain(&best)
+                    && !self.supports(best.0, before, &o.2, &best.2))
         };
         counted
             .into_iter()
@@ -57,7 +63,7 @@ impl Search<'_> {
     /// Takes out what the others make superfluous.
     pub(super) fn prune(
         &mut self,
-        gap: f64,
+        before: &Scores,
         set: &mut Vec<&'static str>,
         current: &mut Fit,
         scores: &mut Scores,
@@ -69,7 +75,7 @@ impl Search<'_> {
                     continue;
                 }
                 let (fit, rest) = self.pruned(set, i, &current.theta)?;
-                if !self.supports(set[i], gap, &rest, scores)
+                if !self.supports(set[i], before, &rest, scores)
                     && weakest.as_ref().is_none_or(|w| rest.mean() < w.2.mean())
                 {
                     weakest = Some((i, fit, rest));
