@@ -222,6 +222,7 @@ impl<'a> Search<'a> {
         let schedule = match candidate.name {
             // Means over blocks know nothing of a px more or less of sharpness.
             "sharpening" => DETAILS,
+            "defocus" if set.contains(&"sharpening") => DETAILS,
             _ if moves(candidate) => COARSE,
             _ => VALUES,
         };

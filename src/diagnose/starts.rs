@@ -9,6 +9,8 @@ use crate::error::Result;
 
 /// Where starts are compared: three frames from all over the evidence suffice to tell valleys apart.
 const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Coarse, frames: 3 };
+/// The same for what is smaller than a block.
+const DETAIL: Level = Level { block: 1, quality: Quality::Fit, ..LOOK };
 
 /// How many times the cost of the best start another one may cost and still be worth a fit.
 const HOPELESS: f64 = 2.0;
@@ -55,14 +57,16 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
             }
             all
         }
-        "defocus" => one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]),
-        "sharpening" => {
-            let mut all = Vec::new();
-            for (amount, radius) in [(0.3, 0.7), (0.5, 1.5), (1.2, 1.0)] {
-                all.push(theta.with(P::Sharpen, amount).with(P::Radius, radius));
+        // Sharpening undoes most of a defocus, and alone it was fitted to what that left: both start anew.
+        "defocus" if theta.is_on(P::Sharpen) => {
+            let mut all = one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]);
+            for sigma_px in [0.6, 1.0] {
+                all.extend(sharpenings(&theta.with(P::Defocus, sigma_px)));
             }
             all
         }
+        "defocus" => one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]),
+        "sharpening" => sharpenings(theta).to_vec(),
         "glare" => {
             let mut all = Vec::new();
             for (veil, level) in [(0.05, 0.8), (0.05, 0.2), (0.2, 0.5)] {
@@ -76,6 +80,11 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
         }
         _ => vec![theta.clone()],
     }
+}
+
+fn sharpenings(theta: &Theta) -> [Theta; 3] {
+    [(0.3, 0.7), (0.5, 1.5), (1.2, 1.0)]
+        .map(|(amount, radius)| theta.with(P::Sharpen, amount).with(P::Radius, radius))
 }
 
 /// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it. Recorded
@@ -114,11 +123,12 @@ pub(super) fn best_starts(
     if all.len() <= most {
         return Ok(all);
     }
-    let some = spread_out(&evidence.fit, LOOK.frames);
-    let weighing = weighing_of(forward, &some, theta, &LOOK, 2.0)?;
+    let look = if candidate.name == "defocus" && theta.is_on(P::Sharpen) { DETAIL } else { LOOK };
+    let some = spread_out(&evidence.fit, look.frames);
+    let weighing = weighing_of(forward, &some, theta, &look, 2.0)?;
     let mut costs = Vec::new();
     for (i, start) in all.iter().enumerate() {
-        costs.push((cost_of(forward, target, &some, start, &LOOK, &weighing)?, i));
+        costs.push((cost_of(forward, target, &some, start, &look, &weighing)?, i));
     }
     costs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let hopeful = costs.iter().take(most).filter(|c| c.0 <= HOPELESS * costs[0].0);
