@@ -4,6 +4,7 @@
 
 use super::evidence::Evidence;
 use super::fit::spread_out;
+use super::photometric::chroma;
 use crate::plane::Plane;
 
 /// Frames that are looked at.
@@ -34,8 +35,8 @@ pub(super) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
 
 /// Sums of the differences of colour within pairs and between them, along rows or down columns, and their number.
 fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
-    let (step, sides) = if down { ([0, 1], [dn.width, dn.height]) } else { ([1, 0], [dn.width, dn.height]) };
-    let (w, h) = (sides[0] - 2 * step[0], sides[1] - 2 * step[1]);
+    let step = if down { [0, 1] } else { [1, 0] };
+    let (w, h) = (dn.width - 2 * step[0], dn.height - 2 * step[1]);
     let mut sums = [0.0; 3];
     for y in (0..h).step_by(1 + step[1]) {
         for x in (0..w).step_by(1 + step[0]) {
@@ -44,7 +45,7 @@ fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
             if (0..3).any(|k| pixel(k).iter().any(|v| *v < 1.0 || *v > 254.0)) {
                 continue;
             }
-            let [one, two, three] = [0, 1, 2].map(|k| colours(pixel(k)));
+            let [one, two, three] = [0, 1, 2].map(|k| chroma(pixel(k)));
             for c in 0..2 {
                 sums[0] += f64::from((two[c] - one[c]).abs());
                 sums[1] += f64::from((three[c] - two[c]).abs());
@@ -55,14 +56,9 @@ fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
     sums
 }
 
-/// The two colour differences of a pixel (ITU-T T.871).
-fn colours(p: &[f32]) -> [f32; 2] {
-    let luma = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
-    [(p[2] - luma) / 1.772, (p[0] - luma) / 1.402]
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::photometric::subsampled;
     use super::*;
     use crate::chain::rng::random_bits;
 
@@ -76,23 +72,6 @@ mod tests {
         })
     }
 
-    fn shared(plane: &Plane<f32>, sides: [usize; 2]) -> Plane<f32> {
-        let mean = |x: usize, y: usize| {
-            let cell = (0..sides[0] * sides[1]).map(|i| {
-                let (x0, y0) = (x / sides[0] * sides[0], y / sides[1] * sides[1]);
-                colours(plane.pixel(x0 + i % sides[0], y0 + i / sides[0]))
-            });
-            let sum = cell.fold([0.0f32; 2], |a, c| [a[0] + c[0], a[1] + c[1]]);
-            sum.map(|v| v / (sides[0] * sides[1]) as f32)
-        };
-        Plane::from_fn(plane.width, plane.height, |x, y| {
-            let p = plane.pixel(x, y);
-            let luma = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
-            let [cb, cr] = mean(x, y);
-            [luma + 1.402 * cr, luma - 0.344_136 * cb - 0.714_136 * cr, luma + 1.772 * cb]
-        })
-    }
-
     fn told(plane: &Plane<f32>) -> Option<u8> {
         let rounded = Plane { data: plane.data.iter().map(|v| v.round()).collect(), ..plane.clone() };
         scheme(&Evidence::of_one(rounded), &[0])
@@ -103,8 +82,8 @@ mod tests {
         for sigma in [0.0, 2.0, 8.0] {
             let plain = picture(sigma);
             assert_eq!(told(&plain), None, "control: noise of {sigma} DN");
-            assert_eq!(told(&shared(&plain, [2, 2])), Some(1), "noise of {sigma} DN");
-            assert_eq!(told(&shared(&plain, [2, 1])), Some(2), "noise of {sigma} DN");
+            assert_eq!(told(&subsampled(&plain, 1)), Some(1), "noise of {sigma} DN");
+            assert_eq!(told(&subsampled(&plain, 2)), Some(2), "noise of {sigma} DN");
         }
         let grey = Plane::from_fn(64, 48, |x, y| [(40 + (x * 3 + y * 5) % 120) as f32; 3]);
         assert_eq!(told(&grey), None, "what has no colour tells of none");

@@ -225,10 +225,9 @@ pub(super) fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
             let (mut cb, mut cr, mut n) = (0.0, 0.0, 0.0);
             let cell = || (y0..(y0 + rows).min(h)).flat_map(|y| (x0..(x0 + 2).min(w)).map(move |x| (x, y)));
             for (x, y) in cell() {
-                let p = dn.pixel(x, y);
-                let luma = luma(p);
-                cb += (p[2] - luma) / 1.772;
-                cr += (p[0] - luma) / 1.402;
+                let [b, r] = chroma(dn.pixel(x, y));
+                cb += b;
+                cr += r;
                 n += 1.0;
             }
             let (cb, cr) = (cb / n, cr / n);
@@ -244,6 +243,12 @@ pub(super) fn subsampled(dn: &Plane<f32>, scheme: usize) -> Plane<f32> {
 
 fn luma(p: &[f32]) -> f32 {
     0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]
+}
+
+/// The two colour differences of a pixel (ITU-T T.871).
+pub(super) fn chroma(p: &[f32]) -> [f32; 2] {
+    let luma = luma(p);
+    [(p[2] - luma) / 1.772, (p[0] - luma) / 1.402]
 }
 
 /// Through a JPEG encoder and back.

@@ -4,6 +4,8 @@
 //! Slopes of the real picture are compared with those of the simulated one, once along the motion and once across it, by the
 //! factor that takes the latter to the former. Noise does not move such a factor, and another pixel filter moves both alike.
 
+use std::iter;
+
 use super::evidence::Evidence;
 use super::fit::{DETAILS, Fit};
 use super::forward::Quality;
@@ -76,7 +78,8 @@ impl Search<'_> {
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
-        for (set, theta) in self.without_delay(found) {
+        let as_is = (found.set.clone(), found.fit.theta.clone());
+        for (set, theta) in iter::once(as_is).chain(self.without_delay(found)) {
             for (set, fit) in self.with_exposure(set, &theta)? {
                 let now = self.judge.scores(self.forward, &fit.theta)?;
                 tracing::info!(
@@ -105,7 +108,7 @@ impl Search<'_> {
     /// Puts an exposure in the place of a delay where that is clearly better: of a slow motion's blur little more than the
     /// delay of its middle shows.
     fn blur_for_delay(&mut self, found: &mut Found) -> Result<()> {
-        let Some((mut set, theta)) = self.without_delay(found).into_iter().nth(1) else { return Ok(()) };
+        let Some((mut set, theta)) = self.without_delay(found) else { return Ok(()) };
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let blurred = self.add(candidate_of("motion_blur"), &set, &theta)?;
         let now = self.judge.scores(self.forward, &blurred.theta)?;
@@ -118,20 +121,16 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The set as it is and, where it delays everything, without that delay but with an exposure whose middle is as late.
-    fn without_delay(&self, found: &Found) -> Vec<(Vec<&'static str>, Theta)> {
+    /// Where the set delays everything: without that delay but with an exposure whose middle is as late.
+    fn without_delay(&self, found: &Found) -> Option<(Vec<&'static str>, Theta)> {
         let theta = &found.fit.theta;
-        let mut out = vec![(found.set.clone(), theta.clone())];
         let delay_s = theta.get(P::Offset) - self.base.get(P::Offset);
-        if found.set.contains(&"time_offset") && delay_s > 0.0 {
-            let set = found.set.iter().copied().filter(|n| *n != "time_offset").collect();
-            let exposure_s = theta.get(P::Exposure) + 2.0 * delay_s;
-            out.push((
-                set,
-                restored(theta, &self.base, candidate_of("time_offset")).with(P::Exposure, exposure_s),
-            ));
+        if !found.set.contains(&"time_offset") || delay_s <= 0.0 {
+            return None;
         }
-        out
+        let set = found.set.iter().copied().filter(|n| *n != "time_offset").collect();
+        let exposure_s = theta.get(P::Exposure) + 2.0 * delay_s;
+        Some((set, restored(theta, &self.base, candidate_of("time_offset")).with(P::Exposure, exposure_s)))
     }
 
     /// The set with an exposure, and with an exposure and sharpening.
