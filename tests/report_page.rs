@@ -4,25 +4,21 @@ mod report_support;
 
 use std::path::Path;
 
+use report_support::page::Page;
 use report_support::{SIZE, sample};
-use scraper::{Html, Selector};
 use shutterbug::diagnose::{Report, Verdict};
 use shutterbug::report::{PAGE_FILE, render_html, write_html};
 
 const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"{{ 7*7 }}&amp;";
-
-fn count(page: &Html, selector: &str) -> usize {
-    page.select(&Selector::parse(selector).expect("a selector")).count()
-}
 
 /// The page with its pictures' bytes taken out: what a person wrote.
 fn without_pictures(html: &str) -> String {
     html.split('"').filter(|part| !part.starts_with("data:image/")).collect::<Vec<_>>().join("\"")
 }
 
-fn page_of(report: &Report, folder: &Path) -> (String, Html) {
+fn page_of(report: &Report, folder: &Path) -> (String, Page) {
     let html = render_html(report, folder).unwrap_or_else(|e| panic!("{e}"));
-    let page = Html::parse_document(&html);
+    let page = Page::parse(&html);
     (html, page)
 }
 
@@ -35,30 +31,28 @@ fn a_page_of_twenty_frames_is_one_valid_file_without_links() {
     let html = std::fs::read_to_string(folder.path().join(PAGE_FILE)).expect("written");
     // Pictures of noise hardly compress: 20 frames of 320x240 as they are come to less than 17 MB as PNG in base64.
     assert!(html.len() < 17 << 20, "{} bytes", html.len());
-    let page = Html::parse_document(&html);
-    assert!(page.errors.is_empty(), "{:?}", page.errors);
+    let page = Page::parse(&html);
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
     // Control: the parser does object to what is wrong.
-    assert!(!Html::parse_document(&html.replace("</main>", "</man>")).errors.is_empty());
+    assert!(!Page::parse(&html.replace("</main>", "</man>")).errors().is_empty());
     for link in ["http:", "https:", "//cdn", "<link", "@import", "url(h", "file:"] {
         assert!(!without_pictures(&html).contains(link), "{link}");
     }
-    let sources = Selector::parse("[src], [href]").expect("a selector");
-    for element in page.select(&sources) {
-        let to = element.value().attr("src").or(element.value().attr("href")).unwrap_or_default();
+    for element in page.all("[src]").into_iter().chain(page.all("[href]")) {
+        let to = element.attribute("src").or(element.attribute("href")).unwrap_or_default();
         assert!(to.starts_with("data:image/"), "{}", &to[..to.len().min(60)]);
     }
-    assert_eq!(count(&page, "img"), 12, "three pictures, two differences, four maps, three with percepts");
-    assert_eq!(count(&page, "img:not([alt])"), 0);
-    assert_eq!(count(&page, "#where svg"), 10, "one chart a profile");
-    assert_eq!(count(&page, "#waterfall rect"), 5);
-    assert_eq!(count(&page, "#percepts tbody tr"), 3);
+    assert_eq!(page.count("img"), 12, "three pictures, two differences, four maps, three with percepts");
+    assert!(page.all("img").iter().all(|i| i.attribute("alt").is_some()));
+    assert_eq!(page.count("#where svg"), 10, "one chart a profile");
+    assert_eq!(page.count("#waterfall rect"), 5);
+    assert_eq!(page.count("#percepts tbody tr"), 3);
     for text in
         ["98.3 %", "0.020135", "0.0199 to 0.0203", "top_to_bottom", "two exposures", "[rolling_shutter]"]
     {
         assert!(html.contains(text), "{text} is missing");
     }
-    let json =
-        page.select(&Selector::parse("#data").expect("a selector")).next().expect("there").inner_html();
+    let json = page.all("#data")[0].text();
     let frames: Vec<serde_json::Value> = serde_json::from_str(&json).expect("JSON");
     assert_eq!(frames.len(), 20);
     assert_eq!(
@@ -77,21 +71,19 @@ fn hostile_names_are_text() {
     let folder = tempfile::tempdir().expect("a folder");
     let (plain, plain_page) = page_of(&sample(folder.path(), 2, "desk"), folder.path());
     let (html, page) = page_of(&sample(folder.path(), 2, HOSTILE), folder.path());
-    assert!(page.errors.is_empty(), "{:?}", page.errors);
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
     for selector in ["script", "img", "[onerror]", "section", "tr", "figure"] {
-        assert_eq!(count(&page, selector), count(&plain_page, selector), "{selector}");
+        assert_eq!(page.count(selector), plain_page.count(selector), "{selector}");
     }
     assert!(!html.contains("alert(1)</script>") && !html.contains(">49"), "a name was run");
     // The name is on the page in full, as text.
-    let cell = Selector::parse("#input td").expect("a selector");
-    assert!(page.select(&cell).any(|c| c.text().collect::<String>() == format!("captures/{HOSTILE}")));
-    let data = Selector::parse("#data").expect("a selector");
-    let json = page.select(&data).next().expect("there").inner_html();
+    assert!(page.all("#input td").iter().any(|c| c.text() == format!("captures/{HOSTILE}")));
+    let json = page.all("#data")[0].text();
     let frames: Vec<serde_json::Value> = serde_json::from_str(&json).expect("JSON");
     assert!(frames[0]["about"].as_str().expect("text").starts_with(HOSTILE));
     // Control: without escaping the same name adds elements.
     let broken = plain.replace("desk</td>", &format!("{HOSTILE}</td>"));
-    assert_ne!(count(&Html::parse_document(&broken), "script"), count(&plain_page, "script"));
+    assert_ne!(Page::parse(&broken).count("script"), plain_page.count("script"));
 }
 
 #[test]
@@ -107,8 +99,8 @@ fn a_report_with_nothing_in_it_is_a_page_too() {
     report.places = Default::default();
     report.gap.before = f64::NAN;
     let (html, page) = page_of(&report, folder.path());
-    assert!(page.errors.is_empty(), "{:?}", page.errors);
-    assert_eq!((count(&page, "img"), count(&page, "script")), (0, 0));
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
+    assert_eq!((page.count("img"), page.count("script")), (0, 0));
     assert!(html.contains("Unknown effect") && !html.contains("NaN"));
 }
 
@@ -139,7 +131,7 @@ fn a_report_comes_back_as_it_was_written_with_figures_that_are_not_finite() {
     assert_eq!(back.gap.after_ci95[0], 0.5, "its neighbours stay");
     assert_eq!(back.to_json(), text, "and once more");
     let (html, page) = page_of(&back, folder.path());
-    assert!(page.errors.is_empty() && !without_pictures(&html).contains("NaN"), "{:?}", page.errors);
+    assert!(page.errors().is_empty() && !without_pictures(&html).contains("NaN"), "{:?}", page.errors());
     // Control: what is missing, or a word, is no figure.
     for broken in [
         text.replacen("\"floor\":", "\"flour\":", 1),

@@ -7,7 +7,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
-use scraper::Html;
+use report_support::page::Page;
 use sha2::{Digest as _, Sha256};
 use shutterbug::diagnose::{Report, Verdict};
 use shutterbug::withhold::{
@@ -118,8 +118,8 @@ fn a_run_goes_on_where_it_stopped_and_scores_by_the_answers() {
     assert_eq!(result.summary.false_alarms, Tally { right: 1, of: 1 });
     assert_eq!(result.summary.unknown_said, Tally { right: 0, of: 1 });
     let html = fs::read_to_string(options.out.join("withhold.html")).expect("written");
-    let page = Html::parse_document(&html);
-    assert!(page.errors.is_empty(), "{:?}", page.errors);
+    let page = Page::parse(&html);
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
     assert!(!html.contains("http://") && !html.contains("https://"), "the page is one offline file");
     assert_eq!(html.matches("data:image/png").count(), CASES);
     options.seed += 1;
@@ -209,8 +209,8 @@ fn curves_count_what_was_named_at_each_strength_and_go_on() {
     assert_eq!(rates, [("rolling_shutter", 1.0, 1.0), ("gamma", 0.0, 0.0)]);
     assert!(result.curves.iter().all(|c| c.half_detected.is_none() && c.points.iter().all(|p| p.cases == 2)));
     let html = fs::read_to_string(options.out.join("curves.html")).expect("written");
-    let page = Html::parse_document(&html);
-    assert!(page.errors.is_empty(), "{:?}", page.errors);
+    let page = Page::parse(&html);
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
     assert!(!html.contains("http://") && !html.contains("https://") && html.contains("data:image/png"));
     // More strengths later: what is there stays.
     let more = CurveOptions { effects: vec!["gamma".to_owned()], points: 3, repeats: 1 };

@@ -185,6 +185,15 @@ impl Packing {
 /// Size of the picture of noise, px.
 const DRAWN: [usize; 2] = [256, 192];
 
+/// Flat blocks and their noise, the same for all qualities and levels. Means of blocks lie anywhere between two steps.
+static FLAT: LazyLock<[Plane<f32>; 2]> = LazyLock::new(|| {
+    let grey = |x: usize, y: usize| {
+        let bits = random_bits([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0];
+        96.0 + 64.0 * (bits as f32 / u32::MAX as f32)
+    };
+    [Plane::from_fn(DRAWN[0], DRAWN[1], |x, y| [grey(x, y); 3]), normal_noise(DRAWN)]
+});
+
 /// White noise of variance 1 in each of three channels.
 pub(super) fn normal_noise([w, h]: [usize; 2]) -> Plane<f32> {
     let normal = |x: usize, y: usize, c: u32| {
@@ -196,17 +205,12 @@ pub(super) fn normal_noise([w, h]: [usize; 2]) -> Plane<f32> {
 }
 
 fn drawn_at(quality: u8, sigma: f32) -> Left {
-    let [w, h] = DRAWN;
-    // The means of blocks lie anywhere between two steps.
-    let grey = |x: usize, y: usize| {
-        let bits = random_bits([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0];
-        96.0 + 64.0 * (bits as f32 / u32::MAX as f32)
+    let [mean, noise] = &*FLAT;
+    let noisy = Plane {
+        data: mean.data.iter().zip(&noise.data).map(|(m, n)| (m + sigma * n).round()).collect(),
+        ..mean.clone()
     };
-    let noise = normal_noise(DRAWN);
-    let mean = Plane::from_fn(w, h, |x, y| [grey(x, y); 3]);
-    let noisy =
-        Plane::from_fn(w, h, |x, y| [0, 1, 2].map(|c| (grey(x, y) + sigma * noise.pixel(x, y)[c]).round()));
-    let expected = packed_mean(&mean, &vec![sigma * sigma; mean.data.len()], quality);
+    let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], quality);
     // No noise is left to be averaged over.
     let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], quality);
     let errors =

@@ -27,6 +27,13 @@ const MOST_EFFECTS: usize = 6;
 const SHORTLIST: usize = 4;
 /// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time.
 const BENT: [&str; 2] = ["time_offset", "rolling_shutter"];
+/// Candidates that cost renders are fitted if they promise this part of what they must gain: slopes at hard edges are spread
+/// over more pixels than differences, and gains were up to five times what had been promised.
+const HOPE: f64 = 0.2;
+/// Candidates that promise less than this share of what the best one promises wait, if that one closes nearly all.
+const LITTLE: f64 = 0.25;
+/// What share of a gap, counted from the floor, is nearly all of it.
+const NEARLY_ALL: f64 = 0.85;
 /// Beyond which difference sizes are compared instead of squares, DN.
 const COMPARED_DN: f64 = 1.5;
 
@@ -233,8 +240,14 @@ impl<'a> Search<'a> {
         let who: Vec<_> =
             joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
         let mut best: Option<(f64, Theta)> = None;
+        let mut valleys: Vec<Theta> = Vec::new();
         for start in &starts {
-            let mut found = self.refit(&who, start, schedule)?;
+            let mut found = self.refit(&who, start, &schedule[..1])?;
+            if valleys.iter().any(|v| is_near(v, &found.theta, &Self::free(&who))) {
+                continue;
+            }
+            valleys.push(found.theta.clone());
+            found = self.refit(&who, &found.theta, &schedule[1..])?;
             if set.contains(&"jpeg") {
                 found = self.beside_compression(&who, found, schedule)?;
             }
@@ -282,7 +295,7 @@ impl<'a> Search<'a> {
             } else if self.late() {
                 break;
             } else {
-                self.round(watch, &set, &current, &mut late)?
+                self.round(watch, &set, &current, [&before, &scores], &mut late)?
             };
             let Some((name, fit, _)) = self.choose(&before, &scores, options) else { break };
             set.push(name);
@@ -391,6 +404,7 @@ impl<'a> Search<'a> {
         watch: &mut dyn Watch,
         set: &[&'static str],
         current: &Fit,
+        [before, now]: [&Scores; 2],
         late: &mut Vec<&'static str>,
     ) -> Result<Vec<Tried>> {
         let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
@@ -398,29 +412,53 @@ impl<'a> Search<'a> {
         let (smooth, rest): (Vec<_>, Vec<_>) = left.into_iter().partition(|n| !is_discrete(candidate_of(n)));
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
-        let mut short = self.shortlist(set, current, &smooth)?;
-        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !short.contains(n)).collect::<Vec<_>>()
-        {
-            let (target, candidate) = (self.target(), candidate_of(name));
-            if is_hopeful(self.forward, target, self.evidence, &current.theta, candidate)? {
-                short.push(name);
-            }
-        }
-        short.extend(rest);
-        let mut out = Vec::new();
-        for name in short {
-            watch.step(name);
-            if self.late() {
-                late.push(name);
+        let least = self.least_share(before, now);
+        let mut ranked = self.shortlist(set, current, &smooth)?;
+        ranked.retain(|&(name, promised)| !moves(candidate_of(name)) || promised > HOPE * least);
+        let mut out: Vec<Tried> = Vec::new();
+        for &(name, promised) in &ranked {
+            let little = promised < LITTLE * ranked[0].1;
+            if little && out.first().is_some_and(|t| is_nearly_all(now, t)) {
+                tracing::info!("{name} waits for the next round");
                 continue;
             }
-            let clock = Instant::now();
-            let fit = self.add(candidate_of(name), set, &current.theta)?;
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            self.log(name, &fit, &scores, clock);
-            out.push((name, fit, scores));
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        if out.first().is_some_and(|t| is_nearly_all(now, t)) {
+            return Ok(out);
+        }
+        let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
+        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n)) {
+            let (target, candidate) = (self.target(), candidate_of(name));
+            if is_hopeful(self.forward, target, self.evidence, &current.theta, candidate)? {
+                out.extend(self.beside(watch, name, set, current, late)?);
+            }
+        }
+        for name in rest {
+            out.extend(self.beside(watch, name, set, current, late)?);
         }
         Ok(out)
+    }
+
+    /// Fits a candidate beside the set and scores it, unless there is no more time.
+    fn beside(
+        &mut self,
+        watch: &mut dyn Watch,
+        name: &'static str,
+        set: &[&'static str],
+        current: &Fit,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Option<Tried>> {
+        watch.step(name);
+        if self.late() {
+            late.push(name);
+            return Ok(None);
+        }
+        let clock = Instant::now();
+        let fit = self.add(candidate_of(name), set, &current.theta)?;
+        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        self.log(name, &fit, &scores, clock);
+        Ok(Some((name, fit, scores)))
     }
 
     fn shortlist(
@@ -428,7 +466,7 @@ impl<'a> Search<'a> {
         set: &[&'static str],
         current: &Fit,
         smooth: &[&'static str],
-    ) -> Result<Vec<&'static str>> {
+    ) -> Result<Vec<(&'static str, f64)>> {
         let held = Self::free(set);
         let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
         let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
@@ -444,7 +482,7 @@ impl<'a> Search<'a> {
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
         // Where the model is linear enough to be asked: what promises nothing is not rendered for.
         let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
-        Ok(worth.map(|r| r.0).collect())
+        Ok(worth.collect())
     }
 
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
@@ -493,6 +531,18 @@ pub(super) fn last_of(free: &[P]) -> Schedule {
 /// may be more than a filter changes.
 pub(super) fn finest_of(theta: &Theta) -> Quality {
     if theta.is_on(P::Exposure) { Quality::Finest } else { Quality::Fine }
+}
+
+/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset may be
+/// nothing but the delay of an exposure, which promises about as much.
+fn is_nearly_all(now: &Scores, (name, _, scores): &Tried) -> bool {
+    let closed = now.mean() - scores.mean();
+    *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
+}
+
+/// Whether fits that began at different places have come to the same one, within a part of the steps of their derivatives.
+fn is_near(a: &Theta, b: &Theta, free: &[P]) -> bool {
+    a.scan_order == b.scan_order && free.iter().all(|&p| (a.get(p) - b.get(p)).abs() < 0.25 * p.spec().step)
 }
 
 /// Whether a candidate changes where things are seen.

@@ -22,6 +22,14 @@ const COLOURS_DN: f64 = 0.05;
 const PARSIMONY: f64 = 0.02;
 
 impl Search<'_> {
+    /// The least gain that may count, as a share of the score `now`.
+    pub(super) fn least_share(&self, before: &Scores, now: &Scores) -> f64 {
+        let rest = (now.mean() - now.floor()).max(FLOOR_PART * now.floor());
+        let gap = (before.mean() - now.floor()).max(0.0);
+        let least = damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor());
+        least.max(f64::min(LEAST_SHARE * gap, CLEAR_SHARE * rest)) / now.mean().max(1e-9)
+    }
+
     /// Whether a gain counts.
     pub(super) fn supports(&self, name: &str, before: &Scores, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);

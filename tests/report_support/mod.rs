@@ -1,5 +1,7 @@
 //! A report with pictures, made without any engine: a moving stripe pattern, sheared as a rolling shutter does.
 
+pub mod page;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
