@@ -20,6 +20,7 @@ fn main() {
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed={PEERS}");
+    name_the_shared_library();
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let compiler = shaderc::Compiler::new().expect("shaderc starts");
     for (dir, file) in [("glsl", "kernel_table.rs"), (PEERS, "peer_table.rs")] {
@@ -31,6 +32,19 @@ fn main() {
         fs::write(out.join(file), table).expect("OUT_DIR is writable");
     }
     fs::write(out.join("pointwise.rs"), format!("&{:?}", pointwise_stems())).expect("OUT_DIR is writable");
+}
+
+/// The name by which programs ask for the C library at run time: `cargo cinstall` gives the same. Before 1.0 a minor version may
+/// change the ABI and is part of it.
+fn name_the_shared_library() {
+    let version = |part: &str| env::var(format!("CARGO_PKG_VERSION_{part}")).expect("cargo sets it");
+    let abi = match version("MAJOR").as_str() {
+        "0" => format!("0.{}", version("MINOR")),
+        major => major.to_owned(),
+    };
+    if env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "linux") {
+        println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libshutterbug.so.{abi}");
+    }
 }
 
 /// The stems in `effects/list.glsl`, in its order.

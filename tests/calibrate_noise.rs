@@ -271,8 +271,7 @@ fn the_canteen_is_matched() {
 }
 
 fn run(args: &[&std::ffi::OsStr]) -> (i32, String) {
-    let done = assert_cmd::Command::cargo_bin("shutterbug")
-        .expect("the program")
+    let done = std::process::Command::new(env!("CARGO_BIN_EXE_shutterbug"))
         .args(["calibrate", "noise"])
         .args(args)
         .output()

@@ -495,7 +495,7 @@ fn ready(test: &str) -> bool {
     shutterbug_engine_destroy(engine) == OK
 }
 
-/// Every call of some work fails in turn (of a render every seventh and the first of each kind), with the device lost at one
+/// Every call of some work fails in turn (of a render every thirteenth and the first of each kind), with the device lost at one
 /// call and memory out at the next; under SHUTTERBUG_LONG=1, with each of three results at every call.
 fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -510,7 +510,7 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried.
     let (rounds, stride): (&[&[Fault]], usize) = match (std::env::var_os("SHUTTERBUG_LONG"), work) {
         (Some(_), _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
-        (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 7),
+        (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 13),
         (None, _) => (&[&[LOST, DEVICE_MEMORY]], 1),
     };
     for faults in rounds {

@@ -8,13 +8,13 @@ mod gpu_support;
 use std::path::Path;
 use std::sync::Arc;
 
-use assert_cmd::Command;
 use diagnose_support::{PERIOD_S, make, names, run};
 use gpu_support::device;
 use shutterbug::capture::Capture;
 use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use shutterbug::gpu::Context;
 use shutterbug::plane::{Plane, read_rgb8};
+use std::process::Command;
 
 /// Seeds of the ensemble.
 const SEEDS: usize = 14;
@@ -165,8 +165,7 @@ fn simulate_with_the_camera_found_gives_the_reported_gap() {
         ("sdf", "<sensor name="),
     ] {
         let written = out.path().join(format!("camera.{to}"));
-        let output = Command::cargo_bin("shutterbug")
-            .unwrap()
+        let output = Command::new(env!("CARGO_BIN_EXE_shutterbug"))
             .args(["camera", "convert"])
             .arg(&camera)
             .args(["--to", to, "--out"])

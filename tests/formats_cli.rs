@@ -2,15 +2,14 @@
 
 use std::fs;
 use std::path::Path;
-
-use assert_cmd::Command;
+use std::process::Command;
 
 const KALIBR: &str = "cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 460.1, 362.6, 246.0]\n  \
     distortion_model: none\n  distortion_coeffs: []\n  resolution: [752, 480]\n  line_delay: 2.5e-05\n  \
     timeshift_cam_imu: 0.01\n";
 
 fn shutterbug(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::cargo_bin("shutterbug").expect("built").args(arguments).output().expect("runs");
+    let output = Command::new(env!("CARGO_BIN_EXE_shutterbug")).args(arguments).output().expect("runs");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
 }
