@@ -10,6 +10,7 @@ layout(constant_id = 1) const bool TEXTURED = false;
 // Some of what is drawn has a specular colour.
 layout(constant_id = 4) const bool GLOSSY = true;
 #include "raster_lights.glsl"
+#include "half.glsl"
 // Positions of the camera, m, a texel each: a word of a storage buffer is read lane by lane on a software device, which took
 // a quarter of this shader's time.
 layout(set = 0, binding = 3) uniform usamplerBuffer cameras;
@@ -98,10 +99,12 @@ void main() {
         // v is up, rows run down.
         kd *= texture(kd_texture, vec2(in_uv.x, 1.0 - in_uv.y)).rgb;
     }
+    // The attachment's format.
+    vec3 seen = nearest_half(LIT ? blinn_phong(kd) : kd);
 #ifdef EXACT
-    out_color = vec4(LIT ? blinn_phong(kd) : kd, in_group);
+    out_color = vec4(seen, in_group);
 #else
-    out_color = vec4(LIT ? blinn_phong(kd) : kd, 1.0);
+    out_color = vec4(seen, 1.0);
 #endif
 #endif
 #ifdef PATH

@@ -2,10 +2,13 @@
 // mean of samples.
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "resolve.glsl"
-layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
-#ifndef COLOR_FORMAT
+#ifdef HALF
+#include "half.glsl"
+#define COLOR_FORMAT rgba16f
+#else
 #define COLOR_FORMAT rgba32f
 #endif
+layout(set = 0, binding = 0) uniform SAMPLES_2D color_samples;
 layout(set = 0, binding = 1, COLOR_FORMAT) uniform writeonly image2D color;
 layout(push_constant) uniform Push {
     uvec2 size;
@@ -17,5 +20,9 @@ void main() {
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
-    imageStore(color, ivec2(pixel), mean_of_pixel(color_samples, ivec2(pixel), grid_of(push.grid)));
+    vec4 mean = mean_of_pixel(color_samples, ivec2(pixel), grid_of(push.grid));
+#ifdef HALF
+    mean.rgb = nearest_half(mean.rgb);
+#endif
+    imageStore(color, ivec2(pixel), mean);
 }
