@@ -30,8 +30,11 @@ const MOST_SMEAR: f64 = 0.015;
 const SMEAR_ERRORS: f64 = 4.0;
 /// Share of the slopes' lack that an exposure may leave which explains it.
 const CURED: f64 = 0.4;
-/// Share of what a delay leaves that an exposure in its place must be worth.
-const CLEARLY: f64 = 0.15;
+/// Share of what a delay leaves that an exposure in its place must be worth; and where slopes lack too, if not by
+/// [`MOST_SMEAR`].
+const CLEARLY: [f64; 2] = [0.15, 0.05];
+/// Share of [`MOST_SMEAR`] that is a hint: more than renderers differ by.
+const HINT: f64 = 0.4;
 
 /// By how much less of the slopes there is along the motion than across it, as a factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,6 +47,11 @@ impl Smear {
     /// Slopes differ along the motion, one way or the other.
     pub(super) fn is_clear(self) -> bool {
         self.lack.abs() > MOST_SMEAR && self.lack.abs() > SMEAR_ERRORS * self.standard_error
+    }
+
+    /// The real picture lacks slopes by little, but not by chance.
+    fn is_hint(self) -> bool {
+        self.lack > HINT * MOST_SMEAR && self.lack > SMEAR_ERRORS * self.standard_error
     }
 
     /// The real picture lacks slopes along the motion: an exposure is missing or too short.
@@ -74,7 +82,7 @@ impl Search<'_> {
         let smear = self.smear(&frames, &means, &found.fit.theta).unwrap_or_default();
         tracing::info!("along the motion: {smear:?}");
         if !smear.is_missing() {
-            return self.blur_for_delay(found);
+            return self.blur_for_delay(found, smear.is_hint());
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
@@ -107,14 +115,15 @@ impl Search<'_> {
 
     /// Puts an exposure in the place of a delay where that is clearly better: of a slow motion's blur little more than the
     /// delay of its middle shows.
-    fn blur_for_delay(&mut self, found: &mut Found) -> Result<()> {
+    fn blur_for_delay(&mut self, found: &mut Found, hinted: bool) -> Result<()> {
         let Some((mut set, theta)) = self.without_delay(found) else { return Ok(()) };
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         let blurred = self.add(candidate_of("motion_blur"), &set, &theta)?;
         let now = self.judge.scores(self.forward, &blurred.theta)?;
         let (gain, [low, _]) = self.judge.gain(&was, &now);
         tracing::info!("an exposure for a delay: {:.4} to {:.4} DN", was.mean(), now.mean());
-        if low > 0.0 && gain > CLEARLY * (was.mean() - was.floor()).max(0.0) {
+        let least = CLEARLY[usize::from(hinted)];
+        if low > 0.0 && gain > least * (was.mean() - was.floor()).max(0.0) {
             set.push("motion_blur");
             (found.set, found.fit) = (set, blurred);
         }
