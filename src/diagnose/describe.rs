@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::evidence::Evidence;
 use super::forward::Quality;
 use super::judge::{closed_fraction, unexplained};
+use super::magnify::is_a_magnification;
 use super::model::{CandidateSpec, P, candidate_of};
 use super::report::*;
 use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
@@ -156,13 +157,24 @@ fn ends_at_a_bound(found: &Found) -> bool {
     })
 }
 
+/// Whether a lens that leaves some of the gap does what a focal length does.
+fn magnifies(search: &Search<'_>, found: &Found) -> bool {
+    let lens = found.set.contains(&"lens_distortion") && !found.set.contains(&"focal_length_error");
+    lens && closed(found) < STRUCTURED && is_a_magnification(&found.fit.theta, &search.forward.intrinsics)
+}
+
+/// Whether the set wanted to be something else.
+fn wants_to_be_another(search: &Search<'_>, found: &Found) -> bool {
+    ends_at_a_bound(found) || magnifies(search, found)
+}
+
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
 /// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed(found);
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
     // What wanted to be something else has explained nothing, whatever places it happens to fit.
-    let bent = ends_at_a_bound(found);
+    let bent = wants_to_be_another(search, found);
     let named = closed >= CLOSED[1] || beside || puts_in_place(search, found, closed);
     if !named || bent || another_scene(found) {
         clear(search, found);
@@ -247,9 +259,11 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
     // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
     // Nor does what wanted to be something else explain more than it closes.
-    let forgiven = rest <= difference && !ends_at_a_bound(found);
+    let another = wants_to_be_another(search, found);
+    let forgiven = rest <= difference && !another;
     // Nor is a floor known to what weak noise alone leaves.
-    let explained = small || (forgiven && (closed > 0.8 || whole <= SMALL * difference || is_noise(found)));
+    let explained = (small && !magnifies(search, found))
+        || (forgiven && (closed > 0.8 || whole <= SMALL * difference || is_noise(found)));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
     // Compression, with shared chroma before it, may take more of the slopes along one axis.
     let packed = found.fit.theta.is_on(P::Quality);
@@ -260,7 +274,7 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
         Verdict::UnknownEffect
     } else if puts_in_place(search, found, closed) {
         Verdict::PartlyExplained
-    } else if closed < CLOSED[1] || ((shaped || ends_at_a_bound(found)) && closed < STRUCTURED) {
+    } else if closed < CLOSED[1] || ((shaped || another) && closed < STRUCTURED) {
         Verdict::UnknownEffect
     } else {
         Verdict::PartlyExplained

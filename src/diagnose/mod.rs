@@ -23,6 +23,7 @@ mod journal;
 mod judge;
 mod light;
 mod linear;
+mod magnify;
 mod mixing;
 mod model;
 mod noise;
