@@ -6,6 +6,7 @@ mod diagnose_support;
 mod gpu_support;
 
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 
 use diagnose_support::{PERIOD_S, make, names, run};
@@ -14,7 +15,6 @@ use shutterbug::capture::Capture;
 use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use shutterbug::gpu::Context;
 use shutterbug::plane::{Plane, read_rgb8};
-use std::process::Command;
 
 /// Seeds of the ensemble.
 const SEEDS: usize = 14;

@@ -4,6 +4,8 @@
 
 mod gpu_support;
 
+use std::process::Command;
+
 use gpu_support::bench::{Bench, Scatter};
 use gpu_support::device;
 use gpu_support::frames::{engine, options, request};
@@ -18,7 +20,6 @@ use shutterbug::plane::Plane;
 use shutterbug::plane::metrics::psnr_db;
 use shutterbug::reference::paper_fast::{Tap, Way, paper_fast};
 use shutterbug::reference::paper_gather::Push;
-use std::process::Command;
 
 const K: Intrinsics = Intrinsics { width: 97, height: 73, fx: 80.0, fy: 82.0, cx: 47.2, cy: 37.1 };
 

@@ -163,18 +163,13 @@ fn magnifies(search: &Search<'_>, found: &Found) -> bool {
     lens && closed(found) < STRUCTURED && is_a_magnification(&found.fit.theta, &search.forward.intrinsics)
 }
 
-/// Whether the set wanted to be something else.
-fn wants_to_be_another(search: &Search<'_>, found: &Found) -> bool {
-    ends_at_a_bound(found) || magnifies(search, found)
-}
-
 /// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
 /// others.
 fn dismiss(search: &Search<'_>, found: &mut Found) {
     let closed = closed(found);
     let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
     // What wanted to be something else has explained nothing, whatever places it happens to fit.
-    let bent = wants_to_be_another(search, found);
+    let bent = ends_at_a_bound(found) || magnifies(search, found);
     let named = closed >= CLOSED[1] || beside || puts_in_place(search, found, closed);
     if !named || bent || another_scene(found) {
         clear(search, found);
@@ -259,10 +254,11 @@ fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
     let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
     // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
     // Nor does what wanted to be something else explain more than it closes.
-    let another = wants_to_be_another(search, found);
+    let magnifies = magnifies(search, found);
+    let another = ends_at_a_bound(found) || magnifies;
     let forgiven = rest <= difference && !another;
     // Nor is a floor known to what weak noise alone leaves.
-    let explained = (small && !magnifies(search, found))
+    let explained = (small && !magnifies)
         || (forgiven && (closed > 0.8 || whole <= SMALL * difference || is_noise(found)));
     // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
     // Compression, with shared chroma before it, may take more of the slopes along one axis.

@@ -418,13 +418,13 @@ impl<'a> Search<'a> {
         let mut out: Vec<Tried> = Vec::new();
         for &(name, promised) in &ranked {
             let little = promised < LITTLE * ranked[0].1;
-            if little && out.first().is_some_and(|t| is_nearly_all(now, t)) {
+            if little && closes_nearly_all(now, out.first()) {
                 tracing::info!("{name} waits for the next round");
                 continue;
             }
             out.extend(self.beside(watch, name, set, current, late)?);
         }
-        if out.first().is_some_and(|t| is_nearly_all(now, t)) {
+        if closes_nearly_all(now, out.first()) {
             return Ok(out);
         }
         let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
@@ -535,7 +535,8 @@ pub(super) fn finest_of(theta: &Theta) -> Quality {
 
 /// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset may be
 /// nothing but the delay of an exposure, which promises about as much.
-fn is_nearly_all(now: &Scores, (name, _, scores): &Tried) -> bool {
+fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
+    let Some((name, _, scores)) = first else { return false };
     let closed = now.mean() - scores.mean();
     *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
 }

@@ -21,20 +21,23 @@ const COLOURS_DN: f64 = 0.05;
 /// A simpler candidate is preferred to one that gains less than this share more.
 const PARSIMONY: f64 = 0.02;
 
+/// What is left above the floor: where noise is expected to make more than there is that is nothing, but for what a floor is not
+/// known to.
+fn rest_of(scores: &Scores) -> f64 {
+    (scores.mean() - scores.floor()).max(FLOOR_PART * scores.floor())
+}
+
 impl Search<'_> {
     /// The least gain that may count, as a share of the score `now`.
     pub(super) fn least_share(&self, before: &Scores, now: &Scores) -> f64 {
-        let rest = (now.mean() - now.floor()).max(FLOOR_PART * now.floor());
         let gap = (before.mean() - now.floor()).max(0.0);
         let least = damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor());
-        least.max(f64::min(LEAST_SHARE * gap, CLEAR_SHARE * rest)) / now.mean().max(1e-9)
+        least.max(f64::min(LEAST_SHARE * gap, CLEAR_SHARE * rest_of(now))) / now.mean().max(1e-9)
     }
 
     /// Whether a gain counts.
     pub(super) fn supports(&self, name: &str, before: &Scores, worse: &Scores, better: &Scores) -> bool {
         let (gain, [low, _]) = self.judge.gain(worse, better);
-        // Where noise is expected to make more than there is nothing is left.
-        let rest = (worse.mean() - worse.floor()).max(FLOOR_PART * worse.floor());
         // Behind compression a colour that is off by that may be off by a step of the quantizer.
         let packed = if self.compression.is_some() { 2.0 } else { 1.0 };
         let values = changes_colours(name) || name == "vignetting";
@@ -43,7 +46,7 @@ impl Search<'_> {
         // What noise makes of the score is no gap once the model has that noise.
         let whole = (before.mean() - before.floor()).max(0.0);
         let gap = (before.mean() - better.floor()).clamp(NOISE_EXCESS * whole, whole);
-        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest)
+        low > 0.0 && gain > least && (gain > LEAST_SHARE * gap || gain > CLEAR_SHARE * rest_of(worse))
     }
 
     /// The candidate to take, if any gain counts: the best, or a simpler one that is nearly as good.
