@@ -21,7 +21,6 @@ impl Search<'_> {
         match name {
             "jpeg" => self.compression.is_some(),
             "chroma_subsampling" => self.shared.is_some(),
-            "motion_blur" => self.smeared,
             _ => false,
         }
     }

@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use super::decide::{Facts, decide};
 use super::evidence::Evidence;
 use super::forward::Quality;
-use super::judge::{closed_fraction, unexplained};
-use super::magnify::is_a_magnification;
-use super::model::{CandidateSpec, P, candidate_of};
+use super::judge::{closed_fraction, gain};
+use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
-use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
 use super::search::{Alone, Found, Search};
-use super::support::{FLOOR_PART, LEAST_DIFFERENCE, damped, restored};
+use super::support::restored;
 use crate::capture::Capture;
 use crate::error::Result;
 
@@ -32,12 +31,11 @@ pub(super) fn describe(
     evidence: &Evidence,
     capture: &Capture,
 ) -> Result<Report> {
-    let verdict = verdict(search, found);
-    match verdict {
-        Verdict::UnknownEffect => dismiss(search, found),
-        Verdict::NoGap => clear(search, found),
-        Verdict::Explained | Verdict::PartlyExplained => {}
+    let decision = decide(&Facts::of(search, found));
+    if !decision.names {
+        found.clear(&search.base);
     }
+    let verdict = decision.verdict;
     let found = &*found;
     let (before, after) = (found.before.mean(), found.after.mean());
     let floor = found.after.floor();
@@ -50,10 +48,10 @@ pub(super) fn describe(
         floor,
         closed_fraction: closed_fraction(before, after, floor),
         closed_fraction_ci95: [fractions[n * 25 / 1000], fractions[n - 1 - n * 25 / 1000]],
-        held_out_frames: evidence.held_out.len(),
-        before_ci95: search.judge.interval(|i| found.before.0[i].score),
-        after_ci95: search.judge.interval(|i| found.after.0[i].score),
-        renderer_difference: search.renderer_difference,
+        held_out_frames: evidence.report.len(),
+        before_ci95: found.before.estimate().interval(),
+        after_ci95: found.after.estimate().interval(),
+        renderer_difference: found.before.bound(),
     };
     let effects = effects(search, found)?;
     let candidates = rejected(search, found);
@@ -61,7 +59,11 @@ pub(super) fn describe(
     let k = &capture.camera.intrinsics;
     Ok(Report {
         verdict,
-        sentence: if another_scene(found) { wrong_scene(&gap) } else { sentence(verdict, &gap, &effects) },
+        sentence: if found.residue.shows_another_scene() {
+            wrong_scene(&gap)
+        } else {
+            sentence(verdict, &gap, &effects, &decision.failed)
+        },
         waterfall: waterfall(&gap, &effects),
         gap,
         effects,
@@ -78,7 +80,7 @@ pub(super) fn describe(
             height: k.height,
             frames_listed: capture.frames.len(),
             fit_frames: evidence.fit.iter().map(place_of).collect(),
-            held_out_frames: evidence.held_out.iter().map(place_of).collect(),
+            held_out_frames: evidence.report.iter().map(place_of).collect(),
             left_out: evidence.left_out.clone(),
             compared_share: search.judge.masks.map_or(1.0, |m| {
                 let open: f32 = m.iter().map(|p| p.data.iter().sum::<f32>() / p.data.len() as f32).sum();
@@ -105,88 +107,9 @@ pub(super) fn without_time(name: &str) -> Candidate {
     }
 }
 
-/// Mean difference of flat places that is no rounding, DN: solid colours are rounded by up to half a DN each, which leaves
-/// 0.25 at most.
-const MOST_BIAS_DN: f64 = 0.45;
-/// Share of values far off in flat places, where correct renderers have none.
-const MOST_OUTLIERS: f64 = 1e-4;
-/// Share of the gap that must be closed for a set to explain it, and for its effects to be named beside a remainder.
-const CLOSED: [f64; 2] = [0.5, 0.75];
-
-/// Share of the gap that must be closed for a set to explain a part of it where what is left has structure, or a fit has run to
-/// the end of a range: a gain and a white balance close 93 % of a gamma's gap.
-const STRUCTURED: f64 = 0.97;
-
-/// How well the floor is known of noise behind compression: coefficients that go either way are no normal distribution.
-const PACKED_FLOOR: f64 = 0.15;
-
-/// Gaps up to so many times what two renderers may differ by are small: whatever is left of them may be that.
-const SMALL: f64 = 2.5;
-
-/// Correlation of real and simulated pictures below which they show another scene.
-const LEAST_LIKENESS: f64 = 0.3;
-
-/// Whether the frames are of this scene at all.
-fn another_scene(found: &Found) -> bool {
-    found.residue.likeness < LEAST_LIKENESS
-}
-
-/// Least share of the gap to be closed, and of it to lie where it is closed altogether, for effects to be named that leave
-/// more than a quarter of it: they are there, beside one that is not among the candidates.
-const BESIDE: [f64; 2] = [0.2, 0.15];
-
-/// Share of the displacement that must be gone for effects to be named that move the picture, whatever else is left: what
-/// only resembles a shutter or a lens leaves things out of place.
-const PLACED: f64 = 0.75;
-
-/// Whether a set closes enough of the gap, and has put everything in its place.
-///
-/// Of photographs by a camera at rest only: where the camera moves, what is left out of the candidates may put things in their
-/// places as well (an offset in time does what a blur's delay does).
-fn puts_in_place(search: &Search<'_>, found: &Found, closed: f64) -> bool {
-    let moves = found.set.iter().any(|n| super::search::moves(candidate_of(n)));
-    search.forward.static_camera && moves && closed >= BESIDE[0] && found.residue.placed >= PLACED
-}
-
-/// Whether a fit has run to the end of what a parameter may be: it wanted to be something else.
-fn ends_at_a_bound(found: &Found) -> bool {
-    found.free().into_iter().any(|p| {
-        let value = found.fit.theta.get(p);
-        // Light of a veil may well be black or white, and an effect may be none.
-        p != P::Level && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
-    })
-}
-
-/// Whether a lens that leaves some of the gap does what a focal length does.
-fn magnifies(search: &Search<'_>, found: &Found) -> bool {
-    let lens = found.set.contains(&"lens_distortion") && !found.set.contains(&"focal_length_error");
-    lens && closed(found) < STRUCTURED && is_a_magnification(&found.fit.theta, &search.forward.intrinsics)
-}
-
-/// A set that leaves most of the gap is none, unless it explains some places altogether: its effects are candidates like all
-/// others.
-fn dismiss(search: &Search<'_>, found: &mut Found) {
-    let closed = closed(found);
-    let beside = closed >= BESIDE[0] && found.residue.solved >= BESIDE[1];
-    // What wanted to be something else has explained nothing, whatever places it happens to fit.
-    let bent = ends_at_a_bound(found) || magnifies(search, found);
-    let named = closed >= CLOSED[1] || beside || puts_in_place(search, found, closed);
-    if !named || bent || another_scene(found) {
-        clear(search, found);
-    }
-}
-
-/// Takes back all effects.
-fn clear(search: &Search<'_>, found: &mut Found) {
-    found.set.clear();
-    found.fit.theta = search.base.clone();
-    found.fit.half.clear();
-    found.after = found.before.clone();
-}
-
 fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
     let mut warnings = evidence.warnings.clone();
-    if another_scene(found) {
+    if found.residue.shows_another_scene() {
         warnings.push(format!(
             "real and simulated frames hardly resemble each other (correlation {:.2}): these frames do not seem to \
              show this scene, or the camera is far from where the trajectory says; that is no effect of the camera",
@@ -199,84 +122,6 @@ fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
     warnings
 }
 
-/// Whether noise alone has been found.
-fn is_noise(found: &Found) -> bool {
-    !found.set.is_empty() && found.set.iter().all(|n| candidate_of(n).noise)
-}
-
-/// Share of the gap that is closed. A floor is forgiven some per cent, but not where the spread itself is seen to be another than
-/// the model's: the little that an effect may close beside that is no explanation.
-fn closed(found: &Found) -> f64 {
-    let (before, mut after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
-    if is_noise(found) {
-        // Weak noise alone: what the floor is not known to may be as much as the gap.
-        after -= (after - floor).clamp(0.0, FLOOR_PART * floor);
-    }
-    if found.residue.spread > MOST_SPREAD && after < floor && after < before {
-        (1.0 - (floor - after) / (before - after)).clamp(0.0, 1.0)
-    } else {
-        closed_fraction(before, after, floor)
-    }
-}
-
-fn verdict(search: &Search<'_>, found: &Found) -> Verdict {
-    let left = &found.residue;
-    if another_scene(found) {
-        return Verdict::UnknownEffect;
-    }
-    let (after, floor) = (found.after.mean(), found.after.floor());
-    let mut difference = damped(search.renderer_difference.max(1.5 * found.sampling_dn), floor);
-    if found.fit.theta.is_on(P::Quality) {
-        difference = difference.max(PACKED_FLOOR * floor);
-    }
-    let closed = closed(found);
-    // Behind compression a colour is off by parts of a quantizer's step.
-    let shaped = left.bias_dn > MOST_BIAS_DN.max(3.0 * found.sampling_dn)
-        || left.smear.is_clear()
-        || left.spread > MOST_SPREAD
-        // Stuck pixels among bright ones are not found.
-        || left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot)
-        || (0..2).any(|i| left.structure[i] > MOST_STRUCTURE[i]);
-    let rest = unexplained(after, floor);
-    // A camera that is known to be noisier than its frames are (compression takes noise away) is a gap as well.
-    let gained = found.before.mean() - after;
-    let whole = (found.before.mean() - found.before.floor()).max(gained);
-    // No more than two renderers may differ by, and no set that closes most of it.
-    let nothing = whole <= 1.2 * search.renderer_difference.max(1.5 * found.sampling_dn);
-    // Nor is a set worth naming that gains less than any of its effects would have to.
-    let tiny = whole <= LEAST_DIFFERENCE * search.renderer_difference;
-    if nothing && !shaped && (found.set.is_empty() || closed < CLOSED[0] || tiny) {
-        return Verdict::NoGap;
-    }
-    if found.set.is_empty() {
-        return Verdict::UnknownEffect;
-    }
-    let small = rest <= f64::max(0.5 * difference, 0.02 * whole);
-    // What is left is unknown only beyond what two renderers may differ by: of a small gap that is a large share.
-    // Nor does what wanted to be something else explain more than it closes.
-    let magnifies = magnifies(search, found);
-    let another = ends_at_a_bound(found) || magnifies;
-    let forgiven = rest <= difference && !another;
-    // Nor is a floor known to what weak noise alone leaves.
-    let explained = (small && !magnifies)
-        || (forgiven && (closed > 0.8 || whole <= SMALL * difference || is_noise(found)));
-    // A time offset may close most of a blur's gap, whose delay it is: what stays smeared says that it is something else.
-    // Compression, with shared chroma before it, may take more of the slopes along one axis.
-    let packed = found.fit.theta.is_on(P::Quality);
-    let smeared = left.smear.is_missing() && !found.set.contains(&"motion_blur") && !packed;
-    if explained && !shaped {
-        Verdict::Explained
-    } else if smeared {
-        Verdict::UnknownEffect
-    } else if puts_in_place(search, found, closed) {
-        Verdict::PartlyExplained
-    } else if closed < CLOSED[1] || ((shaped || another) && closed < STRUCTURED) {
-        Verdict::UnknownEffect
-    } else {
-        Verdict::PartlyExplained
-    }
-}
-
 fn wrong_scene(gap: &Gap) -> String {
     format!(
         "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from where the \
@@ -285,14 +130,16 @@ fn wrong_scene(gap: &Gap) -> String {
     )
 }
 
-fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {
+fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str]) -> String {
     let names: Vec<_> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
     let names = names.join(", ");
     let percent = 100.0 * gap.closed_fraction;
+    let left =
+        if failed.is_empty() { String::new() } else { format!(" (it shows in: {})", failed.join(", ")) };
     match verdict {
         Verdict::NoGap => format!(
-            "Real and simulated frames differ by {:.2} DN, no more than two correct renderers do.",
-            gap.before
+            "Real and simulated frames differ by {:.2} DN, no more than two correct renderers may ({:.2} DN).",
+            gap.before, gap.renderer_difference
         ),
         Verdict::Explained => format!(
             "The simulation lacks {names}: with that the gap falls from {:.2} to {:.2} DN ({percent:.0} % of it).",
@@ -300,16 +147,16 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound]) -> String {
         ),
         Verdict::PartlyExplained => format!(
             "The simulation lacks {names}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has \
-             a cause that is not among the candidates.",
+             a cause that is not among the candidates{left}.",
             gap.before, gap.after
         ),
         Verdict::UnknownEffect if effects.is_empty() => format!(
-            "The frames differ by {:.2} DN, and no known effect of the camera explains it.",
+            "The frames differ by {:.2} DN, and no known effect of the camera explains it{left}.",
             gap.before
         ),
         Verdict::UnknownEffect => format!(
             "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but leaves what none of the \
-             candidates explains: there is an effect that is not among them.",
+             candidates explains{left}: there is an effect that is not among them.",
             gap.before
         ),
     }
@@ -327,15 +174,22 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     for (i, name) in set.iter().enumerate() {
         let without = search.leave_out(set, i, &found.fit.theta)?.1;
         let alone = found.alone.iter().find(|a| a.name == *name);
-        let (gain, gain_ci95) = search.judge.gain(&without, &with);
+        let gain = gain(&without, &with);
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
             parameters: found.fit.theta.report(candidate_of(name), &found.fit.half),
-            gap_without: if set.len() == 1 { found.before.mean() } else { found.after.mean() + gain },
+            gap_without: if set.len() == 1 { found.before.mean() } else { found.after.mean() + gain.value },
             gap_with: found.after.mean(),
-            gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(search, found, a)),
-            gain_ci95,
+            gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(found, a)),
+            gain_ci95: gain.interval(),
+            alternatives: found
+                .alternatives
+                .get(name)
+                .into_iter()
+                .flatten()
+                .map(|n| (*n).to_owned())
+                .collect(),
         });
     }
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -373,8 +227,8 @@ fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
 }
 
 /// The gap with a candidate alone: `before` less what it gains where it was tried.
-fn gap_alone(search: &Search<'_>, found: &Found, alone: &Alone) -> f64 {
-    found.before.mean() - search.judge.gain(&alone.against, &alone.scores).0
+fn gap_alone(found: &Found, alone: &Alone) -> f64 {
+    found.before.mean() - gain(&alone.against, &alone.scores).value
 }
 
 fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
@@ -384,7 +238,7 @@ fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
             name: a.name.to_owned(),
             state: CandidateState::Rejected,
             why: why(search, a, candidate_of(a.name), found),
-            gap_with: Some(gap_alone(search, found, a)),
+            gap_with: Some(gap_alone(found, a)),
             parameters: a.fit.theta.report(candidate_of(a.name), &a.fit.half),
             footage: String::new(),
         })
@@ -392,9 +246,8 @@ fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
 }
 
 fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Found) -> String {
-    let (gain, [low, _]) = search.judge.gain(&alone.against, &alone.scores);
-    let share = 100.0 * gain / found.before.mean().max(1e-9);
-    if gain <= 0.0 || low <= 0.0 {
+    let share = 100.0 * gain(&alone.against, &alone.scores).value / found.before.mean().max(1e-9);
+    if !search.gains(&alone.against, &alone.scores) {
         return format!("alone it does not lower the gap beyond chance ({share:+.1} %)");
     }
     if found.set.is_empty() {

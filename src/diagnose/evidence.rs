@@ -1,5 +1,5 @@
-//! What there is to judge by: the real frames of a capture, checked, and split into those that fits may see and those
-//! that are held out.
+//! What there is to judge by: the real frames of a capture, checked, and split into those that fits see, those that a
+//! search chooses by, and those that are scored once, for the report.
 
 use crate::capture::Capture;
 use crate::error::{Error, Result};
@@ -9,15 +9,12 @@ use super::report::LeftOut;
 
 /// Fewest frames that can be split into frames to fit and frames to judge.
 const FEWEST_FRAMES: usize = 4;
-/// Most frames that fits look at, and most that are held out: more add time and hardly any certainty.
-const MOST: [usize; 2] = [6, 8];
+/// Most frames to fit, to choose by and to report: more add time and hardly any certainty.
+const MOST: [usize; 3] = [6, 4, 8];
 /// The same of large pictures, which show so much more each.
-const MOST_LARGE: [usize; 2] = [4, 4];
+const MOST_LARGE: [usize; 3] = [4, 2, 4];
 /// Px from which on a picture is large.
 const LARGE_PX: usize = 640 * 480 * 2;
-/// Share of pixels that repeat their neighbours to the left and above below which a frame counts as dithered. Noise of
-/// half a DN leaves about 2 %.
-const MOST_SOLID: f64 = 0.05;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(super) const BLOCK: usize = 2;
 
@@ -39,14 +36,14 @@ pub(super) struct Evidence {
     pub frames: Vec<RealFrame>,
     /// Places in `frames` of those that fits may see.
     pub fit: Vec<usize>,
-    /// Places in `frames` of those that are held out.
-    pub held_out: Vec<usize>,
+    /// Places in `frames` of those that a search chooses by.
+    pub choose: Vec<usize>,
+    /// Places in `frames` of those that are scored for the report, once.
+    pub report: Vec<usize>,
     /// Frames that are not used.
     pub left_out: Vec<LeftOut>,
     /// How far before its timestamp and after it every used frame has poses, s.
     pub reach_s: [f64; 2],
-    /// Whether noise or texture leaves no solid colours, so that rounding is an error like any other.
-    pub dithered: bool,
     /// What a reader should know.
     pub warnings: Vec<String>,
 }
@@ -99,24 +96,22 @@ impl Evidence {
         if !left_out.is_empty() {
             warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
         }
-        let (fit, held_out) = split(frames.len(), k.width as usize * k.height as usize);
-        let dithered =
-            frames.iter().map(|f| solid_share(&f.dn)).sum::<f64>() < MOST_SOLID * frames.len() as f64;
-        Ok(Self { frames, fit, held_out, left_out, reach_s, dithered, warnings })
+        let [fit, choose, report] = split(frames.len(), k.width as usize * k.height as usize);
+        Ok(Self { frames, fit, choose, report, left_out, reach_s, warnings })
     }
 }
 
 #[cfg(test)]
 impl Evidence {
-    /// One frame, to fit and held out.
+    /// One frame, to fit, to choose by and to report.
     pub(super) fn of_one(dn: Plane<f32>) -> Self {
         Self {
             frames: vec![RealFrame { index: 0, start_s: 0.0, dn }],
             fit: vec![0],
-            held_out: vec![0],
+            choose: vec![0],
+            report: vec![0],
             left_out: Vec::new(),
             reach_s: [0.0; 2],
-            dithered: true,
             warnings: Vec::new(),
         }
     }
@@ -134,19 +129,6 @@ fn useless(picture: &Plane<u8>) -> Option<&'static str> {
     } else {
         None
     }
-}
-
-/// Share of the pixels, neither black nor saturated, that repeat both the one to the left and the one above.
-fn solid_share(dn: &Plane<f32>) -> f64 {
-    let (mut solid, mut all) = (0, 0);
-    for (x, y) in (1..dn.height).flat_map(|y| (1..dn.width).map(move |x| (x, y))) {
-        let here = dn.pixel(x, y);
-        if here.iter().all(|v| (1.0..255.0).contains(v)) {
-            all += 1;
-            solid += usize::from(here == dn.pixel(x - 1, y) && here == dn.pixel(x, y - 1));
-        }
-    }
-    f64::from(solid as u32) / f64::from(all.max(1) as u32)
 }
 
 /// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
@@ -182,15 +164,20 @@ fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut V
     [before.clamp(0.0, 10.0), after.clamp(0.0, 10.0)]
 }
 
-/// Blocks of two frames, to fit or held out by Thue and Morse's sequence, which never settles into a period: of a flicker that
-/// repeats every four frames blocks in turn would show the fit one half only. Thinned evenly where there are many. `px`: of a
-/// picture.
-fn split(count: usize, px: usize) -> (Vec<usize>, Vec<usize>) {
+/// Blocks of two frames, to fit or not by Thue and Morse's sequence, which never settles into a period: of a flicker that
+/// repeats every four frames blocks in turn would show the fit one half only. Of those that are not to fit, blocks in turn
+/// are to choose by. Thinned evenly where there are many; what is left over is reported too. `px`: of a picture.
+fn split(count: usize, px: usize) -> [Vec<usize>; 3] {
     // Blocks of one where two would leave fewer than two blocks on a side.
     let block = if count >= 4 * BLOCK { BLOCK } else { 1 };
-    let (fit, held): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block).count_ones() % 2 == 0);
     let most = if px >= LARGE_PX { MOST_LARGE } else { MOST };
-    (thin(fit, most[0], block), thin(held, most[1], block))
+    let (fit, rest): (Vec<usize>, Vec<usize>) = (0..count).partition(|i| (i / block).count_ones() % 2 == 0);
+    let in_turn: Vec<&[usize]> = rest.chunks(block).collect();
+    let fit = thin(fit, most[0], block);
+    let choose = thin(in_turn.iter().step_by(2).copied().flatten().copied().collect(), most[1], block);
+    let left: Vec<usize> = (0..count).filter(|i| !fit.contains(i) && !choose.contains(i)).collect();
+    let report = thin(left, most[2], block);
+    [fit, choose, report]
 }
 
 /// Periods, in frames, whose phases a choice of frames should show.
@@ -232,37 +219,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_split_shares_no_frame_and_keeps_both_sides() {
+    fn a_split_shares_no_frame_and_keeps_all_parts() {
         for (count, px) in (4..200).flat_map(|n| [(n, 320 * 240), (n, 1280 * 960)]) {
-            let (fit, held) = split(count, px);
-            assert!(fit.len() >= 2 && held.len() >= 2, "{count}: {fit:?} {held:?}");
-            assert!(fit.iter().all(|f| !held.contains(f)) && fit.len() <= MOST[0]);
-            assert!(fit.iter().chain(&held).all(|&f| f < count));
-            assert!(px < LARGE_PX || fit.len() + held.len() <= MOST_LARGE[0] + MOST_LARGE[1]);
+            let parts = split(count, px);
+            let [fit, choose, report] = &parts;
+            assert!(fit.len() >= 2 && !choose.is_empty() && !report.is_empty(), "{count}: {parts:?}");
+            let mut all: Vec<usize> = parts.concat();
+            assert!(all.iter().all(|&f| f < count));
+            all.sort_unstable();
+            all.dedup();
+            assert_eq!(all.len(), fit.len() + choose.len() + report.len(), "{count}: {parts:?}");
+            let most = if px < LARGE_PX { MOST } else { MOST_LARGE };
+            assert!(parts.iter().zip(most).all(|(p, m)| p.len() <= m), "{count}: {parts:?}");
         }
     }
 
     #[test]
     fn what_repeats_every_few_frames_is_seen_whole_by_the_fit() {
         for count in [12, 13, 14, 16, 20, 60] {
-            let (fit, _) = split(count, 320 * 240);
+            let [fit, ..] = split(count, 320 * 240);
             assert!(fewest_phases(&fit) >= 3, "{count} frames: {fit:?}");
             assert!(longest_gap(&fit, &[0, count - 1]) <= count / 2 + 1, "{count} frames: {fit:?}");
         }
         assert!(fewest_phases(&[0, 1, 4, 5, 8, 9]) == 2, "control: blocks in turn");
-    }
-
-    #[test]
-    fn noise_leaves_no_solid_colours_and_shading_does() {
-        let noise = |x: usize, y: usize, c: usize| ((x * 7919 + y * 104_729 + c * 31) % 97) as f32 / 97.0;
-        let frame = |sigma: f32| {
-            Plane::from_fn(64, 48, |x, y| {
-                [0, 1, 2].map(|c| (100.0 + 0.2 * x as f32 + sigma * 3.46 * (noise(x, y, c) - 0.5)).round())
-            })
-        };
-        assert!(solid_share(&frame(0.0)) > 10.0 * MOST_SOLID, "{}", solid_share(&frame(0.0)));
-        assert!(solid_share(&frame(0.1)) > MOST_SOLID, "{}", solid_share(&frame(0.1)));
-        assert!(solid_share(&frame(1.0)) < 0.5 * MOST_SOLID, "{}", solid_share(&frame(1.0)));
     }
 
     #[test]

@@ -117,7 +117,7 @@ const LINES: usize = 8;
 /// brightnesses that go up and down freely nor a drift (a cubic of the time, which has as many parameters) explain as well.
 /// Three parameters follow many things that a few frames do.
 pub(super) fn is_periodic(forward: &mut Forward, evidence: &Evidence, theta: &Theta) -> Result<bool> {
-    let mut frames: Vec<usize> = evidence.fit.iter().chain(&evidence.held_out).copied().collect();
+    let mut frames: Vec<usize> = evidence.fit.iter().chain(&evidence.choose).copied().collect();
     frames.sort_unstable();
     let still = theta.with(P::FlickerC, 0.0).with(P::FlickerS, 0.0);
     let [without, with] =

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::discrepancy::{COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
 use super::fit::{Level, Target, spread_out};
 use super::forward::Forward;
 use super::linear::{back, cholesky};
@@ -17,21 +18,8 @@ use super::model::{P, Theta};
 use super::normal::{Equations, FrameValues, VALUES, linearise};
 use crate::error::Result;
 
-/// Mean difference of two correct renderers that a parameter may take up, DN: half a tenth of what they differ by
-/// (measured against an independent path tracer: readouts, vignetting and gamma were off by 0.1 to 1 % so).
-const SYSTEMATIC_DN: f64 = 0.025;
-/// How far two correct renderers place an edge apart, px: what an exposure of a slow motion was off by.
-const SYSTEMATIC_PX: f64 = 0.01;
-/// What two correct renderers make differently of a colour, DN: software devices decode textures to within so much (measured
-/// against the CPU reference: real frames stood 0.09 DN above simulated ones, none below).
-const SYSTEMATIC_COLOUR_DN: f64 = 0.1;
-/// The same of all colours alike, DN: blind, gains and gammas were off by 0.05 to 0.06 DN beyond what single colours explain.
-const COMMON_DN: f64 = 0.03;
 /// Whole DN that count as one colour.
-const COLOUR_DN: usize = 4;
-/// By how much the variances of two correct renderers' pixels differ, px^2: a third of a pixel's own 1/12.
-const SYSTEMATIC_PX2: f64 = 0.03;
-
+const WHOLE_DN: usize = 4;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
 const CLUSTER_PX: usize = 32;
 
@@ -47,53 +35,137 @@ pub(super) fn intervals(
     if free.is_empty() {
         return Ok(BTreeMap::new());
     }
-    let some = spread_out(frames, level.frames);
-    // A blur that no fit has freed, to see what a wider filter would do.
-    let mut all = free.to_vec();
-    if !all.contains(&P::Defocus) {
-        all.push(P::Defocus);
+    let slopes = Slopes::at(forward, target, frames, theta, free, level)?;
+    let all: Vec<usize> = (0..free.len()).collect();
+    let half = slopes.precision(&all).map(|p| p.half).unwrap_or_default();
+    Ok(free.iter().zip(half).map(|(&p, h)| (p, h * p.spec().step)).collect())
+}
+
+/// The normal equations of some parameters, and what is needed to say how well they are known.
+pub(super) struct Slopes {
+    e: Equations,
+    theta: Theta,
+    /// The parameters, and a blur that no fit has freed, to see what a wider filter would do.
+    all: Vec<P>,
+    columns_px: usize,
+    cluster: usize,
+}
+
+/// What normal equations say of some of their parameters, in units of their steps.
+pub(super) struct Precision {
+    /// Half widths of 95 % intervals.
+    pub half: Vec<f64>,
+    /// How far one step would move each.
+    pub step: Vec<f64>,
+}
+
+impl Slopes {
+    pub(super) fn at(
+        forward: &mut Forward,
+        target: Target<'_>,
+        frames: &[usize],
+        theta: &Theta,
+        parameters: &[P],
+        level: &Level,
+    ) -> Result<Self> {
+        let some = spread_out(frames, level.frames);
+        let mut all = parameters.to_vec();
+        if !all.contains(&P::Defocus) {
+            all.push(P::Defocus);
+        }
+        let e = linearise(forward, target, &some, theta, &all, level, None)?;
+        let columns_px = forward.intrinsics.width as usize / level.block;
+        Ok(Self { e, theta: theta.clone(), all, columns_px, cluster: CLUSTER_PX / level.block })
     }
-    let e = linearise(forward, target, &some, theta, &all, level, None)?;
-    let n = free.len();
-    let a: Vec<Vec<f64>> = e.a[..n].iter().map(|row| row[..n].to_vec()).collect();
-    let Some(l) = cholesky(&a, 1e-9) else { return Ok(BTreeMap::new()) };
-    let columns_px = forward.intrinsics.width as usize / level.block;
+
+    pub(super) fn equations(&self) -> &Equations {
+        &self.e
+    }
+
+    /// Of the parameters at these places; nothing where they cannot be told apart.
+    pub(super) fn precision(&self, of: &[usize]) -> Option<Precision> {
+        let (e, n) = (&self.e, of.len());
+        let a: Vec<Vec<f64>> = of.iter().map(|&i| of.iter().map(|&j| e.a[i][j]).collect()).collect();
+        let l = cholesky(&a, 1e-9)?;
+        let chance = chance(e, of, &l, self.columns_px, self.cluster);
+        let rounding = rounding(e, of, &l);
+        let colours = colours(e, of, &l);
+        let filter = filter(e, of, &l, &self.all, &self.theta);
+        let half = (0..n).map(|i| {
+            let p = self.all[of[i]];
+            // What all frames share, were it to look like this parameter beside the others.
+            let mut unit = vec![0.0; n];
+            unit[i] = 1.0;
+            let edges_dn = if p.is_time() || p.is_remap() { PLACE_PX * e.gradient_dn } else { 0.0 };
+            let systematic = COMMON_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
+            let random = 2.0 * (chance[i] + rounding[i] + colours[i]).sqrt();
+            tracing::debug!(
+                "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
+                2.0 * chance[i].sqrt(),
+                2.0 * rounding[i].sqrt(),
+                2.0 * colours[i].sqrt(),
+                filter[i],
+                p.spec().step
+            );
+            random.hypot(systematic).hypot(filter[i])
+        });
+        let half = half.collect();
+        let b: Vec<f64> = of.iter().map(|&i| e.b[i]).collect();
+        Some(Precision { half, step: back(&l, &b) })
+    }
+}
+
+/// How far a picture lies on the way from one model's to another's, 0 to 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    pub share: f64,
+    /// Half width of its 95 % interval: chance, and the discrepancy, were it to look like the difference of the two.
+    pub half: f64,
+}
+
+/// Where the real picture lies between two models' pictures. `e` has two columns: what one adds to the other, and what a wider
+/// filter adds; `moves` tells whether they put edges elsewhere.
+pub(super) fn way(mut e: Equations, columns_px: usize, block: usize, moves: bool) -> Option<Way> {
+    let (of, a) = ([0], vec![vec![e.a[0][0]]]);
+    if e.a[0][0] <= 0.0 {
+        return None;
+    }
+    let l = cholesky(&a, 0.0)?;
+    let share = e.b[0] / e.a[0][0];
+    // Chance is what is left at that place: an effect that is strong in some frames and weak in others is no noise.
+    for (residual, columns, _) in &mut e.values {
+        residual.iter_mut().zip(&columns[0]).for_each(|(r, d)| *r -= share as f32 * d);
+    }
+    let e = &e;
+    let random = chance(e, &of, &l, columns_px, CLUSTER_PX / block)[0]
+        + rounding(e, &of, &l)[0]
+        + colours(e, &of, &l)[0];
+    let edges_dn = if moves { PLACE_PX * e.gradient_dn } else { 0.0 };
+    let systematic = COMMON_DN.hypot(edges_dn) * (e.weight / e.a[0][0]).sqrt();
+    let filter = e.a[0][1] / e.a[0][0];
+    Some(Way { share, half: (2.0 * random.sqrt()).hypot(systematic).hypot(filter) })
+}
+
+/// The largest of the variances that three ways to draw parts give, in units of the steps.
+fn chance(e: &Equations, of: &[usize], l: &[Vec<f64>], columns_px: usize, cluster: usize) -> Vec<f64> {
+    let n = of.len();
     let mut chance = vec![0.0f64; n];
-    for draws in draws(&e, n, columns_px, CLUSTER_PX / level.block) {
-        let spread = variance(&l, &draws, n);
+    for draws in draws(e, of, columns_px, cluster) {
+        let spread = variance(l, &draws, n);
         (0..n).for_each(|i| chance[i] = chance[i].max(spread[i]));
     }
-    let rounding = rounding(&e, &l, n);
-    let colours = colours(&e, &l, n);
-    let filter = filter(&e, &l, &all, theta, n);
-    let half = |(i, &p): (usize, &P)| {
-        // What all frames share, were it to look like this parameter beside the others.
-        let mut unit = vec![0.0; n];
-        unit[i] = 1.0;
-        let edges_dn = if p.is_time() || p.is_remap() { SYSTEMATIC_PX * e.gradient_dn } else { 0.0 };
-        let systematic = SYSTEMATIC_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
-        let random = 2.0 * (chance[i] + rounding[i] + colours[i]).sqrt();
-        tracing::debug!(
-            "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
-            2.0 * chance[i].sqrt(),
-            2.0 * rounding[i].sqrt(),
-            2.0 * colours[i].sqrt(),
-            filter[i],
-            p.spec().step
-        );
-        (p, random.hypot(systematic).hypot(filter[i]) * p.spec().step)
-    };
-    Ok(free.iter().enumerate().map(half).collect())
+    chance
 }
 
 /// Gradients of the parts that are taken for independent draws, in three ways.
-fn draws(e: &Equations, n: usize, columns_px: usize, cluster: usize) -> [Vec<Vec<f64>>; 3] {
+fn draws(e: &Equations, of: &[usize], columns_px: usize, cluster: usize) -> [Vec<Vec<f64>>; 3] {
+    let n = of.len();
     let across = columns_px.div_ceil(cluster);
     let blocks = |(f, (r, columns, _)): (usize, &FrameValues)| -> Vec<Vec<f64>> {
         let weights = e.weighing.weights(f, r);
         let rows = r.len() / 3 / columns_px.max(1);
         let mut sums = vec![vec![0.0; n]; across * rows.div_ceil(cluster)];
-        for (i, column) in columns[..n].iter().enumerate() {
+        for (i, column) in of.iter().map(|&j| &columns[j]).enumerate() {
             for (at, ((&w, &e), &d)) in weights.iter().zip(r).zip(column).enumerate() {
                 let (x, y) = ((at / 3) % columns_px, at / 3 / columns_px);
                 sums[(y / cluster) * across + x / cluster][i] += f64::from(w * e * d);
@@ -126,7 +198,8 @@ fn variance(l: &[Vec<f64>], draws: &[Vec<f64>], n: usize) -> Vec<f64> {
 
 /// Variance from rounding. Noise of some tenths of a DN shakes it: what is left of the mean's error falls with
 /// exp(-2 pi^2 variance), the first term of the sawtooth's series.
-fn rounding(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
+fn rounding(e: &Equations, of: &[usize], l: &[Vec<f64>]) -> Vec<f64> {
+    let n = of.len();
     // By simulated value: sums of weighted derivatives, shaken.
     let mut slopes = vec![vec![0.0f64; n]; VALUES];
     for (f, (r, columns, keys)) in e.values.iter().enumerate() {
@@ -136,7 +209,7 @@ fn rounding(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
             let weight = f64::from(w) * (-2.0 * std::f64::consts::PI.powi(2) * noise2).exp();
             if weight > 1e-6 {
                 let sums = &mut slopes[usize::from(key)];
-                (0..n).for_each(|i| sums[i] += weight * f64::from(columns[i][at]));
+                (0..n).for_each(|i| sums[i] += weight * f64::from(columns[of[i]][at]));
             }
         }
     }
@@ -149,19 +222,20 @@ fn rounding(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
 }
 
 /// Variance from colours that renderers make differently, each colour and channel for itself and all of them alike.
-fn colours(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
-    let per = VALUES / 256 * COLOUR_DN;
+fn colours(e: &Equations, of: &[usize], l: &[Vec<f64>]) -> Vec<f64> {
+    let n = of.len();
+    let per = VALUES / 256 * WHOLE_DN;
     let mut slopes = vec![vec![0.0f64; n]; VALUES.div_ceil(per) * 3];
     for (f, (r, columns, keys)) in e.values.iter().enumerate() {
         for (at, (&key, w)) in keys.iter().zip(e.weighing.weights(f, r)).enumerate() {
             let sums = &mut slopes[usize::from(key) / per * 3 + usize::from(key) % 3];
-            (0..n).for_each(|i| sums[i] += f64::from(w * columns[i][at]));
+            (0..n).for_each(|i| sums[i] += f64::from(w * columns[of[i]][at]));
         }
     }
     let mut sum = vec![0.0; n];
     for part in &slopes {
         let x = back(l, part);
-        (0..n).for_each(|i| sum[i] += (SYSTEMATIC_COLOUR_DN * x[i]).powi(2));
+        (0..n).for_each(|i| sum[i] += (COLOUR_DN * x[i]).powi(2));
     }
     let all: Vec<f64> = (0..n).map(|i| slopes.iter().map(|s| s[i]).sum()).collect();
     let x = back(l, &all);
@@ -170,17 +244,16 @@ fn colours(e: &Equations, l: &[Vec<f64>], n: usize) -> Vec<f64> {
 }
 
 /// What a filter of another width would move the parameters by, in units of their steps.
-fn filter(e: &Equations, l: &[Vec<f64>], all: &[P], theta: &Theta, n: usize) -> Vec<f64> {
+fn filter(e: &Equations, of: &[usize], l: &[Vec<f64>], all: &[P], theta: &Theta) -> Vec<f64> {
     let at = all.iter().position(|p| *p == P::Defocus).expect("among them");
     let sigma = theta.get(P::Defocus);
-    if at < n {
+    let moved = if of.contains(&at) && sigma > 0.0 {
         // The blur itself is what a filter looks like; what it trades against moves along.
-        let moved = (sigma.powi(2) + SYSTEMATIC_PX2).sqrt() - sigma;
-        let column: Vec<f64> = (0..n).map(|i| e.a[i][at] * moved / P::Defocus.spec().step).collect();
-        return back(l, &column).into_iter().map(f64::abs).collect();
-    }
-    // Derivatives by a blur from none are differences over 0.4 px, that is over 0.16 px^2, in units of 0.1 px.
-    let per_px2 = 0.4 / P::Defocus.spec().step / 0.16;
-    let column: Vec<f64> = (0..n).map(|i| e.a[i][at] * SYSTEMATIC_PX2 * per_px2).collect();
+        ((sigma.powi(2) + FILTER_PX2).sqrt() - sigma) / P::Defocus.spec().step
+    } else {
+        // Derivatives by a blur from none are differences over 0.4 px, that is over 0.16 px^2, in units of 0.1 px.
+        FILTER_PX2 * 0.4 / P::Defocus.spec().step / 0.16
+    };
+    let column: Vec<f64> = of.iter().map(|&i| e.a[i][at] * moved).collect();
     back(l, &column).into_iter().map(f64::abs).collect()
 }

@@ -170,7 +170,8 @@ pub(super) fn key(
     write!(hash, "{} {} {} ", program(), context.info().name, options.seed).expect(said);
     write!(hash, "{without:?} {:?} {:?} {:?} ", capture.camera, capture.frames, capture.trajectory)
         .expect(said);
-    write!(hash, "{:?} {:?} {:?} ", capture.scene, evidence.fit, evidence.held_out).expect(said);
+    write!(hash, "{:?} {:?} {:?} {:?} ", capture.scene, evidence.fit, evidence.choose, evidence.report)
+        .expect(said);
     for frame in &evidence.frames {
         write!(hash, "{} {} ", frame.index, frame.start_s).expect(said);
         hash.0.update(bytemuck::cast_slice(&frame.dn.data));

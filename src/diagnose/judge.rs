@@ -1,40 +1,137 @@
-//! Scores of parameters on held-out frames, and whether a gain is beyond chance.
+//! Scores of parameters on frames that no fit has seen, and whether a gain is beyond chance.
+//!
+//! A search looks at the frames to choose by; the frames to report by are scored once, at the end. Standard errors come
+//! from blocks of the picture (see [`super::score`]): each block, over all frames, is one draw.
 
 use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::evidence::{BLOCK, Evidence};
+use super::discrepancy::COLOUR_DN;
+use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::model::{P, Theta};
-use super::score::{FrameScore, Scored, score_frame};
+use super::score::{FAMILIES, FrameScore, Scored, erf, score_frame};
 use super::tone::Tone;
 use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
 use crate::plane::Plane;
 
+/// How often a diagnosis may take something for real that is none, for all that it tries together.
+pub(super) const ALPHA: f64 = 0.01;
 /// Resamples of the bootstrap.
 pub(super) const RESAMPLES: usize = 1000;
 
 /// Stream of the resamples ("BS").
 const STREAM_BOOTSTRAP: u32 = 0x4253;
 
-/// Scores on the held-out frames, one per frame in the order of [`Evidence::held_out`].
+/// Scores on some frames, one per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Scores(pub Vec<FrameScore>);
 
-impl Scores {
-    pub(super) fn mean(&self) -> f64 {
-        self.0.iter().map(|s| s.score).sum::<f64>() / self.0.len().max(1) as f64
+/// A mean over blocks with its standard error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Estimate {
+    pub value: f64,
+    pub standard_error: f64,
+}
+
+impl Estimate {
+    /// Of the sum over blocks, each of them one draw.
+    pub(super) fn of(blocks: &[f64]) -> Self {
+        let n = blocks.len().max(2) as f64;
+        let value: f64 = blocks.iter().sum();
+        let variance = blocks.iter().map(|b| (b - value / n).powi(2)).sum::<f64>() * n / (n - 1.0);
+        Self { value, standard_error: variance.sqrt() }
     }
 
-    pub(super) fn floor(&self) -> f64 {
-        self.0.iter().map(|s| s.expected).sum::<f64>() / self.0.len().max(1) as f64
+    /// Whether it is above 0 beyond chance, where so many are looked at.
+    pub(super) fn is_above(&self, tests: usize) -> bool {
+        self.value > quantile(tests) * self.standard_error && self.value > 0.0
+    }
+
+    /// 95 % interval.
+    pub(super) fn interval(&self) -> [f64; 2] {
+        [-1.96, 1.96].map(|z| self.value + z * self.standard_error)
     }
 }
 
-/// Scores parameters on held-out frames; keeps what it has scored.
+/// Standard errors that one of `tests` normal variables exceeds by chance in [`ALPHA`] of all cases.
+pub(super) fn quantile(tests: usize) -> f64 {
+    let most = ALPHA / tests.max(1) as f64;
+    let above = |z: f64| 0.5 * (1.0 - erf(z * std::f64::consts::FRAC_1_SQRT_2));
+    let (mut low, mut high) = (0.0, 6.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if above(middle) > most { low = middle } else { high = middle }
+    }
+    high
+}
+
+impl Scores {
+    fn over(&self, f: impl Fn(&FrameScore) -> f64) -> f64 {
+        self.0.iter().map(f).sum::<f64>() / self.0.len().max(1) as f64
+    }
+
+    pub(super) fn mean(&self) -> f64 {
+        self.over(|s| s.score)
+    }
+
+    pub(super) fn floor(&self) -> f64 {
+        self.over(|s| s.expected)
+    }
+
+    /// What the model would score on its own frames, were the discrepancy as large as it may be.
+    pub(super) fn bound(&self) -> f64 {
+        self.over(|s| s.bound)
+    }
+
+    /// What each block adds to score, expectation and bound: of one family, or of all.
+    fn blocks(&self, family: Option<usize>) -> Vec<[f64; 3]> {
+        let families: Vec<usize> = family.map_or_else(|| (0..FAMILIES.len()).collect(), |f| vec![f]);
+        let count = self.0.iter().flat_map(|s| &s.blocks).map(Vec::len).max().unwrap_or(0);
+        let mut out = vec![[0.0; 3]; count];
+        let share = 1.0 / self.0.len().max(1) as f64;
+        for blocks in self.0.iter().flat_map(|s| families.iter().map(|&f| &s.blocks[f])) {
+            for (to, from) in out.iter_mut().zip(blocks) {
+                (0..3).for_each(|k| to[k] += share * f64::from(from[k]));
+            }
+        }
+        out
+    }
+
+    /// How far a family lies above what the discrepancy may make of it.
+    pub(super) fn excess(&self, family: usize) -> Estimate {
+        let blocks = self.blocks(Some(family));
+        let seen = blocks.iter().filter(|b| b[0] + b[2] > 0.0);
+        Estimate::of(&seen.map(|b| b[0] - b[2]).collect::<Vec<_>>())
+    }
+
+    /// The mean with its standard error.
+    pub(super) fn estimate(&self) -> Estimate {
+        Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())
+    }
+}
+
+/// Gain from `worse` to `better`.
+pub(super) fn gain(worse: &Scores, better: &Scores) -> Estimate {
+    difference(worse, better, None)
+}
+
+/// Gain in one family of statistics.
+pub(super) fn family_gain(worse: &Scores, better: &Scores, family: usize) -> Estimate {
+    difference(worse, better, Some(family))
+}
+
+fn difference(worse: &Scores, better: &Scores, family: Option<usize>) -> Estimate {
+    let (a, b) = (worse.blocks(family), better.blocks(family));
+    // Blocks without a statistic are no draws.
+    let seen = a.iter().zip(&b).filter(|(a, b)| a[1] + b[1] > 0.0 || a[0] + b[0] > 0.0);
+    Estimate::of(&seen.map(|(a, b)| a[0] - b[0]).collect::<Vec<_>>())
+}
+
+/// Scores parameters on the frames to choose by; keeps what it has scored.
 pub(super) struct Judge<'a> {
     pub evidence: &'a Evidence,
     pub masks: Option<&'a [Plane<f32>]>,
@@ -65,13 +162,13 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Scores of `theta` on the held-out frames.
+    /// Scores of `theta` on the frames to choose by.
     pub(super) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
         let key = format!("{:?} {theta:?}", self.quality);
         if let Some(known) = self.known.get(&key) {
             return Ok(known.clone());
         }
-        let scores = self.scores_on(forward, theta, &self.evidence.held_out.clone())?;
+        let scores = self.scores_on(forward, theta, &self.evidence.choose.clone())?;
         self.known.insert(key, scores.clone());
         Ok(scores)
     }
@@ -79,6 +176,7 @@ impl<'a> Judge<'a> {
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
         let mut means = forward.simulate(frames, theta, self.quality)?;
+        let unsettled = unsettled(forward, frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
             means.iter_mut().for_each(|m| self.hot.put(m));
         }
@@ -92,8 +190,8 @@ impl<'a> Judge<'a> {
                 real: &self.evidence.frames[at].dn,
                 mean,
                 mask: self.masks.map(|m| &m[at]),
-                dithered: self.evidence.dithered,
                 flips: flips.get(i),
+                unsettled: unsettled.get(i).map(Vec::as_slice),
             })
             .collect();
         let scores = (0..frames.len())
@@ -107,81 +205,70 @@ impl<'a> Judge<'a> {
         Ok(Scores(scores))
     }
 
-    /// Indices into the held-out frames, resampled by blocks; the same for every call with one seed.
-    fn resamples(&self) -> Vec<Vec<usize>> {
-        let count = self.evidence.held_out.len();
-        // Blocks as they were held out; single frames where there are too few blocks to resample.
-        let size = if count >= 4 * BLOCK { BLOCK } else { 1 };
-        let blocks = count.div_ceil(size);
-        let seed = seed_words(self.seed);
-        (0..RESAMPLES)
-            .map(|r| {
-                (0..blocks)
-                    .flat_map(|b| {
-                        let bits = random_bits([b as u32, r as u32], 0, STREAM_BOOTSTRAP, seed)[0];
-                        let block = ((u64::from(bits) * blocks as u64) >> 32) as usize;
-                        (block * size..((block + 1) * size).min(count)).collect::<Vec<_>>()
-                    })
-                    .collect()
-            })
-            .collect()
-    }
-
-    /// 95 % interval of the mean of a figure of each held-out frame.
-    pub(super) fn interval(&self, f: impl Fn(usize) -> f64) -> [f64; 2] {
-        let means = self.resamples().into_iter().map(|r| mean(&r, &f));
-        quantiles(means.collect())
-    }
-
-    /// Sorted resamples of the closed fraction.
+    /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.
     pub(super) fn closed_fractions(&self, before: &Scores, after: &Scores) -> Vec<f64> {
-        let one = |r: Vec<usize>| {
-            let (b, a) = (mean(&r, |i| before.0[i].score), mean(&r, |i| after.0[i].score));
-            closed_fraction(b, a, mean(&r, |i| after.0[i].expected))
+        let (b, a) = (before.blocks(None), after.blocks(None));
+        let seed = seed_words(self.seed);
+        let one = |r: usize| {
+            let mut sums = [0.0; 3];
+            for k in 0..b.len() {
+                let bits = random_bits([k as u32, r as u32], 0, STREAM_BOOTSTRAP, seed)[0];
+                let i = ((u64::from(bits) * b.len() as u64) >> 32) as usize;
+                let add = [b[i][0], a[i][0], a[i][1]];
+                (0..3).for_each(|j| sums[j] += add[j]);
+            }
+            closed_fraction(sums[0], sums[1], sums[2])
         };
-        let mut all: Vec<f64> = self.resamples().into_iter().map(one).collect();
+        let mut all: Vec<f64> = (0..RESAMPLES).map(one).collect();
         all.sort_by(f64::total_cmp);
         all
     }
-
-    /// Gain of one family of statistics, and its interval.
-    pub(super) fn family_gain(&self, worse: &Scores, better: &Scores, family: usize) -> (f64, [f64; 2]) {
-        let of = |s: &Scores, i: usize| s.0[i].families[family].map_or(0.0, |f| f[0]);
-        let all: Vec<usize> = (0..worse.0.len()).collect();
-        let gain = |i: usize| of(worse, i) - of(better, i);
-        (mean(&all, gain), self.interval(gain))
-    }
-
-    /// Gain from `worse` to `better` and its interval.
-    pub(super) fn gain(&self, worse: &Scores, better: &Scores) -> (f64, [f64; 2]) {
-        let gain = |i: usize| worse.0[i].score - better.0[i].score;
-        (worse.mean() - better.mean(), self.interval(gain))
-    }
 }
 
-/// What is left of a gap, DN. A floor far above `after` is a model that expects more spread than there is: as wrong as one
-/// that expects less. Within some per cent a floor is no better known than that: noise in the dark is no normal distribution.
-pub(super) fn unexplained(after: f64, floor: f64) -> f64 {
-    if after < floor { (floor - after - FLOOR_ERROR * floor).max(0.0) } else { after - floor }
+/// Variance that compression makes of a colour's error, by frame and block of 8 px: a coefficient near a threshold of the
+/// quantizer goes the other way. Nothing without compression.
+fn unsettled(
+    forward: &mut Forward,
+    frames: &[usize],
+    theta: &Theta,
+    quality: Quality,
+    means: &[Plane<f32>],
+) -> Result<Vec<Vec<f32>>> {
+    if !theta.is_on(P::Quality) {
+        return Ok(Vec::new());
+    }
+    // At half of the range a gain of so much moves a value by the error of a colour.
+    let factor = 1.0 + COLOUR_DN / 64.0;
+    let brighter = forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
+    let of_frame = |(a, b): (&Plane<f32>, &Plane<f32>)| {
+        let across = a.width.div_ceil(8);
+        let mut sums = vec![[0.0f32; 2]; across * a.height.div_ceil(8)];
+        for (i, (a, b)) in a.data.iter().zip(&b.data).enumerate() {
+            let sum = &mut sums[i / 3 / (means[0].width) / 8 * across + i / 3 % means[0].width / 8];
+            *sum = [sum[0] + (a - b).powi(2), sum[1] + 1.0];
+        }
+        sums.into_iter().map(|[s, n]| s / n.max(1.0)).collect()
+    };
+    Ok(means.iter().zip(&brighter).map(of_frame).collect())
 }
-
-/// How well a floor is known.
-const FLOOR_ERROR: f64 = 0.15;
 
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
-    let rest = unexplained(after, floor);
-    let whole = before - floor.min(after);
+    let (rest, whole) = ((after - floor).max(0.0), before - floor.min(after));
     if whole <= 1e-9 { 0.0 } else { (1.0 - rest / whole).clamp(0.0, 1.0) }
 }
 
-fn mean(indices: &[usize], f: impl Fn(usize) -> f64) -> f64 {
-    indices.iter().map(|&i| f(i)).sum::<f64>() / indices.len().max(1) as f64
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// 2.5 and 97.5 per cent.
-pub(super) fn quantiles(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
-    let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
-    [at(0.025), at(0.975)]
+    #[test]
+    fn what_is_beyond_chance_depends_on_how_much_is_tried() {
+        assert!((quantile(1) - 2.326).abs() < 1e-2, "{}", quantile(1));
+        assert!((quantile(24) - 3.34).abs() < 1e-2, "{}", quantile(24));
+        let even: Vec<f64> = (0..100).map(|i| [0.9, 1.1][i % 2]).collect();
+        assert!(Estimate::of(&even).is_above(1000));
+        let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
+        assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
+    }
 }

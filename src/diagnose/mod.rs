@@ -2,16 +2,20 @@
 //! gap shrinks on frames that no fit has seen.
 //!
 //! ```text
-//! capture ─ evidence (fit | held out) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
+//! capture ─ evidence (fit | choose | report) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
 //! ```
 
+mod apart;
 mod choices;
 mod comb;
 mod cover;
 mod dct;
+mod decide;
 mod describe;
+mod discrepancy;
 mod ending;
 mod evidence;
+mod exchange;
 mod fit;
 mod flicker;
 mod flips;
@@ -23,7 +27,6 @@ mod journal;
 mod judge;
 mod light;
 mod linear;
-mod magnify;
 mod mixing;
 mod model;
 mod noise;
@@ -44,7 +47,6 @@ mod score;
 mod search;
 mod sentences;
 mod settings;
-mod simpler;
 mod smear;
 mod starts;
 mod support;

@@ -198,6 +198,21 @@ impl Theta {
         self.get(p) != p.spec().neutral
     }
 
+    /// Whether two points differ in the parameter at that place.
+    pub(super) fn differs(&self, other: &Self, place: usize) -> bool {
+        self.values[place] != other.values[place]
+    }
+
+    /// Whether the parameter at that place has its neutral value.
+    pub(super) fn is_neutral(&self, place: usize) -> bool {
+        self.values[place] == PARAMETERS[place].neutral
+    }
+
+    /// Whether the parameter at that place moves the picture.
+    pub(super) fn moves(place: usize) -> bool {
+        place <= P::ScaleB as usize
+    }
+
     /// The same with an effect taken out.
     pub(super) fn without(&self, candidate: &CandidateSpec) -> Self {
         let mut changed = self.clone();

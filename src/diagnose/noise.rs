@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
+use super::intervals::Way;
 use super::mixing::{LUMA, shared};
 use super::model::{P, Theta};
 use super::packing::Packing;
@@ -26,6 +27,8 @@ const FEWEST: usize = 200;
 const BINS: usize = 32;
 /// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
 const BIN_ERROR: f64 = 0.05;
+/// The same behind compression: where it removes most of the noise the model was seen to be off by up to 13 %.
+const PACKED_ERROR: f64 = 0.15;
 
 /// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
 const LEAST_OF_THREE: f32 = 24.0;
@@ -49,6 +52,8 @@ pub(super) struct NoiseData {
     pub(super) fixed: Vec<[f64; 3]>,
     /// Of rows beyond that of their pixels.
     pub(super) row2: f64,
+    /// The variance of that figure.
+    pub(super) row_error2: f64,
 }
 
 /// What is measured, before it is reduced.
@@ -293,29 +298,33 @@ impl NoiseData {
         out
     }
 
-    /// How many standard errors read noise and shot noise stand above none, each beside the other: they differ by how the
-    /// spread grows with brightness. `theta` has the pattern that is there besides, `base` what is known of the two.
-    pub(super) fn significance(&self, theta: &Theta, base: &Theta) -> [f64; 2] {
-        let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
+    /// Where what is measured lies between the noise of two models; nothing where they have the same.
+    pub(super) fn way(&self, from: &Theta, to: &Theta) -> Option<Way> {
+        let share = if to.is_on(P::Quality) { PACKED_ERROR } else { BIN_ERROR };
+        let pattern = |t: &Theta, l: f64| t.get(P::Dsnu).powi(2) + (t.get(P::Prnu) * l).powi(2);
+        let single = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot) + pattern(t, l);
+        // What is seen, what either model says, and the variance of what is seen.
+        let mut seen: Vec<[f64; 4]> = Vec::new();
         for [l, v, n] in self.unclipped() {
-            let pattern = theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2);
-            let besides = pattern + base.get(P::Read).powi(2) + base.get(P::Shot) * l;
-            let error = (v * v * (BIN_ERROR * BIN_ERROR + 3.0 / n)).max(1e-18);
-            let g = [1.0, l];
-            for i in 0..2 {
-                b[i] += g[i] * (v - besides) / error;
-                (0..2).for_each(|j| a[i][j] += g[i] * g[j] / error);
-            }
+            let [a, b] = [from, to].map(|t| single(t, l));
+            let level = v.max(a).max(b);
+            seen.push([v, a, b, (level * share).powi(2) + 3.0 / n * level * level]);
         }
-        let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
-        if det <= 1e-9 * a[0][0] * a[1][1] {
-            return [0.0; 2];
+        for [l, v, n] in self.unclipped_fixed() {
+            let [a, b] = [from, to].map(|t| pattern(t, l));
+            // A pattern is what is left of all noise: it is known no better than that.
+            let level = self.total.iter().map(|b| b[1]).fold(v.max(a).max(b), f64::max);
+            seen.push([v, a, b, (v.max(b) * share).powi(2) + 3.0 / n * level * level]);
         }
-        [0, 1].map(|i| {
-            let j = 1 - i;
-            let x = (b[i] * a[j][j] - b[j] * a[i][j]) / det;
-            x / (a[j][j] / det).sqrt()
-        })
+        let [a, b] = [from, to].map(|t| t.get(P::Row).powi(2));
+        let level = self.row2.max(a).max(b);
+        seen.push([self.row2, a, b, (level * share).powi(2) + self.row_error2]);
+        let (mut slope, mut weight) = (0.0, 0.0);
+        for [v, a, b, error2] in seen {
+            slope += (v - a) * (b - a) / error2.max(1e-24);
+            weight += (b - a).powi(2) / error2.max(1e-24);
+        }
+        (weight > 0.0).then(|| Way { share: slope / weight, half: 2.0 / weight.sqrt() })
     }
 }
 
@@ -413,8 +422,9 @@ impl Values {
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
             let own = self.row_own[0] / self.row_own[1];
-            let row2 = ((robust_variance(&mut rows) - own) / HIGH_PASS).max(0.0);
-            data.row2 = row2 / f64::from(row_seen(theta));
+            let (seen, scale) = (robust_variance(&mut rows), HIGH_PASS * f64::from(row_seen(theta)));
+            data.row2 = ((seen - own) / scale).max(0.0);
+            data.row_error2 = 3.0 / rows.len() as f64 * (seen / scale).powi(2);
         }
         data
     }
@@ -542,7 +552,7 @@ mod tests {
     fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
         let dsnu = |seen: f64| {
             let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();
-            let data = NoiseData { total: bins(seen), fixed: bins(4e-6), row2: 0.0 };
+            let data = NoiseData { total: bins(seen), fixed: bins(4e-6), row2: 0.0, row_error2: 0.0 };
             data.fit(&Theta::neutral(), &Theta::neutral(), &["fixed_pattern_noise"]).get(P::Dsnu)
         };
         assert_eq!(dsnu(0.0), 0.0);

@@ -142,13 +142,13 @@ pub(super) fn linearise(
 }
 
 /// Root mean square slope along rows, DN a px.
-fn gradient_dn(mean: &Plane<f32>) -> f64 {
+pub(super) fn gradient_dn(mean: &Plane<f32>) -> f64 {
     let steps = mean.data.windows(6).step_by(3).map(|p| f64::from(p[3] - p[0]).powi(2));
     (steps.sum::<f64>() / (mean.data.len() / 3).max(1) as f64).sqrt()
 }
 
 /// Eighths of a DN and channel of each value of a picture averaged over blocks.
-fn value_keys(mean: &Plane<f32>, block: usize) -> Vec<u16> {
+pub(super) fn value_keys(mean: &Plane<f32>, block: usize) -> Vec<u16> {
     let values = pooled(&mean.data, mean.width, mean.height, block);
     let key = |v: f32| 3 * ((PARTS * v.clamp(0.0, 255.0)) as u16);
     values.iter().enumerate().map(|(i, v)| key(*v) + (i % 3) as u16).collect()
@@ -165,7 +165,7 @@ fn step_of(forward: &Forward, theta: &Theta, p: P, stretch: f64) -> f64 {
     if (changed.get(p) - theta.get(p)).abs() < 0.5 * step { -step } else { step }
 }
 
-fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighing>) -> Equations {
+pub(super) fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighing>) -> Equations {
     let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
     let shares: Vec<Share> =
         (0..frames.len()).into_par_iter().map(|f| share(&frames[f], f, &weighing)).collect();

@@ -32,7 +32,6 @@ pub(super) struct Seen {
     /// Where fits compare: where the judge does, less the stuck pixels.
     masks: Vec<Plane<f32>>,
     hot: HotMap,
-    renderer_difference: f64,
 }
 
 impl<'a> Question<'a> {
@@ -47,7 +46,7 @@ impl<'a> Question<'a> {
         };
         let mut masks = masks.map_or_else(open, <[Plane<f32>]>::to_vec);
         hot.close(&mut masks);
-        Ok(Seen { masks, hot, renderer_difference: renderer_difference(&means) })
+        Ok(Seen { masks, hot })
     }
 
     /// A search that compares frames in `masks`.
@@ -67,9 +66,7 @@ impl<'a> Question<'a> {
             evidence: self.evidence,
             masks: &seen.masks,
             base: self.base.clone(),
-            renderer_difference: seen.renderer_difference,
             names: self.names.clone(),
-            smeared: false,
             compression: self.compression,
             shared: self.shared,
         }
@@ -93,23 +90,4 @@ impl<'a> Question<'a> {
         }
         Ok(cover.narrow(forward, promising.iter()))
     }
-}
-
-/// What two correct renderers may differ by, DN: a sampling error at edges. Measured on captures of an independent path
-/// tracer: 0.15 to 0.6 where the mean gradient is 3 to 9 DN a px.
-fn renderer_difference(means: &[Plane<f32>]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for mean in means {
-        for y in 1..mean.height {
-            for x in 1..mean.width {
-                let here = mean.pixel(x, y);
-                let (left, above) = (mean.pixel(x - 1, y), mean.pixel(x, y - 1));
-                for c in 0..3 {
-                    sum += f64::from((here[c] - left[c]).hypot(here[c] - above[c]));
-                    count += 1.0;
-                }
-            }
-        }
-    }
-    0.1 + 0.06 * sum / f64::max(count, 1.0)
 }

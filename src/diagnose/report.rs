@@ -83,7 +83,7 @@ pub struct Gap {
     /// `(before - after) / (before - floor)`, 0 to 1; 0 when there is no gap.
     #[serde(deserialize_with = "figure")]
     pub closed_fraction: f64,
-    /// 95 % interval by block bootstrap over held-out frames.
+    /// 95 % interval by bootstrap over blocks of the picture.
     #[serde(deserialize_with = "pair")]
     pub closed_fraction_ci95: [f64; 2],
     /// Number of held-out frames.
@@ -94,7 +94,7 @@ pub struct Gap {
     /// 95 % interval of `after`.
     #[serde(deserialize_with = "pair")]
     pub after_ci95: [f64; 2],
-    /// Mean absolute difference that two correct renderers may have on these frames, DN: below it nothing is claimed.
+    /// The margin: what two correct simulations may score on these frames, DN. A gap within it is none.
     #[serde(deserialize_with = "figure")]
     pub renderer_difference: f64,
 }
@@ -118,9 +118,12 @@ pub struct EffectFound {
     /// Gap with this effect alone (fitted alone).
     #[serde(deserialize_with = "figure")]
     pub gap_alone: f64,
-    /// Held-out gain of this effect in the set, DN: 95 % interval by block bootstrap.
+    /// Gain of this effect in the set, DN: 95 % interval, from blocks of the picture.
     #[serde(deserialize_with = "pair")]
     pub gain_ci95: [f64; 2],
+    /// Effects that do the same on these frames, within noise and what correct simulations differ by.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub alternatives: Vec<String>,
 }
 
 /// A fitted parameter.

@@ -35,6 +35,16 @@ pub(super) struct Residue {
     pub placed: f64,
 }
 
+/// Correlation of real and simulated pictures below which they show another scene.
+const LEAST_LIKENESS: f64 = 0.3;
+
+impl Residue {
+    /// Whether the frames are of another scene.
+    pub(super) fn shows_another_scene(&self) -> bool {
+        self.likeness < LEAST_LIKENESS
+    }
+}
+
 /// How far off a value is that cannot be chance, DN and standard deviations of its noise.
 const FAR: [f32; 2] = [25.0, 8.0];
 /// Fewest of them that mean anything.
@@ -223,12 +233,6 @@ pub(super) const MOST_SPREAD: f64 = 0.35;
 pub(super) const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
 
 impl NoiseData {
-    /// Whether rows, or a fixed pattern, stand out that the model does not have.
-    pub(super) fn shows(&self, theta: &Theta) -> [bool; 2] {
-        let structure = self.misfit(theta).1;
-        [0, 1].map(|i| structure[i] > MOST_STRUCTURE[i])
-    }
-
     /// See [`Residue::spread`] and [`Residue::structure`].
     pub(super) fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));

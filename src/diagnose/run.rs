@@ -213,7 +213,7 @@ fn show(
         after.iter_mut().for_each(|m| search.judge.hot.put(m));
     }
     let held: Vec<Compared<'_>> = evidence
-        .held_out
+        .report
         .iter()
         .map(|&at| Compared {
             index: evidence.frames[at].index,
@@ -229,7 +229,7 @@ fn show(
     let shown = all.iter().zip(before.into_iter().zip(after)).map(|(&at, (before, after))| Shown {
         index: evidence.frames[at].index,
         start_s: evidence.frames[at].start_s,
-        held_out: evidence.held_out.contains(&at),
+        held_out: evidence.report.contains(&at),
         scores: [scores[0].0[at].score, scores[1].0[at].score],
         real: evidence.frames[at].dn.clone(),
         before,

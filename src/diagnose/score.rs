@@ -1,14 +1,14 @@
 //! The gap as a number: the continuous ranked probability score (CRPS, Gneiting and Raftery 2007) of a real frame under
 //! the simulator's predictive distribution, of pixels and of a fixed bank of linear statistics.
 //!
-//! Without noise the error of a value is its distance to the values that round to the real one, unless the real frames
-//! are dithered: noise makes rounding one more, independent, error of variance 1/12, for models with noise and without.
-//! The distribution of every statistic is taken to be normal with the mean and the spread that the model gives; without
-//! noise the score is the absolute error. Pixels count half, the other families share the rest, so that row noise, fixed
-//! patterns and banding count, which single pixels cannot show.
+//! Real values are whole numbers of DN. What a model predicts of each is a mean and a spread: noise, rounding, and what
+//! two correct simulations may differ by (see [`super::discrepancy`]). A model without noise is no special case: its
+//! spread is that of rounding and of the discrepancy. Every statistic is taken to be normal. Pixels count half, the other
+//! families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
+use super::discrepancy::{REACH, edges, rounded};
 use super::flips::Flips;
 use super::packing::Left;
 use super::tone::{Tone, Variances};
@@ -25,13 +25,32 @@ pub(super) const FAMILIES: [(&str, f64); 7] = [
     ("frame differences", 1.0 / 12.0),
 ];
 
-/// Score of one frame: what the real frame got, and what the model expects of its own frames.
+/// Columns of blocks over the width of a picture: what is in one block is not taken for independent.
+const BLOCKS_ACROSS: usize = 16;
+/// Fewest px of a block's side.
+const FEWEST_PX: usize = 8;
+
+/// What one family of statistics got.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Family {
+    pub score: f64,
+    /// What the model expects of its own frames, as far as the discrepancy goes as a rule.
+    pub expected: f64,
+    /// The same where the discrepancy goes as far as it may.
+    pub bound: f64,
+}
+
+/// Score of one frame: what the real frame got, and what the model expects of its own frames.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct FrameScore {
     pub score: f64,
     pub expected: f64,
+    pub bound: f64,
     /// The same by family, in the order of [`FAMILIES`]; nothing where the frame has no such statistic.
-    pub families: [Option<[f64; 2]>; 7],
+    pub families: [Option<Family>; 7],
+    /// By family: what each block of the picture, then each group of rows and of columns, adds to `score`, `expected` and
+    /// `bound`.
+    pub blocks: [Vec<[f32; 3]>; 7],
 }
 
 /// A frame to be scored.
@@ -40,10 +59,10 @@ pub(super) struct Scored<'a> {
     pub mean: &'a Plane<f32>,
     /// 1 where compared.
     pub mask: Option<&'a Plane<f32>>,
-    /// Whether the real frames are dithered.
-    pub dithered: bool,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
+    /// Variance that compression makes of the discrepancy, DN^2, by block of 8 px; nothing without compression.
+    pub unsettled: Option<&'a [f32]>,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -81,108 +100,168 @@ fn erf_beside(x: f64, bell: f64) -> f64 {
     x.signum() * (1.0 - poly * bell)
 }
 
-/// Mean of scores and of what is expected.
-#[derive(Default)]
-struct Mean {
-    score: f64,
-    expected: f64,
+/// How a picture is cut into blocks.
+#[derive(Clone, Copy)]
+struct Blocks {
+    side: usize,
+    across: usize,
+    down: usize,
+}
+
+impl Blocks {
+    fn of(w: usize, h: usize) -> Self {
+        let side = w.div_ceil(BLOCKS_ACROSS).max(FEWEST_PX);
+        Self { side, across: w.div_ceil(side), down: h.div_ceil(side) }
+    }
+
+    fn at(&self, x: usize, y: usize) -> usize {
+        y / self.side * self.across + x / self.side
+    }
+
+    fn row(&self, y: usize) -> usize {
+        self.across * self.down + y / self.side
+    }
+
+    fn column(&self, x: usize) -> usize {
+        self.across * self.down + self.down + x / self.side
+    }
+
+    fn count(&self) -> usize {
+        self.across * self.down + self.down + self.across
+    }
+}
+
+/// Sums of scores, of what is expected and of how far that may go, by block, and the number.
+struct Sums {
+    blocks: Vec<[f64; 3]>,
     count: f64,
 }
 
-impl Mean {
-    fn add(&mut self, error: f64, variance: f64) {
-        self.score += crps(error, variance);
-        self.expected += expected(variance);
+impl Sums {
+    fn new(blocks: Blocks) -> Self {
+        Self { blocks: vec![[0.0; 3]; blocks.count()], count: 0.0 }
+    }
+
+    /// Adds a statistic with `variance`, of which `discrepancy` is what correct simulations may differ by as a rule.
+    fn add(&mut self, block: usize, error: f64, variance: f64, discrepancy: f64) {
+        let sums = &mut self.blocks[block];
+        sums[0] += crps(error, variance);
+        sums[1] += expected(variance);
+        sums[2] += expected(variance + (REACH * REACH - 1.0) * discrepancy);
         self.count += 1.0;
     }
 
-    fn done(&self) -> Option<[f64; 2]> {
-        (self.count > 0.0).then(|| [self.score / self.count, self.expected / self.count])
+    fn done(&self) -> Option<Family> {
+        let sum = |k: usize| self.blocks.iter().map(|b| b[k]).sum::<f64>() / self.count;
+        (self.count > 0.0).then(|| Family { score: sum(0), expected: sum(1), bound: sum(2) })
+    }
+}
+
+/// What a model says of one value, and how far off it is.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// Real minus mean, DN.
+    error: f32,
+    /// Variance of noise that is new in every value and frame, and of the pattern's, before anything averages it.
+    noise: Variances,
+    /// What of that pixels, bands and lines have.
+    left: Left,
+    /// Variance of rounding beyond that, DN^2.
+    rounding: f32,
+    /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
+    single: f32,
+    common: f32,
+}
+
+fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
+    let mean = frame.mean.data[i];
+    let (noise, left) = if tone.is_noisy() {
+        let noise = tone.spread(mean, i % 3);
+        let left = tone.left(&frame.mean.data[i - i % 3..i - i % 3 + 3], i % 3);
+        let local = frame.flips.map(|f| f.left(frame.real.width, i, noise.free + noise.fixed));
+        (noise, local.unwrap_or(left))
+    } else {
+        (Variances::default(), Left::ALL)
+    };
+    let w = frame.real.width;
+    let unsettled = frame.unsettled.map_or(0.0, |u| u[i / 3 / w / 8 * w.div_ceil(8) + i / 3 % w / 8]);
+    let single = edges[i] + unsettled;
+    let variance = left.pixel * (noise.free + noise.fixed) + single;
+    let whole = rounded(mean, variance + noise.row);
+    Seen {
+        error: frame.real.data[i] - whole.mean,
+        noise,
+        left,
+        rounding: (whole.free - variance - noise.row).max(0.0),
+        single,
+        common: whole.common,
     }
 }
 
 /// Scores a frame; `before` is the frame before it, where that is held out too.
 pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone: &Tone) -> FrameScore {
     let (w, h) = (frame.real.width, frame.real.height);
-    let rounds = !tone.is_noisy() && !frame.dithered;
-    let error_of = |f: &Scored<'_>, i: usize| -> f32 {
-        let error = f.real.data[i] - f.mean.data[i];
-        // Without noise every value that rounds to the real one is right. (Rounding the mean instead would make a
-        // thousandth of gain worth a whole DN wherever a colour lies between two.)
-        if rounds { error.signum() * (error.abs() - 0.5).max(0.0) } else { error }
+    let blocks = Blocks::of(w, h);
+    let all = |f: &Scored<'_>| -> Vec<Option<Seen>> {
+        let edges = edges(f.mean);
+        let open = |i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
+        (0..w * h * 3).map(|i| open(i).then(|| seen(f, tone, &edges, i))).collect()
     };
-    let open = |f: &Scored<'_>, i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
-    // What compression leaves of the noise depends on what is looked at.
-    let noisy = tone.is_noisy();
-    // Rounding to whole DN adds its own 1/12.
-    let rounding = if rounds { 0.0 } else { 1.0 / 12.0 };
-    let at = |i: usize| -> (Variances, Left) {
-        if noisy {
-            let spread = tone.spread(frame.mean.data[i], i % 3);
-            let left = tone.left(&frame.mean.data[i - i % 3..i - i % 3 + 3], i % 3);
-            let local = frame.flips.map(|f| f.left(w, i, spread.free + spread.fixed));
-            (spread, local.unwrap_or(left))
-        } else {
-            (Variances::default(), Left::ALL)
-        }
-    };
-    let part = |v: &Variances, share: f32| -> Variances {
-        Variances { free: v.free * share + rounding, fixed: v.fixed * share, row: v.row }
-    };
-    let mut means: [Mean; 7] = Default::default();
-    for i in (0..w * h * 3).filter(|&i| open(frame, i)) {
-        let (v, left) = at(i);
-        let v = part(&v, left.pixel);
-        means[0].add(error_of(frame, i).into(), (v.free + v.row + v.fixed).into());
+    let values = all(frame);
+    let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
+    for (i, v) in values.iter().enumerate() {
+        let Some(v) = v else { continue };
+        let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
+        let off = v.single + v.common;
+        sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), off.into());
     }
-    bands(w, h, &mut means[1..4], |i| {
-        open(frame, i).then(|| {
-            let (v, left) = at(i);
-            (error_of(frame, i), left.bands.map(|share| part(&v, share)))
-        })
-    });
-    lines(w, h, &mut means[4..6], |i| {
-        open(frame, i).then(|| {
-            let (v, left) = at(i);
-            (error_of(frame, i), left.lines.map(|share| part(&v, share)))
-        })
-    });
+    bands(w, h, blocks, &mut sums[1..4], &values);
+    lines(w, h, blocks, &mut sums[4..6], &values);
     if let Some(before) = before {
-        for i in (0..w * h * 3).filter(|&i| open(frame, i) && open(before, i)) {
-            let (v, left) = at(i);
-            let v = part(&v, left.pixel);
-            let error = error_of(frame, i) - error_of(before, i);
-            means[6].add(error.into(), (2.0 * (v.free + v.row)).into());
+        for (i, (a, b)) in values.iter().zip(all(before)).enumerate() {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
+            let off = a.single + a.common + b.single + b.common;
+            let (block, variance) = (blocks.at(i / 3 % w, i / 3 / w), noise(a) + noise(&b) + off);
+            sums[6].add(block, (a.error - b.error).into(), variance.into(), off.into());
         }
     }
-    let (mut total, mut weight) = (FrameScore::default(), 0.0);
-    for (i, (mean, (_, share))) in means.iter().zip(FAMILIES).enumerate() {
-        total.families[i] = mean.done();
-        if let Some([score, expected]) = total.families[i] {
-            total.score += share * score;
-            total.expected += share * expected;
-            weight += share;
+    together(&sums)
+}
+
+/// The families by their weights.
+fn together(sums: &[Sums; 7]) -> FrameScore {
+    let mut total = FrameScore { families: std::array::from_fn(|i| sums[i].done()), ..FrameScore::default() };
+    let weight: f64 = (0..7).filter(|&i| total.families[i].is_some()).map(|i| FAMILIES[i].1).sum();
+    total.blocks = std::array::from_fn(|i| {
+        let part = FAMILIES[i].1 / weight / sums[i].count.max(1.0);
+        sums[i].blocks.iter().map(|b| b.map(|v| (part * v) as f32)).collect()
+    });
+    for (family, (_, share)) in total.families.iter().zip(FAMILIES) {
+        if let Some(f) = family {
+            total.score += share / weight * f.score;
+            total.expected += share / weight * f.expected;
+            total.bound += share / weight * f.bound;
         }
-    }
-    if weight > 0.0 {
-        total.score /= weight;
-        total.expected /= weight;
     }
     total
 }
 
+/// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise and
+/// rounding, what correct simulations may differ by in single values and in colours.
+type Pooled = [f64; 8];
+
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
-fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, [Variances; 3])>) {
-    // Sum of errors, of row variance (already over the rows), number, and of free variance as each band sees it.
-    let mut level: Vec<[f64; 6]> = (0..w * h * 3)
-        .map(|i| match value(i) {
-            Some((e, v)) => {
-                let [a, b, c] = v.map(|v| f64::from(v.free + v.fixed));
-                [e.into(), v[0].row.into(), 1.0, a, b, c]
-            }
-            None => [0.0; 6],
-        })
-        .collect();
+fn bands(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>]) {
+    let one = |v: &Option<Seen>| match v {
+        Some(v) => {
+            let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
+            let [a, b, c] = v.left.bands.map(free);
+            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, v.single.into(), v.common.into()]
+        }
+        None => [0.0; 8],
+    };
+    let mut level: Vec<Pooled> = values.iter().map(one).collect();
     let (mut w, mut h) = (w, h);
     for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
         let fine = pooled(&level, w, h);
@@ -192,35 +271,32 @@ fn bands(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option
         }
         let coarse = pooled(&fine, w, h);
         let full = (size * size) as f64;
-        for y in 0..h / 2 * 2 {
-            for x in 0..w / 2 * 2 {
-                for c in 0..3 {
-                    let f = fine[(y * w + x) * 3 + c];
-                    let g = coarse[((y / 2) * (w / 2) + x / 2) * 3 + c];
-                    if f[2] < full || g[2] < 4.0 * full {
-                        continue;
-                    }
-                    let error = f[0] / f[2] - g[0] / g[2];
-                    // Three quarters of the variance of a block's mean remain beside the mean over four of them; of
-                    // row noise, which is common to both blocks of a row, one half.
-                    let free = 0.75 * f[3 + band] / (f[2] * f[2]);
-                    let row = 0.5 * f[1] / f[2] / size as f64;
-                    means[band].add(error, free + row);
-                }
+        for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
+            let f = fine[(y * w + x) * 3 + c];
+            let g = coarse[((y / 2) * (w / 2) + x / 2) * 3 + c];
+            if f[2] < full || g[2] < 4.0 * full {
+                continue;
             }
+            let error = f[0] / f[2] - g[0] / g[2];
+            // Three quarters of the variance of a block's mean remain beside the mean over four of them; of row noise,
+            // which is common to both blocks of a row, one half, and as much of a colour's error.
+            let free = 0.75 * f[3 + band] / (f[2] * f[2]);
+            let row = 0.5 * f[1] / f[2] / size as f64;
+            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2];
+            sums[band].add(blocks.at(x * size, y * size), error, free + row + off, off);
         }
         level = fine;
     }
 }
 
-fn pooled(from: &[[f64; 6]], w: usize, h: usize) -> Vec<[f64; 6]> {
-    let mut out = vec![[0.0; 6]; (w / 2) * (h / 2) * 3];
+fn pooled(from: &[Pooled], w: usize, h: usize) -> Vec<Pooled> {
+    let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
                 let value = &from[(y * w + x) * 3 + c];
-                (0..6).for_each(|k| to[k] += value[k]);
+                (0..8).for_each(|k| to[k] += value[k]);
             }
         }
     }
@@ -228,25 +304,27 @@ fn pooled(from: &[[f64; 6]], w: usize, h: usize) -> Vec<[f64; 6]> {
 }
 
 /// Means over rows and over columns.
-fn lines(w: usize, h: usize, means: &mut [Mean], value: impl Fn(usize) -> Option<(f32, [Variances; 2])>) {
-    let mut rows = vec![[0.0f64; 4]; h * 3];
-    let mut columns = vec![[0.0f64; 4]; w * 3];
-    for y in 0..h {
-        for x in 0..w {
-            for c in 0..3 {
-                let Some((e, v)) = value((y * w + x) * 3 + c) else { continue };
-                for (sums, v) in [&mut rows[y * 3 + c], &mut columns[x * 3 + c]].into_iter().zip(v) {
-                    let add = [e, v.free + v.fixed, v.row, 1.0].map(f64::from);
-                    (0..4).for_each(|k| sums[k] += add[k]);
-                }
-            }
+fn lines(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>]) {
+    // Error, variance, row variance, number, what single values and colours may be off by.
+    let mut rows = vec![[0.0f64; 6]; h * 3];
+    let mut columns = vec![[0.0f64; 6]; w * 3];
+    for (i, v) in values.iter().enumerate() {
+        let Some(v) = v else { continue };
+        let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
+        for (line, share) in [&mut rows[y * 3 + c], &mut columns[x * 3 + c]].into_iter().zip(v.left.lines) {
+            let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
+            let add = [v.error, free, v.noise.row, 1.0, v.single, v.common].map(f64::from);
+            (0..6).for_each(|k| line[k] += add[k]);
         }
     }
-    for r in rows.iter().filter(|r| r[3] >= 0.25 * w as f64) {
-        means[0].add(r[0] / r[3], r[1] / (r[3] * r[3]) + r[2] / r[3]);
+    let off = |r: &[f64; 6]| r[4] / (r[3] * r[3]) + r[5] / r[3];
+    for (i, r) in rows.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * w as f64) {
+        let variance = r[1] / (r[3] * r[3]) + r[2] / r[3] + off(r);
+        sums[0].add(blocks.row(i / 3), r[0] / r[3], variance, off(r));
     }
-    for r in columns.iter().filter(|r| r[3] >= 0.25 * h as f64) {
-        means[1].add(r[0] / r[3], (r[1] + r[2]) / (r[3] * r[3]));
+    for (i, r) in columns.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * h as f64) {
+        let variance = (r[1] + r[2]) / (r[3] * r[3]) + off(r);
+        sums[1].add(blocks.column(i / 3), r[0] / r[3], variance, off(r));
     }
 }
 
@@ -284,27 +362,49 @@ mod tests {
         }
     }
 
-    #[test]
-    fn little_noise_lowers_the_score_of_frames_that_have_it() {
-        // 1 DN of spread about values between two whole ones, rounded: without noise in the model its error would be
-        // counted from the nearest half, and no noise of this size could ever gain.
+    /// Values about `mean`, spread by `sigma_dn` and rounded.
+    fn delivered(mean: f32, sigma_dn: f64) -> Plane<f32> {
         let draw = |x: usize, y: usize, c: usize| {
             let bits = crate::chain::rng::random_bits([x as u32, y as u32], c as u32, 7, [1, 2]);
-            bits.iter().map(|b| f64::from(*b) / f64::from(u32::MAX) - 0.5).sum::<f64>() * 3.0_f64.sqrt()
+            let sum = bits.iter().map(|b| f64::from(*b) / f64::from(u32::MAX) - 0.5).sum::<f64>();
+            sigma_dn * sum * 3.0_f64.sqrt()
         };
-        let real = Plane::from_fn(64, 64, |x, y| [0, 1, 2].map(|c| (128.3 + draw(x, y, c) as f32).round()));
-        let mean = Plane::from_fn(64, 64, |_, _| [128.3f32; 3]);
+        Plane::from_fn(64, 64, |x, y| [0, 1, 2].map(|c| (mean + draw(x, y, c) as f32).round()))
+    }
+
+    fn read_noise(sigma_dn: f64) -> Tone {
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
-        let gain = |dithered: bool| {
-            let scored = Scored { real: &real, mean: &mean, mask: None, dithered, flips: None };
-            let [none, right] = [0.0, 1.0 / slope].map(|sigma| {
-                score_frame(&scored, None, &Tone::new(&Theta::neutral().with(P::Read, sigma))).score
-            });
-            1.0 - right / none
-        };
-        assert!(gain(true) > 0.1, "{}", gain(true));
-        // Control: counted from the nearest half.
-        assert!(gain(false) < 0.02, "{}", gain(false));
+        Tone::new(&Theta::neutral().with(P::Read, sigma_dn / slope))
+    }
+
+    #[test]
+    fn little_noise_lowers_the_score_of_frames_that_have_it_and_not_of_others() {
+        // A solid colour between two whole DN: a model without noise expects one whole value everywhere.
+        for mean in [128.0, 128.3, 128.45] {
+            let flat = Plane::from_fn(64, 64, |_, _| [mean; 3]);
+            let gain = |sigma_dn: f64| {
+                let real = delivered(mean, sigma_dn);
+                let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
+                let [none, noisy] = [0.0, 1.0].map(|s| score_frame(&scored, None, &read_noise(s)).score);
+                1.0 - noisy / none
+            };
+            assert!(gain(1.0) > 0.1, "{mean}: {}", gain(1.0));
+            assert!(gain(0.0) < 0.0, "control, {mean}: {}", gain(0.0));
+        }
+    }
+
+    #[test]
+    fn frames_of_the_model_itself_score_what_it_expects() {
+        for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
+            let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
+            let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
+            let seen =
+                score_frame(&scored, None, &read_noise(sigma_dn)).families[0].expect("pixels are there");
+            assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
+            let wrong =
+                score_frame(&scored, None, &read_noise(0.5 * sigma_dn)).families[0].expect("as above");
+            assert!(wrong.score > 1.1 * wrong.expected, "control: {wrong:?}");
+        }
     }
 
     #[test]
@@ -312,14 +412,14 @@ mod tests {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None, dithered: false, flips: None };
+        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, unsettled: None };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
         let (white, row) = (score_frame(&scored, None, &white), score_frame(&scored, None, &row));
         assert!(row.score < 0.95 * white.score, "{row:?} {white:?}");
         // The family that it is about tells clearly; single pixels cannot tell at all.
-        let family = |s: &FrameScore, i: usize| s.families[i].expect("there")[0];
+        let family = |s: &FrameScore, i: usize| s.families[i].expect("there").score;
         assert!(family(&row, 4) < 0.8 * family(&white, 4), "{row:?} {white:?}");
         assert!((family(&row, 0) / family(&white, 0) - 1.0).abs() < 0.02, "{row:?} {white:?}");
     }

@@ -10,13 +10,14 @@ use super::fit::{
 };
 use super::flicker::is_periodic;
 use super::forward::{Forward, Quality};
+use super::intervals::Slopes;
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
-use super::normal::{linearise, screened};
+use super::normal::screened;
 use super::residue::Residue;
 use super::starts::{best_starts, is_hopeful};
-use super::support::{LEAST_SHARE, mixes_pixels};
+use super::support::mixes_pixels;
 use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
@@ -27,9 +28,6 @@ const MOST_EFFECTS: usize = 6;
 const SHORTLIST: usize = 4;
 /// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time.
 const BENT: [&str; 2] = ["time_offset", "rolling_shutter"];
-/// Candidates that cost renders are fitted if they promise this part of what they must gain: slopes at hard edges are spread
-/// over more pixels than differences, and gains were up to five times what had been promised.
-const HOPE: f64 = 0.2;
 /// Candidates that promise less than this share of what the best one promises wait, if that one closes nearly all.
 const LITTLE: f64 = 0.25;
 /// What share of a gap, counted from the floor, is nearly all of it.
@@ -67,9 +65,8 @@ pub(super) struct Found {
     pub more: Vec<P>,
     /// What is left on held-out frames.
     pub residue: Residue,
-    /// What renders of four and of sixteen samples differ by behind all effects, or colours that are a tenth of a DN apart, DN:
-    /// compression widens it.
-    pub sampling_dn: f64,
+    /// By member of the set: effects that do the same on these frames.
+    pub alternatives: BTreeMap<&'static str, Vec<&'static str>>,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
 }
@@ -78,6 +75,16 @@ impl Found {
     /// Continuous parameters that fits of the set free.
     pub(super) fn free(&self) -> Vec<P> {
         Search::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
+    }
+}
+
+impl Found {
+    /// Takes back all effects.
+    pub(super) fn clear(&mut self, base: &Theta) {
+        self.set.clear();
+        self.fit.theta = base.clone();
+        self.fit.half.clear();
+        self.after = self.before.clone();
     }
 }
 
@@ -90,12 +97,8 @@ pub(super) struct Search<'a> {
     pub masks: &'a [Plane<f32>],
     /// The camera as given.
     pub base: Theta,
-    /// What two correct renderers may differ by, DN.
-    pub renderer_difference: f64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
-    /// Whether what a set left was smeared along the motion, see [`super::smear`].
-    pub smeared: bool,
     /// The quality of the compression that the frames show to have behind them, where that is a candidate.
     pub compression: Option<u8>,
     /// The scheme by which the frames show pixels to share their colour, where that is a candidate.
@@ -263,7 +266,7 @@ impl<'a> Search<'a> {
         }
         let was = self.cost(theta, &last, &weighing)?;
         // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
-        if cost > was * (1.0 - 0.5 * LEAST_SHARE) || !moves(candidate) {
+        if cost >= was || !moves(candidate) {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
         self.refit(&joint, &start, FINE)
@@ -295,9 +298,9 @@ impl<'a> Search<'a> {
             } else if self.late() {
                 break;
             } else {
-                self.round(watch, &set, &current, [&before, &scores], &mut late)?
+                self.round(watch, &set, &current, &scores, &mut late)?
             };
-            let Some((name, fit, _)) = self.choose(&before, &scores, options) else { break };
+            let Some((name, fit, _)) = self.choose(&current.theta.clone(), &scores, options)? else { break };
             set.push(name);
             let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
             // The noise shows better now.
@@ -305,10 +308,8 @@ impl<'a> Search<'a> {
             let better = self.judge.scores(self.forward, &current.theta)?;
             tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
             scores = better;
-            self.prune(&before, &mut set, &mut current, &mut scores)?;
+            self.prune(&mut set, &mut current, &mut scores)?;
         }
-        self.simplify(&before, &mut set, &mut current, &mut scores)?;
-        self.one_number_for_two(&mut set, &mut current, &mut scores)?;
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let mut found = Found {
@@ -319,7 +320,7 @@ impl<'a> Search<'a> {
             after: scores,
             more: Vec::new(),
             residue: Residue::default(),
-            sampling_dn: 0.0,
+            alternatives: BTreeMap::new(),
             late,
         };
         self.finish(&mut found, watch)?;
@@ -404,7 +405,7 @@ impl<'a> Search<'a> {
         watch: &mut dyn Watch,
         set: &[&'static str],
         current: &Fit,
-        [before, now]: [&Scores; 2],
+        now: &Scores,
         late: &mut Vec<&'static str>,
     ) -> Result<Vec<Tried>> {
         let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
@@ -412,9 +413,7 @@ impl<'a> Search<'a> {
         let (smooth, rest): (Vec<_>, Vec<_>) = left.into_iter().partition(|n| !is_discrete(candidate_of(n)));
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
-        let least = self.least_share(before, now);
-        let mut ranked = self.shortlist(set, current, &smooth)?;
-        ranked.retain(|&(name, promised)| !moves(candidate_of(name)) || promised > HOPE * least);
+        let ranked = self.shortlist(set, current, &smooth)?;
         let mut out: Vec<Tried> = Vec::new();
         for &(name, promised) in &ranked {
             let little = promised < LITTLE * ranked[0].1;
@@ -473,46 +472,56 @@ impl<'a> Search<'a> {
         all.sort();
         all.dedup();
         let level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
-        let frames = spread_out(self.fit_frames(), level.frames);
         let (target, probe) = (self.target(), probe(&current.theta));
-        let e = linearise(self.forward, target, &frames, &probe, &all, &level, None)?;
-        let gains = screened(&e, &all, &held, &groups);
+        let slopes = Slopes::at(self.forward, target, self.fit_frames(), &probe, &all, &level)?;
+        let gains = screened(slopes.equations(), &all, &held, &groups);
         let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        // Where the model is linear enough to be asked: what promises nothing is not rendered for.
-        let worth = ranked.into_iter().take(SHORTLIST).filter(|r| r.1 > 0.25 * LEAST_SHARE);
-        Ok(worth.collect())
+        // What one step would not move beyond chance and discrepancy is not rendered for.
+        ranked.retain(|(name, _)| self.would_move(&slopes, &all, &held, candidate_of(name)));
+        ranked.truncate(SHORTLIST);
+        tracing::info!("worth a fit: {ranked:?}");
+        Ok(ranked)
+    }
+
+    /// Whether a step from none would move a parameter of a candidate by more than its interval.
+    fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
+        let e = slopes.equations();
+        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| e.a[i][i] > 0.0);
+        let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
+        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own.iter().copied()).collect();
+        of.sort_unstable();
+        of.dedup();
+        let Some(precision) = slopes.precision(&of) else { return true };
+        let beyond = |(k, i): (usize, &usize)| own.contains(i) && precision.step[k].abs() > precision.half[k];
+        of.iter().enumerate().any(beyond)
     }
 
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
     fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         if !found.set.is_empty() {
-            self.look_for_smear(found)?;
             self.tune_choices(found)?;
+            self.exchange(found)?;
             self.free_more(found)?;
             self.refit_to_the_end(found)?;
             self.tune_choices(found)?;
             self.sharpen(found)?;
-            self.veil_or_black(found)?;
         }
         watch.step("noise");
         self.judge.quality = finest_of(&found.fit.theta);
         self.prune_finely(found)?;
-        self.drop_insignificant(found)?;
         self.judge.quality = Quality::Fine;
         self.forward.native = true;
-        found.before = self.judge.scores(self.forward, &self.base.clone())?;
         self.choose_noise(found)?;
-        if self.drop_insignificant(found)? {
-            self.choose_noise_anew(found)?;
-        }
         self.prune_beside_noise(found)?;
         self.look_at_the_rest(found)?;
         watch.step("intervals");
         self.mean_intervals(found)?;
         watch.step("scores");
-        found.after = self.judge.scores(self.forward, &found.fit.theta)?;
+        let report = &self.evidence.report;
+        found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
+        found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
         Ok(())
     }
 }
@@ -552,7 +561,7 @@ pub(super) fn moves(candidate: &CandidateSpec) -> bool {
 }
 
 /// `theta` moved off the places where a parameter has no slope because its partner is neutral.
-fn probe(theta: &Theta) -> Theta {
+pub(super) fn probe(theta: &Theta) -> Theta {
     let mut probe = theta.clone();
     if !theta.is_on(P::Sharpen) {
         probe.set(P::Radius, 1.0);

@@ -4,16 +4,9 @@
 //! Slopes of the real picture are compared with those of the simulated one, once along the motion and once across it, by the
 //! factor that takes the latter to the former. Noise does not move such a factor, and another pixel filter moves both alike.
 
-use std::iter;
-
 use super::evidence::Evidence;
-use super::fit::{DETAILS, Fit};
-use super::forward::Quality;
-use super::judge::Scores;
-use super::model::{P, Theta, candidate_of};
-use super::search::{Found, Search};
-use super::support::{LEAST_DIFFERENCE, damped, restored};
-use crate::error::Result;
+use super::model::{Theta, candidate_of};
+use super::search::Search;
 use crate::plane::Plane;
 
 /// Share of the fastest speed (of the fastest tenth) from which on a place counts.
@@ -28,13 +21,6 @@ const FEWEST: usize = 12;
 const MOST_SMEAR: f64 = 0.015;
 /// See [`MOST_SMEAR`].
 const SMEAR_ERRORS: f64 = 4.0;
-/// Share of the slopes' lack that an exposure may leave which explains it.
-const CURED: f64 = 0.4;
-/// Share of what a delay leaves that an exposure in its place must be worth; and where slopes lack too, if not by
-/// [`MOST_SMEAR`].
-const CLEARLY: [f64; 2] = [0.15, 0.05];
-/// Share of [`MOST_SMEAR`] that is a hint: more than renderers differ by.
-const HINT: f64 = 0.4;
 
 /// By how much less of the slopes there is along the motion than across it, as a factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,118 +34,9 @@ impl Smear {
     pub(super) fn is_clear(self) -> bool {
         self.lack.abs() > MOST_SMEAR && self.lack.abs() > SMEAR_ERRORS * self.standard_error
     }
-
-    /// The real picture lacks slopes by little, but not by chance.
-    fn is_hint(self) -> bool {
-        self.lack > HINT * MOST_SMEAR && self.lack > SMEAR_ERRORS * self.standard_error
-    }
-
-    /// The real picture lacks slopes along the motion: an exposure is missing or too short.
-    pub(super) fn is_missing(self) -> bool {
-        self.lack > 0.0 && self.is_clear()
-    }
 }
 
 impl Search<'_> {
-    /// Tries an exposure where what the set leaves is smeared along the motion: beside a large gap that is too little to be
-    /// a share of it. A time offset may have taken the delay of its middle for its own, and sharpening hides it: each is
-    /// tried together with it.
-    pub(super) fn look_for_smear(&mut self, found: &mut Found) -> Result<()> {
-        let asked = self.names.contains(&"motion_blur") && !found.set.contains(&"motion_blur");
-        if !asked {
-            return Ok(());
-        }
-        // What few samples miss of an exposure hides what it explains.
-        let quality = std::mem::replace(&mut self.judge.quality, Quality::Finest);
-        let done = self.exposed(found);
-        self.judge.quality = quality;
-        done
-    }
-
-    fn exposed(&mut self, found: &mut Found) -> Result<()> {
-        let frames = self.evidence.fit.clone();
-        let means = self.forward.simulate(&frames, &found.fit.theta, Quality::Fine)?;
-        let smear = self.smear(&frames, &means, &found.fit.theta).unwrap_or_default();
-        tracing::info!("along the motion: {smear:?}");
-        if !smear.is_missing() {
-            return self.blur_for_delay(found, smear.is_hint());
-        }
-        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
-        let mut best: Option<(Vec<&'static str>, Fit, Scores)> = None;
-        let as_is = (found.set.clone(), found.fit.theta.clone());
-        for (set, theta) in iter::once(as_is).chain(self.without_delay(found)) {
-            for (set, fit) in self.with_exposure(set, &theta)? {
-                let now = self.judge.scores(self.forward, &fit.theta)?;
-                tracing::info!(
-                    "smeared along the motion; {set:?}: {:.3} to {:.3} DN",
-                    was.mean(),
-                    now.mean()
-                );
-                if best.as_ref().is_none_or(|b| now.mean() < b.2.mean()) {
-                    best = Some((set, fit, now));
-                }
-            }
-        }
-        let Some((set, fit, now)) = best else { return Ok(()) };
-        let (gain, [low, _]) = self.judge.gain(&was, &now);
-        let means = self.forward.simulate(&frames, &fit.theta, Quality::Finest)?;
-        let left = self.smear(&frames, &means, &fit.theta).unwrap_or_default();
-        tracing::info!("along the motion then: {left:?}");
-        let cured = left.lack.abs() < CURED * smear.lack;
-        if low > 0.0 && (cured || gain > damped(LEAST_DIFFERENCE * self.renderer_difference, now.floor())) {
-            self.smeared = true;
-            (found.set, found.fit) = (set, fit);
-        }
-        Ok(())
-    }
-
-    /// Puts an exposure in the place of a delay where that is clearly better: of a slow motion's blur little more than the
-    /// delay of its middle shows.
-    fn blur_for_delay(&mut self, found: &mut Found, hinted: bool) -> Result<()> {
-        let Some((mut set, theta)) = self.without_delay(found) else { return Ok(()) };
-        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
-        let blurred = self.add(candidate_of("motion_blur"), &set, &theta)?;
-        let now = self.judge.scores(self.forward, &blurred.theta)?;
-        let (gain, [low, _]) = self.judge.gain(&was, &now);
-        tracing::info!("an exposure for a delay: {:.4} to {:.4} DN", was.mean(), now.mean());
-        let least = CLEARLY[usize::from(hinted)];
-        if low > 0.0 && gain > least * (was.mean() - was.floor()).max(0.0) {
-            set.push("motion_blur");
-            (found.set, found.fit) = (set, blurred);
-        }
-        Ok(())
-    }
-
-    /// Where the set delays everything: without that delay but with an exposure whose middle is as late.
-    fn without_delay(&self, found: &Found) -> Option<(Vec<&'static str>, Theta)> {
-        let theta = &found.fit.theta;
-        let delay_s = theta.get(P::Offset) - self.base.get(P::Offset);
-        if !found.set.contains(&"time_offset") || delay_s <= 0.0 {
-            return None;
-        }
-        let set = found.set.iter().copied().filter(|n| *n != "time_offset").collect();
-        let exposure_s = theta.get(P::Exposure) + 2.0 * delay_s;
-        Some((set, restored(theta, &self.base, candidate_of("time_offset")).with(P::Exposure, exposure_s)))
-    }
-
-    /// The set with an exposure, and with an exposure and sharpening.
-    fn with_exposure(
-        &mut self,
-        mut set: Vec<&'static str>,
-        theta: &Theta,
-    ) -> Result<Vec<(Vec<&'static str>, Fit)>> {
-        let blurred = self.add(candidate_of("motion_blur"), &set, theta)?;
-        set.push("motion_blur");
-        let mut out = vec![(set.clone(), blurred.clone())];
-        if self.names.contains(&"sharpening") && !set.contains(&"sharpening") {
-            let start = self.add(candidate_of("sharpening"), &set, &blurred.theta)?;
-            set.push("sharpening");
-            let fit = self.refit(&set, &start.theta, DETAILS)?;
-            out.push((set, Fit { theta: self.with_noise(&fit.theta)?, half: fit.half }));
-        }
-        Ok(out)
-    }
-
     /// See [`super::smear`].
     pub(super) fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<Smear> {
         let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
@@ -273,12 +150,12 @@ mod tests {
     #[test]
     fn a_blur_along_the_motion_is_told_and_one_in_all_directions_is_not() {
         let along = seen(picture([3, 1], 7), [300.0, 0.0]);
-        assert!(along.is_missing() && along.lack > 0.1, "{along:?}");
+        assert!(along.is_clear() && along.lack > 0.1, "{along:?}");
         let across = seen(picture([3, 1], 7), [0.0, 300.0]);
-        assert!(across.is_clear() && !across.is_missing(), "the other way: {across:?}");
+        assert!(across.is_clear() && across.lack < 0.0, "the other way: {across:?}");
         for blur in [1, 2] {
             let none = seen(picture([blur, blur], 7), [300.0, 0.0]);
-            assert!(!none.is_missing() && none.lack.abs() < 0.05, "control {blur}: {none:?}");
+            assert!(!none.is_clear() && none.lack.abs() < 0.05, "control {blur}: {none:?}");
         }
     }
 }

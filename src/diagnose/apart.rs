@@ -1,0 +1,130 @@
+//! Whether one model explains the frames better than another by more than chance and the discrepancy can make.
+//!
+//! The pictures of two models differ by some picture. The real frames lie somewhere on the way from one to the other: at 0
+//! if the first is right, at 1 if the second is. How well that place is known follows from the noise and from what two correct
+//! simulations may differ by. Two models whose difference is no larger than that are not told apart, whatever they score.
+
+use std::sync::Arc;
+
+use super::discrepancy::FILTER_PX2;
+use super::fit::{Level, hide, pooled, residual, weighing_of};
+use super::forward::Quality;
+use super::intervals::{Way, way};
+use super::judge::{Scores, family_gain, gain, quantile};
+use super::model::{PARAMETERS, Theta, candidate_of};
+use super::noise::NoiseData;
+use super::normal::{FrameValues, assemble, gradient_dn, value_keys};
+use super::score::FAMILIES;
+use super::search::{Search, is_discrete};
+use super::tone::Tone;
+use crate::error::Result;
+use crate::plane::Plane;
+
+/// Where pictures are compared.
+const LEVEL: Level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
+
+impl Search<'_> {
+    /// How many candidates are looked at.
+    pub(super) fn tests(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Whether `better` explains the frames to choose by better than `worse`: it scores better beyond chance, and the pictures
+    /// lie on its side by more than the discrepancy.
+    pub(super) fn prefers(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        let scores = [worse, better].map(|t| self.judge.scores(self.forward, t));
+        let [a, b] = scores;
+        let (a, b) = (a?, b?);
+        Ok(self.gains(&a, &b) && self.is_on_its_side(worse, better)?)
+    }
+
+    /// Whether a gain is beyond chance: in the whole score, or in a family of statistics that the rest says nothing of.
+    pub(super) fn gains(&self, worse: &Scores, better: &Scores) -> bool {
+        let whole = gain(worse, better);
+        let family = |f: usize| family_gain(worse, better, f).is_above(self.tests() * FAMILIES.len());
+        whole.is_above(self.tests()) || (whole.value > 0.0 && (0..FAMILIES.len()).any(family))
+    }
+
+    /// Whether `better`'s noise explains the frames better than `worse`'s, of models that differ in nothing else. `data`: what the
+    /// frames to choose by show of noise.
+    pub(super) fn prefers_noise(&mut self, data: &NoiseData, worse: &Theta, better: &Theta) -> Result<bool> {
+        let [a, b] = [worse, better].map(|t| self.judge.scores(self.forward, t));
+        let needed = 0.5 * quantile(self.tests());
+        let told = data.way(worse, better).is_none_or(|way| {
+            tracing::info!("noise: {:.3} of the way, half width {:.3}", way.share, way.half);
+            way.share > needed * way.half
+        });
+        Ok(told && self.gains(&a?, &b?))
+    }
+
+    fn is_on_its_side(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        if self.shows_otherwise(worse, better) {
+            return Ok(true);
+        }
+        let Some(way) = self.way(worse, better)? else { return Ok(true) };
+        // Half widths are two standard errors.
+        let needed = 0.5 * quantile(self.tests());
+        tracing::debug!("{:.3} of the way, half width {:.3}", way.share, way.half);
+        Ok(way.share > needed * way.half)
+    }
+
+    /// Whether an effect that only one of two models has shows otherwise than in the mean: in how it spreads noise over
+    /// neighbours, or in the values themselves.
+    fn shows_otherwise(&self, a: &Theta, b: &Theta) -> bool {
+        let noisy = [a, b].iter().any(|t| Tone::new(t).is_noisy());
+        let differs = |i: usize| a.differs(b, i) && (a.is_neutral(i) || b.is_neutral(i));
+        let shows = |name: &str| self.is_known(name) || (noisy && is_discrete(candidate_of(name)));
+        PARAMETERS.iter().enumerate().any(|(i, p)| differs(i) && shows(p.effect))
+    }
+
+    /// Where the real frames lie between the pictures of two models; nothing where these differ by noise alone.
+    fn way(&mut self, from: &Theta, to: &Theta) -> Result<Option<Way>> {
+        let other = |p: &&super::model::ParameterSpec| !candidate_of(p.effect).noise;
+        let differ =
+            PARAMETERS.iter().enumerate().filter(|(_, p)| other(p)).any(|(i, _)| from.differs(to, i));
+        if !differ && from.scan_order == to.scan_order {
+            return Ok(None);
+        }
+        let frames = &self.evidence.choose;
+        let target = self.target();
+        let pictures = [from, to].map(|t| self.forward.simulate(frames, t, self.judge.quality));
+        let [from_dn, to_dn] = pictures;
+        let (from_dn, to_dn) = (from_dn?, to_dn?);
+        // What few samples a pixel miss of its area looks like a filter too.
+        let filter_px2 = if self.judge.quality <= Quality::Fit { 2.0 * FILTER_PX2 } else { FILTER_PX2 };
+        let one = |(i, &at): (usize, &usize)| -> FrameValues {
+            let (a, b) = (&from_dn[i], &to_dn[i]);
+            let pooled = |mut d: Vec<f32>| {
+                hide(target, at, &mut d);
+                pooled(&d, a.width, a.height, LEVEL.block)
+            };
+            let differs = b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
+            let columns = vec![pooled(differs), pooled(wider(a, filter_px2))];
+            (residual(target, at, a, LEVEL.block), columns, value_keys(a, LEVEL.block))
+        };
+        let values: Vec<FrameValues> = frames.iter().enumerate().map(one).collect();
+        let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
+        let weighing = Arc::new(weighing_of(self.forward, frames, from, &LEVEL, 1.0)?.chosen(&residuals));
+        let mut e = assemble(values, 2, weighing);
+        e.gradient_dn = gradient_dn(&from_dn[0]);
+        let columns_px = self.forward.intrinsics.width as usize / LEVEL.block;
+        let moves = PARAMETERS.iter().enumerate().any(|(i, _)| from.differs(to, i) && Theta::moves(i));
+        Ok(way(e, columns_px, LEVEL.block, moves))
+    }
+}
+
+/// What a filter of so much more variance adds to a picture.
+fn wider(mean: &Plane<f32>, filter_px2: f64) -> Vec<f32> {
+    let (w, h) = (mean.width, mean.height);
+    let mut out = Vec::with_capacity(mean.data.len());
+    for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+        let (up, down) = (y.saturating_sub(1), (y + 1).min(h - 1));
+        let (left, right) = (x.saturating_sub(1), (x + 1).min(w - 1));
+        for c in 0..3 {
+            let at = |x: usize, y: usize| mean.data[3 * (y * w + x) + c];
+            let bend = at(left, y) + at(right, y) + at(x, up) + at(x, down) - 4.0 * at(x, y);
+            out.push(0.5 * filter_px2 as f32 * bend);
+        }
+    }
+    out
+}

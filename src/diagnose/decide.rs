@@ -1,0 +1,166 @@
+//! The decision: what was measured goes in, a verdict comes out. Nothing is rendered, fitted or scored here.
+
+use super::judge::Scores;
+use super::model::{P, candidate_of};
+use super::report::Verdict;
+use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
+use super::score::FAMILIES;
+use super::search::{Found, Search};
+
+/// Share of the slopes' places where single values are far off, where correct renderers have none.
+const MOST_OUTLIERS: f64 = 1e-4;
+/// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only resemble.
+///
+/// Measured: a gain and a white balance close 93 % of a gamma's gap (withheld captures of seeds up to 606).
+const RESEMBLED: f64 = 0.97;
+/// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the picture is
+/// explained altogether.
+const NAMED: [f64; 2] = [0.75, 0.2];
+/// That part: share of the gap that lies in blocks in which nearly nothing of it is left.
+const SOLVED: f64 = 0.15;
+/// Share of the displacement that must be gone for effects to be named that move photographs by a camera at rest.
+const PLACED: f64 = 0.75;
+
+/// What a decision is made of.
+pub(super) struct Facts {
+    /// Whether anything is named.
+    pub any: bool,
+    /// Checks that what is left has not passed, in words.
+    pub failed: Vec<&'static str>,
+    /// Share of the gap that is closed.
+    pub closed: f64,
+    /// Share of the gap that lies where it is closed altogether.
+    pub solved: f64,
+    /// Whether everything has come to lie where it should, before a camera at rest.
+    pub placed: bool,
+    /// Whether a fit has run to the end of a parameter's range: it wanted to be something else.
+    pub bounded: bool,
+    /// Whether the frames show another scene.
+    pub elsewhere: bool,
+}
+
+/// A verdict, and whether the effects found are named.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Decision {
+    pub verdict: Verdict,
+    pub names: bool,
+    /// Checks that failed, for the sentence.
+    pub failed: Vec<&'static str>,
+}
+
+/// The whole of the decision.
+pub(super) fn decide(facts: &Facts) -> Decision {
+    let failed = facts.failed.clone();
+    let say = |verdict, names| Decision { verdict, names, failed: failed.clone() };
+    let beside = facts.closed >= NAMED[1] && (facts.solved >= SOLVED || facts.placed);
+    let named = facts.any && (facts.closed >= NAMED[0] || beside);
+    if facts.elsewhere {
+        say(Verdict::UnknownEffect, false)
+    } else if !facts.any {
+        say(if failed.is_empty() { Verdict::NoGap } else { Verdict::UnknownEffect }, false)
+    } else if failed.is_empty() && !facts.bounded {
+        say(Verdict::Explained, true)
+    } else if named && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded)) {
+        say(Verdict::PartlyExplained, true)
+    } else {
+        say(Verdict::UnknownEffect, named && !facts.bounded)
+    }
+}
+
+impl Facts {
+    /// Of a finished search.
+    pub(super) fn of(search: &Search<'_>, found: &Found) -> Self {
+        let moves = found.set.iter().any(|n| super::search::moves(candidate_of(n)));
+        let (before, after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
+        Self {
+            any: !found.set.is_empty(),
+            failed: failed(search, found),
+            closed: super::judge::closed_fraction(before, after, floor),
+            solved: found.residue.solved,
+            placed: search.forward.static_camera && moves && found.residue.placed >= PLACED,
+            bounded: ends_at_a_bound(found),
+            elsewhere: found.residue.shows_another_scene(),
+        }
+    }
+}
+
+/// Checks of what the model leaves: each asks for more than chance and the discrepancy can make.
+fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
+    let left = &found.residue;
+    let mut failed = beyond_bounds(&found.after);
+    if left.smear.is_clear() {
+        failed.push("slopes along the motion");
+    }
+    if left.spread > MOST_SPREAD {
+        failed.push("the spread of single values");
+    }
+    if left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot) {
+        failed.push("single values far off");
+    }
+    for (i, words) in ["noise of rows", "a fixed pattern"].into_iter().enumerate() {
+        if left.structure[i] > MOST_STRUCTURE[i] {
+            failed.push(words);
+        }
+    }
+    tracing::info!("checks that failed: {failed:?} of {} candidates' set {:?}", search.tests(), found.set);
+    failed
+}
+
+/// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may.
+fn beyond_bounds(scores: &Scores) -> Vec<&'static str> {
+    let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
+        let excess = scores.excess(f);
+        tracing::info!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
+        excess.is_above(FAMILIES.len()).then_some(*name)
+    };
+    FAMILIES.iter().enumerate().filter_map(beyond).collect()
+}
+
+/// Whether a fit has run to the end of what a parameter may be.
+fn ends_at_a_bound(found: &Found) -> bool {
+    found.free().into_iter().any(|p| {
+        let value = found.fit.theta.get(p);
+        // Light of a veil may well be black or white, and an effect may be none.
+        p != P::Level && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn facts() -> Facts {
+        let (closed, solved) = (1.0, 1.0);
+        Facts {
+            any: true,
+            failed: Vec::new(),
+            closed,
+            solved,
+            placed: false,
+            bounded: false,
+            elsewhere: false,
+        }
+    }
+
+    #[test]
+    fn a_set_explains_if_nothing_is_left_and_not_otherwise() {
+        assert_eq!(decide(&facts()).verdict, Verdict::Explained);
+        let left = |closed: f64| decide(&Facts { failed: vec!["rows"], closed, ..facts() });
+        assert_eq!(left(0.99).verdict, Verdict::PartlyExplained);
+        assert_eq!(left(0.93).verdict, Verdict::UnknownEffect);
+        assert!(
+            left(0.93).names
+                && !decide(&Facts { solved: 0.0, ..Facts { failed: vec!["rows"], closed: 0.5, ..facts() } })
+                    .names
+        );
+        assert_eq!(decide(&Facts { bounded: true, ..facts() }).verdict, Verdict::UnknownEffect);
+    }
+
+    #[test]
+    fn nothing_named_is_no_gap_only_if_every_check_passes() {
+        let empty = |failed: Vec<&'static str>| decide(&Facts { any: false, failed, closed: 0.0, ..facts() });
+        assert_eq!(empty(Vec::new()).verdict, Verdict::NoGap);
+        assert_eq!(empty(vec!["pixels"]).verdict, Verdict::UnknownEffect);
+        assert_eq!(decide(&Facts { elsewhere: true, ..facts() }).verdict, Verdict::UnknownEffect);
+    }
+}
