@@ -1,9 +1,8 @@
 //! The decision: what was measured goes in, a verdict comes out. Nothing is rendered, fitted or scored here.
 
-use super::judge::Scores;
+use super::judge::{Scores, quantile};
 use super::model::{P, candidate_of};
 use super::report::Verdict;
-use super::residue::{MOST_SPREAD, MOST_STRUCTURE};
 use super::score::FAMILIES;
 use super::search::{Found, Search};
 
@@ -91,17 +90,12 @@ fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
     if left.smear.is_clear() {
         failed.push("slopes along the motion");
     }
-    if left.spread > MOST_SPREAD {
-        failed.push("the spread of single values");
-    }
     if left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot) {
         failed.push("single values far off");
     }
-    for (i, words) in ["noise of rows", "a fixed pattern"].into_iter().enumerate() {
-        if left.structure[i] > MOST_STRUCTURE[i] {
-            failed.push(words);
-        }
-    }
+    let noise = ["the spread of single values", "noise of rows", "a fixed pattern"];
+    let beyond = |(z, words): (&f64, &'static str)| (*z > quantile(noise.len())).then_some(words);
+    failed.extend(left.noise.iter().zip(noise).filter_map(beyond));
     tracing::info!("checks that failed: {failed:?} of {} candidates' set {:?}", search.tests(), found.set);
     failed
 }

@@ -30,6 +30,14 @@ pub(super) const PLACE_PX: f64 = 0.01;
 ///
 /// Measured: where nothing is hidden a blur of 0.28 to 0.30 px lowers the score most (d08, withheld captures).
 pub(super) const FILTER_PX2: f64 = 0.09;
+/// Error of a variance of noise, as a part of it: clipping, bins of finite width, what is not flat.
+///
+/// Measured: variances of noise of known strength (`diagnose::noise` tests) come out within 7 %.
+pub(super) const SPREAD_ERROR: f32 = 0.05;
+/// The same where neighbours are mixed behind the noise: their correlation is known on average only.
+///
+/// Measured: floors behind a Bayer pattern were 8 % below what the true parameters score (withheld captures).
+pub(super) const MIXED_ERROR: f32 = 0.1;
 /// The discrepancy may reach so many of its standard deviations before it is called a gap.
 pub(super) const REACH: f64 = 2.0;
 

@@ -225,31 +225,48 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Variance that compression makes of a colour's error, by frame and block of 8 px: a coefficient near a threshold of the
-/// quantizer goes the other way. Nothing without compression.
+/// Variance that compression makes of a colour's error, by frame and block of 8 px, of the whole block and within it: a
+/// coefficient near a threshold of the quantizer goes the other way. Nothing without compression.
 fn unsettled(
     forward: &mut Forward,
     frames: &[usize],
     theta: &Theta,
     quality: Quality,
     means: &[Plane<f32>],
-) -> Result<Vec<Vec<f32>>> {
+) -> Result<Vec<Vec<[f32; 2]>>> {
     if !theta.is_on(P::Quality) {
         return Ok(Vec::new());
     }
     // At half of the range a gain of so much moves a value by the error of a colour.
     let factor = 1.0 + COLOUR_DN / 64.0;
-    let brighter = forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
-    let of_frame = |(a, b): (&Plane<f32>, &Plane<f32>)| {
+    let mut others =
+        vec![forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?];
+    if quality > Quality::Fit {
+        // What few samples a pixel make of an edge stands for what another renderer does.
+        others.push(forward.simulate(frames, theta, Quality::Fit)?);
+    }
+    let of_frame = |a: &Plane<f32>, b: &Plane<f32>| -> Vec<[f32; 2]> {
         let across = a.width.div_ceil(8);
-        let mut sums = vec![[0.0f32; 2]; across * a.height.div_ceil(8)];
-        for (i, (a, b)) in a.data.iter().zip(&b.data).enumerate() {
-            let sum = &mut sums[i / 3 / (means[0].width) / 8 * across + i / 3 % means[0].width / 8];
-            *sum = [sum[0] + (a - b).powi(2), sum[1] + 1.0];
+        let mut sums = vec![[0.0f32; 3]; across * a.height.div_ceil(8)];
+        for (i, (x, y)) in a.data.iter().zip(&b.data).enumerate() {
+            let sum = &mut sums[i / 3 / a.width / 8 * across + i / 3 % a.width / 8];
+            *sum = [sum[0] + x - y, sum[1] + (x - y).powi(2), sum[2] + 1.0];
         }
-        sums.into_iter().map(|[s, n]| s / n.max(1.0)).collect()
+        let parts = |[sum, square, n]: [f32; 3]| {
+            let whole = (sum / n.max(1.0)).powi(2);
+            [whole, (square / n.max(1.0) - whole).max(0.0)]
+        };
+        sums.into_iter().map(parts).collect()
     };
-    Ok(means.iter().zip(&brighter).map(of_frame).collect())
+    let summed = |i: usize| {
+        let mut sum = of_frame(&means[i], &others[0][i]);
+        for other in &others[1..] {
+            let add = of_frame(&means[i], &other[i]);
+            sum.iter_mut().zip(add).for_each(|(s, a)| *s = [s[0] + a[0], s[1] + a[1]]);
+        }
+        sum
+    };
+    Ok((0..frames.len()).map(summed).collect())
 }
 
 /// See [`super::Gap::closed_fraction`].

@@ -5,9 +5,10 @@
 
 use std::collections::BTreeMap;
 
+use super::discrepancy::SPREAD_ERROR;
 use super::evidence::Evidence;
 use super::intervals::Way;
-use super::mixing::{LUMA, shared};
+use super::mixing::{LUMA, mixed, shared};
 use super::model::{P, Theta};
 use super::packing::Packing;
 use super::tone::{Tone, noise_gain, row_seen};
@@ -25,8 +26,8 @@ const HIGH_PASS: f64 = 1.5;
 const FEWEST: usize = 200;
 /// Bins of brightness.
 const BINS: usize = 32;
-/// Relative error of a bin's variance beyond chance: clipping, bins of finite width, what is not flat.
-const BIN_ERROR: f64 = 0.05;
+/// Relative error of a bin's variance beyond chance.
+pub(super) const BIN_ERROR: f64 = SPREAD_ERROR as f64;
 /// The same behind compression: where it removes most of the noise the model was seen to be off by up to 13 %.
 const PACKED_ERROR: f64 = 0.15;
 
@@ -421,7 +422,10 @@ impl Values {
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
-            let own = self.row_own[0] / self.row_own[1];
+            // Neighbours that share their noise leave more of it to a row's mean.
+            let shared =
+                mixed(theta).map_or(1.0, |m| m.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0);
+            let own = shared * self.row_own[0] / self.row_own[1];
             let (seen, scale) = (robust_variance(&mut rows), HIGH_PASS * f64::from(row_seen(theta)));
             data.row2 = ((seen - own) / scale).max(0.0);
             data.row_error2 = 3.0 / rows.len() as f64 * (seen / scale).powi(2);

@@ -1,28 +1,19 @@
-//! What the best set leaves on held-out frames beyond what correct renderers leave: values that are off where the picture is
-//! flat, spread that is of another kind than the model's, edges that do not match.
+//! What the best set leaves on the frames to report by beyond what correct renderers leave: spread that is of another kind than
+//! the model's, values that are far off, edges that do not match.
 
+use super::discrepancy::{COLOUR_DN, REACH};
 use super::evidence::Evidence;
 use super::model::{P, Theta};
-use super::noise::{NoiseData, flat_map};
+use super::noise::{BIN_ERROR, NoiseData, flat_map};
 use super::smear::Smear;
 use super::tone::Tone;
 use crate::plane::Plane;
 
-/// Values of a bin below which its mean says nothing.
-const FEWEST: f64 = 300.0;
-/// Bins of brightness, of radius, of rows and of columns.
-const BINS: usize = 12;
-
 /// Figures of what is left.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Residue {
-    /// Mean size of the mean difference of flat places, by brightness and channel, radius, rows and columns, frames: the
-    /// largest of these, DN.
-    pub bias_dn: f64,
-    /// Mean size of the logarithm of observed over modelled variance, by brightness.
-    pub spread: f64,
-    /// Standard deviations of rows and of the fixed pattern that the model does not have, over that of single values.
-    pub structure: [f64; 2],
+    /// See [`NoiseData::misfit`].
+    pub noise: [f64; 3],
     /// Share of the flat places where single values are far off: stuck pixels, bits that were lost, dirt.
     pub outliers: f64,
     /// Correlation of real and simulated pictures, averaged over blocks: what has none shows another scene.
@@ -50,14 +41,6 @@ const FAR: [f32; 2] = [25.0, 8.0];
 /// Fewest of them that mean anything.
 const FEWEST_FAR: f64 = 6.0;
 
-#[derive(Clone, Copy, Default)]
-struct Bin {
-    sum: f64,
-    count: f64,
-    /// Sums of the variances of noise that is new in every value, and of the pattern's, DN^2.
-    noise2: [f64; 2],
-}
-
 /// Measures it. `means` are the simulated values of `frames` (places).
 pub(super) fn residue(
     evidence: &Evidence,
@@ -67,46 +50,8 @@ pub(super) fn residue(
     noise: &NoiseData,
     theta: &Theta,
 ) -> Residue {
-    let tone = Tone::new(theta);
-    let mut tables = vec![vec![Bin::default(); BINS * 3]; 5];
-    for (f, (&at, mean)) in frames.iter().zip(means).enumerate() {
-        let (w, h) = (mean.width, mean.height);
-        let flat = flat_map(mean);
-        let diagonal = 0.5 * (w as f64).hypot(h as f64);
-        for i in (0..w * h).filter(|&i| flat[i] && masks[at].data[i] > 0.5) {
-            let (x, y) = (i % w, i / w);
-            let radius = (x as f64 - 0.5 * w as f64).hypot(y as f64 - 0.5 * h as f64) / diagonal;
-            for c in 0..3 {
-                let (r, m) = (evidence.frames[at].dn.data[3 * i + c], mean.data[3 * i + c]);
-                let places = [
-                    (m / 256.0 * BINS as f32) as usize,
-                    (radius * BINS as f64) as usize,
-                    y * BINS / h,
-                    x * BINS / w,
-                    f,
-                ];
-                let v = tone.spread(m, c);
-                for (table, place) in tables.iter_mut().zip(places) {
-                    let bin = &mut table[3 * place.min(BINS - 1) + c];
-                    bin.sum += f64::from(r - m);
-                    bin.count += 1.0;
-                    bin.noise2[0] += f64::from(v.free);
-                    bin.noise2[1] += f64::from(v.fixed);
-                }
-            }
-        }
-    }
-    let bias = |table: &Vec<Bin>| {
-        let seen: Vec<&Bin> = table.iter().filter(|b| b.count >= FEWEST).collect();
-        let total: f64 = seen.iter().map(|b| b.count).sum();
-        // A pattern stays the same over the frames, and so does what it leaves in a mean.
-        let chance = |b: &Bin| (b.noise2[0] + b.noise2[1] * frames.len() as f64).sqrt();
-        seen.iter().map(|b| (b.sum.abs() - chance(b)).max(0.0)).sum::<f64>() / total.max(1.0)
-    };
-    let rows: f64 = means[0].data.iter().map(|m| f64::from(tone.spread(*m, 1).row.sqrt())).sum();
-    let row_dn = rows / means[0].data.len() as f64;
     // Compression leaves differences of its own, which say nothing about noise.
-    let (spread, structure) = if theta.is_on(P::Quality) { (0.0, [0.0; 2]) } else { noise.misfit(theta) };
+    let noise = if theta.is_on(P::Quality) { [0.0; 3] } else { noise.misfit(theta) };
     let mut likeness: Vec<f64> = frames
         .iter()
         .zip(means)
@@ -114,18 +59,7 @@ pub(super) fn residue(
         .collect();
     likeness.sort_by(f64::total_cmp);
     let likeness = likeness[likeness.len() / 2];
-    // A row's noise moves all of the row: so much of it is left in the mean of some tens of rows.
-    let bias_dn = (tables.iter().map(bias).fold(0.0, f64::max) - 0.3 * row_dn).max(0.0);
-    Residue {
-        bias_dn,
-        spread,
-        structure,
-        outliers: 0.0,
-        likeness,
-        smear: Smear::default(),
-        solved: 0.0,
-        placed: 0.0,
-    }
+    Residue { noise, likeness, ..Residue::default() }
 }
 
 /// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among it.
@@ -227,36 +161,40 @@ fn slope_dn(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
 }
 
-/// Mean logarithm of observed over modelled variance that two models of the same kind may have.
-pub(super) const MOST_SPREAD: f64 = 0.35;
-/// Standard deviation of rows and of a fixed pattern that the model does not have, over that of single values.
-pub(super) const MOST_STRUCTURE: [f64; 2] = [0.35, 0.5];
+/// Level of brightness at which what renderers make of a row is counted.
+const MIDDLE: f64 = 0.2;
 
 impl NoiseData {
-    /// See [`Residue::spread`] and [`Residue::structure`].
-    pub(super) fn misfit(&self, theta: &Theta) -> (f64, [f64; 2]) {
+    /// How far what is seen of single values, of rows and of the fixed pattern lies from the model, in standard errors that hold
+    /// what measuring, rounding and the discrepancy make of it: means over bins of brightness.
+    pub(super) fn misfit(&self, theta: &Theta) -> [f64; 3] {
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
-        let (mut sum, mut count, mut level) = (0.0, 0.0, 0.0);
-        for [l, v, _] in self.unclipped() {
-            let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            let least = ROUNDING_DN2 / slope_dn(l).powi(2);
-            sum += ((v + least) / (model + least)).ln().abs();
-            level += v;
-            count += 1.0;
-        }
-        if count < 1.0 {
-            return (0.0, [0.0; 2]);
-        }
-        let level: f64 = (level / count).max(8e-6);
-        // What the model has of these it has to a third or so.
-        let beyond = |seen: f64, model: f64| ((seen - model).abs() - 0.3 * model).max(0.0);
-        let row2 = beyond(self.row2, theta.get(P::Row).powi(2));
-        // Before a camera that hardly moves a value is rounded the same way in every frame.
+        // Quartiles of whole DN are off by up to half a DN; before a camera that hardly moves a value is rounded the same way in
+        // every frame.
         let rounding2 = |l: f64| ROUNDING_DN2 / slope_dn(l).powi(2);
-        let fixed =
-            self.fixed.iter().map(|&[l, v, _]| (beyond(v, dsnu2 + prnu2 * l * l) - rounding2(l)).max(0.0));
-        let fixed2 = fixed.sum::<f64>() / self.fixed.len().max(1) as f64;
-        (sum / count, [(row2 / level).sqrt(), (fixed2 / level).sqrt()])
+        let standard = |seen: f64, model: f64, level: f64, n: f64, l: f64| {
+            let systematic = REACH * BIN_ERROR * level;
+            (seen - model) / (systematic.powi(2) + 3.0 / n * level * level + rounding2(l).powi(2)).sqrt()
+        };
+        let mean = |z: Vec<f64>| z.iter().map(|z| z.abs()).sum::<f64>() / z.len().max(1) as f64;
+        let singles = self.unclipped().into_iter().map(|[l, v, n]| {
+            let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
+            standard(v, model, v.max(model), n, l)
+        });
+        let most = self.total.iter().map(|b| b[1]).fold(0.0, f64::max);
+        let pattern = self.fixed.iter().map(|&[l, v, n]| {
+            let model = dsnu2 + prnu2 * l * l;
+            standard(v, model, v.max(model).max(most), n, l)
+        });
+        let row2 = theta.get(P::Row).powi(2);
+        let colours2 = (REACH * COLOUR_DN / slope_dn(MIDDLE)).powi(2);
+        // The model's own noise of rows was measured on as many rows.
+        let error2 = 2.0 * self.row_error2 + (REACH * BIN_ERROR * row2).powi(2) + colours2.powi(2);
+        [
+            mean(singles.collect()),
+            (self.row2 - row2).abs() / error2.max(1e-24).sqrt(),
+            mean(pattern.collect()),
+        ]
     }
 }
 

@@ -61,8 +61,9 @@ pub(super) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Variance that compression makes of the discrepancy, DN^2, by block of 8 px; nothing without compression.
-    pub unsettled: Option<&'a [f32]>,
+    /// Variance that compression makes of the discrepancy, DN^2, by block of 8 px: of the whole block, and within it. Nothing
+    /// without compression.
+    pub unsettled: Option<&'a [[f32; 2]]>,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -168,8 +169,9 @@ struct Seen {
     left: Left,
     /// Variance of rounding beyond that, DN^2.
     rounding: f32,
-    /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
+    /// What correct simulations may differ by, DN^2: in this value alone, in all of a compressed block, and in all of its colour.
     single: f32,
+    block: f32,
     common: f32,
 }
 
@@ -184,9 +186,10 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
         (Variances::default(), Left::ALL)
     };
     let w = frame.real.width;
-    let unsettled = frame.unsettled.map_or(0.0, |u| u[i / 3 / w / 8 * w.div_ceil(8) + i / 3 % w / 8]);
-    let single = edges[i] + unsettled;
-    let variance = left.pixel * (noise.free + noise.fixed) + single;
+    let [block, within] =
+        frame.unsettled.map_or([0.0; 2], |u| u[i / 3 / w / 8 * w.div_ceil(8) + i / 3 % w / 8]);
+    let single = edges[i] + within;
+    let variance = left.pixel * (noise.free + noise.fixed) + single + block;
     let whole = rounded(mean, variance + noise.row);
     Seen {
         error: frame.real.data[i] - whole.mean,
@@ -194,6 +197,7 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
         left,
         rounding: (whole.free - variance - noise.row).max(0.0),
         single,
+        block,
         common: whole.common,
     }
 }
@@ -212,18 +216,21 @@ pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone:
     for (i, v) in values.iter().enumerate() {
         let Some(v) = v else { continue };
         let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
-        let off = v.single + v.common;
-        sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), off.into());
+        let off = v.single + v.block + v.common;
+        let known = off + tone.uncertainty() * noise;
+        sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
     }
-    bands(w, h, blocks, &mut sums[1..4], &values);
-    lines(w, h, blocks, &mut sums[4..6], &values);
+    bands([w, h], blocks, &mut sums[1..4], &values, tone.uncertainty().into());
+    lines([w, h], blocks, &mut sums[4..6], &values, tone.uncertainty().into());
     if let Some(before) = before {
         for (i, (a, b)) in values.iter().zip(all(before)).enumerate() {
             let (Some(a), Some(b)) = (a, b) else { continue };
             let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
-            let off = a.single + a.common + b.single + b.common;
-            let (block, variance) = (blocks.at(i / 3 % w, i / 3 / w), noise(a) + noise(&b) + off);
-            sums[6].add(block, (a.error - b.error).into(), variance.into(), off.into());
+            let off = [a, &b].map(|v| v.single + v.block + v.common).iter().sum::<f32>();
+            let noise = noise(a) + noise(&b);
+            let known = off + tone.uncertainty() * noise;
+            let block = blocks.at(i / 3 % w, i / 3 / w);
+            sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
         }
     }
     together(&sums)
@@ -248,18 +255,19 @@ fn together(sums: &[Sums; 7]) -> FrameScore {
 }
 
 /// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise and
-/// rounding, what correct simulations may differ by in single values and in colours.
-type Pooled = [f64; 8];
+/// rounding, what correct simulations may differ by in single values, in colours and in compressed blocks.
+type Pooled = [f64; 9];
 
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
-fn bands(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>]) {
+fn bands([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>], unsure: f64) {
     let one = |v: &Option<Seen>| match v {
         Some(v) => {
             let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
             let [a, b, c] = v.left.bands.map(free);
-            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, v.single.into(), v.common.into()]
+            let off = [v.single, v.common, v.block].map(f64::from);
+            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, off[0], off[1], off[2]]
         }
-        None => [0.0; 8],
+        None => [0.0; 9],
     };
     let mut level: Vec<Pooled> = values.iter().map(one).collect();
     let (mut w, mut h) = (w, h);
@@ -282,21 +290,24 @@ fn bands(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option
             // which is common to both blocks of a row, one half, and as much of a colour's error.
             let free = 0.75 * f[3 + band] / (f[2] * f[2]);
             let row = 0.5 * f[1] / f[2] / size as f64;
-            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2];
-            sums[band].add(blocks.at(x * size, y * size), error, free + row + off, off);
+            // A compressed block is eight px wide: within it what all of it has cancels.
+            let whole = if size == 8 { 0.75 * f[8] / f[2] } else { 0.0 };
+            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + whole;
+            let known = off + unsure * (free + row);
+            sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
         }
         level = fine;
     }
 }
 
 fn pooled(from: &[Pooled], w: usize, h: usize) -> Vec<Pooled> {
-    let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
+    let mut out = vec![[0.0; 9]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
                 let value = &from[(y * w + x) * 3 + c];
-                (0..8).for_each(|k| to[k] += value[k]);
+                (0..9).for_each(|k| to[k] += value[k]);
             }
         }
     }
@@ -304,7 +315,7 @@ fn pooled(from: &[Pooled], w: usize, h: usize) -> Vec<Pooled> {
 }
 
 /// Means over rows and over columns.
-fn lines(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>]) {
+fn lines([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>], unsure: f64) {
     // Error, variance, row variance, number, what single values and colours may be off by.
     let mut rows = vec![[0.0f64; 6]; h * 3];
     let mut columns = vec![[0.0f64; 6]; w * 3];
@@ -313,18 +324,18 @@ fn lines(w: usize, h: usize, blocks: Blocks, sums: &mut [Sums], values: &[Option
         let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
         for (line, share) in [&mut rows[y * 3 + c], &mut columns[x * 3 + c]].into_iter().zip(v.left.lines) {
             let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
-            let add = [v.error, free, v.noise.row, 1.0, v.single, v.common].map(f64::from);
+            let add = [v.error, free, v.noise.row, 1.0, v.single + 8.0 * v.block, v.common].map(f64::from);
             (0..6).for_each(|k| line[k] += add[k]);
         }
     }
     let off = |r: &[f64; 6]| r[4] / (r[3] * r[3]) + r[5] / r[3];
     for (i, r) in rows.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * w as f64) {
-        let variance = r[1] / (r[3] * r[3]) + r[2] / r[3] + off(r);
-        sums[0].add(blocks.row(i / 3), r[0] / r[3], variance, off(r));
+        let noise = r[1] / (r[3] * r[3]) + r[2] / r[3];
+        sums[0].add(blocks.row(i / 3), r[0] / r[3], noise + off(r), off(r) + unsure * noise);
     }
     for (i, r) in columns.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * h as f64) {
-        let variance = (r[1] + r[2]) / (r[3] * r[3]) + off(r);
-        sums[1].add(blocks.column(i / 3), r[0] / r[3], variance, off(r));
+        let noise = (r[1] + r[2]) / (r[3] * r[3]);
+        sums[1].add(blocks.column(i / 3), r[0] / r[3], noise + off(r), off(r) + unsure * noise);
     }
 }
 

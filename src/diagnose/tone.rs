@@ -1,6 +1,7 @@
 //! What a sensor's value becomes when it is encoded, under the noise that it has: mean and spread of the delivered value.
 //! Noise that is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
+use super::discrepancy::{MIXED_ERROR, SPREAD_ERROR};
 use super::mixing::{mixed, shared};
 use super::model::{P, Theta};
 use super::packing::{Left, Packing};
@@ -179,6 +180,12 @@ impl Tone {
         self.by_dn
             .as_ref()
             .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+    }
+
+    /// How well the variance of noise is known, as a part of it.
+    pub(super) fn uncertainty(&self) -> f32 {
+        let mixes = self.mixed.is_some() || self.shared.is_some() || self.left.is_some();
+        if mixes { MIXED_ERROR } else { SPREAD_ERROR }
     }
 
     /// Whether there is any noise.
