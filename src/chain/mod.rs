@@ -2,11 +2,13 @@
 //!
 //! `docs/add-an-effect.md` walks through a real one.
 
+mod fit;
 mod pack;
 mod params;
 mod plan;
 pub mod rng;
 
+pub use fit::{Fit, Held, Law, Trial};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, check_order};
@@ -117,6 +119,10 @@ pub trait Effect: Sync {
     /// none, the effect is left out, so that neutral parameters return the input bit for bit.
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(!settings.is_neutral(self.id(), self.specs()))
+    }
+    /// Whether it changes the spread of values and not their mean.
+    fn is_noise(&self) -> bool {
+        false
     }
     /// How it computes.
     fn work(&self) -> Work {

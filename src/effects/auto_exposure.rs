@@ -21,7 +21,7 @@ pub struct AutoExposure;
 const ID: &str = "auto_exposure";
 const GAIN: (f64, f64) = (1e-3, 100.0);
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("target", "", (0.0, 1.0), 0.0, "mean linear luminance that is wanted; 0: no control"),
     ParamSpec::integer(
         "delay_frames",

@@ -8,18 +8,19 @@
 //! images", ICASSP 2004, Fig. 2). The picture is mirrored about its outermost pixels.
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
+use crate::chain::{Domain, Effect, Fit, Law, ParamSpec, Parameters, Pass, Settings, Stage, Work};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct BayerMosaic;
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice(
         "pattern",
         &["none", "RGGB", "BGGR", "GRBG", "GBRG"],
         "colours of the upper left 2x2 pixels, row by row",
-    ),
+    )
+    .fit(Fit::choice().trial(Law::Option, 0.25, 1.0)),
     ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in"),
 ];
 

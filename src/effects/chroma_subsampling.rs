@@ -3,14 +3,15 @@
 //! Encoded values.
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
+use crate::chain::{Domain, Effect, Fit, Law, ParamSpec, Parameters, Pass, Settings, Stage, Work};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaSubsampling;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::choice("scheme", &["4:4:4", "4:2:0", "4:2:2"], "which pixels share their colour")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::choice("scheme", &["4:4:4", "4:2:0", "4:2:2"], "which pixels share their colour")
+        .fit(Fit::choice().trial(Law::Option, 0.4, 1.0))];
 
 fn block_rows(settings: &Settings) -> usize {
     if settings.choice("chroma_subsampling", "scheme") == Some("4:2:0") { 2 } else { 1 }

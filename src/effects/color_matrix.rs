@@ -8,7 +8,7 @@ pub struct ColorMatrix;
 
 const RANGE: (f64, f64) = (-8.0, 8.0);
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("rr", "", RANGE, 1.0, "red from red"),
     ParamSpec::number("rg", "", RANGE, 0.0, "red from green"),
     ParamSpec::number("rb", "", RANGE, 0.0, "red from blue"),

@@ -8,7 +8,7 @@ use crate::error::Result;
 /// The effect; its values live in [`Settings`].
 pub struct DarkCurrent;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::number(
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::number(
     "rate_per_s",
     "fraction of full scale per s",
     (0.0, 1000.0),

@@ -4,14 +4,15 @@
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 
-use crate::chain::{Domain, Effect, ParamSpec, Settings, Stage, Work};
+use crate::chain::{Domain, Effect, Fit, Law, ParamSpec, Settings, Stage, Work};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct Jpeg;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::integer("quality", "", (0.0, 100.0), "1 (coarsest) to 100, as in libjpeg; 0: no JPEG")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::integer("quality", "", (0.0, 100.0), "1 (coarsest) to 100, as in libjpeg; 0: no JPEG")
+        .fit(Fit::choice().trial(Law::Coarser, 25.0, 85.0).graded(2.0, 70.0))];
 
 fn through_jpeg(picture: &mut Plane<u8>, settings: &Settings) {
     let quality = settings.number("jpeg", "quality", 0.0) as u8;

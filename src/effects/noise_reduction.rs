@@ -15,7 +15,7 @@ pub struct NoiseReduction;
 const ID: &str = "noise_reduction";
 /// Bit of the kernel's mode.
 const SPARED: u32 = 2;
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
     ParamSpec::number(
         "chroma_sigma_px",

@@ -2,21 +2,14 @@
 //! what the paper lacks: the static part stays with the sensor, the others are new in every frame.
 
 use crate::chain::rng::{self, FIXED_FRAME, random_normal};
-use crate::chain::{
-    At, Domain, Effect, Packer, ParamKind, ParamSpec, Parameters, Settings, Stage, View, Work,
-};
+use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`crate::chain::Settings`].
 pub struct PaperNoise;
 
 const fn variance(name: &'static str, about: &'static str) -> ParamSpec {
-    ParamSpec {
-        name,
-        unit: "fraction of full scale, squared",
-        kind: ParamKind::Number { min: 0.0, max: 1.0, neutral: 0.0 },
-        about,
-    }
+    ParamSpec::number(name, "fraction of full scale, squared", (0.0, 1.0), 0.0, about)
 }
 
 const STATIC: &str = "variance of a pattern that belongs to the sensor: the same in every frame";
@@ -24,7 +17,7 @@ const COLOR: &str = "variance of white noise, independent by pixel, channel and 
 const EDGE: &str =
     "variance added per squared gradient (full scale a pixel) of the picture, new in every frame";
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     variance("static_variance_r", STATIC),
     variance("static_variance_g", STATIC),
     variance("static_variance_b", STATIC),
@@ -153,6 +146,10 @@ impl Effect for PaperNoise {
 
     fn variant(&self, settings: &Settings) -> u32 {
         Self::sigma(settings).parts()
+    }
+
+    fn is_noise(&self) -> bool {
+        true
     }
 
     fn work(&self) -> Work {

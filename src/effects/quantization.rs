@@ -6,7 +6,7 @@ use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, 
 /// The effect; its values live in [`Settings`].
 pub struct Quantization;
 
-const SPECS: &[ParamSpec] =
+pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::integer("bits", "bit", (0.0, 16.0), "depth of the converter; 0: no converter")];
 
 /// The function of the same name in `glsl/include/effects/quantization.glsl`.

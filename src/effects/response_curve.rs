@@ -24,7 +24,7 @@ const fn steepness(channel: usize, knot: usize) -> ParamSpec {
     ParamSpec::number(NAMES[channel][knot], "", ResponseCurve::RANGE, 1.0, about)
 }
 
-const SPECS: &[ParamSpec] = &{
+pub(super) const SPECS: &[ParamSpec] = &{
     let mut specs = [steepness(0, 0); 3 * KNOTS];
     let mut i = 0;
     while i < specs.len() {

@@ -9,7 +9,7 @@ use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, 
 pub struct Saturation;
 
 const ID: &str = "saturation";
-const SPECS: &[ParamSpec] =
+pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")];
 
 pub(super) fn luma([r, g, b]: [f32; 3]) -> f32 {

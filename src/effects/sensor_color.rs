@@ -21,7 +21,7 @@ const DELIVERED: &str = "delivered";
 /// Below this determinant a matrix has no inverse worth using.
 const SINGULAR: f64 = 1e-3;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::choice(
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::choice(
     "match",
     &["radiance", DELIVERED],
     "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix, \

@@ -6,7 +6,7 @@ use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, 
 /// The effect; its values live in [`Settings`].
 pub struct ToneCurve;
 
-const SPECS: &[ParamSpec] =
+pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("contrast", "", (-1.0, 1.0), 0.0, "how much of the S-curve is mixed in")];
 
 /// The function of the same name in `glsl/include/effects/tone_curve.glsl`.

@@ -1,14 +1,18 @@
 //! Light falls off towards the corners: L (1 + a1 q + a2 q^2), q = squared distance from (cx, cy) over the squared half
 //! diagonal of the picture (CAPTURE contract). Linear radiance. Where the polynomial is negative no light arrives.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct Vignetting;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("a1", "", (-2.0, 2.0), 0.0, "change of brightness per q"),
-    ParamSpec::number("a2", "", (-2.0, 2.0), 0.0, "change of brightness per squared q"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("a1", "", (-2.0, 2.0), 0.0, "change of brightness per q")
+        .fit(Fit::by(0.01).within(-1.5, 0.5).trial(Law::Down, 0.1, 0.6).graded(4e-3, 4e-1)),
+    ParamSpec::number("a2", "", (-2.0, 2.0), 0.0, "change of brightness per squared q")
+        .fit(Fit::by(0.01).within(-1.0, 1.5).trial(Law::Even, -0.2, 0.1)),
 ];
 
 /// The function of the same name in `glsl/include/effects/vignetting.glsl`.

@@ -1,14 +1,18 @@
 //! Gains of red and blue on linear values, green = 1 (CAPTURE contract). Digital numbers before the tone curve, behind
 //! the noise, which it scales too.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct WhiteBalance;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("r", "", (0.0, 16.0), 1.0, "gain of red"),
-    ParamSpec::number("b", "", (0.0, 16.0), 1.0, "gain of blue"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("r", "", (0.0, 16.0), 1.0, "gain of red")
+        .fit(Fit::by(0.01).within(0.2, 5.0).trial(Law::Factor, 0.04, 0.35).graded(2e-3, 2e-1)),
+    ParamSpec::number("b", "", (0.0, 16.0), 1.0, "gain of blue")
+        .fit(Fit::by(0.01).within(0.2, 5.0).trial(Law::Factor, 0.04, 0.35).graded(2e-3, 2e-1)),
 ];
 
 /// The function of the same name in `glsl/include/effects/white_balance.glsl`.
