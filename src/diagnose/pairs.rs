@@ -16,7 +16,7 @@ const WITHIN: f64 = 0.2;
 /// What rounding to whole DN leaves within pairs.
 const ROUNDING_DN: f64 = 0.25;
 
-/// The scheme (see [`super::model::SCHEMES`]) that the frames (places) show; none where they show none.
+/// The scheme (a place among the options of `chroma_subsampling.scheme`) that the frames (places) show; none where they show none.
 pub(super) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     let some = spread_out(frames, FRAMES);
     let shared = |down: bool| {
