@@ -3,12 +3,14 @@
 //! `docs/add-an-effect.md` walks through a real one.
 
 mod fit;
+mod moments;
 mod pack;
 mod params;
 mod plan;
 pub mod rng;
 
 pub use fit::{Fit, Held, Law, Trial};
+pub use moments::{BANDS, Left, Mixing, Moments, Noise, Variances, mixing_of};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, check_order};
@@ -120,9 +122,13 @@ pub trait Effect: Sync {
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(!settings.is_neutral(self.id(), self.specs()))
     }
-    /// Whether it changes the spread of values and not their mean.
-    fn is_noise(&self) -> bool {
-        false
+    /// What it does to the mean and the spread of values.
+    fn moments(&self) -> Moments {
+        Moments::Twin
+    }
+    /// Why a diagnosis does not look for it; nothing where it does.
+    fn undiagnosed(&self) -> Option<&'static str> {
+        None
     }
     /// How it computes.
     fn work(&self) -> Work {

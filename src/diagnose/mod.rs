@@ -8,13 +8,11 @@
 mod choices;
 mod comb;
 mod cover;
-mod dct;
 mod describe;
 mod ending;
 mod evidence;
 mod fit;
 mod flicker;
-mod flips;
 mod flow;
 mod forward;
 mod hot;
@@ -24,16 +22,13 @@ mod judge;
 mod light;
 mod linear;
 mod magnify;
-mod mixing;
 mod model;
 mod noise;
 mod normal;
 mod output;
-mod packing;
 mod pairs;
 mod parts;
 pub mod percepts;
-mod photometric;
 mod placed;
 mod places;
 mod question;
@@ -50,8 +45,12 @@ mod starts;
 mod support;
 mod task;
 mod tone;
+mod vector;
 mod weighing;
 mod wide;
+
+// What compression does to blocks belongs to the effect; files here name it as neighbours.
+use crate::effects::jpeg::{dct, flips, packing};
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

@@ -6,11 +6,11 @@
 use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
-use super::mixing::{LUMA, shared};
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain, row_seen};
+use super::tone::{Tone, noise_gain, row_seen, shared};
 use crate::plane::Plane;
+use crate::plane::stats::{LUMA, robust_variance};
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
 const FLAT_DN: f32 = 10.0;
@@ -438,18 +438,6 @@ fn dither(frame: usize, value: usize) -> f32 {
         bits = (bits ^ (bits >> 16)).wrapping_mul(factor);
     }
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32 - 0.5
-}
-
-/// Variance from the middle of the values, half a standard deviation to each side: edges of renderers and stuck pixels
-/// have no say.
-pub(super) fn robust_variance(values: &mut [f32]) -> f64 {
-    let n = values.len();
-    let mut at = |share: f64| {
-        let i = ((n as f64 * share) as usize).min(n - 1);
-        *values.select_nth_unstable_by(i, f32::total_cmp).1
-    };
-    let (low, high) = (at(0.308_538), at(0.691_462));
-    f64::from(high - low).powi(2)
 }
 
 /// How the variance of a fixed pattern grows with brightness.

@@ -1,6 +1,6 @@
 //! Between the flat vector of a fit and the effects' settings of a camera.
 
-use super::model::{CANDIDATES, Theta, candidate_of};
+use super::model::{CANDIDATES, CandidateSpec, Theta, candidate_of};
 use crate::camera::ScanOrder;
 use crate::chain::{Held, ParamKind, Settings, Value};
 use crate::effects;
@@ -44,6 +44,15 @@ pub(super) fn apply(
         }
     }
     Ok(unknown)
+}
+
+/// The effects of `theta` that are on.
+pub(super) fn settings_of(theta: &Theta) -> Settings {
+    let is_on = |c: &&CandidateSpec| c.parameters.iter().chain(c.more).any(|&p| theta.is_on(p));
+    let names: Vec<&'static str> = CANDIDATES.iter().filter(is_on).map(|c| c.name).collect();
+    let mut settings = Settings::default();
+    apply(&mut settings, theta, &names).expect("fits look where effects have values");
+    settings
 }
 
 /// The lens of `theta`, which the engine draws through; nothing for an ideal one.

@@ -61,6 +61,10 @@ impl Effect for AutoExposure {
         Stage::SetUp
     }
 
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some("its gain follows from the frames before, which a fit of single frames does not make")
+    }
+
     fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
         let number = |name: &str, neutral: f64| settings.number(ID, name, neutral);
         let (low, high) = (number("min_gain", GAIN.0), number("max_gain", GAIN.1));

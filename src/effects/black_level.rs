@@ -2,7 +2,7 @@
 //! electrons to digital numbers.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -17,6 +17,11 @@ fn black_level(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) + p.number(1) * v)
 }
 
+fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
+    let offset = settings.number("black_level", "offset", 0.0);
+    [[1.0 - offset, offset]; 3]
+}
+
 impl Effect for BlackLevel {
     fn id(&self) -> &'static str {
         "black_level"
@@ -28,6 +33,10 @@ impl Effect for BlackLevel {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::Electrons, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(affine)
     }
 
     fn work(&self) -> Work {

@@ -1,7 +1,7 @@
 //! From the sensor's colours to the picture's: a 3x3 matrix on linear values. `rg` is how much of green goes into red.
 //! Digital numbers before the tone curve.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
 /// The effect; its values live in [`Settings`].
 pub struct ColorMatrix;
@@ -25,6 +25,11 @@ fn color_matrix([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     [0, 3, 6].map(|i| p.number(i) * r + p.number(i + 1) * g + p.number(i + 2) * b)
 }
 
+fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
+    let entry = |i: usize| settings.number("color_matrix", SPECS[i].name, if i % 4 == 0 { 1.0 } else { 0.0 });
+    [0, 3, 6].map(|row| [row, row + 1, row + 2].map(entry))
+}
+
 impl Effect for ColorMatrix {
     fn id(&self) -> &'static str {
         "color_matrix"
@@ -36,6 +41,10 @@ impl Effect for ColorMatrix {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Colors(matrix)
     }
 
     fn work(&self) -> Work {

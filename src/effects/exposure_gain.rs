@@ -2,7 +2,7 @@
 //! gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -28,6 +28,10 @@ impl Effect for ExposureGain {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(|settings, _| [[settings.number("exposure_gain", "gain", 1.0), 0.0]; 3])
     }
 
     fn work(&self) -> Work {

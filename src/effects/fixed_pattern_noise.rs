@@ -6,7 +6,7 @@
 use super::DarkCurrent;
 use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -44,6 +44,11 @@ fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let [dsnu, prnu] = ["dsnu", "prnu"].map(|name| settings.number("fixed_pattern_noise", name, 0.0));
+    [Noise { fixed: [dsnu * dsnu, 0.0, prnu * prnu], ..Noise::default() }; 3]
+}
+
 impl Effect for FixedPatternNoise {
     fn id(&self) -> &'static str {
         "fixed_pattern_noise"
@@ -62,8 +67,8 @@ impl Effect for FixedPatternNoise {
         has("dsnu", DSNU) | has("prnu", PRNU)
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

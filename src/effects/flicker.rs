@@ -8,7 +8,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Held, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Held, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -58,6 +58,16 @@ fn flicker(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| factor * v)
 }
 
+fn light(p: &Parameters, view: &View, y: usize, row: &mut [f32]) {
+    let (k, order) = (&view.intrinsics, view.shutter.scan_order);
+    let factor = |x: usize| p.table(0, order.line_of(x as u32, y as u32, k.width, k.height) as usize);
+    if order.lines_are_rows() {
+        row.fill(factor(0));
+    } else {
+        row.iter_mut().enumerate().for_each(|(x, v)| *v = factor(x));
+    }
+}
+
 impl Effect for Flicker {
     fn id(&self) -> &'static str {
         "flicker"
@@ -73,6 +83,10 @@ impl Effect for Flicker {
 
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(settings.number("flicker", "depth", 0.0) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Light(light)
     }
 
     fn work(&self) -> Work {

@@ -2,7 +2,7 @@
 //! camera encodes, so it is part of every chain; when it is off the exponent is 1.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::plane::srgb_encode;
 
@@ -41,6 +41,10 @@ impl Effect for Gamma {
 
     fn variant(&self, settings: &Settings) -> u32 {
         if settings.is_neutral(self.id(), SPECS) { ENCODE } else { ENCODE | POWER }
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Curve
     }
 
     fn work(&self) -> Work {

@@ -2,7 +2,7 @@
 //! alike, so contrast is lost most in the shadows. Linear radiance.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -25,6 +25,11 @@ fn glare(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) * v + p.number(1))
 }
 
+fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
+    let (veil, level) = (settings.number("glare", "veil", 0.0), settings.number("glare", "level", 0.0));
+    [[1.0 - veil, veil * level]; 3]
+}
+
 impl Effect for Glare {
     fn id(&self) -> &'static str {
         "glare"
@@ -41,6 +46,10 @@ impl Effect for Glare {
     fn variant(&self, settings: &Settings) -> u32 {
         // A level without a veil changes nothing.
         u32::from(settings.number("glare", "veil", 0.0) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(affine)
     }
 
     fn work(&self) -> Work {

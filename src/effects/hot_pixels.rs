@@ -4,7 +4,7 @@
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::error::Result;
 
@@ -82,8 +82,9 @@ impl Effect for HotPixels {
         u32::from(get("count") > 0.0 || get("fraction") > 0.0)
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        // Single places, which are looked for one by one, and no spread of all.
+        Moments::Noise(|_| [Noise::default(); 3])
     }
 
     fn work(&self) -> Work {

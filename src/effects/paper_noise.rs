@@ -2,7 +2,9 @@
 //! what the paper lacks: the static part stays with the sensor, the others are new in every frame.
 
 use crate::chain::rng::{self, FIXED_FRAME, random_normal};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`crate::chain::Settings`].
@@ -131,6 +133,15 @@ fn at_pixel(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     paper_noise(value, gradient, at.pixel, at.view.frame, rng::seed_words(at.view.seed), &sigma)
 }
 
+/// Without the part at edges: flat places have none.
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let sigma = PaperNoise::sigma(settings);
+    [0, 1, 2].map(|c| {
+        let square = |s: [f32; 4]| [f64::from(s[c]).powi(2), 0.0, 0.0];
+        Noise { free: square(sigma.color_sigma), fixed: square(sigma.static_sigma), ..Noise::default() }
+    })
+}
+
 impl Effect for PaperNoise {
     fn id(&self) -> &'static str {
         "paper_noise"
@@ -148,8 +159,14 @@ impl Effect for PaperNoise {
         Self::sigma(settings).parts()
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some(
+            "read_noise and fixed_pattern_noise say the same of single colours; what it adds at edges no bin of the measured noise has",
+        )
     }
 
     fn work(&self) -> Work {

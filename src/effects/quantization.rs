@@ -1,7 +1,7 @@
 //! The converter: clips to 0..1 (saturation) and rounds to the steps of so many bits. Digital numbers before the ISP; the
 //! delivered picture is rounded to 8 bits besides. Without it nothing is clipped before the tone curve.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
 /// The effect; its values live in [`Settings`].
 pub struct Quantization;
@@ -25,6 +25,10 @@ impl Effect for Quantization {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Steps(|settings| 1.0 / (settings.number("quantization", "bits", 0.0).exp2() - 1.0))
     }
 
     fn work(&self) -> Work {

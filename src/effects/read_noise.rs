@@ -7,7 +7,7 @@
 
 use crate::chain::rng::{random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -52,6 +52,11 @@ fn read_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let sigma = settings.number("read_noise", "sigma", 0.0);
+    [Noise { free: [sigma * sigma, 0.0, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for ReadNoise {
     fn id(&self) -> &'static str {
         "read_noise"
@@ -74,8 +79,8 @@ impl Effect for ReadNoise {
         }
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

@@ -3,7 +3,7 @@
 
 use crate::chain::rng::{random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -41,6 +41,12 @@ fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let [rows, columns] = ["sigma", "column_sigma"].map(|name| settings.number("row_noise", name, 0.0));
+    // Noise of columns is new in every frame; what a column shares counts as each pixel's own.
+    [Noise { free: [columns * columns, 0.0, 0.0], row: [rows * rows, 0.0, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for RowNoise {
     fn id(&self) -> &'static str {
         "row_noise"
@@ -59,8 +65,8 @@ impl Effect for RowNoise {
         has("sigma", ROWS) | has("column_sigma", COLUMNS)
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

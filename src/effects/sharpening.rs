@@ -3,7 +3,7 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+    Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
 };
 use crate::plane::Plane;
 
@@ -56,6 +56,10 @@ impl Effect for Sharpening {
     fn variant(&self, settings: &Settings) -> u32 {
         // Without a radius the mask is empty.
         u32::from(amount(settings) != 0.0 && radius_px(settings) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Pixels(|settings| gaussian::mixing(amount(settings), radius_px(settings)))
     }
 
     fn work(&self) -> Work {

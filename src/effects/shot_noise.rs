@@ -10,7 +10,8 @@
 
 use crate::chain::rng::{normal_of_bits, random_bits, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Held, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Held, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View,
+    Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -77,6 +78,11 @@ fn shot_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     poisson(mean, bits).map(|electrons| electrons * p.number(1))
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let full_well_e = settings.number("shot_noise", "full_well_e", 0.0);
+    [Noise { free: [0.0, 1.0 / full_well_e, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for ShotNoise {
     fn id(&self) -> &'static str {
         "shot_noise"
@@ -90,8 +96,8 @@ impl Effect for ShotNoise {
         Stage::Pixel(Domain::LinearRgb, Domain::Electrons)
     }
 
-    fn is_noise(&self) -> bool {
-        true
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

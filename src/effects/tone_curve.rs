@@ -1,7 +1,7 @@
 //! The ISP's contrast: v + contrast (3 v^2 - 2 v^3 - v), an S-curve through black, middle and white; negative flattens.
 //! Encoded values. For powers see [`super::Gamma`].
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
 /// The effect; its values live in [`Settings`].
 pub struct ToneCurve;
@@ -29,6 +29,10 @@ impl Effect for ToneCurve {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Curve
     }
 
     fn work(&self) -> Work {

@@ -2,7 +2,7 @@
 //! the noise, which it scales too.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -20,6 +20,11 @@ fn white_balance([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     [r * p.number(0), g, b * p.number(1)]
 }
 
+fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
+    let [r, b] = ["r", "b"].map(|name| settings.number("white_balance", name, 1.0));
+    [[r, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, b]]
+}
+
 impl Effect for WhiteBalance {
     fn id(&self) -> &'static str {
         "white_balance"
@@ -31,6 +36,10 @@ impl Effect for WhiteBalance {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Colors(matrix)
     }
 
     fn work(&self) -> Work {
