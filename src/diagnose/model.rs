@@ -213,6 +213,12 @@ mod tests {
     fn candidates_are_the_effects_that_have_a_fit_line_and_nothing_is_stated_twice() {
         for effect in effects::LIST {
             let fitted = effect.specs().iter().any(|s| components(s) > 0);
+            assert_eq!(
+                fitted,
+                effect.undiagnosed().is_none(),
+                "{} says neither how nor why not",
+                effect.id()
+            );
             assert_eq!(fitted, CANDIDATES.iter().any(|c| c.name == effect.id()), "{}", effect.id());
         }
         for (i, at) in PARAMETERS.iter().enumerate() {

@@ -7,7 +7,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Left, Mixing, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+    Domain, Effect, Fit, Law, Left, Mixing, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
+    View, Work,
 };
 use crate::plane::Plane;
 use crate::plane::stats::{LUMA, luma};
@@ -19,14 +20,17 @@ const ID: &str = "noise_reduction";
 /// Bit of the kernel's mode.
 const SPARED: u32 = 2;
 pub(super) const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
+    ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian").fit(
+        Fit::by(0.1).within(0.0, 5.0).starts(&[0.5, 1.0, 2.0]).trial(Law::Up, 0.5, 1.5).graded(0.1, 2.0),
+    ),
     ParamSpec::number(
         "chroma_sigma_px",
         "px",
         (0.0, 10.0),
         0.0,
         "standard deviation of the colours' Gaussian",
-    ),
+    )
+    .fit(Fit::by(0.2).within(0.0, 8.0).starts(&[0.5, 2.0, 2.0]).trial(Law::Even, 0.5, 3.0)),
     ParamSpec::number(
         "edge",
         "",

@@ -3,7 +3,9 @@
 //! (1 - factor) Y: in all six photographs of a Nao robot's head camera that this was measured on, the least channel of vivid
 //! colours piles up at 0.25 Y, whatever Y is.
 
-use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 use crate::plane::stats::{LUMA, luma};
 
 /// The effect; its values live in [`Settings`].
@@ -11,7 +13,8 @@ pub struct Saturation;
 
 const ID: &str = "saturation";
 pub(super) const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")];
+    &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")
+        .fit(Fit::by(0.02).within(0.0, 3.0).trial(Law::Factor, 0.1, 0.6).graded(5e-3, 5e-1))];
 
 impl Saturation {
     pub(super) fn factor(settings: &Settings) -> f64 {

@@ -46,9 +46,9 @@ pub(super) fn available(candidates: &[&str]) -> Vec<&'static str> {
 }
 
 /// Effects that other candidates express exactly, so that no picture tells whether they were left out: glare is a gain
-/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0. Leaving these
-/// out asks nothing.
-const EXPRESSIBLE: [&str; 3] = ["glare", "exposure_gain", "black_level"];
+/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0, and a white balance is a
+/// diagonal matrix of colours. Leaving these out asks nothing.
+const EXPRESSIBLE: [&str; 4] = ["glare", "exposure_gain", "black_level", "white_balance"];
 
 /// Draws what case `case` hides. `known` are the effects that its camera.toml models.
 ///
