@@ -120,8 +120,7 @@ mod tests {
 
     #[test]
     fn vectors_are_read_and_ranged() {
-        let spec =
-            ParamSpec { name: "rotvec_rad", unit: "rad", kind: ParamKind::Vector3 { max: 3.2 }, about: "" };
+        let spec = ParamSpec::vector3("rotvec_rad", "rad", 3.2, "");
         let read = |text: &str| {
             let toml = TomlText::new(Path::new("camera.toml"), text);
             let table = toml.parse().expect("TOML");

@@ -2,11 +2,15 @@
 //!
 //! `docs/add-an-effect.md` walks through a real one.
 
+mod fit;
+mod moments;
 mod pack;
 mod params;
 mod plan;
 pub mod rng;
 
+pub use fit::{Fit, Held, Law, Trial};
+pub use moments::{BANDS, Left, Mixing, Moments, Noise, Variances, mixing_of};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, check_order};
@@ -117,6 +121,14 @@ pub trait Effect: Sync {
     /// none, the effect is left out, so that neutral parameters return the input bit for bit.
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(!settings.is_neutral(self.id(), self.specs()))
+    }
+    /// What it does to the mean and the spread of values.
+    fn moments(&self) -> Moments {
+        Moments::Twin
+    }
+    /// Why a diagnosis does not look for it; nothing where it does.
+    fn undiagnosed(&self) -> Option<&'static str> {
+        None
     }
     /// How it computes.
     fn work(&self) -> Work {

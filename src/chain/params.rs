@@ -1,8 +1,8 @@
-//! Parameters as data: one list of specs drives `camera.toml`, range checks, reports and fits.
+//! Parameters as data: one list of specs drives `camera.toml`, range checks, reports, fits (`fit`) and blind trials.
 
 use std::collections::BTreeMap;
 
-use super::Effect;
+use super::{Effect, Fit};
 use crate::error::{Error, Result};
 
 /// What values a parameter takes.
@@ -51,9 +51,16 @@ pub struct ParamSpec {
     pub kind: ParamKind,
     /// What it is and where its definition comes from.
     pub about: &'static str,
+    /// How a diagnosis finds it; nothing for what no diagnosis looks for.
+    pub fit: Option<Fit>,
 }
 
 impl ParamSpec {
+    /// The same, which a diagnosis looks for.
+    pub const fn fit(self, fit: Fit) -> Self {
+        Self { fit: Some(fit), ..self }
+    }
+
     /// A real number from `range.0` to `range.1`.
     pub const fn number(
         name: &'static str,
@@ -62,7 +69,7 @@ impl ParamSpec {
         neutral: f64,
         about: &'static str,
     ) -> Self {
-        Self { name, unit, kind: ParamKind::Number { min: range.0, max: range.1, neutral }, about }
+        Self { name, unit, kind: ParamKind::Number { min: range.0, max: range.1, neutral }, about, fit: None }
     }
 
     /// A whole number from `range.0` to `range.1`; neutral is `range.0`.
@@ -72,12 +79,23 @@ impl ParamSpec {
         range: (f64, f64),
         about: &'static str,
     ) -> Self {
-        Self { name, unit, kind: ParamKind::Integer { min: range.0, max: range.1, neutral: range.0 }, about }
+        Self {
+            name,
+            unit,
+            kind: ParamKind::Integer { min: range.0, max: range.1, neutral: range.0 },
+            about,
+            fit: None,
+        }
     }
 
     /// One of `options`; the first is neutral.
     pub const fn choice(name: &'static str, options: &'static [&'static str], about: &'static str) -> Self {
-        Self { name, unit: "", kind: ParamKind::Choice { options, neutral: options[0] }, about }
+        Self { name, unit: "", kind: ParamKind::Choice { options, neutral: options[0] }, about, fit: None }
+    }
+
+    /// Three real numbers of at most `max` each.
+    pub const fn vector3(name: &'static str, unit: &'static str, max: f64, about: &'static str) -> Self {
+        Self { name, unit, kind: ParamKind::Vector3 { max }, about, fit: None }
     }
 }
 

@@ -11,7 +11,7 @@ use super::fit::{Level, hide, pooled, residual, weighing_of};
 use super::forward::Quality;
 use super::intervals::{Way, way};
 use super::judge::{Scores, family_gain, gain, quantile};
-use super::model::{PARAMETERS, Theta, candidate_of};
+use super::model::{Theta, candidate_of};
 use super::noise::NoiseData;
 use super::normal::{FrameValues, assemble, gradient_dn, value_keys};
 use super::score::FAMILIES;
@@ -72,17 +72,14 @@ impl Search<'_> {
     /// neighbours, or in the values themselves.
     fn shows_otherwise(&self, a: &Theta, b: &Theta) -> bool {
         let noisy = [a, b].iter().any(|t| Tone::new(t).is_noisy());
-        let differs = |i: usize| a.differs(b, i) && (a.is_neutral(i) || b.is_neutral(i));
         let shows = |name: &str| self.is_known(name) || (noisy && is_discrete(candidate_of(name)));
-        PARAMETERS.iter().enumerate().any(|(i, p)| differs(i) && shows(p.effect))
+        a.differing(b).filter(|&p| a.is_on(p) != b.is_on(p)).any(|p| shows(p.spec().effect))
     }
 
     /// Where the real frames lie between the pictures of two models; nothing where these differ by noise alone.
     fn way(&mut self, from: &Theta, to: &Theta) -> Result<Option<Way>> {
-        let other = |p: &&super::model::ParameterSpec| !candidate_of(p.effect).noise;
-        let differ =
-            PARAMETERS.iter().enumerate().filter(|(_, p)| other(p)).any(|(i, _)| from.differs(to, i));
-        if !differ && from.scan_order == to.scan_order {
+        let shown = from.differing(to).any(|p| !candidate_of(p.spec().effect).noise);
+        if !shown && from.scan_order == to.scan_order {
             return Ok(None);
         }
         let frames = &self.evidence.choose;
@@ -108,7 +105,7 @@ impl Search<'_> {
         let mut e = assemble(values, 2, weighing);
         e.gradient_dn = gradient_dn(&from_dn[0]);
         let columns_px = self.forward.intrinsics.width as usize / LEVEL.block;
-        let moves = PARAMETERS.iter().enumerate().any(|(i, _)| from.differs(to, i) && Theta::moves(i));
+        let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
         Ok(way(e, columns_px, LEVEL.block, moves))
     }
 }

@@ -115,7 +115,7 @@ mod tests {
             let plain = picture(sigma);
             assert_eq!(told(&plain), None, "control: noise of {sigma} DN");
             for quality in [30, 62, 82] {
-                let packed = super::super::photometric::compressed(&plain, quality);
+                let packed = crate::effects::jpeg::compressed(&plain, quality);
                 assert_eq!(told(&packed), Some(quality), "noise of {sigma} DN");
             }
         }

@@ -6,8 +6,8 @@
 
 use std::sync::LazyLock;
 
-use super::score::erf;
 use crate::plane::Plane;
+use crate::plane::stats::erf;
 
 /// Error of a value at an edge, px of displacement, independent from pixel to pixel: sampling of the pixel's area.
 ///

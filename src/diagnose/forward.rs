@@ -14,16 +14,17 @@ use super::evidence::Evidence;
 use super::flips::Flips;
 use super::journal::Journal;
 use super::model::{P, Theta};
-use super::photometric::{LineTimes, develop};
-use super::settings::lens;
+use super::settings::{lens, settings_of};
 use super::tone::Tone;
 use super::wide::Wide;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::Capture;
+use crate::chain::View;
 use crate::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use crate::error::Result;
 use crate::gpu::Context;
 use crate::plane::Plane;
+use crate::reference::moments::expected;
 use crate::scene::Scene;
 
 /// Most bytes of renders that are kept.
@@ -513,18 +514,14 @@ impl Forward {
 
     /// Develops the radiance of a frame.
     pub(super) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
-        let shutter = self.shutter(at, theta);
-        let lines = LineTimes {
-            start_s: shutter.start_s,
-            readout_s: shutter.readout_time_s,
-            scan_order: theta.scan_order,
-        };
+        let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
+        let settings = settings_of(theta);
         if self.light[at] == 1.0 {
-            return develop(radiance, theta, tone, &self.intrinsics, lines);
+            return expected(radiance, &settings, &view, tone);
         }
         let light = self.light[at] as f32;
         let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
-        develop(&lit, theta, tone, &self.intrinsics, lines)
+        expected(&lit, &settings, &view, tone)
     }
 }
 

@@ -12,11 +12,12 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::model::{P, Theta};
-use super::score::{FAMILIES, FrameScore, Scored, erf, score_frame};
+use super::score::{FAMILIES, FrameScore, Scored, score_frame};
 use super::tone::Tone;
 use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
 use crate::plane::Plane;
+use crate::plane::stats::erf;
 
 /// How often a diagnosis may take something for real that is none, for all that it tries together.
 pub(super) const ALPHA: f64 = 0.01;

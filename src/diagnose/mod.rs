@@ -9,7 +9,6 @@ mod apart;
 mod choices;
 mod comb;
 mod cover;
-mod dct;
 mod decide;
 mod describe;
 mod discrepancy;
@@ -18,7 +17,6 @@ mod evidence;
 mod exchange;
 mod fit;
 mod flicker;
-mod flips;
 mod flow;
 mod forward;
 mod hot;
@@ -27,16 +25,13 @@ mod journal;
 mod judge;
 mod light;
 mod linear;
-mod mixing;
 mod model;
 mod noise;
 mod normal;
 mod output;
-mod packing;
 mod pairs;
 mod parts;
 pub mod percepts;
-mod photometric;
 mod placed;
 mod places;
 mod question;
@@ -52,8 +47,12 @@ mod starts;
 mod support;
 mod task;
 mod tone;
+mod vector;
 mod weighing;
 mod wide;
+
+// What compression does to blocks belongs to the effect; files here name it as neighbours.
+use crate::effects::jpeg::{dct, flips, packing};
 
 pub use report::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,

@@ -1,92 +1,22 @@
 //! The parameters of all candidates as one flat vector, so that a fit needs to know no effect.
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::report::Parameter;
+pub(super) use super::vector::P;
+use super::vector::{PARAMETERS, PLACES};
 use crate::camera::ScanOrder;
-
-/// One continuous parameter of a candidate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ParameterSpec {
-    /// Effect of the contract.
-    pub effect: &'static str,
-    /// Name of the contract.
-    pub name: &'static str,
-    /// Unit in words.
-    pub unit: &'static str,
-    /// The value that changes nothing.
-    pub neutral: f64,
-    /// Step of numeric derivatives: moves a typical picture by a few tenths of a px or of a DN to a few DN.
-    pub step: f64,
-    /// Allowed range.
-    pub range: [f64; 2],
-}
-
-macro_rules! parameters {
-    ($($index:ident: $effect:literal $name:literal $unit:literal, $neutral:expr, $step:expr, $lo:expr, $hi:expr;)*) => {
-        /// Places in the vector.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-        pub(super) enum P { $(#[doc = $name] $index,)* }
-        /// What stands at each place.
-        pub(super) const PARAMETERS: &[ParameterSpec] = &[$(ParameterSpec {
-            effect: $effect, name: $name, unit: $unit, neutral: $neutral, step: $step, range: [$lo, $hi],
-        },)*];
-    };
-}
-
-parameters! {
-    Offset: "time_offset" "offset_s" "s", 0.0, 1e-3, -0.5, 0.5;
-    Readout: "rolling_shutter" "readout_time_s" "s", 0.0, 2e-3, 0.0, 0.5;
-    Exposure: "motion_blur" "exposure_time_s" "s", 0.0, 2e-3, 0.0, 0.5;
-    RotX: "pose_offset" "rotvec_x" "rad", 0.0, 5e-4, -0.3, 0.3;
-    RotY: "pose_offset" "rotvec_y" "rad", 0.0, 5e-4, -0.3, 0.3;
-    RotZ: "pose_offset" "rotvec_z" "rad", 0.0, 1e-3, -0.3, 0.3;
-    Focal: "focal_length_error" "ratio" "", 1.0, 1e-3, 0.7, 1.4;
-    K1: "lens_distortion" "k1" "", 0.0, 3e-3, -0.6, 0.8;
-    K2: "lens_distortion" "k2" "", 0.0, 6e-3, -0.4, 0.8;
-    P1: "lens_distortion" "p1" "", 0.0, 1e-3, -0.05, 0.05;
-    P2: "lens_distortion" "p2" "", 0.0, 1e-3, -0.05, 0.05;
-    K3: "lens_distortion" "k3" "", 0.0, 1e-2, -0.6, 0.8;
-    ScaleR: "chromatic_aberration" "scale_r" "", 1.0, 1e-3, 0.97, 1.03;
-    ScaleB: "chromatic_aberration" "scale_b" "", 1.0, 1e-3, 0.97, 1.03;
-    Defocus: "defocus" "sigma_px" "px", 0.0, 0.1, 0.0, 8.0;
-    A1: "vignetting" "a1" "", 0.0, 0.01, -1.5, 0.5;
-    A2: "vignetting" "a2" "", 0.0, 0.01, -1.0, 1.5;
-    Veil: "glare" "veil" "", 0.0, 0.005, 0.0, 0.8;
-    Level: "glare" "level" "", 0.5, 0.02, 0.0, 1.5;
-    Gain: "exposure_gain" "gain" "", 1.0, 0.01, 0.05, 20.0;
-    FlickerF: "flicker" "frequency_hz" "Hz", 100.0, 0.05, 1.0, 1000.0;
-    FlickerC: "flicker" "depth" "", 0.0, 0.01, -0.9, 0.9;
-    FlickerS: "flicker" "phase_rad" "rad", 0.0, 0.01, -0.9, 0.9;
-    Black: "black_level" "offset" "", 0.0, 0.002, -0.2, 0.4;
-    WbR: "white_balance" "r" "", 1.0, 0.01, 0.2, 5.0;
-    WbB: "white_balance" "b" "", 1.0, 0.01, 0.2, 5.0;
-    Gamma: "gamma" "exponent" "", 1.0, 0.01, 0.3, 3.0;
-    Sharpen: "sharpening" "amount" "", 0.0, 0.05, 0.0, 5.0;
-    Radius: "sharpening" "radius_px" "px", 1.0, 0.1, 0.4, 5.0;
-    Shot: "shot_noise" "full_well_e" "e-", 0.0, 1e-4, 0.0, 0.2;
-    Read: "read_noise" "sigma" "", 0.0, 1e-3, 0.0, 0.3;
-    Row: "row_noise" "sigma" "", 0.0, 1e-3, 0.0, 0.3;
-    Dsnu: "fixed_pattern_noise" "dsnu" "", 0.0, 1e-3, 0.0, 0.3;
-    Prnu: "fixed_pattern_noise" "prnu" "", 0.0, 1e-3, 0.0, 0.3;
-    Hot: "hot_pixels" "fraction" "", 0.0, 1e-4, 0.0, 0.05;
-    Quality: "jpeg" "quality" "", 0.0, 1.0, 0.0, 100.0;
-    Chroma: "chroma_subsampling" "scheme" "", 0.0, 1.0, 0.0, 2.0;
-    Mosaic: "bayer_mosaic" "pattern" "", 0.0, 1.0, 0.0, 4.0;
-}
-
-/// Names of the values of the parameters that are choices: 0 is off.
-pub(super) const SCHEMES: [&str; 3] = ["4:4:4", "4:2:0", "4:2:2"];
-/// See [`SCHEMES`].
-pub(super) const PATTERNS: [&str; 5] = ["", "RGGB", "BGGR", "GRBG", "GBRG"];
+use crate::chain::{Effect, Fit, Held, Moments, ParamKind, Settings, Stage, Value};
+use crate::effects;
 
 /// A candidate cause.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CandidateSpec {
-    /// Name of the contract.
+    /// Stem of the effect.
     pub name: &'static str,
     /// Its parameters that every fit frees.
     pub parameters: &'static [P],
@@ -98,45 +28,26 @@ pub(super) struct CandidateSpec {
     pub noise: bool,
 }
 
-const fn candidate(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, more: &[], needs_motion: false, noise: false }
-}
+/// All effects that have parameters to fit, in light-path order; set-up errors last.
+pub(super) static CANDIDATES: LazyLock<Vec<CandidateSpec>> = LazyLock::new(|| {
+    let is_setup = |e: &&&dyn Effect| e.stage() == Stage::SetUp;
+    let camera = effects::LIST.iter().filter(|e| !is_setup(e));
+    camera.chain(effects::LIST.iter().filter(is_setup)).filter_map(|e| candidate(*e)).collect()
+});
 
-const fn moving(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, more: &[], needs_motion: true, noise: false }
+fn candidate(effect: &dyn Effect) -> Option<CandidateSpec> {
+    let of = |p: &&P| p.spec().effect == effect.id();
+    let first = PLACES.iter().position(|p| of(&p))?;
+    let all = &PLACES[first..first + PLACES.iter().filter(of).count()];
+    let (parameters, more) = all.split_at(all.iter().filter(|p| !p.spec().fit.last).count());
+    Some(CandidateSpec {
+        name: effect.id(),
+        parameters,
+        more,
+        needs_motion: all.iter().any(|p| p.is_time()),
+        noise: matches!(effect.moments(), Moments::Noise(_)),
+    })
 }
-
-const fn noise(name: &'static str, parameters: &'static [P]) -> CandidateSpec {
-    CandidateSpec { name, parameters, more: &[], needs_motion: false, noise: true }
-}
-
-/// All candidates, in light-path order; set-up errors last.
-pub(super) const CANDIDATES: &[CandidateSpec] = &[
-    CandidateSpec { more: &[P::P1, P::P2, P::K3], ..candidate("lens_distortion", &[P::K1, P::K2]) },
-    candidate("chromatic_aberration", &[P::ScaleR, P::ScaleB]),
-    moving("rolling_shutter", &[P::Readout]),
-    moving("motion_blur", &[P::Exposure]),
-    candidate("defocus", &[P::Defocus]),
-    candidate("vignetting", &[P::A1, P::A2]),
-    candidate("glare", &[P::Veil, P::Level]),
-    candidate("exposure_gain", &[P::Gain]),
-    candidate("flicker", &[P::FlickerF, P::FlickerC, P::FlickerS]),
-    candidate("bayer_mosaic", &[P::Mosaic]),
-    noise("shot_noise", &[P::Shot]),
-    noise("fixed_pattern_noise", &[P::Dsnu, P::Prnu]),
-    noise("row_noise", &[P::Row]),
-    noise("read_noise", &[P::Read]),
-    noise("hot_pixels", &[P::Hot]),
-    candidate("black_level", &[P::Black]),
-    candidate("white_balance", &[P::WbR, P::WbB]),
-    candidate("gamma", &[P::Gamma]),
-    candidate("sharpening", &[P::Sharpen, P::Radius]),
-    candidate("chroma_subsampling", &[P::Chroma]),
-    candidate("jpeg", &[P::Quality]),
-    moving("time_offset", &[P::Offset]),
-    candidate("pose_offset", &[P::RotX, P::RotY, P::RotZ]),
-    candidate("focal_length_error", &[P::Focal]),
-];
 
 /// The candidate of that name.
 ///
@@ -144,22 +55,6 @@ pub(super) const CANDIDATES: &[CandidateSpec] = &[
 /// If there is none.
 pub(super) fn candidate_of(name: &str) -> &'static CandidateSpec {
     CANDIDATES.iter().find(|c| c.name == name).expect("names come from the list")
-}
-
-impl P {
-    pub(super) fn spec(self) -> &'static ParameterSpec {
-        &PARAMETERS[self as usize]
-    }
-
-    /// Whether a new render is needed when it changes.
-    pub(super) fn is_time(self) -> bool {
-        matches!(self, P::Offset | P::Readout | P::Exposure)
-    }
-
-    /// Whether it moves pixels without a new render.
-    pub(super) fn is_remap(self) -> bool {
-        (P::RotX..=P::ScaleB).contains(&self)
-    }
 }
 
 /// A point in the space of all parameters.
@@ -177,13 +72,13 @@ impl Theta {
     }
 
     pub(super) fn get(&self, p: P) -> f64 {
-        self.values[p as usize]
+        self.values[usize::from(p.0)]
     }
 
     /// Sets a value, kept inside its range.
     pub(super) fn set(&mut self, p: P, value: f64) {
         let [lo, hi] = p.spec().range;
-        self.values[p as usize] = value.clamp(lo, hi);
+        self.values[usize::from(p.0)] = value.clamp(lo, hi);
     }
 
     /// The same with one value changed.
@@ -198,28 +93,60 @@ impl Theta {
         self.get(p) != p.spec().neutral
     }
 
-    /// Whether two points differ in the parameter at that place.
-    pub(super) fn differs(&self, other: &Self, place: usize) -> bool {
-        self.values[place] != other.values[place]
-    }
-
-    /// Whether the parameter at that place has its neutral value.
-    pub(super) fn is_neutral(&self, place: usize) -> bool {
-        self.values[place] == PARAMETERS[place].neutral
-    }
-
-    /// Whether the parameter at that place moves the picture.
-    pub(super) fn moves(place: usize) -> bool {
-        place <= P::ScaleB as usize
+    /// The parameters in which two points differ.
+    pub(super) fn differing<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = P> + 'a {
+        PLACES.iter().copied().filter(|&p| self.get(p) != other.get(p))
     }
 
     /// The same with an effect taken out.
     pub(super) fn without(&self, candidate: &CandidateSpec) -> Self {
         let mut changed = self.clone();
         for &p in candidate.parameters.iter().chain(candidate.more) {
-            changed.values[p as usize] = p.spec().neutral;
+            changed.values[usize::from(p.0)] = p.spec().neutral;
         }
         changed
+    }
+
+    /// The value of a parameter whose first place is `p`.
+    pub(super) fn value(&self, p: P) -> Value {
+        let (at, held) = (p.spec(), self.get(p));
+        let next = || self.get(P(p.0 + 1));
+        let number = match (at.fit.held, at.kind) {
+            (_, ParamKind::Choice { options, .. }) => return Value::Choice(options[held as usize]),
+            (_, ParamKind::Vector3 { .. }) => {
+                return Value::Vector3([0, 1, 2].map(|i| self.get(P(p.0 + i))));
+            }
+            (Held::Inverse, _) => 1.0 / held.max(1e-9),
+            (Held::Cosine, _) => held.hypot(next()),
+            (Held::Sine, _) => held.atan2(self.get(P(p.0 - 1))),
+            _ => held,
+        };
+        match at.kind {
+            ParamKind::Number { min, max, .. } => Value::Number(number.clamp(min, max)),
+            _ => Value::Number(number),
+        }
+    }
+
+    /// Takes over the value of a parameter whose first place is `p`; `settings` has its effect.
+    pub(super) fn take(&mut self, p: P, settings: &Settings) {
+        let at = p.spec();
+        let number = |name: &str| settings.number(at.effect, name, 0.0);
+        match (settings.get(at.effect, at.name), at.fit.held) {
+            (Some(Value::Vector3(v)), _) => (0..3).for_each(|i| self.set(P(p.0 + i), v[usize::from(i)])),
+            (Some(Value::Choice(name)), _) => {
+                let ParamKind::Choice { options, .. } = at.kind else { return };
+                self.set(p, options.iter().position(|o| *o == name).unwrap_or(0) as f64);
+            }
+            (Some(Value::Number(v)), Held::Inverse) => self.set(p, if v > 0.0 { 1.0 / v } else { 0.0 }),
+            (Some(Value::Number(v)), Held::Cosine) => {
+                self.set(p, v * number(P(p.0 + 1).spec().name).cos());
+            }
+            (Some(Value::Number(v)), Held::Sine) => {
+                self.set(p, number(P(p.0 - 1).spec().name) * v.sin());
+            }
+            (Some(Value::Number(v)), _) => self.set(p, v),
+            (None, _) => {}
+        }
     }
 
     /// The parameters of an effect as the report has them. `half` gives the half widths of 95 % intervals.
@@ -228,69 +155,124 @@ impl Theta {
         candidate: &CandidateSpec,
         half: &BTreeMap<P, f64>,
     ) -> BTreeMap<String, Parameter> {
-        let mut out = BTreeMap::new();
-        let mut number = |name: &str, value: f64, ci: Option<[f64; 2]>, unit: &str| {
-            let ci95 = ci.map(|[a, b]| json!([a.min(b), a.max(b)]));
-            out.insert(name.to_owned(), Parameter { value: json!(value), ci95, unit: unit.to_owned() });
-        };
-        let around = |p: P| half.get(&p).map(|h| [self.get(p) - h, self.get(p) + h]);
-        match candidate.name {
-            "flicker" => {
-                let (c, s) = (self.get(P::FlickerC), self.get(P::FlickerS));
-                let depth = c.hypot(s);
-                let wide = half.get(&P::FlickerC).map(|h| [(depth - h).max(0.0), depth + h]);
-                number("depth", depth, wide, "");
-                let turn = half.get(&P::FlickerS).map(|h| h / depth.max(1e-9));
-                let phase = s.atan2(c);
-                // Frames whose lines are all exposed at once know the frequency up to multiples of their own rate only:
-                // an interval about one of these aliases would say more than is known.
-                let rolls = self.is_on(P::Readout);
-                let phase_ci = turn.filter(|_| rolls).map(|t| [phase - t, phase + t]);
-                number("phase_rad", phase, phase_ci, "rad");
-                number("frequency_hz", self.get(P::FlickerF), around(P::FlickerF).filter(|_| rolls), "Hz");
-            }
-            "shot_noise" => {
-                let inverse = self.get(P::Shot);
-                let ci = half.get(&P::Shot).map(|h| [1.0 / (inverse + h), 1.0 / (inverse - h).max(1e-7)]);
-                number("full_well_e", 1.0 / inverse.max(1e-12), ci, "e-");
-            }
-            "pose_offset" => {
-                let axes = [P::RotX, P::RotY, P::RotZ];
-                let ci: Option<Vec<_>> = axes.iter().map(|&p| around(p)).collect();
-                out.insert(
-                    "rotvec_rad".to_owned(),
-                    Parameter {
-                        value: json!(axes.map(|p| self.get(p))),
-                        ci95: ci.map(|ci| json!(ci)),
-                        unit: "rad".to_owned(),
-                    },
-                );
-            }
-            "chroma_subsampling" | "bayer_mosaic" => {
-                let p = candidate.parameters[0];
-                let names: &[&str] = if p == P::Chroma { &SCHEMES } else { &PATTERNS };
-                let name = names[self.get(p) as usize];
-                out.insert(p.spec().name.to_owned(), word(name));
-                if p == P::Mosaic {
-                    out.insert("demosaic".to_owned(), word("bilinear"));
+        let more = candidate.more.iter().filter(|&&p| self.is_on(p));
+        let numbers = candidate.parameters.iter().chain(more).filter(|p| p.spec().component == 0);
+        let mut out: BTreeMap<String, Parameter> =
+            numbers.map(|&p| (p.spec().name.to_owned(), self.reported(p, half))).collect();
+        // Choices beside the numbers, and those that go with a fitted one.
+        let specs = effects::by_id(candidate.name).expect("from the list").specs();
+        let chosen = candidate.parameters.iter().any(|p| matches!(p.spec().kind, ParamKind::Choice { .. }));
+        for spec in specs {
+            let ParamKind::Choice { neutral, .. } = spec.kind else { continue };
+            match spec.fit {
+                Some(Fit { held: Held::Aside, .. }) => {
+                    drop(out.insert(spec.name.to_owned(), word(self.scan_order.name())))
                 }
-            }
-            _ => {
-                for &p in candidate.parameters {
-                    number(p.spec().name, self.get(p), around(p), p.spec().unit);
-                }
-                for &p in candidate.more.iter().filter(|&&p| self.is_on(p)) {
-                    number(p.spec().name, self.get(p), around(p), p.spec().unit);
-                }
-                if candidate.name == "rolling_shutter" {
-                    out.insert("scan_order".to_owned(), word(self.scan_order.name()));
-                }
+                None if chosen => drop(out.insert(spec.name.to_owned(), word(neutral))),
+                _ => {}
             }
         }
         out
+    }
+
+    fn reported(&self, p: P, half: &BTreeMap<P, f64>) -> Parameter {
+        let (at, held) = (p.spec(), self.get(p));
+        let width = |p: P| half.get(&p).copied();
+        let around = |p: P| width(p).map(|h| json!([self.get(p) - h, self.get(p) + h]));
+        let (value, ci95) = match self.value(p) {
+            Value::Choice(name) => return word(name),
+            Value::Vector3(v) => {
+                let ci: Option<Vec<_>> = (0..3).map(|i| around(P(p.0 + i))).collect();
+                (json!(v), ci.map(|ci| json!(ci)))
+            }
+            Value::Number(v) => {
+                let ci = match at.fit.held {
+                    Held::Inverse => width(p).map(|h| json!([1.0 / (held + h), 1.0 / (held - h).max(1e-7)])),
+                    Held::Cosine => width(p).map(|h| json!([(v - h).max(0.0), v + h])),
+                    Held::Sine => {
+                        let depth = held.hypot(self.get(P(p.0 - 1))).max(1e-9);
+                        width(p).map(|h| json!([v - h / depth, v + h / depth]))
+                    }
+                    Held::Itself | Held::Aside => around(p),
+                };
+                (json!(v), ci)
+            }
+        };
+        // An interval about one of many aliases would say more than is known.
+        let known = !at.fit.by_lines || self.is_on(P::Readout);
+        Parameter { value, ci95: ci95.filter(|_| known), unit: at.unit.to_owned() }
     }
 }
 
 fn word(name: &str) -> Parameter {
     Parameter { value: json!(name), ci95: None, unit: String::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::vector::components;
+    use super::*;
+
+    /// What a hand-written second list would break: every fitted number is a parameter of the list of effects, in its range.
+    #[test]
+    fn candidates_are_the_effects_that_have_a_fit_line_and_nothing_is_stated_twice() {
+        for effect in effects::LIST {
+            let fitted = effect.specs().iter().any(|s| components(s) > 0);
+            assert_eq!(
+                fitted,
+                effect.undiagnosed().is_none(),
+                "{} says neither how nor why not",
+                effect.id()
+            );
+            assert_eq!(fitted, CANDIDATES.iter().any(|c| c.name == effect.id()), "{}", effect.id());
+        }
+        for (i, at) in PARAMETERS.iter().enumerate() {
+            let effect = effects::by_id(at.effect).expect("an effect");
+            let spec = effect.specs().iter().find(|s| s.name == at.name).expect("its parameter");
+            assert_eq!((spec.unit, Some(at.fit)), (at.unit, spec.fit), "{}.{}", at.effect, at.name);
+            let (lo, hi) = (at.range[0], at.range[1]);
+            assert!(lo <= at.neutral && at.neutral <= hi && at.step > 0.0, "{at:?}");
+            if let (Held::Itself, ParamKind::Number { min, max, .. }) = (at.fit.held, at.kind) {
+                assert!(min <= lo && hi <= max, "{at:?} looks where the effect has no values");
+            }
+            let all = CANDIDATES
+                .iter()
+                .filter(|c| c.parameters.contains(&P(i as u16)) || c.more.contains(&P(i as u16)));
+            assert_eq!(all.count(), 1, "{at:?}");
+        }
+    }
+
+    #[test]
+    fn values_go_to_settings_and_back() {
+        for candidate in CANDIDATES.iter() {
+            let mut theta = Theta::neutral();
+            for &p in candidate.parameters.iter().chain(candidate.more) {
+                let [lo, hi] = p.spec().range;
+                let whole = matches!(p.spec().kind, ParamKind::Choice { .. } | ParamKind::Integer { .. });
+                theta.set(
+                    p,
+                    if whole {
+                        hi.min(2.0)
+                    } else {
+                        p.spec().neutral
+                            + 0.1 * (hi - p.spec().neutral).min(1.0)
+                            + 0.01 * lo.signum().max(0.0)
+                    },
+                );
+            }
+            let mut settings = Settings::default();
+            super::super::settings::apply(&mut settings, &theta, &[candidate.name]).expect("in range");
+            let back = super::super::settings::theta_of(&settings);
+            for &p in candidate.parameters.iter().chain(candidate.more) {
+                assert!(
+                    (back.get(p) - theta.get(p)).abs() < 1e-9,
+                    "{:?}: {} {}",
+                    p.spec(),
+                    back.get(p),
+                    theta.get(p)
+                );
+                assert!(theta.is_on(p), "control: {:?} is neutral", p.spec());
+            }
+        }
+    }
 }

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 use super::discrepancy::SPREAD_ERROR;
 use super::evidence::Evidence;
 use super::intervals::Way;
-use super::mixing::{LUMA, mixed, shared};
 use super::model::{P, Theta};
 use super::packing::Packing;
-use super::tone::{Tone, noise_gain, row_seen};
+use super::tone::{Tone, noise_gain, row_kept, row_seen, shared};
 use crate::plane::Plane;
+use crate::plane::stats::{LUMA, robust_variance};
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
 const FLAT_DN: f32 = 10.0;
@@ -423,9 +423,7 @@ impl Values {
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
             // Neighbours that share their noise leave more of it to a row's mean.
-            let shared =
-                mixed(theta).map_or(1.0, |m| m.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0);
-            let own = shared * self.row_own[0] / self.row_own[1];
+            let own = row_kept(theta) * self.row_own[0] / self.row_own[1];
             let (seen, scale) = (robust_variance(&mut rows), HIGH_PASS * f64::from(row_seen(theta)));
             data.row2 = ((seen - own) / scale).max(0.0);
             data.row_error2 = 3.0 / rows.len() as f64 * (seen / scale).powi(2);
@@ -452,18 +450,6 @@ fn dither(frame: usize, value: usize) -> f32 {
         bits = (bits ^ (bits >> 16)).wrapping_mul(factor);
     }
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32 - 0.5
-}
-
-/// Variance from the middle of the values, half a standard deviation to each side: edges of renderers and stuck pixels
-/// have no say.
-pub(super) fn robust_variance(values: &mut [f32]) -> f64 {
-    let n = values.len();
-    let mut at = |share: f64| {
-        let i = ((n as f64 * share) as usize).min(n - 1);
-        *values.select_nth_unstable_by(i, f32::total_cmp).1
-    };
-    let (low, high) = (at(0.308_538), at(0.691_462));
-    f64::from(high - low).powi(2)
 }
 
 /// How the variance of a fixed pattern grows with brightness.

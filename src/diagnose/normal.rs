@@ -157,7 +157,7 @@ pub(super) fn value_keys(mean: &Plane<f32>, block: usize) -> Vec<u16> {
 /// Step of a numeric derivative, away from the end of the range.
 fn step_of(forward: &Forward, theta: &Theta, p: P, stretch: f64) -> f64 {
     let mut step = p.spec().step * if p.is_time() || p.is_remap() { stretch } else { 1.0 };
-    if p == P::Defocus && theta.get(p) < 0.3 {
+    if p.spec().unit == "px" && p.spec().neutral == 0.0 && theta.get(p) < 0.3 {
         // A blur's slope at none is none.
         step = 0.4;
     }

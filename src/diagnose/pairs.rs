@@ -4,8 +4,8 @@
 
 use super::evidence::Evidence;
 use super::fit::spread_out;
-use super::photometric::chroma;
 use crate::plane::Plane;
+use crate::plane::stats::luma;
 
 /// Frames that are looked at.
 const FRAMES: usize = 4;
@@ -16,7 +16,7 @@ const WITHIN: f64 = 0.2;
 /// What rounding to whole DN leaves within pairs.
 const ROUNDING_DN: f64 = 0.25;
 
-/// The scheme (see [`super::model::SCHEMES`]) that the frames (places) show; none where they show none.
+/// The scheme (a place among the options of `chroma_subsampling.scheme`) that the frames (places) show; none where they show none.
 pub(super) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     let some = spread_out(frames, FRAMES);
     let shared = |down: bool| {
@@ -56,11 +56,17 @@ fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
     sums
 }
 
+/// The two colour differences of a pixel (ITU-T T.871).
+fn chroma(p: &[f32]) -> [f32; 2] {
+    let luma = luma(p);
+    [(p[2] - luma) / 1.772, (p[0] - luma) / 1.402]
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::photometric::subsampled;
     use super::*;
     use crate::chain::rng::random_bits;
+    use crate::effects::chroma_subsampling::sharing;
 
     fn picture(sigma: f32) -> Plane<f32> {
         Plane::from_fn(64, 48, |x, y| {
@@ -82,8 +88,8 @@ mod tests {
         for sigma in [0.0, 2.0, 8.0] {
             let plain = picture(sigma);
             assert_eq!(told(&plain), None, "control: noise of {sigma} DN");
-            assert_eq!(told(&subsampled(&plain, 1)), Some(1), "noise of {sigma} DN");
-            assert_eq!(told(&subsampled(&plain, 2)), Some(2), "noise of {sigma} DN");
+            assert_eq!(told(&sharing(&plain, 2)), Some(1), "noise of {sigma} DN");
+            assert_eq!(told(&sharing(&plain, 1)), Some(2), "noise of {sigma} DN");
         }
         let grey = Plane::from_fn(64, 48, |x, y| [(40 + (x * 3 + y * 5) % 120) as f32; 3]);
         assert_eq!(told(&grey), None, "what has no colour tells of none");

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::evidence::Evidence;
 use super::forward::{Forward, Sharp};
-use super::photometric::gaussian;
 use super::report::{Bin, Measure, Where};
+use crate::effects::gaussian::blurred;
 use crate::plane::{Plane, metrics};
 
 /// One held-out frame: real, simulated before and after, and what is known of its pixels.
@@ -154,7 +154,7 @@ fn frequencies(frames: &[Compared<'_>]) -> Vec<Bin> {
         for (i, sum) in sums.iter_mut().enumerate() {
             let last = i + 1 == edges.len();
             let soft = |p: &Plane<f32>| {
-                if last { Plane::new(p.width, p.height, 3) } else { gaussian(p, edges[i + 1]) }
+                if last { Plane::new(p.width, p.height, 3) } else { blurred(p, f64::from(edges[i + 1])) }
             };
             let (b, a) = (soft(&before), soft(&after));
             for j in (0..b.data.len()).filter(|&j| f.mask.is_none_or(|m| m.data[j / 3] > 0.5)) {

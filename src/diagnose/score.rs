@@ -10,9 +10,10 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::discrepancy::{REACH, edges, rounded};
 use super::flips::Flips;
-use super::packing::Left;
 use super::tone::{Tone, Variances};
+use crate::chain::Left;
 use crate::plane::Plane;
+use crate::plane::stats::erf_beside;
 
 /// Families of statistics: pixels, three bands of a pyramid, row means, column means, differences between frames.
 pub(super) const FAMILIES: [(&str, f64); 7] = [
@@ -86,20 +87,6 @@ fn expected(variance: f64) -> f64 {
 }
 
 const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
-
-/// Abramowitz and Stegun 7.1.26, to 1.5e-7.
-pub(super) fn erf(x: f64) -> f64 {
-    erf_beside(x, (-x * x).exp())
-}
-
-/// [`erf`] where the exponential of -x^2 is known.
-fn erf_beside(x: f64, bell: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
-    let poly = t
-        * (0.254_829_592
-            + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    x.signum() * (1.0 - poly * bell)
-}
 
 /// How a picture is cut into blocks.
 #[derive(Clone, Copy)]
@@ -343,6 +330,7 @@ fn lines([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option
 mod tests {
     use super::super::model::{P, Theta};
     use super::*;
+    use crate::plane::stats::erf;
 
     #[test]
     fn the_score_of_a_normal_variable_is_lowest_at_its_own_spread() {

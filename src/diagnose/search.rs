@@ -113,7 +113,7 @@ pub(super) type Tried = (&'static str, Fit, Scores);
 impl<'a> Search<'a> {
     /// Continuous parameters of a set that change the mean.
     pub(super) fn free(set: &[&'static str]) -> Vec<P> {
-        let discrete = |p: &P| matches!(p, P::Quality | P::Chroma | P::Mosaic);
+        let discrete = |p: &P| p.is_discrete();
         set.iter()
             .map(|n| candidate_of(n))
             .filter(|c| !c.noise)
@@ -527,7 +527,7 @@ impl<'a> Search<'a> {
 }
 
 pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
-    matches!(candidate.parameters, [P::Quality] | [P::Chroma] | [P::Mosaic])
+    matches!(candidate.parameters, [p] if p.is_discrete())
 }
 
 /// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a

@@ -21,70 +21,58 @@ const HOPEFUL: f64 = 0.97;
 fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Theta> {
     let period_s = forward.period_s;
     let longest_s = forward.longest_s();
-    let one = |p: P, values: &[f64]| -> Vec<Theta> { values.iter().map(|&v| theta.with(p, v)).collect() };
+    let [from_s, to_s] = forward.offsets_s();
+    let value = |p: P, start: f64| match p {
+        P::Offset => (start * period_s).clamp(from_s, to_s),
+        p if p.is_time() => (start * period_s).min(longest_s),
+        _ => start,
+    };
+    let count = candidate.parameters.iter().map(|p| p.spec().fit.starts.len()).max().unwrap_or(0);
+    let at = |i: usize| {
+        candidate.parameters.iter().fold(theta.clone(), |at, &p| match p.spec().fit.starts.get(i) {
+            Some(&start) => at.with(p, value(p, start)),
+            None => at,
+        })
+    };
+    let plain: Vec<Theta> = (0..count).map(at).collect();
     match candidate.name {
-        "time_offset" => {
-            let [from_s, to_s] = forward.offsets_s();
-            let shares = [-0.6, -0.3, -0.1, 0.1, 0.3, 0.6].map(|s| (s * period_s).clamp(from_s, to_s));
-            one(P::Offset, &shares)
-        }
+        _ if count == 0 => vec![theta.clone()],
         "rolling_shutter" => {
-            let mut all = Vec::new();
-            for order in ScanOrder::ALL {
-                for share in [0.2, 0.5, 0.9] {
-                    let mut at = theta.with(P::Readout, (share * period_s).min(longest_s));
-                    at.scan_order = order;
-                    all.push(at);
-                }
-            }
-            all
+            let ordered = |scan_order: ScanOrder| {
+                plain.clone().into_iter().map(move |mut at| {
+                    at.scan_order = scan_order;
+                    at
+                })
+            };
+            ScanOrder::ALL.into_iter().flat_map(ordered).collect()
         }
-        "motion_blur" => {
-            let mut all = Vec::new();
-            // Beside what explains most of a gap hardly any blur is the likeliest.
-            for share in [0.03, 0.1, 0.25, 0.5, 0.85] {
-                let exposure_s = (share * period_s).min(longest_s);
-                let at = theta.with(P::Exposure, exposure_s);
-                // The exposure delays the middle of every line by half of it: what another effect about time has
-                // taken for that is given back.
-                if theta.is_on(P::Offset) {
-                    all.push(at.with(P::Offset, at.get(P::Offset) - 0.5 * exposure_s));
-                }
-                if theta.is_on(P::Readout) {
-                    all.push(at.with(P::Readout, (at.get(P::Readout) - exposure_s).max(0.1 * period_s)));
-                }
-                all.push(at);
-            }
-            all
-        }
+        "motion_blur" => plain.into_iter().flat_map(|at| beside_time(theta, at, period_s)).collect(),
         // Sharpening undoes most of a defocus, and alone it was fitted to what that left: both start anew.
         "defocus" if theta.is_on(P::Sharpen) => {
-            let mut all = one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]);
+            let mut all = plain;
             for sigma_px in [0.6, 1.0] {
-                all.extend(sharpenings(&theta.with(P::Defocus, sigma_px)));
+                let blurred = theta.with(P::Defocus, sigma_px);
+                all.extend(starts(forward, &blurred, super::model::candidate_of("sharpening")));
             }
             all
         }
-        "defocus" => one(P::Defocus, &[0.4, 0.8, 1.5, 3.0]),
-        "sharpening" => sharpenings(theta).to_vec(),
-        "glare" => {
-            let mut all = Vec::new();
-            for (veil, level) in [(0.05, 0.8), (0.05, 0.2), (0.2, 0.5)] {
-                all.push(theta.with(P::Veil, veil).with(P::Level, level));
-            }
-            all
-        }
-        "flicker" => {
-            // See `flicker`: they come from the frames.
-            vec![theta.clone()]
-        }
-        _ => vec![theta.clone()],
+        _ => plain,
     }
 }
 
-fn sharpenings(theta: &Theta) -> [Theta; 3] {
-    [(0.3, 0.7), (0.5, 1.5), (1.2, 1.0)]
-        .map(|(amount, radius)| theta.with(P::Sharpen, amount).with(P::Radius, radius))
+/// The exposure delays the middle of every line by half of it: what another effect about time has taken for that is given
+/// back.
+fn beside_time(theta: &Theta, at: Theta, period_s: f64) -> Vec<Theta> {
+    let mut all = Vec::new();
+    let exposure_s = at.get(P::Exposure);
+    if theta.is_on(P::Offset) {
+        all.push(at.with(P::Offset, at.get(P::Offset) - 0.5 * exposure_s));
+    }
+    if theta.is_on(P::Readout) {
+        all.push(at.with(P::Readout, (at.get(P::Readout) - exposure_s).max(0.1 * period_s)));
+    }
+    all.push(at);
+    all
 }
 
 /// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it. Recorded

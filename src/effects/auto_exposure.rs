@@ -21,7 +21,7 @@ pub struct AutoExposure;
 const ID: &str = "auto_exposure";
 const GAIN: (f64, f64) = (1e-3, 100.0);
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("target", "", (0.0, 1.0), 0.0, "mean linear luminance that is wanted; 0: no control"),
     ParamSpec::integer(
         "delay_frames",
@@ -59,6 +59,10 @@ impl Effect for AutoExposure {
 
     fn stage(&self) -> Stage {
         Stage::SetUp
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some("its gain follows from the frames before, which a fit of single frames does not make")
     }
 
     fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {

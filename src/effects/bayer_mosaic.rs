@@ -7,19 +7,24 @@
 //! pixel's own colour (Malvar, He, Cutler: "High-quality linear interpolation for demosaicing of Bayer-patterned color
 //! images", ICASSP 2004, Fig. 2). The picture is mirrored about its outermost pixels.
 
+use std::sync::LazyLock;
+
 use super::gaussian;
-use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
+use crate::chain::{
+    Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work, mixing_of,
+};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct BayerMosaic;
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice(
         "pattern",
         &["none", "RGGB", "BGGR", "GRBG", "GBRG"],
         "colours of the upper left 2x2 pixels, row by row",
-    ),
+    )
+    .fit(Fit::choice().trial(Law::Option, 0.25, 1.0)),
     ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in"),
 ];
 
@@ -93,7 +98,11 @@ fn malvar_he_cutler(n: &Neighbours) -> Filled {
 /// Twin of `glsl/bayer_mosaic.comp`.
 fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<f32> {
     let Some(red) = red(settings) else { return source.clone() };
-    let fill = if is_malvar(settings) { malvar_he_cutler } else { bilinear };
+    filled(source, red, is_malvar(settings))
+}
+
+fn filled(source: &Plane<f32>, red: [usize; 2], malvar: bool) -> Plane<f32> {
+    let fill = if malvar { malvar_he_cutler } else { bilinear };
     gaussian::filter(source, |x, y| {
         let at = |dx: i64, dy: i64| {
             let place = [mirrored(x as i64 + dx, source.width), mirrored(y as i64 + dy, source.height)];
@@ -104,8 +113,8 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
             row: at(-1, 0) + at(1, 0),
             column: at(0, -1) + at(0, 1),
             diagonal: (at(-1, -1) + at(1, -1)) + (at(-1, 1) + at(1, 1)),
-            far_row: at(-2, 0) + at(2, 0),
-            far_column: at(0, -2) + at(0, 2),
+            far_row: if malvar { at(-2, 0) + at(2, 0) } else { 0.0 },
+            far_column: if malvar { at(0, -2) + at(0, 2) } else { 0.0 },
         };
         let f = fill(&n);
         let red_row = (y + red[1]) % 2 == 0;
@@ -124,6 +133,15 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![Pass { file: "bayer_mosaic.comp", constants, run: [1, 1] }]
 }
 
+/// The same for each pattern: what a block's mean has is that of the whole of four cells.
+fn mixing(settings: &Settings) -> Mixing {
+    static BOTH: [LazyLock<Mixing>; 2] = [
+        LazyLock::new(|| mixing_of(|source| filled(source, [0, 0], false))),
+        LazyLock::new(|| mixing_of(|source| filled(source, [0, 0], true))),
+    ];
+    *BOTH[usize::from(is_malvar(settings))]
+}
+
 impl Effect for BayerMosaic {
     fn id(&self) -> &'static str {
         "bayer_mosaic"
@@ -139,6 +157,10 @@ impl Effect for BayerMosaic {
 
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(red(settings).is_some())
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Pixels(mixing)
     }
 
     fn work(&self) -> Work {

@@ -1,17 +1,25 @@
 //! What the sensor delivers without light: offset + (1 - offset) L (CAPTURE contract), so that white stays white. From
 //! electrons to digital numbers.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct BlackLevel;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("offset", "fraction of full scale", (-0.5, 0.9), 0.0, "value of no light")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("offset", "fraction of full scale", (-0.5, 0.9), 0.0, "value of no light")
+        .fit(Fit::by(0.002).within(-0.2, 0.4).trial(Law::Up, 0.008, 0.1).graded(3e-4, 3e-2))];
 
 /// The function of the same name in `glsl/include/effects/black_level.glsl`.
 fn black_level(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) + p.number(1) * v)
+}
+
+fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
+    let offset = settings.number("black_level", "offset", 0.0);
+    [[1.0 - offset, offset]; 3]
 }
 
 impl Effect for BlackLevel {
@@ -25,6 +33,10 @@ impl Effect for BlackLevel {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::Electrons, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(affine)
     }
 
     fn work(&self) -> Work {

@@ -3,26 +3,30 @@
 //! Encoded values.
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, ParamSpec, Parameters, Pass, Settings, Stage, Work};
+use crate::chain::{
+    Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
+};
 use crate::plane::Plane;
+use crate::plane::stats::{LUMA, luma};
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaSubsampling;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::choice("scheme", &["4:4:4", "4:2:0", "4:2:2"], "which pixels share their colour")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::choice("scheme", &["4:4:4", "4:2:0", "4:2:2"], "which pixels share their colour")
+        .fit(Fit::choice().trial(Law::Option, 0.4, 1.0))];
 
 fn block_rows(settings: &Settings) -> usize {
     if settings.choice("chroma_subsampling", "scheme") == Some("4:2:0") { 2 } else { 1 }
 }
 
-fn luma([r, g, b]: [f32; 3]) -> f32 {
-    0.299 * r + 0.587 * g + 0.114 * b
-}
-
 /// Twin of `glsl/chroma_subsampling.comp`.
 fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<f32> {
-    let rows = block_rows(settings);
+    sharing(source, block_rows(settings))
+}
+
+/// Where the colour of two columns and so many rows is one.
+pub(crate) fn sharing(source: &Plane<f32>, rows: usize) -> Plane<f32> {
     gaussian::filter(source, |x, y| {
         let first = [(x & !1) as i64, if rows == 2 { y & !1 } else { y } as i64];
         let at = |dx: i64, dy: i64| gaussian::clamped(source, [first[0] + dx, first[1] + dy]);
@@ -33,13 +37,23 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
             _ => upper.map(|v| 0.5 * v),
         };
         let seen = gaussian::clamped(source, [x as i64, y as i64]);
-        mean.map(|v| luma(seen) + (v - luma(mean)))
+        mean.map(|v| luma(&seen) + (v - luma(&mean)))
     })
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
     let rows = block_rows(settings) as u32;
     vec![Pass { file: "chroma_subsampling.comp", constants: [rows, 0], run: [2, rows] }]
+}
+
+/// A pixel keeps its own brightness, and has the mean over n of the colour's difference to brightness.
+fn mixing(settings: &Settings) -> Mixing {
+    let n = 2.0 * block_rows(settings) as f32;
+    let weight = |of: usize, from: usize| {
+        let difference = if of == from { 1.0 - LUMA[from] } else { -LUMA[from] };
+        (LUMA[from] + difference / n).powi(2) + (n - 1.0) * (difference / n).powi(2)
+    };
+    Mixing { shared: Some([0, 1, 2].map(|of| [0, 1, 2].map(|from| weight(of, from)))), ..Mixing::NONE }
 }
 
 impl Effect for ChromaSubsampling {
@@ -53,6 +67,10 @@ impl Effect for ChromaSubsampling {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Pixels(mixing)
     }
 
     fn work(&self) -> Work {

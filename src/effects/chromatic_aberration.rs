@@ -2,7 +2,7 @@
 //! frame is rendered, behind the distortion: a colour's place on the sensor is
 //! (cx, cy) + scale (distorted place - (cx, cy)).
 
-use crate::chain::{Effect, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaticAberration;
@@ -11,9 +11,11 @@ const ID: &str = "chromatic_aberration";
 /// Lenses have a few thousandths; a tenth is far beyond any.
 const SCALES: (f64, f64) = (0.9, 1.1);
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("scale_r", "", SCALES, 1.0, "radial magnification of red about (cx, cy), green = 1"),
-    ParamSpec::number("scale_b", "", SCALES, 1.0, "radial magnification of blue about (cx, cy), green = 1"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("scale_r", "", SCALES, 1.0, "radial magnification of red about (cx, cy), green = 1")
+        .fit(Fit::by(1e-3).within(0.97, 1.03).trial(Law::Up, 0.001, 0.006).graded(1e-4, 6e-3)),
+    ParamSpec::number("scale_b", "", SCALES, 1.0, "radial magnification of blue about (cx, cy), green = 1")
+        .fit(Fit::by(1e-3).within(0.97, 1.03).trial(Law::Follows, -1.5, -0.5)),
 ];
 
 impl ChromaticAberration {

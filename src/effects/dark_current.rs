@@ -2,13 +2,13 @@
 //! before [`super::ShotNoise`], which thus makes its noise too. Linear radiance, 1 = full well.
 
 use super::MotionBlur;
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
 pub struct DarkCurrent;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::number(
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::number(
     "rate_per_s",
     "fraction of full scale per s",
     (0.0, 1000.0),
@@ -47,6 +47,16 @@ impl Effect for DarkCurrent {
             return Ok(Vec::new());
         }
         Ok(vec!["dark_current needs time: without motion_blur.exposure_time_s it changes nothing".to_owned()])
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(|settings, view| [[1.0, Self::mean(settings, view)]; 3])
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some(
+            "one number a frame that a black level ahead of the noise gives as well, and nothing without an exposure",
+        )
     }
 
     fn work(&self) -> Work {

@@ -12,14 +12,18 @@
 //! Radii are cut at `max_radius_px`. One over the distance (1/m) stands in the picture's fourth channel then.
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
+use crate::chain::{
+    Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct Defocus;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("sigma_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("sigma_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian").fit(
+        Fit::by(0.1).within(0.0, 8.0).starts(&[0.4, 0.8, 1.5, 3.0]).trial(Law::Up, 0.5, 2.5).graded(0.1, 2.0),
+    ),
     ParamSpec::number("disc_radius_px", "px", (0.0, 20.0), 0.0, "radius of the disc"),
     ParamSpec::number("aperture_m", "m", (0.0, 0.2), 0.0, "diameter of the aperture; 0: not by depth"),
     ParamSpec::number("focus_m", "m", (0.01, 1e6), 1e6, "distance that is sharp"),

@@ -1,12 +1,16 @@
 //! Brightness of the whole picture: gain L (CAPTURE contract). Exposure set otherwise than assumed, or an amplifier's
 //! gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct ExposureGain;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::number("gain", "", (0.0, 100.0), 1.0, "factor on the radiance")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("gain", "", (0.0, 100.0), 1.0, "factor on the radiance")
+        .fit(Fit::by(0.01).within(0.05, 20.0).trial(Law::Factor, 0.05, 0.5).graded(2e-3, 2e-1))];
 
 /// The function of the same name in `glsl/include/effects/exposure_gain.glsl`.
 fn exposure_gain(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -24,6 +28,10 @@ impl Effect for ExposureGain {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(|settings, _| [[settings.number("exposure_gain", "gain", 1.0), 0.0]; 3])
     }
 
     fn work(&self) -> Work {

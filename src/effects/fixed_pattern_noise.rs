@@ -5,7 +5,9 @@
 
 use super::DarkCurrent;
 use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct FixedPatternNoise;
@@ -15,9 +17,11 @@ pub const STREAM_FIXED_PATTERN_DSNU: u32 = 0x4453;
 /// Stream of the gains.
 pub const STREAM_FIXED_PATTERN_PRNU: u32 = 0x5052;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("dsnu", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the offsets"),
-    ParamSpec::number("prnu", "", (0.0, 1.0), 0.0, "standard deviation of the gains"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("dsnu", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the offsets")
+        .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.004, 0.03).graded(3e-4, 1e-2)),
+    ParamSpec::number("prnu", "", (0.0, 1.0), 0.0, "standard deviation of the gains")
+        .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.008, 0.05).graded(6e-4, 2e-2)),
     ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
 ];
 
@@ -40,6 +44,11 @@ fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let [dsnu, prnu] = ["dsnu", "prnu"].map(|name| settings.number("fixed_pattern_noise", name, 0.0));
+    [Noise { fixed: [dsnu * dsnu, 0.0, prnu * prnu], ..Noise::default() }; 3]
+}
+
 impl Effect for FixedPatternNoise {
     fn id(&self) -> &'static str {
         "fixed_pattern_noise"
@@ -56,6 +65,10 @@ impl Effect for FixedPatternNoise {
     fn variant(&self, settings: &Settings) -> u32 {
         let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
         has("dsnu", DSNU) | has("prnu", PRNU)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

@@ -7,21 +7,29 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Held, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct Flicker;
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number(
         "frequency_hz",
         "Hz",
         (0.0, 10_000.0),
         0.0,
         "of the brightness: twice that of the current",
+    )
+    .fit(
+        // Not near a multiple of 30 Hz: seen by a global shutter, that is a gain and no flicker.
+        Fit::by(0.05).within(1.0, 1000.0).rest(100.0).by_lines().trial(Law::Even, 96.0, 114.0),
     ),
-    ParamSpec::number("depth", "", (0.0, 1.0), 0.0, "amplitude over mean brightness"),
-    ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the zero of the capture's clock"),
+    ParamSpec::number("depth", "", (0.0, 1.0), 0.0, "amplitude over mean brightness")
+        .fit(Fit::by(0.01).within(-0.9, 0.9).held(Held::Cosine).trial(Law::Up, 0.05, 0.3).graded(3e-3, 3e-1)),
+    ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the zero of the capture's clock")
+        .fit(Fit::by(0.01).within(-0.9, 0.9).held(Held::Sine).by_lines().trial(Law::Even, -3.0, 3.0)),
     ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means"),
 ];
 
@@ -50,6 +58,16 @@ fn flicker(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| factor * v)
 }
 
+fn light(p: &Parameters, view: &View, y: usize, row: &mut [f32]) {
+    let (k, order) = (&view.intrinsics, view.shutter.scan_order);
+    let factor = |x: usize| p.table(0, order.line_of(x as u32, y as u32, k.width, k.height) as usize);
+    if order.lines_are_rows() {
+        row.fill(factor(0));
+    } else {
+        row.iter_mut().enumerate().for_each(|(x, v)| *v = factor(x));
+    }
+}
+
 impl Effect for Flicker {
     fn id(&self) -> &'static str {
         "flicker"
@@ -65,6 +83,10 @@ impl Effect for Flicker {
 
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(settings.number("flicker", "depth", 0.0) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Light(light)
     }
 
     fn work(&self) -> Work {

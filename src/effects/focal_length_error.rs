@@ -2,13 +2,14 @@
 //! engine is given its intrinsics: [`crate::capture::Capture::true_intrinsics`].
 
 use crate::camera::Intrinsics;
-use crate::chain::{Effect, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
 
 /// The effect; its values live in [`Settings`].
 pub struct FocalLengthError;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("ratio", "", (0.5, 2.0), 1.0, "true focal length over that of camera.toml")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("ratio", "", (0.5, 2.0), 1.0, "true focal length over that of camera.toml")
+        .fit(Fit::by(1e-3).within(0.7, 1.4).trial(Law::Either, 0.006, 0.05).graded(2e-4, 2e-2))];
 
 impl FocalLengthError {
     /// The true camera's intrinsics.

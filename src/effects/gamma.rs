@@ -1,14 +1,17 @@
 //! From linear values to encoded ones: srgb(L)^exponent, clipped to 0..1 (CAPTURE contract; srgb: IEC 61966-2-1). Every
 //! camera encodes, so it is part of every chain; when it is off the exponent is 1.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 use crate::plane::srgb_encode;
 
 /// The effect; its values live in [`Settings`].
 pub struct Gamma;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("exponent", "", (0.1, 10.0), 1.0, "power of the sRGB-encoded value")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("exponent", "", (0.1, 10.0), 1.0, "power of the sRGB-encoded value")
+        .fit(Fit::by(0.01).within(0.3, 3.0).trial(Law::Factor, 0.05, 0.35).graded(2e-3, 2e-1))];
 
 const ENCODE: u32 = 1;
 const POWER: u32 = 2;
@@ -38,6 +41,10 @@ impl Effect for Gamma {
 
     fn variant(&self, settings: &Settings) -> u32 {
         if settings.is_neutral(self.id(), SPECS) { ENCODE } else { ENCODE | POWER }
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Curve
     }
 
     fn work(&self) -> Work {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::chain::{Packer, Pass};
+use crate::chain::{BANDS, Left, Mixing, Packer, Pass};
 use crate::plane::Plane;
 
 /// Weights of distance 0 to the radius, which is four sigma (as in scipy.ndimage); both sides add up to 1.
@@ -38,21 +38,47 @@ pub(super) fn pack(sigma_px: f64, packer: &mut Packer<'_>) {
     }
 }
 
-/// The Gaussian along rows (`axis` 0) or columns (1); the fourth channel is passed through.
+/// The Gaussian along rows (`axis` 0) or columns (1); the fourth channel, where there is one, is passed through. Whole rows at a
+/// time: compilers turn that into vectors. Each value is summed from one side to the other, as in the kernel.
 pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<f32> {
-    filter(source, |x, y| {
-        let at = |k: i64| {
-            let place = [x as i64 + if axis == 0 { k } else { 0 }, y as i64 + if axis == 1 { k } else { 0 }];
-            clamped(source, place)
-        };
-        let radius = weights.len() as i64 - 1;
-        let mut sum = [0.0; 3];
-        for k in -radius..=radius {
-            let (weight, value) = (weights[k.unsigned_abs() as usize], at(k));
-            sum = [0, 1, 2].map(|c| sum[c] + weight * value[c]);
+    let (width, height, n) = (source.width, source.height, source.channels);
+    let radius = weights.len() - 1;
+    let mut out = Plane::new(width, height, n);
+    let add = |to: &mut [f32], weight: f32, from: &[f32]| {
+        to.iter_mut().zip(from).for_each(|(v, s)| *v += weight * s);
+    };
+    out.data.par_chunks_exact_mut(width * n).enumerate().for_each(|(y, to)| {
+        let mut wide = Vec::new();
+        if axis == 0 {
+            let row = source.row(y);
+            wide.extend((0..width + 2 * radius).flat_map(|x| {
+                let x = x.saturating_sub(radius).min(width - 1);
+                row[x * n..(x + 1) * n].iter().copied()
+            }));
         }
-        sum
-    })
+        for k in 0..=2 * radius {
+            let weight = weights[k.abs_diff(radius)];
+            if axis == 0 {
+                add(to, weight, &wide[k * n..(k + width) * n]);
+            } else {
+                add(to, weight, source.row((y + k).saturating_sub(radius).min(height - 1)));
+            }
+        }
+        if n > 3 {
+            to.iter_mut()
+                .skip(3)
+                .step_by(n)
+                .zip(source.row(y).iter().skip(3).step_by(n))
+                .for_each(|(v, s)| *v = *s);
+        }
+    });
+    out
+}
+
+/// Both ways.
+pub(crate) fn blurred(source: &Plane<f32>, sigma_px: f64) -> Plane<f32> {
+    let weights = weights(sigma_px);
+    along(&along(source, 0, &weights), 1, &weights)
 }
 
 /// The colour at a place; the border repeats outwards.
@@ -67,10 +93,52 @@ pub(super) fn clamped(source: &Plane<f32>, [x, y]: [i64; 2]) -> [f32; 3] {
 pub(super) fn filter(source: &Plane<f32>, f: impl Fn(usize, usize) -> [f32; 3] + Sync) -> Plane<f32> {
     let mut out = source.clone();
     let width = source.width;
-    out.data.par_chunks_exact_mut(4).enumerate().for_each(|(i, rgba)| {
+    out.data.par_chunks_exact_mut(source.channels).enumerate().for_each(|(i, rgba)| {
         rgba[..3].copy_from_slice(&f(i % width, i / width));
     });
     out
+}
+
+/// What v + amount (v - soft) leaves of white noise, soft being the Gaussian of v: boxes and Gaussians are products of what they
+/// are along each axis.
+pub(super) fn mixing(amount: f64, sigma_px: f64) -> Mixing {
+    let half = weights(sigma_px);
+    let radius = half.len() - 1;
+    let square = f64::from(half[0].powi(2)) + 2.0 * half[1..].iter().map(|w| f64::from(w * w)).sum::<f64>();
+    let centre = f64::from(half[0]);
+    // Of the variance of white noise; `same` is the weight of a value in its own soft one, `all` the sum of the squares of weights.
+    let lifted = |same: f64, all: f64| {
+        (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * same + amount * amount * all
+    };
+    let (pixel, row) = (lifted(centre * centre, square * square), lifted(centre, square));
+    let soft = |from: &[f64]| -> Vec<f64> {
+        let mut to = vec![0.0; from.len()];
+        for (i, v) in from.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+            (0..=2 * radius).for_each(|k| to[i + k - radius] += v * f64::from(half[k.abs_diff(radius)]));
+        }
+        to
+    };
+    let bands = BANDS.map(|n| {
+        let of = |side: usize| -> Vec<f64> {
+            let inside = 2 * radius..2 * radius + side;
+            let value = |i: usize| if inside.contains(&i) { 1.0 / side as f64 } else { 0.0 };
+            (0..4 * radius + 2 * n).map(value).collect()
+        };
+        let plain = [of(n), of(2 * n)];
+        let once = [soft(&plain[0]), soft(&plain[1])];
+        // Of the block's mean less that of the larger block.
+        let product = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| {
+            let dot = |i: usize, j: usize| a[i].iter().zip(&b[j]).map(|(a, b)| a * b).sum::<f64>().powi(2);
+            dot(0, 0) - dot(0, 1) - dot(1, 0) + dot(1, 1)
+        };
+        let variance = (1.0 + amount).powi(2) * product(&plain, &plain)
+            - 2.0 * amount * (1.0 + amount) * product(&plain, &once)
+            + amount * amount * product(&once, &once);
+        (variance / product(&plain, &plain) / pixel) as f32
+    });
+    let left = Left { bands, lines: [(row / pixel) as f32; 2], ..Left::ALL };
+    let (pixel, row) = (pixel as f32, row as f32);
+    Mixing { pixel: [pixel; 3], row: [row; 3], row_seen: row, left: [left; 3], shared: None }
 }
 
 #[cfg(test)]

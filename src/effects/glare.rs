@@ -1,19 +1,33 @@
 //! Veiling glare: (1 - veil) L + veil level (CAPTURE contract). Light scattered in the lens lifts all of the picture
 //! alike, so contrast is lost most in the shadows. Linear radiance.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct Glare;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("veil", "", (0.0, 1.0), 0.0, "share of the light that is scattered"),
-    ParamSpec::number("level", "fraction of full scale", (0.0, 10.0), 0.0, "radiance of the scattered light"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("veil", "", (0.0, 1.0), 0.0, "share of the light that is scattered").fit(
+        Fit::by(0.005)
+            .within(0.0, 0.8)
+            .starts(&[0.05, 0.05, 0.2])
+            .trial(Law::Up, 0.03, 0.3)
+            .graded(1e-3, 1e-1),
+    ),
+    ParamSpec::number("level", "fraction of full scale", (0.0, 10.0), 0.0, "radiance of the scattered light")
+        .fit(Fit::by(0.02).within(0.0, 1.5).rest(0.5).starts(&[0.8, 0.2, 0.5]).trial(Law::Even, 0.2, 0.9)),
 ];
 
 /// The function of the same name in `glsl/include/effects/glare.glsl`.
 fn glare(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) * v + p.number(1))
+}
+
+fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
+    let (veil, level) = (settings.number("glare", "veil", 0.0), settings.number("glare", "level", 0.0));
+    [[1.0 - veil, veil * level]; 3]
 }
 
 impl Effect for Glare {
@@ -32,6 +46,10 @@ impl Effect for Glare {
     fn variant(&self, settings: &Settings) -> u32 {
         // A level without a veil changes nothing.
         u32::from(settings.number("glare", "veil", 0.0) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Affine(affine)
     }
 
     fn work(&self) -> Work {

@@ -3,7 +3,9 @@
 //! a colour filter mosaic that is the one that it has. Electrons.
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
@@ -12,9 +14,10 @@ pub struct HotPixels;
 /// Stream of their places.
 pub const STREAM_HOT_PIXELS: u32 = 0x484f;
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::integer("count", "px", (0.0, 1e6), "number of hot pixels (at most half of the picture's)"),
-    ParamSpec::number("fraction", "", (0.0, 0.5), 0.0, "hot pixels over all, in place of `count`"),
+    ParamSpec::number("fraction", "", (0.0, 0.5), 0.0, "hot pixels over all, in place of `count`")
+        .fit(Fit::by(1e-4).within(0.0, 0.05).trial(Law::Up, 0.0004, 0.005).graded(5e-5, 5e-3)),
     ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
 ];
 
@@ -77,6 +80,11 @@ impl Effect for HotPixels {
     fn variant(&self, settings: &Settings) -> u32 {
         let get = |name| settings.number(self.id(), name, 0.0);
         u32::from(get("count") > 0.0 || get("fraction") > 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        // Single places, which are looked for one by one, and no spread of all.
+        Moments::Noise(|_| [Noise::default(); 3])
     }
 
     fn work(&self) -> Work {

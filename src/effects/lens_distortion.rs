@@ -2,7 +2,7 @@
 //! (Kannala-Brandt). Acts while the frame is rendered; the time of a line is that of the sensor's line.
 
 use crate::camera::Distortion;
-use crate::chain::{Effect, ParamSpec, Settings, Stage, Value};
+use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage, Value};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
@@ -15,18 +15,23 @@ const EQUIDISTANT: &str = "equidistant";
 const RADIAL: (f64, f64) = (-100.0, 100.0);
 const TANGENTIAL: (f64, f64) = (-1.0, 1.0);
 
-const SPECS: &[ParamSpec] = &[
+pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice(
         MODEL,
         &["brown_conrady", EQUIDISTANT],
         "brown_conrady: distorted = undistorted (1 + k1 r^2 + k2 r^4 + k3 r^6) + tangential (OpenCV); equidistant: the \
          angle from the axis becomes theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) (Kannala-Brandt)",
     ),
-    ParamSpec::number("k1", "", RADIAL, 0.0, "radial, on r^2 or theta^2"),
-    ParamSpec::number("k2", "", RADIAL, 0.0, "radial, on r^4 or theta^4"),
-    ParamSpec::number("p1", "", TANGENTIAL, 0.0, "tangential, brown_conrady only"),
-    ParamSpec::number("p2", "", TANGENTIAL, 0.0, "tangential, brown_conrady only"),
-    ParamSpec::number("k3", "", RADIAL, 0.0, "radial, on r^6 or theta^6"),
+    ParamSpec::number("k1", "", RADIAL, 0.0, "radial, on r^2 or theta^2")
+        .fit(Fit::by(3e-3).within(-0.6, 0.8).trial(Law::Either, 0.03, 0.25).graded(1e-3, 1e-1)),
+    ParamSpec::number("k2", "", RADIAL, 0.0, "radial, on r^4 or theta^4")
+        .fit(Fit::by(6e-3).within(-0.4, 0.8).trial(Law::Follows, -0.2, 0.0)),
+    ParamSpec::number("p1", "", TANGENTIAL, 0.0, "tangential, brown_conrady only")
+        .fit(Fit::by(1e-3).within(-0.05, 0.05).last()),
+    ParamSpec::number("p2", "", TANGENTIAL, 0.0, "tangential, brown_conrady only")
+        .fit(Fit::by(1e-3).within(-0.05, 0.05).last()),
+    ParamSpec::number("k3", "", RADIAL, 0.0, "radial, on r^6 or theta^6")
+        .fit(Fit::by(1e-2).within(-0.6, 0.8).last()),
     ParamSpec::number("k4", "", RADIAL, 0.0, "radial, on theta^8, equidistant only"),
 ];
 

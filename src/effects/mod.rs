@@ -3,7 +3,7 @@
 mod auto_exposure;
 mod bayer_mosaic;
 mod black_level;
-mod chroma_subsampling;
+pub(crate) mod chroma_subsampling;
 mod chromatic_aberration;
 mod color_matrix;
 mod dark_current;
@@ -13,10 +13,10 @@ mod fixed_pattern_noise;
 mod flicker;
 mod focal_length_error;
 mod gamma;
-mod gaussian;
+pub(crate) mod gaussian;
 mod glare;
 mod hot_pixels;
-mod jpeg;
+pub(crate) mod jpeg;
 mod lens_distortion;
 mod motion_blur;
 mod noise_reduction;
@@ -75,45 +75,54 @@ pub use tone_curve::ToneCurve;
 pub use vignetting::Vignetting;
 pub use white_balance::WhiteBalance;
 
-use crate::chain::Effect;
+use crate::chain::{Effect, ParamSpec};
 
-/// All effects in the order in which light meets them. The only place that states the order.
-pub const LIST: &[&dyn Effect] = &[
-    &FocalLengthError,
-    &PoseOffset,
-    &TimeOffset,
-    &AutoExposure,
-    &LensDistortion,
-    &ChromaticAberration,
-    &RollingShutter,
-    &MotionBlur,
-    &Defocus,
-    &Vignetting,
-    &Glare,
-    &ExposureGain,
-    &Flicker,
-    &SensorColor,
-    &DarkCurrent,
-    &PaperNoise,
-    &ShotNoise,
-    &FixedPatternNoise,
-    &RowNoise,
-    &ReadNoise,
-    &HotPixels,
-    &BlackLevel,
-    &Quantization,
-    &BayerMosaic,
-    &WhiteBalance,
-    &ColorMatrix,
-    &Gamma,
-    &ToneCurve,
-    &NoiseReduction,
-    &ResponseCurve,
-    &Saturation,
-    &Sharpening,
-    &ChromaSubsampling,
-    &Jpeg,
-];
+macro_rules! light_path {
+    ($($stem:ident: $effect:ident,)*) => {
+        /// All effects in the order in which light meets them. The only place that states the order.
+        pub const LIST: &[&dyn Effect] = &[$(&$effect),*];
+
+        /// Stem and parameters of each of them, as constants.
+        pub const PARAMETERS: &[(&str, &[ParamSpec])] = &[$((stringify!($stem), $stem::SPECS)),*];
+    };
+}
+
+light_path! {
+    time_offset: TimeOffset,
+    pose_offset: PoseOffset,
+    focal_length_error: FocalLengthError,
+    auto_exposure: AutoExposure,
+    lens_distortion: LensDistortion,
+    chromatic_aberration: ChromaticAberration,
+    rolling_shutter: RollingShutter,
+    motion_blur: MotionBlur,
+    defocus: Defocus,
+    vignetting: Vignetting,
+    glare: Glare,
+    exposure_gain: ExposureGain,
+    flicker: Flicker,
+    sensor_color: SensorColor,
+    dark_current: DarkCurrent,
+    paper_noise: PaperNoise,
+    shot_noise: ShotNoise,
+    fixed_pattern_noise: FixedPatternNoise,
+    row_noise: RowNoise,
+    read_noise: ReadNoise,
+    hot_pixels: HotPixels,
+    black_level: BlackLevel,
+    quantization: Quantization,
+    bayer_mosaic: BayerMosaic,
+    white_balance: WhiteBalance,
+    color_matrix: ColorMatrix,
+    gamma: Gamma,
+    tone_curve: ToneCurve,
+    noise_reduction: NoiseReduction,
+    response_curve: ResponseCurve,
+    saturation: Saturation,
+    sharpening: Sharpening,
+    chroma_subsampling: ChromaSubsampling,
+    jpeg: Jpeg,
+}
 
 /// The effect of that stem.
 pub fn by_id(id: &str) -> Option<&'static dyn Effect> {

@@ -6,8 +6,12 @@
 //! (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
+use crate::chain::{
+    Domain, Effect, Fit, Law, Left, Mixing, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
+    View, Work,
+};
 use crate::plane::Plane;
+use crate::plane::stats::{LUMA, luma};
 
 /// The effect; its values live in [`Settings`].
 pub struct NoiseReduction;
@@ -15,15 +19,18 @@ pub struct NoiseReduction;
 const ID: &str = "noise_reduction";
 /// Bit of the kernel's mode.
 const SPARED: u32 = 2;
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian").fit(
+        Fit::by(0.1).within(0.0, 5.0).starts(&[0.5, 1.0, 2.0]).trial(Law::Up, 0.5, 1.5).graded(0.1, 2.0),
+    ),
     ParamSpec::number(
         "chroma_sigma_px",
         "px",
         (0.0, 10.0),
         0.0,
         "standard deviation of the colours' Gaussian",
-    ),
+    )
+    .fit(Fit::by(0.2).within(0.0, 8.0).starts(&[0.5, 2.0, 2.0]).trial(Law::Even, 0.5, 3.0)),
     ParamSpec::number(
         "edge",
         "",
@@ -58,12 +65,12 @@ fn unrolled(settings: &Settings) -> Option<u32> {
 
 /// Luma, and red and blue against it.
 fn to_luma([r, g, b]: [f32; 3]) -> [f32; 3] {
-    let y = 0.299 * r + 0.587 * g + 0.114 * b;
+    let y = luma(&[r, g, b]);
     [y, r - y, b - y]
 }
 
 fn to_rgb([y, r, b]: [f32; 3]) -> [f32; 3] {
-    [y + r, y - (0.299 * r + 0.114 * b) / 0.587, y + b]
+    [y + r, y - (LUMA[0] * r + LUMA[2] * b) / LUMA[1], y + b]
 }
 
 /// One direction, of luma and colours.
@@ -107,6 +114,33 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![pass(0), pass(1)]
 }
 
+/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much of it in
+/// each of the three colours.
+fn mixing(settings: &Settings) -> Mixing {
+    let [luma, chroma] =
+        sigmas_px(settings).map(|sigma| (sigma > 0.0).then(|| gaussian::mixing(-1.0, sigma)));
+    let [luma, chroma] = [luma, chroma].map(|m| m.unwrap_or(Mixing::NONE));
+    let all: f32 = LUMA.iter().map(|w| w * w).sum();
+    // What both have in common lies between what each leaves.
+    let blend = |c: usize, y: f32, d: f32| {
+        all * y + 2.0 * (LUMA[c] - all) * (y * d).sqrt() + (1.0 - 2.0 * LUMA[c] + all) * d
+    };
+    let mut mixing = luma;
+    for c in 0..3 {
+        let (y, d) = (&luma.left[c], &chroma.left[c]);
+        let (py, pd) = (luma.pixel[c], chroma.pixel[c]);
+        let pixel = blend(c, py, pd);
+        mixing.pixel[c] = pixel;
+        mixing.row[c] = luma.row[c];
+        mixing.left[c] = Left {
+            bands: [0, 1, 2].map(|i| blend(c, y.bands[i] * py, d.bands[i] * pd) / pixel),
+            lines: [0, 1].map(|i| blend(c, y.lines[i] * py, d.lines[i] * pd) / pixel),
+            ..Left::ALL
+        };
+    }
+    mixing
+}
+
 impl Effect for NoiseReduction {
     fn id(&self) -> &'static str {
         ID
@@ -123,6 +157,10 @@ impl Effect for NoiseReduction {
     fn variant(&self, settings: &Settings) -> u32 {
         // An edge is spared of nothing where nothing is smoothed.
         u32::from(sigmas_px(settings).iter().any(|s| *s > 0.0))
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Pixels(mixing)
     }
 
     fn work(&self) -> Work {

@@ -6,17 +6,24 @@ use std::f64::consts::PI;
 use glam::{DQuat, DVec3};
 
 use crate::camera::Trajectory;
-use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Stage, Value};
+use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage, Value};
 
 /// The effect; its values live in [`Settings`].
 pub struct PoseOffset;
 
-const SPECS: &[ParamSpec] = &[ParamSpec {
-    name: "rotvec_rad",
-    unit: "rad",
-    kind: ParamKind::Vector3 { max: PI },
-    about: "axis times angle, in the optical frame (x right, y down, z forward)",
-}];
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::vector3(
+    "rotvec_rad",
+    "rad",
+    PI,
+    "axis times angle, in the optical frame (x right, y down, z forward)",
+)
+.fit(
+    // A turn about the optical axis moves what is near it little.
+    Fit { step: [5e-4, 5e-4, 1e-3], ..Fit::by(5e-4) }
+        .within(-0.3, 0.3)
+        .trial(Law::Direction, 0.004, 0.03)
+        .graded(1e-4, 1e-2),
+)];
 
 impl PoseOffset {
     /// Trajectory camera from true camera; the identity when the effect is off.

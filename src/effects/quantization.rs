@@ -1,13 +1,16 @@
 //! The converter: clips to 0..1 (saturation) and rounds to the steps of so many bits. Digital numbers before the ISP; the
 //! delivered picture is rounded to 8 bits besides. Without it nothing is clipped before the tone curve.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct Quantization;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::integer("bits", "bit", (0.0, 16.0), "depth of the converter; 0: no converter")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::integer("bits", "bit", (0.0, 16.0), "depth of the converter; 0: no converter")
+        .fit(Fit::choice().within(0.0, 10.0).trial(Law::Coarser, 3.0, 6.0))];
 
 /// The function of the same name in `glsl/include/effects/quantization.glsl`.
 fn quantization(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -25,6 +28,10 @@ impl Effect for Quantization {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Steps(|settings| 1.0 / (settings.number("quantization", "bits", 0.0).exp2() - 1.0))
     }
 
     fn work(&self) -> Work {

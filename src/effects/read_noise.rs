@@ -6,7 +6,9 @@
 //! grows with the number of terms: 7 for r = 0.5, 21 for 0.8.
 
 use crate::chain::rng::{random_normal, seed_words};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct ReadNoise;
@@ -14,8 +16,9 @@ pub struct ReadNoise;
 /// Stream of its random numbers.
 pub const STREAM_READ_NOISE: u32 = 0x5245;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation")
+        .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.004, 0.04).graded(3e-4, 1e-2)),
     ParamSpec::number("frame_correlation", "", (0.0, 0.9), 0.0, "correlation with the frame before"),
 ];
 
@@ -49,6 +52,11 @@ fn read_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let sigma = settings.number("read_noise", "sigma", 0.0);
+    [Noise { free: [sigma * sigma, 0.0, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for ReadNoise {
     fn id(&self) -> &'static str {
         "read_noise"
@@ -69,6 +77,10 @@ impl Effect for ReadNoise {
             (_, 0.0) => PRESENT,
             _ => PRESENT | CORRELATED,
         }
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

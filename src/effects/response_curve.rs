@@ -7,7 +7,7 @@
 //! the inverse ahead of the sensor, and only the noise changes.
 
 use super::response::{self, KNOTS, NAMES};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
 /// The effect; its values live in [`Settings`].
 pub struct ResponseCurve;
@@ -24,7 +24,7 @@ const fn steepness(channel: usize, knot: usize) -> ParamSpec {
     ParamSpec::number(NAMES[channel][knot], "", ResponseCurve::RANGE, 1.0, about)
 }
 
-const SPECS: &[ParamSpec] = &{
+pub(super) const SPECS: &[ParamSpec] = &{
     let mut specs = [steepness(0, 0); 3 * KNOTS];
     let mut i = 0;
     while i < specs.len() {
@@ -54,6 +54,14 @@ impl Effect for ResponseCurve {
 
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(response::densities(settings).is_some())
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Curve
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some("51 numbers that gamma and tone_curve give the main part of: calibrate-noise measures them")
     }
 
     fn work(&self) -> Work {

@@ -2,28 +2,33 @@
 //! the paper's eq. 1 with the readout in seconds instead of frames).
 
 use crate::camera::ScanOrder;
-use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Held, Law, ParamSpec, Settings, Stage};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
 pub struct RollingShutter;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec {
-        name: "readout_time_s",
-        unit: "s",
-        kind: ParamKind::Number { min: 0.0, max: 1.0, neutral: 0.0 },
-        about: "N times the delay from line to line (not N - 1 times)",
-    },
-    ParamSpec {
-        name: "scan_order",
-        unit: "",
-        kind: ParamKind::Choice {
-            options: &["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"],
-            neutral: "top_to_bottom",
-        },
-        about: "which line is read first",
-    },
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number(
+        "readout_time_s",
+        "s",
+        (0.0, 1.0),
+        0.0,
+        "N times the delay from line to line (not N - 1 times)",
+    )
+    .fit(
+        Fit::by(2e-3)
+            .within(0.0, 0.5)
+            .starts(&[0.2, 0.5, 0.9])
+            .trial(Law::Up, 0.005, 0.031)
+            .graded(2e-4, 2e-2),
+    ),
+    ParamSpec::choice(
+        "scan_order",
+        &["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"],
+        "which line is read first",
+    )
+    .fit(Fit::choice().held(Held::Aside).trial(Law::Option, -1.5, 1.0)),
 ];
 
 impl RollingShutter {

@@ -2,7 +2,9 @@
 //! column and frame with `column_sigma`; the same in all channels. Electrons.
 
 use crate::chain::rng::{random_normal, seed_words};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct RowNoise;
@@ -12,8 +14,9 @@ pub const STREAM_ROW_NOISE: u32 = 0x524f;
 /// Stream of the columns' values.
 pub const STREAM_COLUMN_NOISE: u32 = 0x434c;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the rows"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation of the rows")
+        .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.003, 0.02).graded(2e-4, 1e-2)),
     ParamSpec::number(
         "column_sigma",
         "fraction of full scale",
@@ -38,6 +41,12 @@ fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     seen
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let [rows, columns] = ["sigma", "column_sigma"].map(|name| settings.number("row_noise", name, 0.0));
+    // Noise of columns is new in every frame; what a column shares counts as each pixel's own.
+    [Noise { free: [columns * columns, 0.0, 0.0], row: [rows * rows, 0.0, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for RowNoise {
     fn id(&self) -> &'static str {
         "row_noise"
@@ -54,6 +63,10 @@ impl Effect for RowNoise {
     fn variant(&self, settings: &Settings) -> u32 {
         let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
         has("sigma", ROWS) | has("column_sigma", COLUMNS)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

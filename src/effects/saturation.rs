@@ -3,18 +3,18 @@
 //! (1 - factor) Y: in all six photographs of a Nao robot's head camera that this was measured on, the least channel of vivid
 //! colours piles up at 0.25 Y, whatever Y is.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
+use crate::plane::stats::{LUMA, luma};
 
 /// The effect; its values live in [`Settings`].
 pub struct Saturation;
 
 const ID: &str = "saturation";
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")];
-
-pub(super) fn luma([r, g, b]: [f32; 3]) -> f32 {
-    0.299 * r + 0.587 * g + 0.114 * b
-}
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")
+        .fit(Fit::by(0.02).within(0.0, 3.0).trial(Law::Factor, 0.1, 0.6).graded(5e-3, 5e-1))];
 
 impl Saturation {
     pub(super) fn factor(settings: &Settings) -> f64 {
@@ -24,8 +24,16 @@ impl Saturation {
 
 /// The function of the same name in `glsl/include/effects/saturation.glsl`.
 fn saturation(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
-    let y = luma(value);
+    let y = luma(&value);
     value.map(|v| y + p.number(0) * (v - y))
+}
+
+fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
+    let factor = Saturation::factor(settings);
+    let of = |of: usize, from: usize| {
+        (1.0 - factor) * f64::from(LUMA[from]) + if of == from { factor } else { 0.0 }
+    };
+    [0, 1, 2].map(|row| [0, 1, 2].map(|from| of(row, from)))
 }
 
 impl Effect for Saturation {
@@ -39,6 +47,10 @@ impl Effect for Saturation {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Colors(matrix)
     }
 
     fn work(&self) -> Work {

@@ -8,9 +8,10 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Saturation, response, saturation};
+use super::{Saturation, response};
 use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 use crate::error::{Error, Result};
+use crate::plane::stats::luma;
 use crate::plane::{srgb_decode, srgb_encode};
 
 /// The effect; its values live in [`Settings`].
@@ -21,7 +22,7 @@ const DELIVERED: &str = "delivered";
 /// Below this determinant a matrix has no inverse worth using.
 const SINGULAR: f64 = 1e-3;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::choice(
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::choice(
     "match",
     &["radiance", DELIVERED],
     "radiance: the sensor sees the scene's colours; delivered: it sees what white_balance, color_matrix, \
@@ -56,7 +57,7 @@ fn sensor_color(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     if at.variant & (CURVE | SATURATION) != 0 {
         seen = seen.map(srgb_encode);
         if at.variant & SATURATION != 0 {
-            let y = saturation::luma(seen);
+            let y = luma(&seen);
             seen = seen.map(|v| (y + p.number(UNDO) * (v - y)).clamp(0.0, 1.0));
         }
         if at.variant & CURVE != 0 {
@@ -111,6 +112,10 @@ impl Effect for SensorColor {
         let matrix = if straight { 0 } else { MATRIX };
         let curve = if response::densities(settings).is_some() { CURVE } else { 0 };
         matrix | curve | if Saturation::factor(settings) != 1.0 { SATURATION } else { 0 }
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some("changes nothing alone: it undoes what the ISP does to colours")
     }
 
     fn work(&self) -> Work {

@@ -2,15 +2,20 @@
 //! as ISPs do against noise: -1 is the Gaussian itself. Encoded values; clipped only when they are rounded.
 
 use super::gaussian;
-use crate::chain::{Domain, Effect, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work};
+use crate::chain::{
+    Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
 pub struct Sharpening;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("amount", "", (-1.0, 10.0), 0.0, "weight of the mask; below 0 it softens"),
-    ParamSpec::number("radius_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("amount", "", (-1.0, 10.0), 0.0, "weight of the mask; below 0 it softens").fit(
+        Fit::by(0.05).within(0.0, 5.0).starts(&[0.3, 0.5, 1.2]).trial(Law::Up, 0.3, 2.0).graded(2e-2, 2.0),
+    ),
+    ParamSpec::number("radius_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian")
+        .fit(Fit::by(0.1).within(0.4, 5.0).rest(1.0).starts(&[0.7, 1.5, 1.0]).trial(Law::Even, 0.7, 2.0)),
 ];
 
 fn amount(settings: &Settings) -> f64 {
@@ -51,6 +56,10 @@ impl Effect for Sharpening {
     fn variant(&self, settings: &Settings) -> u32 {
         // Without a radius the mask is empty.
         u32::from(amount(settings) != 0.0 && radius_px(settings) != 0.0)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Pixels(|settings| gaussian::mixing(amount(settings), radius_px(settings)))
     }
 
     fn work(&self) -> Work {

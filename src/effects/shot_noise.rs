@@ -9,7 +9,10 @@
 //! channel with few electrons is uncorrelated with, but not wholly independent of, one with many.
 
 use crate::chain::rng::{normal_of_bits, random_bits, seed_words};
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Held, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View,
+    Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct ShotNoise;
@@ -17,8 +20,14 @@ pub struct ShotNoise;
 /// Stream of its random numbers.
 pub const STREAM_SHOT_NOISE: u32 = 0x5348;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("full_well_e", "e-", (0.0, 1e7), 0.0, "electrons at L = 1; 0: no shot noise")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("full_well_e", "e-", (0.0, 1e7), 0.0, "electrons at L = 1; 0: no shot noise").fit(
+        Fit::by(1e-4)
+            .within(0.0, 0.2)
+            .held(Held::Inverse)
+            .trial(Law::Electrons, 0.014, 0.071)
+            .graded(2e-3, 7e-2),
+    )];
 
 /// Mean counts below this are inverted exactly.
 const FEW: f32 = 12.0;
@@ -69,6 +78,11 @@ fn shot_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     poisson(mean, bits).map(|electrons| electrons * p.number(1))
 }
 
+fn noise(settings: &Settings) -> [Noise; 3] {
+    let full_well_e = settings.number("shot_noise", "full_well_e", 0.0);
+    [Noise { free: [0.0, 1.0 / full_well_e, 0.0], ..Noise::default() }; 3]
+}
+
 impl Effect for ShotNoise {
     fn id(&self) -> &'static str {
         "shot_noise"
@@ -80,6 +94,10 @@ impl Effect for ShotNoise {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::Electrons)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Noise(noise)
     }
 
     fn work(&self) -> Work {

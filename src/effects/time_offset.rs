@@ -1,17 +1,24 @@
 //! The camera's clock is not the trajectory's: true start = timestamp + offset (CAPTURE contract). Acts where a frame is
 //! requested: [`crate::capture::Capture::shutter`].
 
-use crate::chain::{Effect, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
 
 /// The effect; its values live in [`Settings`].
 pub struct TimeOffset;
 
-const SPECS: &[ParamSpec] = &[ParamSpec::number(
+pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::number(
     "offset_s",
     "s",
     (-1.0, 1.0),
     0.0,
     "how much later than its timestamp a frame starts",
+)
+.fit(
+    Fit::by(1e-3)
+        .within(-0.5, 0.5)
+        .starts(&[-0.6, -0.3, -0.1, 0.1, 0.3, 0.6])
+        .trial(Law::Either, 0.004, 0.06)
+        .graded(1e-4, 1e-2),
 )];
 
 impl TimeOffset {

@@ -1,13 +1,16 @@
 //! The ISP's contrast: v + contrast (3 v^2 - 2 v^3 - v), an S-curve through black, middle and white; negative flattens.
 //! Encoded values. For powers see [`super::Gamma`].
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct ToneCurve;
 
-const SPECS: &[ParamSpec] =
-    &[ParamSpec::number("contrast", "", (-1.0, 1.0), 0.0, "how much of the S-curve is mixed in")];
+pub(super) const SPECS: &[ParamSpec] =
+    &[ParamSpec::number("contrast", "", (-1.0, 1.0), 0.0, "how much of the S-curve is mixed in")
+        .fit(Fit::by(0.02).trial(Law::Either, 0.1, 0.6).graded(5e-3, 5e-1))];
 
 /// The function of the same name in `glsl/include/effects/tone_curve.glsl`.
 fn tone_curve(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -29,6 +32,10 @@ impl Effect for ToneCurve {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::EncodedRgb, Domain::EncodedRgb)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Curve
     }
 
     fn work(&self) -> Work {

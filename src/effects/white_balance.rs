@@ -1,19 +1,28 @@
 //! Gains of red and blue on linear values, green = 1 (CAPTURE contract). Digital numbers before the tone curve, behind
 //! the noise, which it scales too.
 
-use crate::chain::{At, Domain, Effect, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 
 /// The effect; its values live in [`Settings`].
 pub struct WhiteBalance;
 
-const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("r", "", (0.0, 16.0), 1.0, "gain of red"),
-    ParamSpec::number("b", "", (0.0, 16.0), 1.0, "gain of blue"),
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("r", "", (0.0, 16.0), 1.0, "gain of red")
+        .fit(Fit::by(0.01).within(0.2, 5.0).trial(Law::Factor, 0.04, 0.35).graded(2e-3, 2e-1)),
+    ParamSpec::number("b", "", (0.0, 16.0), 1.0, "gain of blue")
+        .fit(Fit::by(0.01).within(0.2, 5.0).trial(Law::Factor, 0.04, 0.35).graded(2e-3, 2e-1)),
 ];
 
 /// The function of the same name in `glsl/include/effects/white_balance.glsl`.
 fn white_balance([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     [r * p.number(0), g, b * p.number(1)]
+}
+
+fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
+    let [r, b] = ["r", "b"].map(|name| settings.number("white_balance", name, 1.0));
+    [[r, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, b]]
 }
 
 impl Effect for WhiteBalance {
@@ -27,6 +36,10 @@ impl Effect for WhiteBalance {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::RawDn, Domain::RawDn)
+    }
+
+    fn moments(&self) -> Moments {
+        Moments::Colors(matrix)
     }
 
     fn work(&self) -> Work {

@@ -231,7 +231,7 @@ mod tests {
 
     const fn number(name: &'static str) -> ParamSpec {
         let kind = ParamKind::Number { min: -10.0, max: 10.0, neutral: 0.0 };
-        ParamSpec { name, unit: "", kind, about: "" }
+        ParamSpec { name, unit: "", kind, about: "", fit: None }
     }
 
     const FIVE: &[ParamSpec] = &[number("k1"), number("k2"), number("p1"), number("p2"), number("k3")];
@@ -241,6 +241,7 @@ mod tests {
             unit: "",
             kind: ParamKind::Choice { options: &["brown_conrady", "equidistant"], neutral: "brown_conrady" },
             about: "",
+            fit: None,
         },
         number("k1"),
         number("k2"),

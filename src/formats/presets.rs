@@ -7,8 +7,6 @@
 
 use std::path::Path;
 
-use toml::de::{DeTable, DeValue};
-
 use crate::capture::CameraFile;
 use crate::effects;
 use crate::error::{Error, Result};
@@ -30,34 +28,6 @@ pub const PRESETS: &[Preset] = &[
     Preset { name: "usb-webcam", toml: include_str!("../../presets/usb-webcam.toml") },
 ];
 
-/// Effects of the CAPTURE contract, section 3. A preset may use those that this build has not.
-pub(super) const CONTRACT: [&str; 24] = [
-    "lens_distortion",
-    "chromatic_aberration",
-    "rolling_shutter",
-    "motion_blur",
-    "defocus",
-    "vignetting",
-    "glare",
-    "exposure_gain",
-    "flicker",
-    "bayer_mosaic",
-    "shot_noise",
-    "fixed_pattern_noise",
-    "row_noise",
-    "read_noise",
-    "hot_pixels",
-    "black_level",
-    "white_balance",
-    "gamma",
-    "sharpening",
-    "chroma_subsampling",
-    "jpeg",
-    "time_offset",
-    "pose_offset",
-    "focal_length_error",
-];
-
 /// The preset of that name.
 ///
 /// # Errors
@@ -76,54 +46,23 @@ impl Preset {
         self.toml.lines().next().unwrap_or_default().trim_start_matches(['#', ' '])
     }
 
-    /// The camera, and the effects of the file that this build has not.
+    /// The camera.
     ///
     /// # Errors
-    /// A parameter that an effect of this build does not take.
-    pub fn camera(&self) -> Result<(CameraFile, Vec<String>)> {
-        let path = self.path();
-        let missing = self.missing_effects();
-        let camera = CameraFile::parse(&path, &without_tables(self.toml, &missing))?;
-        Ok((camera, missing))
+    /// An effect or a parameter that this build does not have.
+    pub fn camera(&self) -> Result<CameraFile> {
+        CameraFile::parse(&std::path::PathBuf::from(format!("preset {}", self.name)), self.toml)
     }
-
-    fn path(&self) -> std::path::PathBuf {
-        format!("preset {}", self.name).into()
-    }
-
-    /// Tables of the file that name effects of the contract, but none of this build.
-    fn missing_effects(&self) -> Vec<String> {
-        // What does not parse is for `CameraFile::parse` to report.
-        let Ok(table) = DeTable::parse(self.toml) else { return Vec::new() };
-        let names = table.get_ref().iter().filter(|(_, v)| matches!(v.get_ref(), DeValue::Table(_)));
-        let names = names.map(|(key, _)| key.get_ref().to_string());
-        names.filter(|name| effects::by_id(name).is_none() && CONTRACT.contains(&name.as_str())).collect()
-    }
-}
-
-/// The text with these tables as comments: lines keep their numbers.
-fn without_tables(toml: &str, names: &[String]) -> String {
-    let mut skipping = false;
-    let line = |line: &str| {
-        if let Some(name) = line.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
-            skipping = names.iter().any(|n| n == name);
-        }
-        if skipping { "#\n".to_owned() } else { format!("{line}\n") }
-    };
-    toml.lines().map(line).collect()
 }
 
 /// Adds the preset's effects to a camera; those that the camera has keep their own values. Returns what is worth
-/// saying: effects that were kept, effects that this build has not, lengths in px that belong to another size.
+/// saying: effects that were kept, lengths in px that belong to another size.
 ///
 /// # Errors
 /// As [`Preset::camera`], and values that contradict each other with the camera's frame period.
 pub fn apply_preset(preset: &Preset, camera: &mut CameraFile) -> Result<Vec<String>> {
-    let (from, missing) = preset.camera()?;
+    let from = preset.camera()?;
     let mut notes = Vec::new();
-    if !missing.is_empty() {
-        notes.push(format!("this build has no effect {}: left out", missing.join(", ")));
-    }
     for effect in effects::LIST.iter().filter(|e| from.settings.has(e.id())) {
         if camera.settings.has(effect.id()) {
             notes.push(format!("{} is the camera's own, not the preset's", effect.id()));

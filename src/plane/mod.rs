@@ -5,6 +5,7 @@ mod format;
 mod io;
 pub mod metrics;
 mod srgb;
+pub mod stats;
 
 pub use exr::{
     COLOR_CHANNELS, DEPTH_CHANNELS, ExrPicture, MOTION_CHANNELS, read_exr, read_exr_plane, write_exr_atomic,

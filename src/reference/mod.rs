@@ -4,6 +4,8 @@
 //! and in the same order of operations, so that a difference means a mistake, not a rounding (up to divisions, square
 //! roots and powers, which devices may round in their own way).
 //!
+//! `moments`: the same list on means and spreads, without drawing noise.
+//!
 //! `raster` and `accumulate`: the scene rendered from first principles in double precision. Nothing there is tuned to
 //! agree with a device: a ray is cast through every sample, the nearest triangle that it meets is shaded, samples are
 //! averaged.
@@ -25,6 +27,7 @@ pub mod fast_push;
 pub mod fast_seeds;
 pub mod fast_silhouettes;
 pub mod lens;
+pub mod moments;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;

@@ -232,7 +232,7 @@ fn summary(effects: &[(&str, Grade)], cases: &[CurveCase]) -> Vec<Curve> {
         }
         let points: Vec<CurvePoint> = by.values().map(|cases| point(name, cases)).collect();
         let half_detected = half_detected(&points);
-        Curve { effect: (*name).to_owned(), measure: grade.measure.to_owned(), points, half_detected }
+        Curve { effect: (*name).to_owned(), measure: grade.measure.clone(), points, half_detected }
     };
     effects.iter().map(curve).filter(|c| !c.points.is_empty()).collect()
 }

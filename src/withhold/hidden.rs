@@ -1,7 +1,7 @@
 //! Which effects a case hides, and how strong they are.
 
 use super::draw::Draw;
-use crate::chain::{ParamKind, Settings, Value};
+use crate::chain::{Effect, Law, ParamKind, ParamSpec, Settings, Trial, Value, neutral};
 use crate::effects;
 use crate::error::Result;
 
@@ -41,13 +41,14 @@ pub(super) struct Hidden {
 /// Effects that a diagnosis can name and the CPU chain can make, in light-path order.
 pub(super) fn available(candidates: &[&str]) -> Vec<&'static str> {
     let ids = effects::LIST.iter().map(|e| e.id());
-    ids.filter(|id| candidates.contains(id) && strength(id, &mut Draw::new(0, 0, id)).is_some()).collect()
+    ids.filter(|id| candidates.contains(id) && effects::by_id(id).is_some_and(|e| trials(e).next().is_some()))
+        .collect()
 }
 
 /// Effects that other candidates express exactly, so that no picture tells whether they were left out: glare is a gain
-/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0. Leaving these
-/// out asks nothing.
-const EXPRESSIBLE: [&str; 3] = ["glare", "exposure_gain", "black_level"];
+/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0, and a white balance is a
+/// diagonal matrix of colours. Leaving these out asks nothing.
+const EXPRESSIBLE: [&str; 4] = ["glare", "exposure_gain", "black_level", "white_balance"];
 
 /// Draws what case `case` hides. `known` are the effects that its camera.toml models.
 ///
@@ -82,108 +83,69 @@ pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &S
     let mut settings = known.clone();
     for name in &names {
         let effect = effects::by_id(name).expect("taken from the list");
-        for (parameter, value) in strength(name, &mut draw).unwrap_or_default() {
-            settings.set(effect, parameter, own_word(effect, parameter, value))?;
+        let mut drawn = 0.0;
+        for (spec, trial) in trials(effect) {
+            let strength = blind(trial, &mut draw);
+            drawn = put(&mut settings, effect, spec, (trial.law, strength, drawn), &mut draw)?;
         }
     }
     Ok(Hidden { kind, names, settings })
 }
 
-/// A choice as the effect's own option of that place.
-fn own_word(effect: &dyn crate::chain::Effect, parameter: &str, value: Drawn) -> Value {
-    let spec = effect.specs().iter().find(|s| s.name == parameter).expect("checked by the tests");
-    match (value, spec.kind) {
-        (Drawn::Number(n), _) => Value::Number(n),
-        (Drawn::Vector3(v), _) => Value::Vector3(v),
-        (Drawn::Choice(part), ParamKind::Choice { options, .. }) => {
-            Value::Choice(options[((part * options.len() as f64) as usize).min(options.len() - 1)])
-        }
-        (Drawn::Choice(_), kind) => panic!("{}.{parameter} is {kind:?}, not a choice", effect.id()),
+/// Parameters of an effect that blind trials hide, in the order of its specs.
+fn trials(effect: &dyn Effect) -> impl Iterator<Item = (&'static ParamSpec, Trial)> {
+    effect.specs().iter().filter_map(|spec| Some((spec, spec.fit?.trial?)))
+}
+
+/// A strength of a blind trial.
+fn blind(trial: Trial, draw: &mut Draw) -> f64 {
+    let [from, to] = trial.blind;
+    match trial.law {
+        Law::Either | Law::Factor => draw.sign() * draw.log_between(from, to),
+        Law::Up | Law::Down | Law::Electrons | Law::Direction => draw.log_between(from, to),
+        Law::Even | Law::Coarser | Law::Option | Law::Follows => draw.between(from, to),
     }
 }
 
-/// A drawn value; a choice is a place, 0..1, in the list of options.
-enum Drawn {
-    Number(f64),
-    Vector3([f64; 3]),
-    Choice(f64),
-}
-
-type Strength = Vec<(&'static str, Drawn)>;
-
-/// A strength between "an attentive person may see it" and "a bad camera"; nothing for effects that cannot be hidden.
-fn strength(name: &str, draw: &mut Draw) -> Option<Strength> {
-    use Drawn::{Choice, Number, Vector3};
-    Some(match name {
-        "rolling_shutter" => {
-            let order = if draw.chance(0.6) { 0.0 } else { draw.unit() };
-            vec![("readout_time_s", Number(draw.log_between(0.005, 0.031))), ("scan_order", Choice(order))]
+/// Sets a parameter to what a strength is; returns how far that is off neutral. `before`: the same of the parameter before it.
+fn put(
+    settings: &mut Settings,
+    effect: &dyn Effect,
+    spec: &ParamSpec,
+    (law, strength, before): (Law, f64, f64),
+    draw: &mut Draw,
+) -> Result<f64> {
+    let neutral = match neutral(&spec.kind) {
+        Value::Number(neutral) => neutral,
+        _ => 0.0,
+    };
+    let value = match (law, spec.kind) {
+        (Law::Option, ParamKind::Choice { options, .. }) => {
+            let place = (strength.max(0.0) * options.len() as f64) as usize;
+            Value::Choice(options[place.min(options.len() - 1)])
         }
-        "motion_blur" => vec![("exposure_time_s", Number(draw.log_between(0.004, 0.028)))],
-        "time_offset" => vec![("offset_s", Number(draw.sign() * draw.log_between(0.004, 0.06)))],
-        "pose_offset" => {
+        (Law::Direction, _) => {
             let axis = [(); 3].map(|()| draw.between(-1.0, 1.0));
             let length = axis.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-3);
-            let angle_rad = draw.log_between(0.004, 0.03);
-            vec![("rotvec_rad", Vector3(axis.map(|v| v / length * angle_rad)))]
+            Value::Vector3(axis.map(|v| v / length * strength))
         }
-        "focal_length_error" => vec![("ratio", Number(1.0 + draw.sign() * draw.log_between(0.006, 0.05)))],
-        "lens_distortion" => {
-            let k1 = draw.sign() * draw.log_between(0.03, 0.25);
-            vec![("k1", Number(k1)), ("k2", Number(-0.2 * k1 * draw.unit()))]
-        }
-        "chromatic_aberration" => {
-            let part = draw.log_between(0.001, 0.006);
-            vec![("scale_r", Number(1.0 + part)), ("scale_b", Number(1.0 - part * draw.between(0.5, 1.5)))]
-        }
-        "defocus" => vec![("sigma_px", Number(draw.log_between(0.5, 2.5)))],
-        "vignetting" => {
-            vec![("a1", Number(-draw.log_between(0.1, 0.6))), ("a2", Number(draw.between(-0.2, 0.1)))]
-        }
-        "glare" => {
-            vec![("veil", Number(draw.log_between(0.03, 0.3))), ("level", Number(draw.between(0.2, 0.9)))]
-        }
-        "exposure_gain" => vec![("gain", Number((draw.sign() * draw.log_between(0.05, 0.5)).exp()))],
-        "flicker" => vec![
-            // Not near a multiple of 30 Hz: seen by a global shutter, that is a gain and no flicker.
-            ("frequency_hz", Number(draw.between(96.0, 114.0))),
-            ("depth", Number(draw.log_between(0.05, 0.3))),
-            ("phase_rad", Number(draw.between(-3.0, 3.0))),
-        ],
-        "shot_noise" => vec![("full_well_e", Number(draw.log_between(200.0, 5000.0)))],
-        "fixed_pattern_noise" => {
-            vec![
-                ("dsnu", Number(draw.log_between(0.004, 0.03))),
-                ("prnu", Number(draw.log_between(0.008, 0.05))),
-            ]
-        }
-        "row_noise" => vec![("sigma", Number(draw.log_between(0.003, 0.02)))],
-        "read_noise" => vec![("sigma", Number(draw.log_between(0.004, 0.04)))],
-        "hot_pixels" => vec![("fraction", Number(draw.log_between(0.0004, 0.005)))],
-        "black_level" => vec![("offset", Number(draw.log_between(0.008, 0.1)))],
-        "white_balance" => {
-            let gain = |draw: &mut Draw| Number((draw.sign() * draw.log_between(0.04, 0.35)).exp());
-            vec![("r", gain(draw)), ("b", gain(draw))]
-        }
-        "gamma" => vec![("exponent", Number((draw.sign() * draw.log_between(0.05, 0.35)).exp()))],
-        "sharpening" => {
-            vec![
-                ("amount", Number(draw.log_between(0.3, 2.0))),
-                ("radius_px", Number(draw.between(0.7, 2.0))),
-            ]
-        }
-        "chroma_subsampling" => vec![("scheme", Choice(draw.between(0.4, 1.0)))],
-        "bayer_mosaic" => vec![("pattern", Choice(draw.between(0.25, 1.0)))],
-        "jpeg" => vec![("quality", Number(draw.between(25.0, 85.0).round()))],
-        _ => return None,
-    })
+        (Law::Up | Law::Either, _) => Value::Number(neutral + strength),
+        (Law::Down, _) => Value::Number(neutral - strength),
+        (Law::Factor, _) => Value::Number(strength.exp()),
+        (Law::Electrons, _) => Value::Number(1.0 / (strength * strength)),
+        (Law::Coarser, _) => Value::Number(strength.round()),
+        (Law::Follows, _) => Value::Number(neutral + strength * before),
+        (Law::Even | Law::Option, _) => Value::Number(strength),
+    };
+    settings.set(effect, spec.name, value)?;
+    Ok(if let Value::Number(v) = value { v - neutral } else { 0.0 })
 }
 
 /// How an effect is graded.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Grade {
     /// What is graded, with its unit.
-    pub(super) measure: &'static str,
+    pub(super) measure: String,
     /// Weakest and strongest.
     pub(super) range: [f64; 2],
 }
@@ -196,34 +158,23 @@ impl Grade {
     }
 }
 
-/// The grades of an effect: from what nobody sees at 160x120 to what anybody does; nothing for effects that are on or off.
+/// The grades of an effect, those of its first graded parameter; nothing for effects that are on or off.
 pub(super) fn grade(name: &str) -> Option<Grade> {
-    let (measure, range) = match name {
-        "rolling_shutter" => ("readout_time_s", [2e-4, 2e-2]),
-        "motion_blur" => ("exposure_time_s", [5e-4, 2e-2]),
-        "time_offset" => ("|offset_s|", [1e-4, 1e-2]),
-        "pose_offset" => ("angle, rad", [1e-4, 1e-2]),
-        "focal_length_error" => ("|ratio - 1|", [2e-4, 2e-2]),
-        "lens_distortion" => ("|k1|", [1e-3, 1e-1]),
-        "chromatic_aberration" => ("|scale - 1|", [1e-4, 6e-3]),
-        "defocus" => ("sigma_px", [0.1, 2.0]),
-        "vignetting" => ("-a1", [4e-3, 4e-1]),
-        "glare" => ("veil", [1e-3, 1e-1]),
-        "exposure_gain" => ("|ln gain|", [2e-3, 2e-1]),
-        "flicker" => ("depth", [3e-3, 3e-1]),
-        "shot_noise" => ("1 / sqrt(full_well_e)", [2e-3, 7e-2]),
-        "fixed_pattern_noise" => ("dsnu = prnu / 2", [3e-4, 1e-2]),
-        "row_noise" => ("sigma", [2e-4, 1e-2]),
-        "read_noise" => ("sigma", [3e-4, 1e-2]),
-        "hot_pixels" => ("fraction", [5e-5, 5e-3]),
-        "black_level" => ("offset", [3e-4, 3e-2]),
-        "white_balance" => ("|ln r| = |ln b|", [2e-3, 2e-1]),
-        "gamma" => ("|ln exponent|", [2e-3, 2e-1]),
-        "sharpening" => ("amount", [2e-2, 2.0]),
-        "jpeg" => ("100 - quality", [2.0, 70.0]),
-        _ => return None,
+    let graded = trials(effects::by_id(name)?).find_map(|(spec, t)| Some((spec, t.law, t.graded?)));
+    let (spec, law, range) = graded?;
+    let of = match (law, neutral(&spec.kind)) {
+        (Law::Either | Law::Up, Value::Number(neutral)) if neutral != 0.0 => {
+            format!("|{} - {neutral}|", spec.name)
+        }
+        (Law::Either, _) => format!("|{}|", spec.name),
+        (Law::Down, _) => format!("-{}", spec.name),
+        (Law::Factor, _) => format!("|ln {}|", spec.name),
+        (Law::Electrons, _) => format!("1 / sqrt({})", spec.name),
+        (Law::Coarser, _) => format!("100 - {}", spec.name),
+        (Law::Direction, _) => "angle, rad".to_owned(),
+        _ => spec.name.to_owned(),
     };
-    Some(Grade { measure, range })
+    Some(Grade { measure: of, range })
 }
 
 /// Hides one effect at a strength (see [`grade`]); signs, directions and partners are drawn.
@@ -231,47 +182,26 @@ pub(super) fn grade(name: &str) -> Option<Grade> {
 /// # Errors
 /// None in practice: all strengths lie within their effects' ranges (tested).
 pub(super) fn graded(seed: u64, case: usize, name: &'static str, s: f64, known: &Settings) -> Result<Hidden> {
-    use Drawn::{Number, Vector3};
     let mut draw = Draw::new(seed, case, name);
-    let sign = draw.sign();
-    let values = match name {
-        "rolling_shutter" => vec![("readout_time_s", Number(s))],
-        "motion_blur" => vec![("exposure_time_s", Number(s))],
-        "time_offset" => vec![("offset_s", Number(sign * s))],
-        "pose_offset" => {
-            let axis = [(); 3].map(|()| draw.between(-1.0, 1.0));
-            let length = axis.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-3);
-            vec![("rotvec_rad", Vector3(axis.map(|v| v / length * s)))]
-        }
-        "focal_length_error" => vec![("ratio", Number(1.0 + sign * s))],
-        "lens_distortion" => vec![("k1", Number(sign * s))],
-        "chromatic_aberration" => {
-            vec![("scale_r", Number(1.0 + sign * s)), ("scale_b", Number(1.0 - sign * s))]
-        }
-        "defocus" => vec![("sigma_px", Number(s))],
-        "vignetting" => vec![("a1", Number(-s))],
-        "glare" => vec![("veil", Number(s)), ("level", Number(draw.between(0.2, 0.9)))],
-        "exposure_gain" => vec![("gain", Number((sign * s).exp()))],
-        "flicker" => vec![
-            ("frequency_hz", Number(draw.between(96.0, 114.0))),
-            ("depth", Number(s)),
-            ("phase_rad", Number(draw.between(-3.0, 3.0))),
-        ],
-        "shot_noise" => vec![("full_well_e", Number(1.0 / (s * s)))],
-        "fixed_pattern_noise" => vec![("dsnu", Number(s)), ("prnu", Number(2.0 * s))],
-        "row_noise" | "read_noise" => vec![("sigma", Number(s))],
-        "hot_pixels" => vec![("fraction", Number(s))],
-        "black_level" => vec![("offset", Number(s))],
-        "white_balance" => vec![("r", Number((sign * s).exp())), ("b", Number((-sign * s).exp()))],
-        "gamma" => vec![("exponent", Number((sign * s).exp()))],
-        "sharpening" => vec![("amount", Number(s)), ("radius_px", Number(draw.between(0.8, 1.6)))],
-        "jpeg" => vec![("quality", Number((100.0 - s).round()))],
-        _ => Vec::new(),
-    };
-    let mut settings = known.clone();
+    let mut sign = draw.sign();
     let effect = effects::by_id(name).expect("taken from the list");
-    for (parameter, value) in values {
-        settings.set(effect, parameter, own_word(effect, parameter, value))?;
+    let range = grade(name).expect("graded").range;
+    let (mut settings, mut before) = (known.clone(), 0.0);
+    for (spec, trial) in trials(effect) {
+        // Of several, each goes through its own range in as many steps.
+        let strength = match (trial.graded, trial.law) {
+            (Some(own), law) => {
+                let strength = s * own[0] / range[0];
+                let signed =
+                    if matches!(law, Law::Either | Law::Factor) { sign * strength } else { strength };
+                sign = -sign;
+                if law == Law::Coarser { 100.0 - signed } else { signed }
+            }
+            (None, Law::Follows) => 0.5 * (trial.blind[0] + trial.blind[1]),
+            (None, Law::Option) => continue,
+            (None, _) => blind(trial, &mut draw),
+        };
+        before = put(&mut settings, effect, spec, (trial.law, strength, before), &mut draw)?;
     }
     Ok(Hidden { kind: Kind::Single, names: vec![name], settings })
 }

@@ -8,19 +8,18 @@ use std::sync::{Arc, LazyLock, Mutex};
 use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
-use super::noise::robust_variance;
-use super::score::erf;
 use crate::chain::rng::random_bits;
+use crate::chain::{BANDS, Left};
 use crate::plane::Plane;
+use crate::plane::stats::{LUMA, erf, robust_variance};
 
 /// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and colours.
-pub(super) const ROUNDED2: f32 = 0.12;
+pub(crate) const ROUNDED2: f32 = 0.12;
 /// Rows of the conversion to brightness and two colours.
-pub(super) const TO_YCC: [[f32; 3]; 3] =
-    [[0.299, 0.587, 0.114], [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
+pub(crate) const TO_YCC: [[f32; 3]; 3] = [LUMA, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
 /// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2.
-pub(super) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Plane<f32> {
+pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Plane<f32> {
     let dct = Dct::new();
     let tables = [steps(quality, false), steps(quality, true)];
     let (w, h) = (dn.width, dn.height);
@@ -69,7 +68,7 @@ fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [(f32, f
 }
 
 /// Mean of a normal value after it has been rounded to multiples of a step.
-fn rounded_mean(mean: f32, sigma: f32, step: f32) -> f32 {
+pub(crate) fn rounded_mean(mean: f32, sigma: f32, step: f32) -> f32 {
     let (at, wide) = (mean / step, sigma / step);
     if wide > 0.7 {
         return mean;
@@ -91,45 +90,6 @@ fn rounded_mean(mean: f32, sigma: f32, step: f32) -> f32 {
     step * (below + 0.5 * (1.0 + erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2) as f32))
 }
 
-/// What compression leaves of the variance of white noise, by statistic: shares of what white noise would give it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Left {
-    pub pixel: f32,
-    /// Of differences along the row, as noise is measured (see [`super::noise`]), by their distance of 2 and 4 px.
-    pub high_pass: [f32; 2],
-    /// Of differences of means over blocks of 2, 4 and 8 px.
-    pub bands: [f32; 3],
-    /// Of means of rows, and of columns.
-    pub lines: [f32; 2],
-}
-
-impl Left {
-    /// All of the noise.
-    pub(super) const ALL: Self = Self { pixel: 1.0, high_pass: [1.0; 2], bands: [1.0; 3], lines: [1.0; 2] };
-
-    /// What two steps leave one after the other.
-    pub(super) fn times(&self, other: &Self) -> Self {
-        let pairs = |a: [f32; 2], b: [f32; 2]| [a[0] * b[0], a[1] * b[1]];
-        Self {
-            pixel: self.pixel * other.pixel,
-            high_pass: pairs(self.high_pass, other.high_pass),
-            bands: [0, 1, 2].map(|i| self.bands[i] * other.bands[i]),
-            lines: pairs(self.lines, other.lines),
-        }
-    }
-
-    fn mix(&self, other: &Self, t: f32) -> Self {
-        let m = |a: f32, b: f32| a * (1.0 - t) + b * t;
-        let pairs = |a: [f32; 2], b: [f32; 2]| [m(a[0], b[0]), m(a[1], b[1])];
-        Self {
-            pixel: m(self.pixel, other.pixel),
-            high_pass: pairs(self.high_pass, other.high_pass),
-            bands: [0, 1, 2].map(|i| m(self.bands[i], other.bands[i])),
-            lines: pairs(self.lines, other.lines),
-        }
-    }
-}
-
 /// Standard deviations of the noise at which [`Left`] is known, DN: equal ratios.
 const LEVELS: usize = 15;
 /// The least of them, and their ratio.
@@ -137,13 +97,13 @@ const LEVEL: [f32; 2] = [0.5, std::f32::consts::SQRT_2];
 
 /// What a quality leaves of noise, by how much there was.
 #[derive(Debug)]
-pub(super) struct Packing([Left; LEVELS]);
+pub(crate) struct Packing([Left; LEVELS]);
 
 static KNOWN: LazyLock<Mutex<HashMap<u8, Arc<Packing>>>> = LazyLock::new(Mutex::default);
 
 impl Packing {
     /// Of a quality; worked out once, from noise drawn with a fixed seed.
-    pub(super) fn of(quality: u8) -> Arc<Self> {
+    pub(crate) fn of(quality: u8) -> Arc<Self> {
         let mut known = KNOWN.lock().expect("nobody panics while it is held");
         known.entry(quality).or_insert_with(|| Arc::new(Self::drawn(quality))).clone()
     }
@@ -157,7 +117,7 @@ impl Packing {
     }
 
     /// For noise of that variance before the compression, DN^2.
-    pub(super) fn left(&self, variance: f32) -> Left {
+    pub(crate) fn left(&self, variance: f32) -> Left {
         let at = (0.5 * (variance.max(1e-6) / (LEVEL[0] * LEVEL[0])).ln() / LEVEL[1].ln())
             .clamp(0.0, (LEVELS - 1) as f32);
         let i = (at as usize).min(LEVELS - 2);
@@ -166,7 +126,7 @@ impl Packing {
 
     /// The variance before the compression over that measured behind it, by differences of a kind (see
     /// [`Left::high_pass`]); at most a limit, since of what is removed altogether nothing is known.
-    pub(super) fn restored(&self, measured: f32, kind: usize) -> f32 {
+    pub(crate) fn restored(&self, measured: f32, kind: usize) -> f32 {
         const MOST: f32 = 30.0;
         // The share that is left times this ratio rises with the ratio: halve the interval.
         let (mut low, mut high) = (0.25f32, MOST);
@@ -195,7 +155,7 @@ static FLAT: LazyLock<[Plane<f32>; 2]> = LazyLock::new(|| {
 });
 
 /// White noise of variance 1 in each of three channels.
-pub(super) fn normal_noise([w, h]: [usize; 2]) -> Plane<f32> {
+pub(crate) fn normal_noise([w, h]: [usize; 2]) -> Plane<f32> {
     let normal = |x: usize, y: usize, c: u32| {
         let bits = random_bits([x as u32, y as u32], c, 0x4b, [1, 2]);
         let unit = |b: u32| (b as f32 + 0.5) / 4_294_967_296.0;
@@ -218,25 +178,13 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
     Left {
         pixel: square(errors.data.iter().copied()) / (sigma * sigma),
         high_pass: [2, 4].map(|apart| high_pass(&errors, apart) / (sigma * sigma)),
-        bands: [2, 4, 8].map(|n| band(&errors, n) / (0.75 * sigma * sigma / (n * n) as f32)),
+        bands: BANDS.map(|n| band(&errors, n) / (0.75 * sigma * sigma / (n * n) as f32)),
         lines: [true, false].map(|rows| lines(&errors, rows) / (sigma * sigma)),
     }
     .at_most(4.0)
 }
 
-impl Left {
-    /// Rounding of little noise makes more of it than there was; beyond a limit that is no share of anything.
-    fn at_most(self, most: f32) -> Self {
-        Self {
-            pixel: self.pixel.min(most),
-            high_pass: self.high_pass.map(|v| v.min(most)),
-            bands: self.bands.map(|v| v.min(most)),
-            lines: self.lines.map(|v| v.min(most)),
-        }
-    }
-}
-
-pub(super) fn square(values: impl Iterator<Item = f32>) -> f32 {
+pub(crate) fn square(values: impl Iterator<Item = f32>) -> f32 {
     let (sum, count) = values.fold((0.0f64, 0.0), |(s, n), v| (s + f64::from(v * v), n + 1.0));
     (sum / f64::max(count, 1.0)) as f32
 }
@@ -255,7 +203,7 @@ fn high_pass(e: &Plane<f32>, apart: usize) -> f32 {
 }
 
 /// Mean square difference between means over blocks of `n` px and over blocks of twice that side.
-pub(super) fn band(e: &Plane<f32>, n: usize) -> f32 {
+pub(crate) fn band(e: &Plane<f32>, n: usize) -> f32 {
     let mean = |x0: usize, y0: usize, n: usize, c: usize| {
         let sum: f32 = (0..n * n).map(|i| e.pixel(x0 + i % n, y0 + i / n)[c]).sum();
         sum / (n * n) as f32
@@ -271,7 +219,7 @@ pub(super) fn band(e: &Plane<f32>, n: usize) -> f32 {
 }
 
 /// Variance of the means of rows or columns, times their length.
-pub(super) fn lines(e: &Plane<f32>, rows: bool) -> f32 {
+pub(crate) fn lines(e: &Plane<f32>, rows: bool) -> f32 {
     let (count, length) = if rows { (e.height, e.width) } else { (e.width, e.height) };
     let at = |line: usize, i: usize| if rows { e.pixel(i, line) } else { e.pixel(line, i) };
     let means = (0..count * 3).map(|k| {
@@ -291,7 +239,7 @@ mod tests {
             [0, 1, 2].map(|c| (40.0 + 20.0 * ((x / 5 + y / 6 + c) % 7) as f32 + (x * y % 11) as f32).round())
         });
         let none = vec![0.0; plain.data.len()];
-        let encoded = super::super::photometric::compressed(&plain, 60);
+        let encoded = super::super::compressed(&plain, 60);
         let off = |a: &Plane<f32>, b: &Plane<f32>| {
             a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.data.len() as f32
         };
@@ -314,7 +262,7 @@ mod tests {
                     .collect(),
                 ..plain.clone()
             };
-            let one = super::super::photometric::compressed(&noisy, 60);
+            let one = super::super::compressed(&noisy, 60);
             mean.data.iter_mut().zip(&one.data).for_each(|(m, v)| *m += v / 40.0);
         }
         let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], 60);

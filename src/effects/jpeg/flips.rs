@@ -7,9 +7,10 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
-use super::packing::{Left, ROUNDED2, TO_YCC};
-use super::score::erf;
+use super::packing::{ROUNDED2, TO_YCC};
+use crate::chain::Left;
 use crate::plane::Plane;
+use crate::plane::stats::erf;
 
 /// Places between two thresholds, and widths of the noise, at which the variance of a rounded value is tabled.
 const TABLE: [usize; 2] = [33, 15];
@@ -23,14 +24,14 @@ const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136],
 const KINDS: usize = 6;
 
 /// Variances behind compression, DN^2, by block of 8 px, colour and statistic: as white noise of that variance would give it.
-pub(super) struct Flips {
+pub(crate) struct Flips {
     across: usize,
     blocks: Vec<[[f32; KINDS]; 3]>,
 }
 
 impl Flips {
     /// Of a picture `dn` before compression, with noise of `variance` by value, DN^2.
-    pub(super) fn of(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Self {
+    pub(crate) fn of(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Self {
         let dct = Dct::new();
         let tables = [steps(quality, false), steps(quality, true)];
         let (w, h) = (dn.width, dn.height);
@@ -61,7 +62,7 @@ impl Flips {
     }
 
     /// What is left at a value (its place in the picture's data) of noise of that variance before compression, DN^2.
-    pub(super) fn left(&self, width: usize, i: usize, variance: f32) -> Left {
+    pub(crate) fn left(&self, width: usize, i: usize, variance: f32) -> Left {
         let (x, y) = ((i / 3) % width, i / 3 / width);
         let seen = &self.blocks[(y / SIDE) * self.across + x / SIDE][i % 3];
         let share = |k: usize| seen[k] / variance.max(1e-6);
@@ -94,7 +95,7 @@ fn seen(coefficients: &[f32; AREA], sigma: f32, steps: &[f32; AREA]) -> [f32; KI
 }
 
 /// Variance, in squares of a step, of a normal value of that mean and width, in steps, after it has been rounded.
-fn rounded_variance(at: f32, wide: f32) -> f32 {
+pub(crate) fn rounded_variance(at: f32, wide: f32) -> f32 {
     if wide >= WIDTHS[1] {
         return wide * wide + 1.0 / 12.0;
     }
@@ -206,7 +207,7 @@ mod tests {
                         .collect(),
                     ..plain.clone()
                 };
-                let encoded = super::super::photometric::compressed(&noisy, quality);
+                let encoded = super::super::compressed(&noisy, quality);
                 for i in 0..plain.data.len() {
                     let half = usize::from((i / 3) % 64 >= 32);
                     seen[half] += f64::from(encoded.data[i] - expected.data[i]).powi(2);

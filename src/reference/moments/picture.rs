@@ -1,0 +1,171 @@
+//! The mean picture: from linear radiance to delivered values, in the list's order.
+
+use super::curve::{is_behind_encoding, switched_on};
+use super::tone::Tone;
+use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
+use crate::effects::LIST;
+use crate::effects::jpeg::compressed;
+use crate::effects::jpeg::packing::{packed_mean, rounded_mean};
+use crate::plane::Plane;
+use crate::plane::stats::erf;
+
+type Twin = fn([f32; 3], &At<'_>, &Parameters<'_>) -> [f32; 3];
+
+/// What is done to one pixel.
+enum Job<'a> {
+    Light(fn(&Parameters<'_>, &View, usize, &mut [f32]), Parameters<'a>),
+    Affine([[f32; 2]; 3]),
+    Twin(Twin, Parameters<'a>, u32),
+    Steps(f32),
+    Colors([[f32; 3]; 3]),
+    Encode,
+}
+
+/// Mean over the noise of the frames of a camera: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`: radiance of the
+/// same shape; `tone`: of `settings`, or of a camera that differs from it in nothing about single values.
+pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &Tone) -> Plane<f32> {
+    let packed = Packed::new(LIST, settings, view);
+    let mut picture = linear.clone();
+    let (mut jobs, mut encoded, mut mixed) = (Vec::new(), false, false);
+    for effect in switched_on(settings) {
+        if !matches!(effect.stage(), Stage::Pixel(..)) || tone.bent[1..].contains(&effect.id()) {
+            continue;
+        }
+        if tone.bent[0] == effect.id() {
+            if tone.colors != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+                jobs.push(Job::Colors(tone.colors));
+            }
+            jobs.push(Job::Encode);
+            encoded = true;
+            continue;
+        }
+        let parameters = packed.parameters(slot_of(LIST, effect.id()));
+        match (effect.moments(), effect.work()) {
+            (Moments::Noise(_), _) => {}
+            (Moments::Colors(_), _) if !is_behind_encoding(effect) => {}
+            (Moments::Light(of), _) => jobs.push(Job::Light(of, parameters)),
+            (Moments::Affine(of), _) => {
+                jobs.push(Job::Affine(of(settings, view).map(|v| v.map(|v| v as f32))))
+            }
+            (Moments::Colors(of), _) => jobs.push(Job::Colors(of(settings).map(|v| v.map(|v| v as f32)))),
+            (Moments::Steps(_), _) => jobs.push(Job::Steps(tone.step)),
+            (Moments::File(of), _) => {
+                done(&mut picture, &mut jobs, view, tone);
+                clip(&mut picture, &mut mixed);
+                picture = filed(&picture, tone, of(settings));
+            }
+            (_, Work::Pointwise(twin)) => jobs.push(Job::Twin(twin, parameters, effect.variant(settings))),
+            (_, Work::Neighbourhood { reference, .. }) => {
+                done(&mut picture, &mut jobs, view, tone);
+                let before = picture;
+                picture = reference(
+                    &scaled(&before, if encoded { 1.0 / 255.0 } else { 1.0 }),
+                    settings,
+                    &parameters,
+                );
+                if encoded {
+                    picture.data.iter_mut().for_each(|v| *v *= 255.0);
+                    clipped(&mut picture, &before, tone, effect);
+                    mixed = true;
+                }
+            }
+            (_, Work::Elsewhere | Work::Host(_)) => {}
+        }
+    }
+    done(&mut picture, &mut jobs, view, tone);
+    clip(&mut picture, &mut mixed);
+    picture
+}
+
+fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {
+    Plane { data: picture.data.iter().map(|v| factor * v).collect(), ..*picture }
+}
+
+/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand.
+fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &Tone) {
+    let (width, source) = (picture.width, Plane::new(0, 0, 4));
+    let mut light = vec![1.0; width];
+    for (y, row) in picture.data.chunks_exact_mut(3 * width).enumerate() {
+        // Behind the encoding values are DN here, and shares of full scale in twins.
+        let mut unit = 1.0;
+        for job in jobs.iter() {
+            let pixels = row.chunks_exact_mut(3);
+            match job {
+                Job::Light(of, parameters) => {
+                    of(parameters, view, y, &mut light);
+                    pixels.zip(&light).for_each(|(p, light)| p.iter_mut().for_each(|v| *v *= light));
+                }
+                Job::Affine(of) => {
+                    pixels.for_each(|p| (0..3).for_each(|c| p[c] = of[c][0] * p[c] + of[c][1]))
+                }
+                Job::Colors(of) => pixels.for_each(|p| {
+                    let v = of.map(|w| w[0] * p[0] + w[1] * p[1] + w[2] * p[2]);
+                    p.copy_from_slice(&v);
+                }),
+                Job::Encode => {
+                    tone.encode(row);
+                    unit = 255.0;
+                }
+                Job::Steps(step) => pixels.for_each(|p| {
+                    (0..3).for_each(|c| p[c] = stepped(p[c], *step, tone.sensor_sigma(p[c], c)));
+                }),
+                Job::Twin(twin, parameters, variant) => pixels.enumerate().for_each(|(x, p)| {
+                    let at = At { pixel: [x as u32, y as u32], view, source: &source, variant: *variant };
+                    let seen = twin([p[0] / unit, p[1] / unit, p[2] / unit], &at, parameters);
+                    (0..3).for_each(|c| p[c] = seen[c] * unit);
+                }),
+            }
+        }
+    }
+    jobs.clear();
+}
+
+/// Mean of a value that a converter clips and rounds.
+fn stepped(value: f32, step: f32, sigma: f32) -> f32 {
+    rounded_mean(value.clamp(0.0, 1.0), sigma, step)
+}
+
+fn clip(picture: &mut Plane<f32>, mixed: &mut bool) {
+    if std::mem::take(mixed) {
+        picture.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
+    }
+}
+
+/// A filter makes values that the delivered picture cannot have: under noise that moves the mean.
+fn clipped(picture: &mut Plane<f32>, before: &Plane<f32>, tone: &Tone, effect: &dyn Effect) {
+    // Means over pixels make none.
+    if !tone.is_noisy() || effect.id() == "chroma_subsampling" {
+        return;
+    }
+    for (i, (v, before)) in picture.data.iter_mut().zip(&before.data).enumerate() {
+        let spread = tone.spread(*before, i % 3);
+        *v = clipped_mean(*v, (spread.free + spread.fixed).sqrt());
+    }
+}
+
+/// Mean of a normal value that is clipped to 0 and 255.
+fn clipped_mean(mean: f32, sigma: f32) -> f32 {
+    if sigma <= 0.05 || (mean > 4.0 * sigma && mean < 255.0 - 4.0 * sigma) {
+        return mean;
+    }
+    // What lies below 0 on average, and what lies above 255.
+    let beyond = |z: f32| {
+        let density = (-0.5 * z * z).exp() * 0.398_942_3;
+        let above = 0.5 * (1.0 - erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2)) as f32;
+        sigma * (density - z * above)
+    };
+    mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
+}
+
+/// Through the file.
+fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
+    if !tone.is_noisy() {
+        return compressed(picture, quality);
+    }
+    let variance = |(i, v): (usize, &f32)| {
+        let spread = tone.spread(*v, i % 3);
+        spread.free + spread.row + spread.fixed
+    };
+    let variance: Vec<f32> = picture.data.iter().enumerate().map(variance).collect();
+    packed_mean(picture, &variance, quality)
+}

@@ -1,0 +1,306 @@
+//! Means and spreads against the chain's own references: without noise value by value, with it by drawing frames.
+
+use super::*;
+use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
+use crate::chain::{BANDS, Effect, Mixing, Moments, Packed, Settings, Value, View, Work};
+use crate::effects::jpeg::packing::{band, lines, normal_noise, square};
+use crate::effects::{LIST, by_id};
+use crate::plane::Plane;
+use crate::reference::chain;
+
+type Given<'a> = &'a [(&'static str, &'static str, Value)];
+
+fn number(stem: &'static str, name: &'static str, value: f64) -> (&'static str, &'static str, Value) {
+    (stem, name, Value::Number(value))
+}
+
+fn word(stem: &'static str, name: &'static str, value: &'static str) -> (&'static str, &'static str, Value) {
+    (stem, name, Value::Choice(value))
+}
+
+fn settings(given: Given<'_>) -> Settings {
+    let mut settings = Settings::default();
+    for (stem, name, value) in given {
+        settings.set(by_id(stem).expect("an effect"), name, *value).expect("in range");
+    }
+    settings
+}
+
+fn view(width: u32, height: u32, frame: u32) -> View {
+    let (cx, cy) = (0.5 * f64::from(width) - 0.3, 0.5 * f64::from(height) + 0.4);
+    View {
+        intrinsics: Intrinsics { width, height, fx: 40.0, fy: 41.0, cx, cy },
+        shutter: ShutterTiming {
+            start_s: 12.345,
+            exposure_time_s: 0.01,
+            readout_time_s: 0.02,
+            scan_order: ScanOrder::BottomToTop,
+            line_count: height,
+        },
+        frame,
+        seed: 5,
+    }
+}
+
+/// Patches with hard edges, dark to beyond white.
+fn radiance() -> Plane<f32> {
+    Plane::from_fn(42, 31, |x, y| {
+        let v = |c: usize| ((x / 5 * 7 + y / 4 * 13 + c * 5) % 23) as f32 / 20.0;
+        [v(0), v(1) * 0.6, v(2) * 0.3, 1.0]
+    })
+}
+
+fn three(plane: &Plane<f32>) -> Plane<f32> {
+    let data = plane.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    Plane { channels: 3, data, ..*plane }
+}
+
+/// The mean frame, DN.
+fn mean(settings: &Settings) -> Plane<f32> {
+    expected(&three(&radiance()), settings, &view(42, 31, 3), &Tone::new(settings))
+}
+
+/// The chain's own, DN.
+fn drawn(settings: &Settings) -> Vec<f32> {
+    if settings.has("jpeg") {
+        let picture = chain::picture(LIST, settings, &view(42, 31, 3), &radiance());
+        return picture.data.iter().map(|v| f32::from(*v)).collect();
+    }
+    let values = chain::values(LIST, settings, &view(42, 31, 3), &radiance());
+    three(&values).data.iter().map(|v| 255.0 * v.clamp(0.0, 1.0)).collect()
+}
+
+fn furthest(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// A setting of each effect on values that adds no noise.
+const SILENT: &[Given<'static>] = &[
+    &[("defocus", "sigma_px", Value::Number(1.3))],
+    &[("vignetting", "a1", Value::Number(-0.5)), ("vignetting", "a2", Value::Number(0.1))],
+    &[("glare", "veil", Value::Number(0.2)), ("glare", "level", Value::Number(0.4))],
+    &[("exposure_gain", "gain", Value::Number(0.7))],
+    &[("flicker", "frequency_hz", Value::Number(103.0)), ("flicker", "depth", Value::Number(0.15))],
+    &[("sensor_color", "match", Value::Choice("delivered")), ("color_matrix", "rg", Value::Number(-0.2))],
+    &[("dark_current", "rate_per_s", Value::Number(5.0))],
+    &[("black_level", "offset", Value::Number(0.06))],
+    &[("quantization", "bits", Value::Number(5.0))],
+    &[("bayer_mosaic", "pattern", Value::Choice("RGGB"))],
+    &[("bayer_mosaic", "pattern", Value::Choice("GRBG")), ("white_balance", "r", Value::Number(1.4))],
+    &[("bayer_mosaic", "pattern", Value::Choice("GBRG")), ("gamma", "exponent", Value::Number(0.8))],
+    &[
+        ("bayer_mosaic", "pattern", Value::Choice("BGGR")),
+        ("bayer_mosaic", "demosaic", Value::Choice("malvar_he_cutler")),
+    ],
+    &[("white_balance", "r", Value::Number(1.3)), ("white_balance", "b", Value::Number(0.8))],
+    &[("color_matrix", "rg", Value::Number(-0.3)), ("color_matrix", "bb", Value::Number(1.2))],
+    &[("gamma", "exponent", Value::Number(1.15))],
+    &[("tone_curve", "contrast", Value::Number(0.4))],
+    &[
+        ("noise_reduction", "luma_sigma_px", Value::Number(0.8)),
+        ("noise_reduction", "edge", Value::Number(0.2)),
+    ],
+    &[("response_curve", "g4", Value::Number(1.6))],
+    &[
+        ("response_curve", "r9", Value::Number(0.6)),
+        ("noise_reduction", "chroma_sigma_px", Value::Number(1.2)),
+    ],
+    &[("saturation", "factor", Value::Number(0.7))],
+    &[("sharpening", "amount", Value::Number(0.8)), ("sharpening", "radius_px", Value::Number(1.1))],
+    &[("chroma_subsampling", "scheme", Value::Choice("4:2:0"))],
+    &[("chroma_subsampling", "scheme", Value::Choice("4:2:2"))],
+    &[("jpeg", "quality", Value::Number(60.0))],
+];
+
+#[test]
+fn without_noise_the_mean_is_the_chain_s_own_of_every_effect_alone() {
+    for given in SILENT {
+        let settings = settings(given);
+        let (seen, want) = (mean(&settings), drawn(&settings));
+        let off = furthest(&seen.data, &want);
+        // A value at the edge of two of a converter's steps goes either way.
+        let steps = settings.has("quantization");
+        assert!(off < 0.06 || (steps && off < 10.0), "{given:?}: off by {off} DN");
+        let mut without = settings;
+        without.disable(given[0].0);
+        assert!(furthest(&mean(&without).data, &want) > 0.5, "{given:?}: the control passes");
+    }
+    let missing: Vec<&str> = LIST
+        .iter()
+        .filter(|e| !matches!(e.work(), Work::Elsewhere) && !matches!(e.moments(), Moments::Noise(_)))
+        .map(|e| e.id())
+        .filter(|id| !SILENT.iter().any(|given| given.iter().any(|(stem, ..)| stem == id)))
+        .collect();
+    assert_eq!(missing, [""; 0], "effects without a case");
+}
+
+#[test]
+fn effects_together_stand_in_the_chain_s_order() {
+    let all = settings(&[
+        number("defocus", "sigma_px", 0.8),
+        number("vignetting", "a1", -0.3),
+        number("glare", "veil", 0.1),
+        number("glare", "level", 0.3),
+        number("exposure_gain", "gain", 1.2),
+        number("flicker", "frequency_hz", 100.0),
+        number("flicker", "depth", 0.1),
+        number("black_level", "offset", 0.03),
+        word("bayer_mosaic", "pattern", "GRBG"),
+        number("white_balance", "r", 1.2),
+        number("white_balance", "b", 0.9),
+        number("color_matrix", "gr", -0.15),
+        number("gamma", "exponent", 0.9),
+        number("tone_curve", "contrast", 0.2),
+        number("saturation", "factor", 1.2),
+        word("chroma_subsampling", "scheme", "4:2:0"),
+    ]);
+    let off = furthest(&mean(&all).data, &drawn(&all));
+    assert!(off < 0.15, "off by {off} DN");
+}
+
+/// Mean and variance of every colour over frames of a grey, DN, and what is expected of it.
+fn of_grey(settings: &Settings, linear: f32) -> ([[f64; 2]; 3], [[f64; 2]; 3]) {
+    const SIDE: usize = 48;
+    const FRAMES: u32 = 8;
+    let flat = Plane::from_fn(SIDE, SIDE, |_, _| [linear, linear, linear, 1.0]);
+    let mut sums = [[0.0f64; 3]; 3];
+    for frame in 0..FRAMES {
+        let picture = chain::picture(LIST, settings, &view(SIDE as u32, SIDE as u32, frame), &flat);
+        for (i, v) in picture.data.iter().enumerate() {
+            let (sum, v) = (&mut sums[i % 3], f64::from(*v));
+            *sum = [sum[0] + v, sum[1] + v * v, sum[2] + 1.0];
+        }
+    }
+    let seen = sums.map(|[s, q, n]| [s / n, q / n - (s / n).powi(2)]);
+    let tone = Tone::new(settings);
+    let mean = expected(&three(&flat), settings, &view(SIDE as u32, SIDE as u32, 0), &tone);
+    let p = mean.pixel(SIDE / 2, SIDE / 2);
+    let told = [0, 1, 2].map(|c| {
+        let v = tone.spread(p[c], c);
+        let left = tone.left(p, c).pixel;
+        // Rounding to whole DN.
+        [f64::from(p[c]), f64::from(left * (v.free + v.fixed) + v.row) + 1.0 / 12.0]
+    });
+    (seen, told)
+}
+
+#[test]
+fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve() {
+    let noises: &[Given<'_>] = &[
+        &[number("shot_noise", "full_well_e", 800.0)],
+        &[number("read_noise", "sigma", 0.02)],
+        &[number("row_noise", "sigma", 0.03), number("read_noise", "sigma", 0.01)],
+        &[number("row_noise", "column_sigma", 0.02)],
+        &[number("fixed_pattern_noise", "dsnu", 0.015), number("fixed_pattern_noise", "prnu", 0.05)],
+        &[number("paper_noise", "color_variance_g", 4e-4), number("paper_noise", "static_variance_r", 4e-4)],
+        &[number("dark_current", "rate_per_s", 10.0), number("shot_noise", "full_well_e", 500.0)],
+    ];
+    let curves: &[Given<'_>] = &[
+        &[],
+        &[number("gamma", "exponent", 1.3), number("black_level", "offset", 0.05)],
+        &[number("tone_curve", "contrast", 0.5)],
+        &[number("response_curve", "g6", 2.0), number("response_curve", "r6", 0.6)],
+        &[
+            number("white_balance", "r", 1.5),
+            number("color_matrix", "rg", -0.4),
+            number("color_matrix", "gr", 0.2),
+        ],
+        &[number("saturation", "factor", 1.8)],
+        &[number("quantization", "bits", 8.0)],
+    ];
+    for noise in noises {
+        for curve in curves {
+            let settings = settings(&[*noise, *curve].concat());
+            for linear in [0.02f32, 0.2, 0.5] {
+                let (seen, told) = of_grey(&settings, linear);
+                // A row's value is one of 384; a pixel's one of 18 432.
+                let (of_mean, of_spread) = if settings.has("row_noise") { (0.5, 0.25) } else { (0.25, 0.1) };
+                for c in 0..3 {
+                    let [[mean, variance], [told_mean, told_variance]] = [seen[c], told[c]];
+                    let most = of_mean + 0.02 * variance.sqrt();
+                    assert!(
+                        (mean - told_mean).abs() < most,
+                        "{noise:?} {curve:?} {linear} {c}: {mean} {told_mean}"
+                    );
+                    let ratio = variance / told_variance;
+                    // Few electrons are no normal distribution.
+                    let most = if linear < 0.1 { of_spread + 0.1 } else { of_spread };
+                    assert!(
+                        (ratio - 1.0).abs() < most,
+                        "{noise:?} {curve:?} {linear} {c}: {variance} {told_variance}"
+                    );
+                }
+            }
+        }
+    }
+    // Control: without its noise a camera has another mean in the dark, and no spread.
+    let dark = settings(&[number("read_noise", "sigma", 0.03)]);
+    let (seen, _) = of_grey(&dark, 0.005);
+    let (_, silent) = of_grey(&Settings::default(), 0.005);
+    assert!(seen[1][0] - silent[1][0] > 3.0 && seen[1][1] > 100.0 * silent[1][1], "{seen:?} {silent:?}");
+}
+
+/// What a step that mixes pixels makes of white noise, over what it says of it: pixels, bands, lines.
+fn ratios(effect: &dyn Effect, settings: &Settings) -> (Mixing, [f32; 6]) {
+    let (Moments::Pixels(of), Work::Neighbourhood { reference, .. }) = (effect.moments(), effect.work())
+    else {
+        panic!("{} mixes no pixels", effect.id())
+    };
+    let mixing = of(settings);
+    let view = view(512, 512, 0);
+    let packed = Packed::new(LIST, settings, &view);
+    let noise = normal_noise([512, 512]);
+    let seen = reference(&noise, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
+    let all: f32 = mixing.pixel.iter().sum();
+    let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| mixing.pixel[c] * of(c)).sum::<f32>() / all;
+    let pixel = square(seen.data.iter().copied());
+    let bands = [0, 1, 2].map(|i| {
+        let n = BANDS[i];
+        band(&seen, n) / (0.75 * pixel / (n * n) as f32) / mean(&|c| mixing.left[c].bands[i])
+    });
+    let lines = [0, 1].map(|i| lines(&seen, i == 0) / pixel / mean(&|c| mixing.left[c].lines[i]));
+    (mixing, [3.0 * pixel / all, bands[0], bands[1], bands[2], lines[0], lines[1]])
+}
+
+#[test]
+fn steps_that_mix_pixels_leave_of_noise_what_they_say() {
+    let cases: &[Given<'_>] = &[
+        &[number("sharpening", "amount", 0.7), number("sharpening", "radius_px", 1.5)],
+        &[word("bayer_mosaic", "pattern", "BGGR")],
+        &[word("bayer_mosaic", "pattern", "RGGB"), word("bayer_mosaic", "demosaic", "malvar_he_cutler")],
+        &[number("noise_reduction", "luma_sigma_px", 0.7), number("noise_reduction", "chroma_sigma_px", 1.5)],
+    ];
+    for given in cases {
+        let (mixing, ratios) = ratios(by_id(given[0].0).expect("an effect"), &settings(given));
+        for (k, ratio) in ratios.into_iter().enumerate() {
+            let most = if k < 4 { 0.08 } else { 0.15 };
+            assert!((ratio - 1.0).abs() < most, "{given:?}: {ratios:?}");
+        }
+        // Control: white noise would have the same of all.
+        let left = mixing.left[1];
+        assert!((mixing.pixel[1] - 1.0).abs() > 0.2 && (left.bands[2] - 1.0).abs() > 0.3, "{mixing:?}");
+    }
+}
+
+#[test]
+fn shared_colour_takes_noise_from_the_other_colours() {
+    let effect = by_id("chroma_subsampling").expect("an effect");
+    let (Moments::Pixels(of), Work::Neighbourhood { reference, .. }) = (effect.moments(), effect.work())
+    else {
+        panic!("it mixes pixels")
+    };
+    // Noise in red alone.
+    let noise = normal_noise([256, 256]);
+    let red = Plane::from_fn(256, 256, |x, y| [noise.pixel(x, y)[0], 0.0, 0.0]);
+    for scheme in ["4:2:0", "4:2:2"] {
+        let settings = settings(&[word("chroma_subsampling", "scheme", scheme)]);
+        let packed = Packed::new(LIST, &settings, &view(256, 256, 0));
+        let seen = reference(&red, &settings, &packed.parameters(0));
+        let told = of(&settings).shared.expect("they share");
+        for (of, told) in told.iter().enumerate() {
+            let seen = square(seen.data.iter().skip(of).step_by(3).copied());
+            assert!((seen / told[0] - 1.0).abs() < 0.05, "{scheme} {of}: {seen}, told {}", told[0]);
+        }
+        assert!((told[0][0] - 1.0).abs() > 0.2, "control: red keeps less");
+    }
+}

@@ -1,0 +1,314 @@
+//! What happens to a value on its own, under the noise that it has: mean and spread of the delivered value. Noise that is
+//! clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
+
+use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
+use crate::chain::{Domain, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
+use crate::effects::jpeg::flips::rounded_variance;
+use crate::effects::jpeg::packing::Packing;
+
+/// Entries of the tables of what noise does.
+const COARSE: usize = 768;
+/// Roots of the sensor's values in the tables of noise (the sign goes along): from here on, a span of [`SPAN`]. Roots,
+/// because encoding and clipping bend most near black.
+const LOW: f32 = -0.45;
+/// See [`LOW`].
+const SPAN: f32 = 1.64;
+/// Points of the integral over the noise, each side of the mean, and their distance in standard deviations.
+const POINTS: i32 = 12;
+/// See [`POINTS`].
+const STEP: f32 = 0.3;
+
+/// Everything that happens to a value on its own.
+pub struct Tone {
+    /// By channel.
+    tables: [Table; 3],
+    /// Stems of the effects that the tables hold.
+    pub(super) bent: Vec<&'static str>,
+    /// Behind the noise: factor and term of values of the sensor, by channel.
+    sensor: [[f32; 2]; 3],
+    /// From there to the value that is encoded.
+    pub(super) colors: [[f32; 3]; 3],
+    /// Sums of its rows: what a grey is multiplied with.
+    pub(super) whole: [f32; 3],
+    noise: [Noise; 3],
+    /// Rounding of the sensor's values, and how far these may be apart; 0: not rounded.
+    pub(super) step: f32,
+    /// By channel and sensor value: what noise adds to the mean.
+    shift: Option<Box<[[f32; COARSE]; 3]>>,
+    /// By channel and whole DN of the mean.
+    by_dn: Option<[Vec<Variances>; 3]>,
+    /// By channel and whole DN of the mean: what compression leaves of that.
+    packed: Option<[Vec<Left>; 3]>,
+    /// What steps that mix pixels leave of it.
+    pub(super) mixing: Mixing,
+}
+
+impl Tone {
+    /// Of a camera.
+    pub fn new(settings: &Settings) -> Self {
+        let mut tone = Self::silent(settings);
+        if tone.noise.iter().any(Noise::any) {
+            tone.make_spread(settings);
+        }
+        tone
+    }
+
+    /// Without what noise does.
+    fn silent(settings: &Settings) -> Self {
+        let (bent, tables) = tables(settings);
+        let mut tone = Self {
+            tables,
+            bent,
+            sensor: [[1.0, 0.0]; 3],
+            colors: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            whole: [1.0; 3],
+            noise: Default::default(),
+            step: 0.0,
+            shift: None,
+            by_dn: None,
+            packed: None,
+            mixing: Mixing::NONE,
+        };
+        for effect in switched_on(settings) {
+            let is_raw = matches!(effect.stage(), Stage::Pixel(Domain::Electrons | Domain::RawDn, _));
+            match effect.moments() {
+                Moments::Noise(of) => {
+                    let more = of(settings);
+                    tone.noise = [0, 1, 2].map(|c| tone.noise[c].plus(&more[c]));
+                }
+                Moments::Affine(of) if is_raw => {
+                    let more = of(settings, &ANYWHERE);
+                    tone.sensor = [0, 1, 2].map(|c| {
+                        let [factor, term] = more[c].map(|v| v as f32);
+                        [factor * tone.sensor[c][0], factor * tone.sensor[c][1] + term]
+                    });
+                }
+                Moments::Colors(of) if !is_behind_encoding(effect) => {
+                    let more = of(settings);
+                    let entry = |i: usize, j: usize| -> f32 {
+                        (0..3).map(|k| more[i][k] as f32 * tone.colors[k][j]).sum()
+                    };
+                    tone.colors = [0, 1, 2].map(|i| [0, 1, 2].map(|j| entry(i, j)));
+                }
+                Moments::Pixels(of) => tone.mixing = tone.mixing.then(&of(settings)),
+                Moments::Steps(of) => tone.step = of(settings) as f32,
+                _ => {}
+            }
+        }
+        // What takes a grey to no light at all has no scale of its own.
+        tone.whole = tone.colors.map(|row| row.iter().sum::<f32>());
+        tone.whole.iter_mut().filter(|w| **w < 0.05).for_each(|w| *w = 1.0);
+        tone
+    }
+
+    fn make_spread(&mut self, settings: &Settings) {
+        let tables = [0, 1, 2].map(|c| self.under_noise(c));
+        let mut by_dn = [0, 1, 2].map(|c| self.spread_by_dn(&tables[c], c));
+        for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
+            if let Moments::Colors(of) = effect.moments() {
+                let weights = of(settings).map(|row| row.map(|w| (w * w) as f32));
+                let at = |c: usize, dn: usize| {
+                    let each = (0..3).map(|from| (weights[c][from], &by_dn[from][dn]));
+                    each.fold(Variances::default(), |sum, (w, v)| sum.plus(w, v))
+                };
+                by_dn = [0, 1, 2].map(|c| (0..256).map(|dn| at(c, dn)).collect());
+            }
+            if let Moments::File(of) = effect.moments() {
+                let packing = Packing::of(of(settings));
+                let left = |v: &Variances| packing.left(v.free + v.fixed);
+                self.packed = Some([0, 1, 2].map(|c| by_dn[c].iter().map(left).collect()));
+            }
+        }
+        self.by_dn = Some(by_dn);
+        self.shift = Some(Box::new([0, 1, 2].map(|c| std::array::from_fn(|i| tables[c][i].0))));
+    }
+
+    #[inline]
+    fn plain(&self, value: f32, channel: usize) -> f32 {
+        let at = value.clamp(0.0, 1.0) * TABLE as f32;
+        let i = place(at).min(TABLE);
+        let f = at - i as f32;
+        let table = &self.tables[channel];
+        table[i] * (1.0 - f) + table[i + 1] * f
+    }
+
+    /// Makes mean delivered values, DN, of colours that are encoded.
+    pub(super) fn encode(&self, colors: &mut [f32]) {
+        let plain = |value: f32, table: &[f32; TABLE + 2]| {
+            let at = value.clamp(0.0, 1.0) * TABLE as f32;
+            let i = place(at).min(TABLE);
+            let f = at - i as f32;
+            table[i] * (1.0 - f) + table[i + 1] * f
+        };
+        let tables = self.tables.each_ref().map(|t| &**t);
+        let Some(shift) = &self.shift else {
+            return colors
+                .chunks_exact_mut(3)
+                .for_each(|p| (0..3).for_each(|c| p[c] = plain(p[c], tables[c])));
+        };
+        for p in colors.chunks_exact_mut(3) {
+            for c in 0..3 {
+                let sensor = p[c] / self.whole[c];
+                let root = sensor.abs().sqrt().copysign(sensor);
+                let at = ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
+                let i = place(at).min(COARSE - 2);
+                let f = at - i as f32;
+                p[c] = plain(p[c], tables[c]) + (shift[c][i] * (1.0 - f) + shift[c][i + 1] * f);
+            }
+        }
+    }
+
+    /// Standard deviation of a value of the sensor behind the noise.
+    pub(super) fn sensor_sigma(&self, sensor: f32, channel: usize) -> f32 {
+        let [factor, term] = self.sensor[channel];
+        let v = self.noise[channel].at((sensor - term) / factor);
+        (v.free + v.row + v.fixed).sqrt() * factor.abs()
+    }
+
+    /// What mixing, subsampling and compression leave of the spread of a channel of a pixel of these mean DN; all of it without
+    /// them.
+    pub fn left(&self, mean_dn: &[f32], channel: usize) -> Left {
+        let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
+        let mut left = self.packed.as_ref().map_or(Left::ALL, |t| t[channel][at]);
+        if self.mixing.left[channel] != Left::ALL {
+            left = left.times(&self.mixing.left[channel]);
+        }
+        if let Some(shared) = &self.mixing.shared {
+            let variance = |c: usize| {
+                let v = self.spread(mean_dn[c], c);
+                v.free + v.fixed
+            };
+            let all: f32 = (0..3).map(|from| shared[channel][from] * variance(from)).sum();
+            // Means over blocks keep theirs: chroma is averaged within them.
+            left.pixel *= all / variance(channel).max(1e-9);
+        }
+        left
+    }
+
+    /// Spread about a mean of so many DN before compression.
+    pub fn spread(&self, mean_dn: f32, channel: usize) -> Variances {
+        self.by_dn
+            .as_ref()
+            .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+    }
+
+    /// Whether there is any noise.
+    pub fn is_noisy(&self) -> bool {
+        self.shift.is_some()
+    }
+
+    /// From a linear value before the noise to the one that is encoded, of a grey: factor and term.
+    fn to_value(&self, channel: usize) -> [f32; 2] {
+        self.sensor[channel].map(|v| v * self.whole[channel])
+    }
+
+    /// DN per unit of the linear value before the noise, where the mean is `dn`; 0 where clipped.
+    pub fn slope_at(&self, dn: f32, channel: usize) -> f32 {
+        if dn >= 254.9 {
+            return 0.0;
+        }
+        let table = &self.tables[channel];
+        let i = table.partition_point(|&v| v <= dn).clamp(1, TABLE);
+        (table[i] - table[i - 1]) * TABLE as f32 * self.to_value(channel)[0]
+    }
+
+    /// The linear value before the noise whose noise-free value is `dn`.
+    pub fn decode(&self, dn: f32, channel: usize) -> f32 {
+        let table = &self.tables[channel];
+        let i = table.partition_point(|&v| v <= dn).clamp(1, TABLE);
+        let (a, b) = (table[i - 1], table[i]);
+        let encoded = ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32;
+        let [factor, term] = self.to_value(channel);
+        (encoded - term) / factor.max(1e-6)
+    }
+
+    /// DN of green of a linear value before the noise, without it.
+    pub fn dn_of(&self, linear: f32) -> f32 {
+        let [factor, term] = self.to_value(1);
+        self.plain(factor * linear + term, 1)
+    }
+
+    /// What noise adds to the mean and how wide it spreads, by the sensor's value: the integral over a normal
+    /// distribution, clipping and encoding included.
+    fn under_noise(&self, channel: usize) -> Vec<(f32, Variances)> {
+        let weights: Vec<f32> =
+            (-POINTS..=POINTS).map(|i| (-0.5 * (STEP * i as f32).powi(2)).exp()).collect();
+        let total: f32 = weights.iter().sum();
+        let whole = self.whole[channel];
+        (0..COARSE)
+            .map(|i| {
+                let sensor = sensor_at(i);
+                let parts = self.parts(sensor, channel);
+                let linear2 = parts.free + parts.row + parts.fixed;
+                let sigma = linear2.sqrt();
+                let (mut mean, mut square) = (0.0, 0.0);
+                for (k, weight) in (-POINTS..=POINTS).zip(&weights) {
+                    let v = self.plain(whole * (sensor + STEP * k as f32 * sigma), channel);
+                    mean += weight * v;
+                    square += weight * v * v;
+                }
+                (mean, square) = (mean / total, square / total);
+                let share = (square - mean * mean).max(0.0) / linear2.max(1e-12);
+                let [gain, row_gain] = [self.mixing.pixel[channel], self.mixing.row[channel]];
+                let spread = Variances {
+                    free: gain * share * parts.free,
+                    row: row_gain * share * parts.row,
+                    fixed: gain * share * parts.fixed,
+                };
+                (mean - self.plain(whole * sensor, channel), spread)
+            })
+            .collect()
+    }
+
+    /// Variances of a colour of a grey of that sensor value, in units of the grey's: what other colours are mixed in counts.
+    fn parts(&self, sensor: f32, channel: usize) -> Variances {
+        let whole = self.whole[channel];
+        let own = |from: usize| {
+            let [factor, term] = self.sensor[from];
+            let scale = (self.colors[channel][from] / whole * factor).powi(2);
+            let mut v = self.noise[from].at((sensor - term) / factor);
+            if self.step > 0.0 {
+                let step = self.step / factor.abs();
+                v.free += step * step * rounding((v.free + v.row + v.fixed).sqrt() / step);
+            }
+            (scale, v)
+        };
+        let of = (0..3).filter(|&from| self.colors[channel][from] != 0.0);
+        of.map(own).fold(Variances::default(), |sum, (scale, v)| sum.plus(scale, &v))
+    }
+
+    fn spread_by_dn(&self, table: &[(f32, Variances)], channel: usize) -> Vec<Variances> {
+        let mean = |i: usize| self.plain(self.whole[channel] * sensor_at(i), channel) + table[i].0;
+        let mut at = 0;
+        (0..256)
+            .map(|dn| {
+                while at + 1 < COARSE && mean(at) < dn as f32 {
+                    at += 1;
+                }
+                // Between the two places whose means hold the value between them.
+                let (b, a) = (table[at].1, table[at.saturating_sub(1)].1);
+                let (mb, ma) = (mean(at), mean(at.saturating_sub(1)));
+                let f = if mb > ma { ((dn as f32 - ma) / (mb - ma)).clamp(0.0, 1.0) } else { 1.0 };
+                Variances::default().plus(1.0 - f, &a).plus(f, &b)
+            })
+            .collect()
+    }
+}
+
+/// Variance that rounding adds to noise of that width, in squares of a step: the mean over where values lie between two steps.
+fn rounding(wide: f32) -> f32 {
+    let places = [0.0625, 0.1875, 0.3125, 0.4375];
+    (places.map(|at| rounded_variance(at, wide)).iter().sum::<f32>() / 4.0 - wide * wide).max(0.0)
+}
+
+/// The entry of a table at or before a place in it. By way of 32 bits: a float becomes 64 of them, unsigned, in ten times as
+/// many instructions, and this is done for every value of every picture.
+fn place(at: f32) -> usize {
+    at as i32 as usize
+}
+
+/// The sensor's value at a place of the tables of noise.
+fn sensor_at(place: usize) -> f32 {
+    let root = LOW + SPAN * place as f32 / (COARSE - 1) as f32;
+    root * root.abs()
+}
