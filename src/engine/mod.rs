@@ -43,7 +43,9 @@ pub use accumulation::AccumulationOptions;
 pub use delivery::Delivery;
 pub use exact::ExactOptions;
 pub use fast::FastOptions;
-pub use fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
+pub use fast_pass::{
+    FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, MOVED_STEPS,
+};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use gather::{ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather};
 pub use margin::{Reach, reach};
@@ -51,7 +53,7 @@ pub use outside::OutsideEngine;
 pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
-pub use taps::GatherInputs;
+pub use taps::{GatherInputs, WarpInputs};
 
 use accumulation::Accumulation;
 use exact::Exact;
