@@ -27,6 +27,7 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 
 #include "timing.glsl"
 #include "path.glsl"
+#include "fast_lens.glsl"
 #include "fast_claims.glsl"
 #include "sample.glsl"
 #include "fast_blur.glsl"
@@ -40,7 +41,7 @@ void main() {
     }
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
-    precise vec2 x_px = vec2(pixel) + 0.5 + vec2(push.margin_px);
+    vec2 x_px = looks_at(ivec2(pixel));
     Sources sources;
     if (!sources_over_exposure(ivec2(pixel), x_px, from, sources)) {
         uint place = atomicAdd(listed.count, 1u);

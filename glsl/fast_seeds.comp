@@ -2,7 +2,8 @@
 // `--method fast`, first half: every texel of the reference picture finds the line that sees it, and lays claim to the
 // pixel it lands on. What is nearest keeps it. Twin: src/reference/fast_seeds.rs.
 //
-// Claims only start the search in fast_gather, so the curve is taken as a parabola here.
+// Claims only start the search in fast_gather, so a curve of path images is taken as a parabola here. One that follows from
+// depth is followed: a camera that shakes is nowhere near the parabola through three of its places.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
@@ -24,6 +25,7 @@ layout(set = 0, binding = 5, std430) buffer Listed {
 
 #include "timing.glsl"
 #include "path.glsl"
+#include "fast_lens.glsl"
 
 // Fraction of the readout at which the line through a position is read, continuous and limited to the picture.
 float fraction_at(vec2 position_px) {
@@ -34,6 +36,22 @@ float fraction_at(vec2 position_px) {
     precise float line = (backwards ? count - place : place) - 0.5;
     precise float fraction = clamp(line, 0.0, count - 1.0) / count;
     return fraction;
+}
+
+// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
+void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
+    float reference = float(push.reference_knot);
+    float after = float(push.last_knot) - reference;
+    precise vec2 first_px = reference > 0.0 ? knot_displacement(texel, 0) : vec2(0.0);
+    precise vec2 last_px = after > 0.0 ? knot_displacement(texel, int(push.last_knot) - 1) : vec2(0.0);
+    precise vec2 b = vec2(0.0);
+    precise vec2 s = after > 0.0 ? last_px / after : -first_px / max(reference, 1.0);
+    if (reference > 0.0 && after > 0.0) {
+        b = (last_px / after + first_px / reference) / (after + reference);
+        s = last_px / after - b * after;
+    }
+    bend = b;
+    slope = s;
 }
 
 void main() {
@@ -47,19 +65,13 @@ void main() {
         listed.groups.yz = uvec2(1u);
     }
     precise vec2 at_px = (vec2(texel) + 0.5) / float(PATH_SCALE) - vec2(push.margin_px);
-    float reference = float(push.reference_knot);
-    float after = float(push.last_knot) - reference;
-    vec2 first_px = reference > 0.0 ? knot_displacement(texel, 0) : vec2(0.0);
-    vec2 last_px = after > 0.0 ? knot_displacement(texel, int(push.last_knot) - 1) : vec2(0.0);
-    // The parabola through begin, reference and end: bend t^2 + slope t, t in knots from the reference.
     precise vec2 bend = vec2(0.0);
-    precise vec2 slope = after > 0.0 ? last_px / after : -first_px / max(reference, 1.0);
-    if (reference > 0.0 && after > 0.0) {
-        bend = (last_px / after + first_px / reference) / (after + reference);
-        slope = last_px / after - bend * after;
+    precise vec2 slope = vec2(0.0);
+    if (!from_depth()) {
+        parabola_of(texel, bend, slope);
     }
-    float depth = texel_of(inverse_depth, texel).r;
-    precise vec2 lands_px = at_px;
+    vec2 seen = texel_of(inverse_depth, texel).rg;
+    precise vec2 lands_px = on_sensor(at_px);
     for (uint slot = 0u; slot < push.slots; ++slot) {
         precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         precise float lines = push.readout_time_s / push.knot_step_s;
@@ -67,13 +79,15 @@ void main() {
         int steps = slot == 0u ? 4 : 2;
         for (int i = 0; i < steps; ++i) {
             precise float t = begin + lines * fraction_at(lands_px);
-            lands_px = at_px + t * (slope + t * bend);
+            precise vec2 moved_px = from_depth() ? depth_displacement(texel, seen, t + float(push.reference_knot))
+                                                 : t * (slope + t * bend);
+            lands_px = on_sensor(at_px + moved_px);
         }
         ivec2 pixel = ivec2(floor(lands_px));
         ivec2 offset = source - push.margin_px - pixel;
         bool inside = all(greaterThanEqual(lands_px, vec2(0.0))) && all(lessThan(lands_px, vec2(push.size)));
         if (inside && all(lessThanEqual(abs(offset), ivec2(SEED_REACH_PX)))) {
-            atomicMax(seeds[seed_index(slot, pixel)], seed_key(depth, offset));
+            atomicMax(seeds[seed_index(slot, pixel)], seed_key(seen.x, offset));
         }
     }
 }

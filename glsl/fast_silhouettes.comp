@@ -21,6 +21,7 @@ layout(set = 0, binding = 7, std430) readonly buffer Listed {
 
 #include "timing.glsl"
 #include "path.glsl"
+#include "fast_lens.glsl"
 #include "fast_claims.glsl"
 #include "sample.glsl"
 #include "fast_blur.glsl"

@@ -3,7 +3,7 @@
  * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs are written on success only.
  * ERRORS    shutterbug_last_error() says in a sentence what was found and what was expected; calls without a handle put it into
  *           a buffer of yours (error_text, which may be null). Any call can give ARGUMENT, STRUCT_SIZE and PANIC, any call on a
- *           handle HANDLE, BUSY and POISONED: those are common. What else a call gives stands at its "Errors:"; "device" there
+ *           handle HANDLE, BUSY, POISONED and FORKED: those are common. What else a call gives stands at its "Errors:"; "device" there
  *           stands for DEVICE_LOST, OUT_OF_MEMORY, VULKAN and, where it waits, TIMEOUT.
  * HANDLES   Numbers in the guise of pointers: never followed, only looked up. Null, made-up, destroyed and wrong-kind
  *           handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives SHUTTERBUG_HANDLE.
@@ -14,12 +14,15 @@
  * THREADS   Each handle is used by one thread at a time, any thread. Two at once: the second gets SHUTTERBUG_BUSY and
  *           nothing happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
  *           independent of each other.
+ * FORK      In a forked child, every call on a handle of its parent answers at once with FORKED, whatever the parent was
+ *           doing; destroying it drops it, gives OK, and leaves the parent's alone. A child makes engines of its own.
  * UNITS     Seconds, metres, pixels; they stand in the names. Pixel (0,0) is top left, its centre at (0.5, 0.5), x right,
  *           y down. Cameras look along +z (x right, y down). A pose maps camera to world. See docs/conventions.md.
  * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
  * STRUCTS   Set struct_size = sizeof(struct) before passing one, for outputs too, and zero the rest (= {0}) before you fill
- *           in fields: zero is each option's default. An unknown size gives SHUTTERBUG_STRUCT_SIZE.
+ *           in fields: zero is each option's default. Structs grow at their end only: the size that an older header gave is
+ *           known too, and what it lacks is zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
  * MANNERS   No global state but the table of live handles (and two empty listeners that keep one engine's log from touching
  *           another's), no signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC (with
  *           Rust's message on stderr) and makes that handle unusable, no other. The first engine that loads a scene starts a
@@ -50,7 +53,7 @@ enum {
     SHUTTERBUG_POISONED = 4,       /* unusable since an earlier SHUTTERBUG_PANIC: destroy it */
     SHUTTERBUG_PANIC = 5,          /* a bug in the library; the handle is unusable from now on */
     SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is none that this library knows */
-    SHUTTERBUG_TOO_SMALL = 7,      /* a stride or capacity */
+    SHUTTERBUG_TOO_SMALL = 7,      /* a stride, a capacity or a margin */
     SHUTTERBUG_FORMAT = 8,         /* a pixel format that is not possible here */
     SHUTTERBUG_STATE = 9,          /* the call needs another one first */
     SHUTTERBUG_INPUT = 10,         /* a file or text holds something that cannot be used */
@@ -64,7 +67,8 @@ enum {
     SHUTTERBUG_DEVICE_LOST = 18,   /* the engine can only be destroyed; another one may work */
     SHUTTERBUG_OUT_OF_MEMORY = 19, /* of the device or the host; nothing was changed */
     SHUTTERBUG_LIMIT = 20,         /* beyond what the device or the options allow */
-    SHUTTERBUG_VULKAN = 21         /* any other failed Vulkan call */
+    SHUTTERBUG_VULKAN = 21,        /* any other failed Vulkan call */
+    SHUTTERBUG_FORKED = 22         /* the handle belongs to the process that forked this one */
 };
 
 /* ---- Handles -------------------------------------------------------------------------------------------------------- */
@@ -176,8 +180,8 @@ typedef struct shutterbug_camera {
  * Errors: INPUT (names the field and its range), STATE (frames are in flight, and size or pinhole change), LIMIT. */
 shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
 /* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). Effects of
- * lens, mounting and clock (lens_distortion, chromatic_aberration, focal_length_error, pose_offset, time_offset) act where a
- * scene is rendered: with one of them, frames from outside are UNSUPPORTED.
+ * lens and mounting (lens_distortion, chromatic_aberration, focal_length_error, pose_offset) act where a pixel looks: with one
+ * of them, frames from outside need depth and pose_count poses, and are UNSUPPORTED without.
  * auto_exposure counts an engine's frames in the order of their submission, whatever their time and index: each answers to
  * the one submitted delay_frames before it, which must have been waited for (else STATE; so at most delay_frames may be in
  * flight). It begins anew, with initial_gain, where a camera has other values of auto_exposure than the one before, where a
@@ -251,7 +255,10 @@ enum {                         /* shutterbug_image.format. Values of several byt
     SHUTTERBUG_RGBA32F = 5,
     SHUTTERBUG_R32F = 6,       /* depth */
     SHUTTERBUG_RG16F = 7,      /* motion: x, y */
-    SHUTTERBUG_RG32F = 8
+    SHUTTERBUG_RG32F = 8,
+    SHUTTERBUG_R32U = 9,       /* ids */
+    SHUTTERBUG_R16U = 10,
+    SHUTTERBUG_R8U = 11
 };
 
 /* A picture in memory of yours, top row first. Row y starts at pixels + y stride_bytes; bytes between rows are neither
@@ -344,8 +351,26 @@ typedef struct shutterbug_depth_convention {
 
 enum { SHUTTERBUG_ENCODING_SRGB = 0, SHUTTERBUG_ENCODING_LINEAR = 1 }; /* of 8-bit colour */
 
-/* One frame of your own renderer: colour, and either motion images or depth with two poses. All pictures have the camera's
- * size plus the margin on every side; without margin, what comes in from outside the picture is its repeated border. */
+enum { SHUTTERBUG_OUTSIDE_REPEAT_BORDER = 1 }; /* shutterbug_outside.flags: a margin that is too small is accepted */
+
+/* What moves by itself in a frame from outside, as a rigid body. Its poses reach over the frame as the camera's do; what has an
+ * id that no body has rests in the world. */
+typedef struct shutterbug_body {
+    uint32_t id;         /* of shutterbug_outside.ids; each body another */
+    uint32_t pose_count; /* 2 or more */
+    const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that is */
+} shutterbug_body;
+
+/* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's size
+ * plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is.
+ *   depth, pose_count poses   Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame and color_time_s, else TIME: give those of
+ *                             your physics steps, at any times. Between them a curve through four (of two poses a straight
+ *                             line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
+ *                             and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with
+ *                             nearest_m, for movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set.
+ *   motion images             Of what moves anyhow, by one vector a pixel where it arrives.
+ *   depth, two poses          pose_count 0: motion is taken from one to the other and goes on evenly, also beyond them.
+ * With the last two, what comes in from beyond the picture is its repeated border. options.method means scenes only. */
 typedef struct shutterbug_outside {
     uint32_t struct_size;
     uint32_t frame_index;
@@ -353,7 +378,7 @@ typedef struct shutterbug_outside {
     double color_time_s;        /* when colour (and depth) were rendered; the frame's middle halves the errors */
     double first_motion_time_s; /* time of the first motion image */
     double motion_step_s;       /* from one motion image to the next; unused with one */
-    uint32_t flags;             /* 0 */
+    uint32_t flags;             /* SHUTTERBUG_OUTSIDE_*, with pose_count */
     uint32_t encoding;          /* SHUTTERBUG_ENCODING_*, of 8-bit colour; floats are linear */
     uint32_t margin_x_px, margin_y_px; /* columns and rows beyond each side, at most the camera's own */
     uint32_t motion_count;      /* 1 to 6; 0: depth is given */
@@ -363,20 +388,42 @@ typedef struct shutterbug_outside {
     const shutterbug_motion_convention *motion_convention; /* with motions */
     const shutterbug_image *depth;   /* R32F; for resting scenes */
     const shutterbug_depth_convention *depth_convention; /* with depth */
-    const shutterbug_stamped_pose *poses; /* with depth: two, which enclose color_time_s; motion is taken from one to the other */
+    const shutterbug_stamped_pose *poses; /* with depth: pose_count of them, at increasing times; 0: two, which enclose
+                                           * color_time_s */
     shutterbug_semaphore *wait;      /* the device waits for it before it reads; may be null */
     shutterbug_semaphore *signal;    /* signalled when the frame is done; may be null */
     uint64_t wait_value, signal_value; /* of timeline semaphores; unused with binary ones */
     shutterbug_memory *picture_memory; /* the picture is copied there too: RGBA8 without padding, or a GPU image of the
                                         * camera's size, VK_FORMAT_R8G8B8A8_UNORM or _SRGB; may be null. UNSUPPORTED with
                                         * a camera that has jpeg, which is not made on the device */
+    uint32_t pose_count;                /* poses at poses, 2 or more; 0: two, as above */
+    uint32_t body_count;                /* bodies at bodies, at most 255; 0: all that is seen rests */
+    double nearest_m;                   /* with pose_count: nothing that comes in at the border is nearer; 0: not known */
+    const shutterbug_image *ids;        /* with body_count: whose surface each pixel shows, R8U, R16U or R32U */
+    const shutterbug_body *bodies;
 } shutterbug_outside;
+
+/* How a camera moves at most. */
+typedef struct shutterbug_motion_bound {
+    uint32_t struct_size;
+    uint32_t reserved;      /* 0 */
+    double turn_rate_rad_s; /* about any axis */
+    double speed_m_s;       /* in any direction; with nearest_m */
+    double nearest_m;       /* nothing that comes in at the border is nearer; 0: only turns are reckoned with */
+    double color_delay_s;   /* color_time_s - time_s of the frames to come */
+} shutterbug_motion_bound;
+
+/* The margin that frames of such motion need for the camera that is set, its lens, mounting and clock included: what your
+ * renderer has to show beyond each side. Such frames are never TOO_SMALL then. Errors: ARGUMENT, STATE (no camera), INPUT (the
+ * lens folds). */
+shutterbug_status shutterbug_engine_margin(shutterbug_engine *engine, const shutterbug_motion_bound *bound,
+                                           uint32_t *margin_x_px, uint32_t *margin_y_px);
 
 /* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
  * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a camera, and
- * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the two poses do not
- * enclose color_time_s), INPUT (effects that need a scene's depth; poses' times), UNSUPPORTED (effects that act where a scene
- * is rendered, jpeg with picture_memory), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
+ * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the poses do not
+ * cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times), UNSUPPORTED (effects of lens and mounting
+ * without pose_count poses, jpeg with picture_memory), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
  * not before. */
 shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
                                                    shutterbug_frame **frame);

@@ -56,6 +56,17 @@ pub enum Error {
         /// Last pose.
         covered_to_s: f64,
     },
+    /// Something that a frame from outside shows comes in from beyond what it holds.
+    #[error(
+        "a margin of {} columns and {} rows on each side is too small: this frame needs {} and {}",
+        given_px[0], given_px[1], needed_px[0], needed_px[1]
+    )]
+    MarginTooSmall {
+        /// Columns and rows that are needed.
+        needed_px: [u32; 2],
+        /// Columns and rows that there are.
+        given_px: [u32; 2],
+    },
     /// The operating system refused a file operation.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {

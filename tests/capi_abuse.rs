@@ -296,7 +296,6 @@ fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside
         "[chromatic_aberration]\nscale_r = 1.01",
         "[focal_length_error]\nratio = 1.1",
         "[pose_offset]\nrotvec_rad = [0.0, 0.0, 0.02]",
-        "[time_offset]\noffset_s = 0.01",
     ] {
         let name = effect[1..].split(']').next().unwrap();
         let (code, says) = with(effect).expect_err(effect);
@@ -307,6 +306,7 @@ fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside
     let (code, says) = with("[lens_distortion]\nk1 = -1.0").unwrap_err();
     assert_eq!(code, status("INPUT"), "{says}");
     assert_eq!(with("[vignetting]\na1 = -0.1"), Ok(()), "control: effects on pixels");
+    assert_eq!(with("[time_offset]\noffset_s = 0.01"), Ok(()), "control: a shutter that starts late");
     assert_eq!(with(""), Ok(()), "control");
     finish(engine);
 }

@@ -373,6 +373,7 @@ fn use_an_engine(work: Work) -> Result<Vec<u8>, (Status, String)> {
             let small = Small::new(16, 12);
             let mut picture = process(engine, &small.outside, [16, 12])?;
             picture.extend(process(engine, &small.outside, [16, 12])?);
+            picture.extend(process(engine, &SmallPath::new(16, 12).outside, [16, 12])?);
             Ok(picture)
         }
     };

@@ -1,5 +1,5 @@
 // Where one surface is seen all the exposure long. Twin: src/reference/fast_gather.rs. Needs fast_push, fast_claims, path,
-// pixel_area.
+// pixel_area, fast_lens.
 #ifndef FAST_GATHER_GLSL
 #define FAST_GATHER_GLSL
 
@@ -18,9 +18,9 @@ struct Sources {
     vec2 end_px;
 };
 
-// Whether a claim's whole px, and the px by which its parabola may be off, explain the distance.
-bool is_claimed(uint key, vec2 x_px, vec2 source_px) {
-    vec2 off = abs(x_px + vec2(seed_offset(key)) - source_px);
+// Whether a claim's whole px, and the px by which its parabola may be off, explain where a source lies.
+bool is_claimed(uint key, vec2 pixel_px, vec2 source_px) {
+    vec2 off = abs(pixel_px + vec2(seed_offset(key)) - source_px);
     return max(off.x, off.y) < 2.5;
 }
 
@@ -61,15 +61,17 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
     }
     Claims claimed = claims_around(pixel);
     SlotClaims middle = slot_claims(BLUR, claimed);
-    ivec2 block = path_block(x_px + vec2(seed_offset(middle.nearest)));
+    // Claims count from the pixel, wherever a lens lets it look.
+    precise vec2 pixel_px = vec2(pixel) + 0.5 + vec2(push.margin_px);
+    ivec2 block = path_block(pixel_px + vec2(seed_offset(middle.nearest)));
     bool agree = sources_of_block(block, x_px, from, s) && middle.agree;
     if (!blurs()) {
         return agree;
     }
     SlotClaims begin = slot_claims(0u, claimed);
     SlotClaims end = slot_claims(2u, claimed);
-    return agree && begin.agree && end.agree && is_claimed(begin.nearest, x_px, s.begin_px) &&
-           is_claimed(end.nearest, x_px, s.end_px);
+    return agree && begin.agree && end.agree && is_claimed(begin.nearest, pixel_px, s.begin_px) &&
+           is_claimed(end.nearest, pixel_px, s.end_px);
 }
 
 // Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,

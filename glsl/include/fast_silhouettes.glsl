@@ -1,5 +1,5 @@
 // Where several surfaces are seen during the exposure. Twin: src/reference/fast_silhouettes.rs. Needs fast_push,
-// fast_claims, path, sample.
+// fast_claims, path, sample, fast_lens.
 #ifndef FAST_SILHOUETTES_GLSL
 #define FAST_SILHOUETTES_GLSL
 
@@ -48,8 +48,8 @@ vec2 beside_silhouette(vec2 near_px, vec2 far_px, float threshold) {
 // The claimed surface's source by fixed-point iteration. What does not land on `x_px` is hidden in the picture: the
 // iteration then swings between the surface that hides it and what is visible of its own, and the visible place closest
 // to the hidden one is taken.
-Followed follow(vec2 x_px, uint key, PathWeights w) {
-    precise vec2 p = x_px + vec2(seed_offset(key));
+Followed follow(vec2 x_px, vec2 from_px, PathWeights w) {
+    precise vec2 p = from_px;
     vec2 before = p;
     for (int i = 0; i < FOLLOW_STEPS; ++i) {
         before = p;
@@ -104,7 +104,9 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
     precise float span = push.exposure_time_s / push.knot_step_s;
-    precise vec2 x_px = vec2(pixel) + 0.5 + vec2(push.margin_px);
+    vec2 x_px = looks_at(ivec2(pixel));
+    // How far the lens lets it look beside itself.
+    precise vec2 aside_px = x_px - (vec2(pixel) + 0.5 + vec2(push.margin_px));
     Claims claimed = claims_around(ivec2(pixel));
     SlotClaims begin = slot_claims(0u, claimed);
     SlotClaims middle = slot_claims(BLUR, claimed);
@@ -112,7 +114,7 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     int count = silhouette_samples(begin, end);
     // In a gap too wide for any claim the search starts from the place itself.
     bool gap = max(middle.nearest, max(begin.nearest, end.nearest)) == 0u;
-    middle.nearest = gap ? seed_key(0.0, ivec2(0)) : middle.nearest;
+    middle.nearest = gap ? seed_key(0.0, ivec2(floor(aside_px + 0.5))) : middle.nearest;
     precise vec3 sum = vec3(0.0);
     bool clamped = false;
     for (int i = 0; i < count; ++i) {
@@ -129,7 +131,7 @@ vec4 blur_many_surfaces(uvec2 pixel) {
             SlotClaims from_slot = k < 2 ? middle : around;
             uint key = (k & 1) == 0 ? from_slot.nearest : from_slot.farthest;
             if (key != 0u && key != NO_CLAIM) {
-                Followed f = follow(at_px, key, w);
+                Followed f = follow(at_px, at_px - aside_px + vec2(seed_offset(key)), w);
                 if (f.lands && f.inverse_depth > nearest) {
                     nearest = f.inverse_depth;
                     source_px = f.source_px;

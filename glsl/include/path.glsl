@@ -1,7 +1,7 @@
 // Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin:
 // src/reference/path.rs. The kernel declares samplers `path_0`, `path_1`, `path_2`, each with the displacements (px, from
 // the reference instant) to two knots, in order of time and without the reference instant's own, which is zero; and
-// `inverse_depth` of their size. FROM_DEPTH: all that is seen rests, and the displacements follow from its depth.
+// `inverse_depth` of their size. FROM_DEPTH: all that is seen moves rigidly, and the displacements follow from its depth.
 #ifndef PATH_GLSL
 #define PATH_GLSL
 
@@ -24,61 +24,70 @@ vec4 texel_of(sampler2D image, ivec2 texel) {
     return textureLod(image, (vec2(texel) + 0.5) / vec2(path_texels()), 0.0);
 }
 
-// FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant to
-// clip space at each knot. A uniform buffer: a software device reads it once for all lanes.
-layout(set = 0, binding = 10, std140) uniform Moved {
-    vec4 rows[18];
-} moved;
+// FROM_DEPTH: whether several bodies are seen: the second channel of `inverse_depth` says which.
+layout(constant_id = 7) const uint BODIES = 0u;
+bool bodies() { return BODIES != 0u; }
 
-// Shares of the knots in the displacement at one instant: one vec2 a path image. FROM_DEPTH: the matrix of that instant.
-struct PathWeights {
-    vec2 image_0;
-    vec2 image_1;
-    vec2 image_2;
+// FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant to
+// clip space at knots 0 to last_knot; BODIES: those of one body after the other. Texels of a buffer: a software device
+// fetches one for all lanes at once.
+layout(set = 0, binding = 10) uniform usamplerBuffer moved;
+
+vec4 moved_row(int row) { return uintBitsToFloat(texelFetch(moved, row)); }
+
+// Rows of a matrix.
+struct Moved {
     vec4 x;
     vec4 y;
     vec4 w;
 };
 
-// The matrix of an instant: the knots' own by their shares, and the identity by the rest.
-void blend_matrix(inout PathWeights w) {
-    precise float rest = 1.0 - (w.image_0.x + w.image_0.y + (w.image_1.x + w.image_1.y) + (w.image_2.x + w.image_2.y));
-    precise vec4 row[3];
-    for (int i = 0; i < 3; ++i) {
-        vec4 own = vec4(i == 0 ? rest : 0.0, i == 1 ? rest : 0.0, 0.0, i == 2 ? rest : 0.0);
-        row[i] = own + (w.image_0.x * moved.rows[i] + w.image_0.y * moved.rows[3 + i]);
-        if (path_images() > 1) {
-            row[i] = row[i] + (w.image_1.x * moved.rows[6 + i] + w.image_1.y * moved.rows[9 + i]);
-        }
-        if (path_images() > 2) {
-            row[i] = row[i] + (w.image_2.x * moved.rows[12 + i] + w.image_2.y * moved.rows[15 + i]);
-        }
-    }
-    w.x = row[0];
-    w.y = row[1];
-    w.w = row[2];
+// The matrix of a body at place `at` of the time axis: knots lie so close that what is between two is linear.
+Moved moved_at(int body, float at) {
+    float last = float(push.last_knot);
+    float before = clamp(floor(at), 0.0, last - 1.0);
+    precise float share = clamp(at - before, 0.0, 1.0);
+    int row = 3 * (body * (int(push.last_knot) + 1) + int(before));
+    vec4 x = moved_row(row);
+    vec4 y = moved_row(row + 1);
+    vec4 w = moved_row(row + 2);
+    precise vec4 x_at = x + share * (moved_row(row + 3) - x);
+    precise vec4 y_at = y + share * (moved_row(row + 4) - y);
+    precise vec4 w_at = w + share * (moved_row(row + 5) - w);
+    return Moved(x_at, y_at, w_at);
 }
+
+// Shares of the knots in the displacement at one instant: one vec2 a path image. FROM_DEPTH: the instant, and its matrix
+// where there is but one body.
+struct PathWeights {
+    vec2 image_0;
+    vec2 image_1;
+    vec2 image_2;
+    float at;
+    Moved moved;
+};
 
 // What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
 const float LEAST_W = 0.02;
 
-// Displacement of what a texel shows by a matrix, px.
-vec2 displacement_by(ivec2 texel, vec4 x, vec4 y, vec4 w) {
+// Displacement by a matrix of what a texel shows at that depth, px.
+vec2 displacement_by(ivec2 texel, float depth, Moved m) {
     vec2 size = vec2(path_texels());
     precise vec2 ndc = (vec2(texel) + 0.5) / size * 2.0 - 1.0;
-    float depth = texel_of(inverse_depth, texel).r;
-    precise float sx = x.x * ndc.x + x.y * ndc.y + x.z * depth + x.w;
-    precise float sy = y.x * ndc.x + y.y * ndc.y + y.z * depth + y.w;
-    precise float sw = max(w.x * ndc.x + w.y * ndc.y + w.z * depth + w.w, LEAST_W);
+    precise float sx = m.x.x * ndc.x + m.x.y * ndc.y + m.x.z * depth + m.x.w;
+    precise float sy = m.y.x * ndc.x + m.y.y * ndc.y + m.y.z * depth + m.y.w;
+    precise float sw = max(m.w.x * ndc.x + m.w.y * ndc.y + m.w.z * depth + m.w.w, LEAST_W);
     precise vec2 moved_px = (vec2(sx, sy) / sw - ndc) * (0.5 / float(PATH_SCALE)) * size;
     return moved_px;
 }
 
-// Displacement of what one texel shows to knot `layer`, px.
+// FROM_DEPTH: displacement of what one texel shows at place `at` of the time axis, px; `seen`: its depth and body.
+vec2 depth_displacement(ivec2 texel, vec2 seen, float at) {
+    return displacement_by(texel, seen.x, moved_at(bodies() ? int(seen.y) : 0, at));
+}
+
+// Displacement of what one texel shows to knot `layer`, px. Not with FROM_DEPTH.
 vec2 knot_displacement(ivec2 texel, int layer) {
-    if (from_depth()) {
-        return displacement_by(texel, moved.rows[3 * layer], moved.rows[3 * layer + 1], moved.rows[3 * layer + 2]);
-    }
     vec4 pair = layer < 2 ? texel_of(path_0, texel)
                           : (layer < 4 ? texel_of(path_1, texel) : texel_of(path_2, texel));
     return (layer & 1) == 0 ? pair.xy : pair.zw;
@@ -115,7 +124,13 @@ float layer_weight(float at, int layer, int reference_knot, int last_knot) {
 }
 
 PathWeights path_weights(float at, int reference_knot, int last_knot) {
-    PathWeights w = PathWeights(vec2(0.0), vec2(0.0), vec2(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    PathWeights w = PathWeights(vec2(0.0), vec2(0.0), vec2(0.0), at, Moved(vec4(0.0), vec4(0.0), vec4(0.0)));
+    if (from_depth()) {
+        if (!bodies()) {
+            w.moved = moved_at(0, at);
+        }
+        return w;
+    }
     w.image_0 = vec2(layer_weight(at, 0, reference_knot, last_knot), layer_weight(at, 1, reference_knot, last_knot));
     if (path_images() > 1) {
         w.image_1 =
@@ -125,16 +140,14 @@ PathWeights path_weights(float at, int reference_knot, int last_knot) {
         w.image_2 =
             vec2(layer_weight(at, 4, reference_knot, last_knot), layer_weight(at, 5, reference_knot, last_knot));
     }
-    if (from_depth()) {
-        blend_matrix(w);
-    }
     return w;
 }
 
 // Displacement of what one texel of the path images shows, px.
 vec2 texel_displacement(ivec2 texel, PathWeights w) {
     if (from_depth()) {
-        return displacement_by(texel, w.x, w.y, w.w);
+        vec2 seen = texel_of(inverse_depth, texel).rg;
+        return bodies() ? depth_displacement(texel, seen, w.at) : displacement_by(texel, seen.x, w.moved);
     }
     vec4 knots = texel_of(path_0, texel);
     precise vec2 sum = w.image_0.x * knots.xy + w.image_0.y * knots.zw;

@@ -1,6 +1,7 @@
 //! Pure mathematics of a camera: pose, intrinsics, trajectory, shutter timing. Knows no scene and no Vulkan.
 
 pub mod accumulation;
+mod cubic;
 mod distortion;
 mod intrinsics;
 mod pose;

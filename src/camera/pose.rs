@@ -37,6 +37,15 @@ impl Pose {
         }
     }
 
+    /// `other` seen from `self`: `a_from_world.inverse()` after the other's, without what both are far from the origin.
+    pub fn relative(&self, other: &Self) -> Self {
+        let back = self.rotation.conjugate();
+        Self {
+            rotation: back * other.rotation,
+            translation_m: back * (other.translation_m - self.translation_m),
+        }
+    }
+
     /// Transforms a point, m.
     pub fn transform(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation_m

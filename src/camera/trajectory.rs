@@ -19,12 +19,14 @@ const QUATERNION_TOLERANCE: f64 = 1e-3;
 
 const LINE_FORMAT: &str = "eight numbers: t tx ty tz qx qy qz qw";
 
-/// Poses at increasing times. Between two, the position is linear and the rotation takes the shorter arc.
+/// Poses at increasing times. Between two, the position is linear and the rotation takes the shorter arc, unless it is
+/// [`Self::smoothed`].
 #[derive(Clone, Debug)]
 pub struct Trajectory {
     path: PathBuf,
     times_s: Vec<f64>,
     poses: Vec<Pose>,
+    smooth: bool,
 }
 
 impl Trajectory {
@@ -49,7 +51,7 @@ impl Trajectory {
                 "times that increase",
             ));
         }
-        Ok(Self { path: path.to_owned(), times_s, poses })
+        Ok(Self { path: path.to_owned(), times_s, poses, smooth: false })
     }
 
     /// Reads the lines `t tx ty tz qx qy qz qw` (s, m, unit quaternion) of a TUM file. Comments (`#`), blank lines,
@@ -100,7 +102,14 @@ impl Trajectory {
 
     /// A pose that never changes and covers all time.
     pub fn fixed(pose: Pose) -> Self {
-        Self { path: PathBuf::new(), times_s: vec![f64::NEG_INFINITY, f64::INFINITY], poses: vec![pose; 2] }
+        let times_s = vec![f64::NEG_INFINITY, f64::INFINITY];
+        Self { path: PathBuf::new(), times_s, poses: vec![pose; 2], smooth: false }
+    }
+
+    /// The same poses, with a curve between them that bends as they do: parabolas through three, blended. For poses so far
+    /// apart that straight lines between them would be seen.
+    pub fn smoothed(self) -> Self {
+        Self { smooth: true, ..self }
     }
 
     /// The file it was read from.
@@ -153,6 +162,9 @@ impl Trajectory {
         let (t0, t1) = (self.times_s[after - 1], self.times_s[after]);
         if t0 == time_s || t0.is_infinite() {
             return self.poses[after - 1];
+        }
+        if self.smooth {
+            return super::cubic::pose_within(&self.times_s, &self.poses, after - 1, time_s);
         }
         self.poses[after - 1].interpolate(&self.poses[after], (time_s - t0) / (t1 - t0))
     }

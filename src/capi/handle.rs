@@ -1,13 +1,13 @@
 //! Handles: numbers that stand for live objects, never addresses of them. A handle that was destroyed, belongs to
 //! another kind of object or was made up is found out by looking it up, so no memory of the caller's or of ours is touched.
 //!
-//! The table is the one thing that all engines of a process share. It holds nothing but which handles are alive, is empty
-//! (and owns no memory) when all are destroyed, and is locked only while a handle is looked up.
+//! The table (`table.rs`) is the one thing that all engines of a process share. It holds nothing but which handles are alive, is
+//! empty (and owns no memory) when all are destroyed, and is locked only while a handle is looked up. In a forked child the
+//! parent's handles answer with FORKED, and nothing of theirs is touched.
 
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, RwLock, TryLockError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 
 use tracing::Dispatch;
 
@@ -15,6 +15,7 @@ use super::frame::FrameState;
 use super::session::Session;
 use super::sharing::{MemoryState, SemaphoreState};
 use super::status::{self, Fault, Outcome, Status};
+use super::table::table;
 
 /// What stands behind a handle.
 pub struct Cell<T> {
@@ -65,32 +66,36 @@ macro_rules! kinds {
 
 kinds! { Engine: Session; Frame: FrameState; Memory: MemoryState; Semaphore: SemaphoreState; }
 
-static LIVE: RwLock<BTreeMap<usize, Any>> = RwLock::new(BTreeMap::new());
-static NEXT: AtomicUsize = AtomicUsize::new(1);
+const FORKED: &str = "the handle belongs to the process that forked this one: its device and threads are not here. Make an \
+                      engine of your own after the fork; destroying this handle drops it and nothing else";
 
 /// Puts an object behind a new handle. Handles are never given out twice.
 pub fn insert<T: Kind>(state: T, log: Option<Dispatch>) -> usize {
-    // Odd, so that it is no address of anything aligned.
-    let handle = NEXT.fetch_add(1, Ordering::Relaxed) * 2 + 1;
     let cell = Cell {
         state: Mutex::new(Some(state)),
         unusable: AtomicBool::new(false),
         last_error: Mutex::new(String::new()),
         log,
     };
-    LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, T::wrap(Arc::new(cell)));
-    handle
+    table().insert(T::wrap(Arc::new(cell)))
 }
 
 /// The object behind a handle.
 pub fn find<T: Kind>(handle: usize) -> Outcome<Arc<Cell<T>>> {
-    let live = LIVE.read().unwrap_or_else(PoisonError::into_inner);
-    live.get(&handle).and_then(T::unwrap).cloned().ok_or_else(|| Fault::new(status::HANDLE, "no such handle"))
+    let table = table();
+    if table.inherited(handle) {
+        return Err(Fault::new(status::FORKED, FORKED));
+    }
+    let any = table.get(handle);
+    any.as_ref().and_then(T::unwrap).cloned().ok_or_else(|| Fault::new(status::HANDLE, "no such handle"))
 }
 
 /// The cell of any handle's last error text.
 pub fn last_error(handle: usize) -> Option<String> {
-    let any = LIVE.read().unwrap_or_else(PoisonError::into_inner).get(&handle).cloned()?;
+    if table().inherited(handle) {
+        return Some(FORKED.to_owned());
+    }
+    let any = table().get(handle)?;
     Some(match &any {
         Any::Engine(c) => c.error_text(),
         Any::Frame(c) => c.error_text(),
@@ -162,9 +167,13 @@ pub fn destroy<T: Kind>(handle: usize) -> Status {
     if handle == 0 {
         return status::OK;
     }
+    if table().inherited(handle) {
+        table().drop_inherited(handle);
+        return status::OK;
+    }
     let taken = find::<T>(handle).and_then(|cell| {
         let state = cell.take()?;
-        LIVE.write().unwrap_or_else(PoisonError::into_inner).remove(&handle);
+        table().remove(handle);
         Ok((state, cell))
     });
     match taken {

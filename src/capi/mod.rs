@@ -13,11 +13,13 @@ mod gpu_image;
 mod handle;
 mod image;
 mod log;
+mod margin;
 mod options;
 mod outside;
 mod session;
 mod sharing;
 mod status;
+mod table;
 mod types;
 
 pub use convert::*;
@@ -27,6 +29,7 @@ pub use gpu_image::{
     shutterbug_memory_export_image_fd, shutterbug_memory_import_image_fd, shutterbug_memory_use_image,
 };
 pub use log::LogFn;
+pub use margin::shutterbug_engine_margin;
 pub use outside::*;
 pub use sharing::{
     shutterbug_memory_destroy, shutterbug_memory_export_fd, shutterbug_memory_import_fd,

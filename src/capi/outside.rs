@@ -13,10 +13,16 @@ use super::sharing;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{Pose, Trajectory};
-use crate::engine::{Delivery, MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+use crate::engine::{
+    Delivery, MAX_BODIES, MAX_OUTSIDE_MOTIONS, OutsideBodies, OutsideFrame, OutsideMotion, OutsidePixels,
+    PixelSource,
+};
 use crate::gpu::{Context, Shared, SharedFormat, SharedImageSpec};
 use crate::plane::PixelFormat;
 use crate::reference::unpack::Encoding;
+
+/// Flag of a frame: what lies beyond a margin that is too small is the picture's repeated border.
+pub const OUTSIDE_REPEAT_BORDER: u32 = 1;
 
 /// `shutterbug_engine_submit_outside`.
 ///
@@ -43,10 +49,13 @@ impl Picture {
     /// The header's promise for the image.
     unsafe fn new(
         image: *const shutterbug_image,
-        what: &str,
+        (what, kind): (&str, Kind),
         size: [u32; 2],
         context: &Arc<Context>,
     ) -> Outcome<Self> {
+        if image.is_null() {
+            return Err(Fault::argument(format!("{what} is null")));
+        }
         // SAFETY: the caller's promise.
         let mut image = unsafe { read(image) }?;
         let shared = match image.memory.is_null() {
@@ -55,6 +64,11 @@ impl Picture {
         };
         if let Some(Shared::Image(on_device)) = &shared {
             as_if_packed(&mut image, what, (format_of(on_device.format()), on_device.spec()))?;
+        }
+        // Before its rows: their least size is that of its format.
+        if let Some(format) = PixelFormat::from_code(image.format).filter(|f| !kind.takes(*f)) {
+            let text = format!("{what} is {}, not {format:?}", kind.formats());
+            return Err(Fault::new(status::FORMAT, text));
         }
         let view = View::new(&image, what)?;
         if view.size != size {
@@ -84,12 +98,34 @@ impl Picture {
         };
         OutsidePixels { format: self.view.format, stride_bytes: self.view.stride, source }
     }
+}
 
-    fn require(&self, what: &str, ok: bool, formats: &str) -> Outcome<()> {
-        if ok {
-            return Ok(());
+/// What a picture is for.
+#[derive(Clone, Copy)]
+enum Kind {
+    Color,
+    Motion,
+    Depth,
+    Ids,
+}
+
+impl Kind {
+    fn takes(self, format: PixelFormat) -> bool {
+        match self {
+            Self::Color => format.is_color(),
+            Self::Motion => format.is_motion(),
+            Self::Depth => format == PixelFormat::R32f,
+            Self::Ids => format.is_ids(),
         }
-        Err(Fault::new(status::FORMAT, format!("{what} is {formats}, not {:?}", self.view.format)))
+    }
+
+    fn formats(self) -> &'static str {
+        match self {
+            Self::Color => "RGB8, RGBA8, BGRA8, RGBA16F or RGBA32F",
+            Self::Motion => "RG16F or RG32F",
+            Self::Depth => "R32F",
+            Self::Ids => "R8U, R16U or R32U",
+        }
     }
 }
 
@@ -136,7 +172,7 @@ fn as_if_packed(
 /// The header's promise for all that `o` points to.
 unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submitted> {
     check_numbers(o)?;
-    let request = session.outside_request(o.frame_index, o.time_s)?;
+    let request = session.outside_request(o.frame_index, o.time_s, o.pose_count > 0)?;
     let context = session.context().clone();
     let camera = session.camera().expect("the request has one").intrinsics;
     let margin_px = [o.margin_x_px, o.margin_y_px];
@@ -146,8 +182,7 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
     let wider = camera.with_margin(margin_px);
     let size = [wider.width, wider.height];
     // SAFETY: the caller's promise.
-    let color = unsafe { Picture::new(o.color, "color", size, &context) }?;
-    color.require("color", color.view.format.is_color(), "RGB8, RGBA8, BGRA8, RGBA16F or RGBA32F")?;
+    let color = unsafe { Picture::new(o.color, ("color", Kind::Color), size, &context) }?;
     // SAFETY: as above.
     let moving = unsafe { moving(o, size, &context, request.frame_interval_s) }?;
     let path = moving.path(o)?;
@@ -180,9 +215,10 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
     if let Some((name, value)) = times.iter().find(|(_, v)| !v.is_finite()) {
         return Err(Fault::argument(format!("shutterbug_outside.{name} is {value}")));
     }
-    if o.flags != 0 || o.reserved != 0 || o.encoding > 1 {
+    if o.flags & !OUTSIDE_REPEAT_BORDER != 0 || o.reserved != 0 || o.encoding > 1 {
         return Err(Fault::argument("shutterbug_outside: unknown flags or encoding, or reserved is not 0"));
     }
+    check_poses(o)?;
     if o.motion_count as usize > MAX_OUTSIDE_MOTIONS {
         let text = format!("motion_count is {}, at most {MAX_OUTSIDE_MOTIONS}", o.motion_count);
         return Err(Fault::argument(text));
@@ -196,10 +232,68 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
     Ok(())
 }
 
+fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
+    if o.pose_count == 1 {
+        return Err(Fault::argument("pose_count is 1: two poses or more, over all of the frame"));
+    }
+    if o.pose_count > 0 && o.motion_count > 0 {
+        return Err(Fault::argument("pose_count poses go with depth, not with motion images"));
+    }
+    if !(o.nearest_m >= 0.0 && o.nearest_m.is_finite()) {
+        return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", o.nearest_m)));
+    }
+    if o.pose_count == 0 && (o.flags != 0 || o.nearest_m != 0.0 || o.body_count != 0) {
+        let text = "flags, nearest_m and body_count are for frames with pose_count poses: 0 without";
+        return Err(Fault::argument(text));
+    }
+    if o.body_count as usize > MAX_BODIES {
+        return Err(Fault::argument(format!("body_count is {}, at most {MAX_BODIES}", o.body_count)));
+    }
+    Ok(())
+}
+
 /// Checked motion or depth.
 enum Moving {
     Images(Vec<Picture>, [f32; 2]),
     Depth(Picture, Option<[f32; 3]>, [(f64, Pose); 2]),
+    Path(Picture, Option<[f32; 3]>, Arc<Trajectory>, Option<(Picture, Vec<(u32, Trajectory)>)>),
+}
+
+/// The bodies of a frame, in rising order of their ids.
+///
+/// # Safety
+/// The header's promise for all that `o` points to.
+unsafe fn bodies(
+    o: &shutterbug_outside,
+    size: [u32; 2],
+    context: &Arc<Context>,
+) -> Outcome<Option<(Picture, Vec<(u32, Trajectory)>)>> {
+    if o.body_count == 0 {
+        return Ok(None);
+    }
+    if o.bodies.is_null() || !o.bodies.is_aligned() {
+        return Err(Fault::argument("bodies is null or misaligned"));
+    }
+    // SAFETY: the caller's promise.
+    let ids = unsafe { Picture::new(o.ids, ("ids", Kind::Ids), size, context) }?;
+    let mut paths = Vec::new();
+    for i in 0..o.body_count as usize {
+        // SAFETY: as above: `body_count` bodies, each with its poses.
+        let (body, poses) = unsafe {
+            let body = o.bodies.add(i).read();
+            (body, stamped_poses(body.poses, body.pose_count as usize)?)
+        };
+        if body.pose_count < 2 {
+            return Err(Fault::argument(format!("body {}: pose_count is {}", body.id, body.pose_count)));
+        }
+        let of = format!("poses of body {}", body.id);
+        paths.push((body.id, Trajectory::new(Path::new(&of), poses.0, poses.1)?.smoothed()));
+    }
+    paths.sort_by_key(|(id, _)| *id);
+    match paths.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        Some(pair) => Err(Fault::argument(format!("two bodies have the id {}", pair[0].0))),
+        None => Ok(Some((ids, paths))),
+    }
 }
 
 /// # Safety
@@ -219,26 +313,36 @@ unsafe fn moving(
         let mut images = Vec::new();
         for k in 0..o.motion_count as usize {
             // SAFETY: the caller's promise: `motion_count` images.
-            let image = unsafe { Picture::new(o.motions.add(k), "motion", size, context) }?;
-            image.require("motion", image.view.format.is_motion(), "RG16F or RG32F")?;
+            let image = unsafe { Picture::new(o.motions.add(k), ("motion", Kind::Motion), size, context) }?;
             images.push(image);
         }
         return Ok(Moving::Images(images, motion_scale(&convention, size, frame_interval_s)?));
     }
     // SAFETY: the caller's promise.
-    let image = unsafe { Picture::new(o.depth, "depth", size, context) }?;
-    image.require("depth", image.view.format == PixelFormat::R32f, "R32F")?;
+    let image = unsafe { Picture::new(o.depth, ("depth", Kind::Depth), size, context) }?;
     // SAFETY: as above.
     let decode = depth_decode(&unsafe { read(o.depth_convention) }?)?;
+    if o.pose_count > 0 {
+        // SAFETY: as above: `pose_count` poses.
+        let (times_s, poses) = unsafe { stamped_poses(o.poses, o.pose_count as usize) }?;
+        let path = Trajectory::new(Path::new("poses"), times_s, poses)?.smoothed();
+        // SAFETY: as above.
+        let bodies = unsafe { bodies(o, size, context) }?;
+        return Ok(Moving::Path(image, decode, Arc::new(path), bodies));
+    }
     // SAFETY: as above: two poses.
     let (times_s, poses) = unsafe { stamped_poses(o.poses, 2) }?;
     Ok(Moving::Depth(image, decode, [(times_s[0], poses[0]), (times_s[1], poses[1])]))
 }
 
 impl Moving {
-    /// Poses between the two that were given; none where there is only motion.
+    /// Poses between those that were given; none where there is only motion.
     fn path(&self, o: &shutterbug_outside) -> Outcome<Option<Arc<Trajectory>>> {
-        let Self::Depth(_, _, [from, to]) = self else { return Ok(None) };
+        let [from, to] = match self {
+            Self::Images(..) => return Ok(None),
+            Self::Path(_, _, path, _) => return Ok(Some(path.clone())),
+            Self::Depth(_, _, poses) => poses,
+        };
         let path = Trajectory::new(Path::new("the two poses"), vec![from.0, to.0], vec![from.1, to.1])?;
         path.require(o.color_time_s, o.color_time_s, &format!("frame {}", o.frame_index))?;
         Ok(Some(Arc::new(path)))
@@ -260,6 +364,19 @@ impl Moving {
                 image: unsafe { image.pixels() },
                 decode: *decode,
                 poses: *poses,
+            },
+            Self::Path(image, decode, path, bodies) => OutsideMotion::Path {
+                // SAFETY: the caller's promise.
+                image: unsafe { image.pixels() },
+                decode: *decode,
+                path: path.clone(),
+                bodies: bodies.as_ref().map(|(ids, paths)| OutsideBodies {
+                    // SAFETY: the caller's promise.
+                    ids: unsafe { ids.pixels() },
+                    paths: paths.clone(),
+                }),
+                nearest_m: if o.nearest_m > 0.0 { o.nearest_m } else { f64::INFINITY },
+                repeat_border: o.flags & OUTSIDE_REPEAT_BORDER != 0,
             },
         }
     }

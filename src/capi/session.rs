@@ -285,15 +285,17 @@ impl Session {
     }
 
     /// The request of an outside frame, for the camera that is set.
-    pub fn outside_request(&self, index: u32, time_s: f64) -> Outcome<FrameRequest> {
+    /// `with_path`: it brings depth and the camera's path, and goes through the warp, which knows lenses.
+    pub fn outside_request(&self, index: u32, time_s: f64, with_path: bool) -> Outcome<FrameRequest> {
         self.not_lost()?;
         let request = self.request(index, time_s, false)?;
-        match of_scenes_only(&request.settings) {
+        match of_warps_only(&request.settings).filter(|_| !with_path) {
             None => Ok(request),
             Some(effect) => Err(Fault::new(
                 status::UNSUPPORTED,
                 format!(
-                    "`{effect}` acts where a scene is rendered; a frame from outside has been rendered already"
+                    "`{effect}` acts where a pixel looks: of frames from outside, those with depth and poses over all of \
+                     the frame (pose_count) can have it"
                 ),
             )),
         }
@@ -309,6 +311,11 @@ impl Session {
         if self.outside.is_none() {
             let camera = self.camera.as_ref().expect("the request has one").intrinsics;
             let (count, limit) = (self.settings.frames_in_flight, self.settings.time_limit);
+            // Explicit, because a host may have asked for another one.
+            tracing::info!(
+                "frames from outside: depth with pose_count poses goes through the warp of `fast`, all others through the \
+                 gather of `paper`; options.method is for frames of a scene"
+            );
             let made = OutsideEngine::new(&self.context, camera, count, limit);
             self.outside = Some(self.watch(made)?);
         }
@@ -395,15 +402,14 @@ fn true_intrinsics(camera: &CameraFile) -> Intrinsics {
     FocalLengthError::apply(&camera.settings, &camera.intrinsics)
 }
 
-/// An effect that a frame from outside would have to be rendered with.
-fn of_scenes_only(effects: &Effects) -> Option<&'static str> {
+/// An effect that a gather of a frame from outside does not know.
+fn of_warps_only(effects: &Effects) -> Option<&'static str> {
     let k = Intrinsics { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5 };
     let acts = [
         ("lens_distortion", LensDistortion::distortion(effects) != Distortion::None),
         ("chromatic_aberration", ChromaticAberration::scales(effects) != [1.0; 3]),
         ("focal_length_error", FocalLengthError::apply(effects, &k) != k),
         ("pose_offset", PoseOffset::rotation(effects) != glam::DQuat::IDENTITY),
-        ("time_offset", TimeOffset::offset_s(effects) != 0.0),
     ];
     acts.into_iter().find(|(_, acts)| *acts).map(|(effect, _)| effect)
 }

@@ -31,7 +31,7 @@ statuses! {
     POISONED = 4, "an earlier call on the handle failed in a way that left it unusable; destroy it";
     PANIC = 5, "the library has a bug: the call was abandoned and the handle is unusable from now on; destroy it";
     STRUCT_SIZE = 6, "struct_size is none that this library knows";
-    TOO_SMALL = 7, "a stride or capacity is too small";
+    TOO_SMALL = 7, "a stride, a capacity or a margin is too small";
     FORMAT = 8, "the pixel format is not possible here";
     STATE = 9, "the call needs another one first";
     INPUT = 10, "a file or text holds something that cannot be used";
@@ -46,6 +46,7 @@ statuses! {
     OUT_OF_MEMORY = 19, "out of device or host memory";
     LIMIT = 20, "a size is beyond what the device or the options allow";
     VULKAN = 21, "a Vulkan call failed";
+    FORKED = 22, "the handle belongs to the process that forked this one";
 }
 
 /// A failed call: its code, and a sentence for a person.
@@ -91,6 +92,7 @@ fn status_of(error: &Error) -> Status {
         | Error::Input { .. }
         | Error::UnknownName { .. }
         | Error::Picture { .. } => INPUT,
+        Error::MarginTooSmall { .. } => TOO_SMALL,
         Error::Limit { .. } => LIMIT,
         Error::NoVulkanLoader { .. } | Error::NoDevice { .. } => NO_DEVICE,
         Error::DeviceLacks { .. } => UNSUPPORTED,

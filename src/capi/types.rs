@@ -12,6 +12,8 @@ use super::status::{self, Fault, Outcome};
 /// `repr(C)`, first field `struct_size: u32`, every bit pattern is a value.
 pub unsafe trait Sized32: Copy {
     const NAME: &'static str;
+    /// Sizes of before it grew at its end. Every one of its versions began like this one; what it lacks is zero.
+    const OLD_SIZES: &'static [usize] = &[];
 }
 
 macro_rules! structs {
@@ -175,6 +177,22 @@ structs! {
         wait_value: u64,
         signal_value: u64,
         picture_memory: *mut c_void,
+        pose_count: u32,
+        body_count: u32,
+        nearest_m: f64,
+        ids: *const shutterbug_image,
+        bodies: *const shutterbug_body,
+    }
+
+    shutterbug_body { id: u32, pose_count: u32, poses: *const shutterbug_stamped_pose, }
+
+    shutterbug_motion_bound {
+        struct_size: u32,
+        reserved: u32,
+        turn_rate_rad_s: f64,
+        speed_m_s: f64,
+        nearest_m: f64,
+        color_delay_s: f64,
     }
 
     shutterbug_gpu_image {
@@ -215,8 +233,14 @@ macro_rules! sized {
 
 sized! {
     shutterbug_host_device shutterbug_engine_options shutterbug_camera shutterbug_engine_info shutterbug_image
-    shutterbug_request shutterbug_motion_convention shutterbug_depth_convention shutterbug_outside
+    shutterbug_request shutterbug_motion_convention shutterbug_depth_convention shutterbug_motion_bound
     shutterbug_frame_info shutterbug_gpu_image
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for shutterbug_outside {
+    const NAME: &'static str = "shutterbug_outside";
+    const OLD_SIZES: &'static [usize] = &[std::mem::offset_of!(shutterbug_outside, pose_count)];
 }
 
 /// Checks a pointer and the size that it says.
@@ -232,7 +256,7 @@ pub(super) unsafe fn check<T: Sized32>(pointer: *const T) -> Outcome<()> {
     }
     // SAFETY: not null and aligned; the first four bytes are readable by the caller's promise.
     let size = unsafe { pointer.cast::<u32>().read() };
-    if size as usize == size_of::<T>() {
+    if size as usize == size_of::<T>() || T::OLD_SIZES.contains(&(size as usize)) {
         return Ok(());
     }
     let text = format!("{}.struct_size is {size}; this library knows {}", T::NAME, size_of::<T>());
@@ -246,8 +270,14 @@ pub(super) unsafe fn check<T: Sized32>(pointer: *const T) -> Outcome<()> {
 pub(super) unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
     // SAFETY: the caller's promise.
     unsafe { check(pointer) }?;
-    // SAFETY: not null, aligned, of the right size.
-    Ok(unsafe { pointer.read() })
+    let mut value = std::mem::MaybeUninit::<T>::zeroed();
+    // SAFETY: not null, aligned; as many bytes as it says are readable, and no more than there is room for. Every bit pattern,
+    // zeros among them, is a value.
+    unsafe {
+        let bytes = pointer.cast::<u32>().read() as usize;
+        value.as_mut_ptr().cast::<u8>().copy_from_nonoverlapping(pointer.cast(), bytes.min(size_of::<T>()));
+        Ok(value.assume_init())
+    }
 }
 
 /// A text of the caller.

@@ -19,7 +19,7 @@ use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger, res
 use super::planes::{Ending, PlanesPass};
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
-use crate::camera::Trajectory;
+use crate::camera::{ShutterTiming, Trajectory};
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
@@ -86,6 +86,7 @@ struct Images {
 enum Knots {
     Resting {
         turns: bool,
+        timing: FastTiming,
     },
     /// Rows of the instants that are drawn.
     Drawn(Vec<(u32, u32)>),
@@ -144,6 +145,20 @@ impl Fast {
         self.images.margin_px
     }
 
+    /// Colour and inverse depth that the warp of a frame reads, where its paths follow from depth.
+    pub(super) fn warp_images(
+        &self,
+        stage: &Stage,
+        request: &FrameRequest,
+        path: &Trajectory,
+    ) -> Option<[&Image; 2]> {
+        let paths = self.images.resting.as_ref().filter(|_| stage.lens.is_none())?;
+        let blurs = usize::from(request.shutter.exposure_time_s > 0.0);
+        let (_, knots_s) = FastTiming::spaced(request.shutter);
+        let turns = turns_only(&stage.intrinsics, path, request.shutter.middle_s(), &knots_s);
+        Some([&self.images.color[blurs], paths.inverse_depth(turns)])
+    }
+
     /// The margin to grow to, where the frame needs a wider one, or other images.
     pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
         let (needed, have) = (needed_margin_px(stage, request), self.images.margin_px);
@@ -175,7 +190,7 @@ impl Fast {
         let (timing, knots) = plan(request, self.options.motion_images);
         let row = slot.inputs.add(stage, path, &camera, &Instant::still(timing.reference_s));
         let view = View { camera: &camera, path };
-        let knots = self.images.write_knots(stage, slot, &view, (timing.reference_s, &knots));
+        let knots = self.images.write_knots(stage, slot, &view, (timing.shutter, timing.reference_s, &knots));
         let ending = Ending::new(planes, stage, slot, request, path);
         let index = slot.index;
         let blurs = request.shutter.exposure_time_s > 0.0;
@@ -262,11 +277,13 @@ impl Images {
         stage: &Stage,
         slot: &mut FrameSlot,
         view: &View<'_>,
-        (reference_s, knots_s): (f64, &[f64]),
+        (shutter, reference_s, knots_s): (ShutterTiming, f64, &[f64]),
     ) -> Knots {
         if let Some(paths) = self.resting.as_mut().filter(|_| stage.lens.is_none()) {
-            paths.write(slot.index, view, reference_s, knots_s);
-            return Knots::Resting { turns: turns_only(stage, view.path, reference_s, knots_s) };
+            let (timing, knots_s) = FastTiming::spaced(shutter);
+            paths.write(slot.index, view, reference_s, &knots_s);
+            let turns = turns_only(&stage.intrinsics, view.path, reference_s, &knots_s);
+            return Knots::Resting { turns, timing };
         }
         let rows = knots_s.chunks_exact(2).map(|k| {
             let instant = Instant { time_s: reference_s, motion_from_s: k[0], motion_to_s: k[1] };
@@ -286,8 +303,8 @@ impl Images {
         with: (&FastTiming, u32),
     ) {
         match (knots, &self.resting, &kernels.resting, &self.drawn) {
-            (Knots::Resting { turns }, Some(paths), Some(kernels), _) => {
-                paths.record(kernels, recorder, (slot, *turns), self.margin_px, with);
+            (Knots::Resting { turns, timing }, Some(paths), Some(kernels), _) => {
+                paths.record(kernels, recorder, (slot, *turns), self.margin_px, (timing, with.1));
             }
             (Knots::Drawn(rows), .., Some(paths)) => {
                 recorder.mark("motion");
@@ -347,6 +364,7 @@ impl DrawnPaths {
             paths: targets.iter().map(|t| &t.attachments.colors()[0]).collect(),
             moved: None,
             inverse_depth: targets[0].attachments.depth(),
+            lens: None,
             radiance,
         })?;
         Ok(Self { targets, inputs, warp })

@@ -10,7 +10,7 @@ use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming
 use super::finish::prepare;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
-use crate::camera::Trajectory;
+use crate::camera::{Intrinsics, Trajectory};
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder,
@@ -54,7 +54,7 @@ impl DepthKernels {
         let plain = const { kernel("fast_depth.comp") };
         let kernel = if msaa > 1 { multisampled } else { plain };
         let warp = |scale: u32, one_surface: bool| {
-            let kind = FastKind { one_surface, from_depth: true };
+            let kind = FastKind { one_surface, from_depth: true, ..FastKind::default() };
             FastGather::new(context, size, (path_images, scale), color_scale, kind)
         };
         Ok(Self {
@@ -93,7 +93,7 @@ impl DepthPaths {
         let context = &stage.context;
         let moved = slots
             .iter()
-            .map(|_| Buffer::new(context, "moved", MOVED_BYTES, Usage::Uniform, Location::Upload))
+            .map(|_| Buffer::new(context, "moved", MOVED_BYTES, Usage::Texels, Location::Upload))
             .collect::<Result<Vec<_>>>()?;
         let mut warp = |i: usize| -> Result<Depth> {
             let scale = kernels.scales[i];
@@ -111,6 +111,7 @@ impl DepthPaths {
                     paths: Vec::new(),
                     moved: Some(moved),
                     inverse_depth: &inverse_depth,
+                    lens: None,
                     radiance,
                 })
             };
@@ -119,6 +120,11 @@ impl DepthPaths {
         };
         let warps = [warp(0)?, warp(1)?];
         Ok(Self { moved, warps })
+    }
+
+    /// Depth of what the picture shows; `turns`: as [`turns_only`] says.
+    pub(super) fn inverse_depth(&self, turns: bool) -> &Image {
+        &self.warps[usize::from(turns)].inverse_depth
     }
 
     /// Says when the picture of a frame in flight is taken, and when the knots are.
@@ -145,8 +151,8 @@ impl DepthPaths {
 }
 
 /// Whether the camera only turns: nothing that it passes moves against what is behind it, as far as can be seen.
-pub(super) fn turns_only(stage: &Stage, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
+pub(super) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
     let at_m = |time_s: f64| path.pose_at(time_s).translation_m;
     let farthest_m = knots_s.iter().map(|&t| (at_m(t) - at_m(reference_s)).length()).fold(0.0, f64::max);
-    farthest_m * stage.intrinsics.fx.max(stage.intrinsics.fy) < LEAST_PX * NEAREST_M
+    farthest_m * k.fx.max(k.fy) < LEAST_PX * NEAREST_M
 }

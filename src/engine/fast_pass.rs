@@ -38,8 +38,11 @@ assert_push_of!("fast_seeds.comp", "fast_gather.comp", "fast_silhouettes.comp");
 
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
-/// Rows of all matrices that a frame may have: six knots of three.
-pub(super) const MOVED_BYTES: u64 = 18 * 16;
+/// Where paths follow from depth: steps between the knots of a frame, so many that the matrices of two are linear between
+/// them. A camera that shakes at 60 Hz is then where it is within a thousandth of its way over 50 ms.
+pub const MOVED_STEPS: u32 = 64;
+/// Bytes of the matrices of one body over a frame: three rows a knot.
+pub const MOVED_BYTES: u64 = (MOVED_STEPS as u64 + 1) * 3 * 16;
 
 /// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
 pub struct FastImages<'a> {
@@ -53,11 +56,16 @@ pub struct FastImages<'a> {
     /// without the reference instant, are equally spaced knots when the reference instant is put back in its place. None
     /// where the warp was made for paths from depth.
     pub paths: Vec<&'a Image>,
-    /// Where the warp was made for paths from depth: a uniform buffer of rows x, y and w (four floats each) of the matrices
-    /// that take `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each other instant.
+    /// Where the warp was made for paths from depth: a buffer of texels, rows x, y and w of the matrices that take
+    /// `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each of [`MOVED_STEPS`] + 1 knots, those
+    /// of one body after the other.
     pub moved: Option<&'a Buffer>,
-    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far.
+    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far. With
+    /// bodies two floats; the second is the number of the body.
     pub inverse_depth: &'a Image,
+    /// Where the warp was made for a lens: where each pixel of the result looks (px of the picture, margin included), and
+    /// where the lens shows each pixel of the picture (px of the result); two floats each.
+    pub lens: Option<[&'a Image; 2]>,
     /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
     pub radiance: &'a Image,
 }
@@ -110,9 +118,12 @@ pub struct FastKind {
     /// Nothing in the picture moves against what is beside it, as before a camera that only turns: pixels then need no
     /// claims, and no silhouettes are looked for.
     pub one_surface: bool,
-    /// All that is seen rests in the world: there are no path images, as displacements follow from depth and the camera's
-    /// matrices.
+    /// All that is seen moves rigidly: there are no path images, as displacements follow from depth and matrices.
     pub from_depth: bool,
+    /// There is more than one body, and the depth says which is seen where.
+    pub bodies: bool,
+    /// The picture was rendered without the lens.
+    pub lens: bool,
 }
 
 impl FastGather {
@@ -132,7 +143,7 @@ impl FastGather {
     ) -> Result<Self> {
         assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
         assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
-        let FastKind { one_surface, from_depth } = kind;
+        let FastKind { one_surface, from_depth, bodies, lens } = kind;
         let pixels = if one_surface { 0 } else { u64::from(size[0]) * u64::from(size[1]) };
         let buffer = |name: &str, words: u64, usage: Usage| {
             Buffer::new(context, name, 4 * words, usage, Location::Device)
@@ -140,7 +151,8 @@ impl FastGather {
         // One claim a pixel at each of up to three moments of the exposure, and one word that is not used.
         let claims = buffer("fast claims", 4 * pixels, Usage::StorageTexels)?;
         let blurring = |kernel, blur: u32| {
-            let flags = [blur, one_surface.into(), from_depth.into(), claims.has_texels().into()];
+            let own = [one_surface, from_depth, claims.has_texels(), bodies, lens].map(u32::from);
+            let flags = [&[blur][..], &own].concat();
             let scales = [path_images as u32, path_scale, color_scale];
             ComputePipeline::specialized(context, kernel, &[&scales[..], &flags[..]].concat())
         };
@@ -153,7 +165,7 @@ impl FastGather {
             listed: buffer("fast silhouettes", 4 + pixels, Usage::Storage)?,
             claims,
             kind,
-            unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Uniform, Location::Device)?,
+            unmoved: Buffer::new(context, "fast moved", MOVED_BYTES, Usage::Texels, Location::Device)?,
             sampler: Sampler::new(context, false)?,
             between: Sampler::in_shares(context)?,
             size,
@@ -168,6 +180,7 @@ impl FastGather {
         let sampled = |image| Bound::Sampled(image, &self.sampler);
         // Images that do not exist are never read; the set still wants something there.
         let first = images.paths.first().copied().unwrap_or(images.inverse_depth);
+        let lens = images.lens.unwrap_or([images.inverse_depth; 2]);
         let path = |k: usize| sampled(images.paths.get(k).copied().unwrap_or(first));
         let bind = |pipeline: &ComputePipeline, color: &Image, sampler: &Sampler| {
             pipeline.bind(&[
@@ -185,6 +198,8 @@ impl FastGather {
                 ("inverse_depth", sampled(images.inverse_depth)),
                 ("color", Bound::Sampled(color, sampler)),
                 ("radiance", Bound::Storage(images.radiance)),
+                ("ideal", sampled(lens[0])),
+                ("sensed", sampled(lens[1])),
             ])
         };
         let blurring = |[sharp, blur]: &[ComputePipeline; 2]| -> Result<_> {
@@ -227,6 +242,18 @@ impl FastGather {
 }
 
 impl FastTiming {
+    /// Of paths from depth: [`MOVED_STEPS`] knots after the frame's start, and their times, s. What a frame without duration
+    /// has is all at once; any step places its only instant at the first knot.
+    pub fn spaced(shutter: ShutterTiming) -> (Self, [f64; MOVED_STEPS as usize + 1]) {
+        let (start_s, end_s) = (shutter.start_s, shutter.end_s());
+        let step_s = (end_s - start_s) / f64::from(MOVED_STEPS);
+        let times_s = std::array::from_fn(|k| (start_s + step_s * k as f64).min(end_s));
+        let knot_step_s = if step_s > 0.0 { step_s } else { 1.0 };
+        let timing =
+            Self { shutter, reference_s: start_s, knot_step_s, reference_knot: 0, last_knot: MOVED_STEPS };
+        (timing, times_s)
+    }
+
     /// The kernels' parameters.
     pub fn push(&self, size: [u32; 2], margin_px: [u32; 2], max_samples: u32) -> Push {
         Push {

@@ -33,12 +33,22 @@ const NEAREST_M: f64 = 0.1;
 
 /// What the settings say of the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LensKey {
+pub struct LensKey {
     distortion: Distortion,
     scales: [f64; 3],
 }
 
 impl LensKey {
+    /// The model and its coefficients.
+    pub(super) fn distortion(&self) -> Distortion {
+        self.distortion
+    }
+
+    /// Sizes of red, green and blue.
+    pub(super) fn scales(&self) -> [f64; 3] {
+        self.scales
+    }
+
     /// `None`: the ideal pinhole.
     pub(super) fn of(settings: &Settings) -> Option<Self> {
         let key = Self {
@@ -76,7 +86,8 @@ pub(super) struct LensStage {
     merge: Option<Merge>,
 }
 
-struct Merge {
+/// Puts colours together that were made one after another.
+pub(super) struct Merge {
     group: BindGroup,
     kernel: ComputePipeline,
     _kept: Image,
@@ -129,7 +140,7 @@ impl LensStage {
 }
 
 impl Merge {
-    fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
+    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
         let spec = ImageSpec::storage(radiance.spec().size, Format::Rgba32f);
         let kept = Image::new(&stage.context, "red and blue", spec)?;
         prepare(&mut slots[0].gpu, [&kept])?;
@@ -137,6 +148,12 @@ impl Merge {
         let group =
             kernel.bind(&[("radiance", Bound::Storage(radiance)), ("kept", Bound::Storage(&kept))])?;
         Ok(Self { group, kernel, _kept: kept })
+    }
+
+    /// Keeps what was made for a colour: 0, 2, and at last 1, with which the others come back.
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, size: [u32; 2], channel: u32) {
+        recorder.mark("chromatic_merge");
+        recorder.dispatch(&self.kernel, &self.group, &MergePush { size, channel }, size);
     }
 }
 
@@ -171,8 +188,7 @@ impl Stage {
         let merge = self.lens.as_ref().and_then(|l| l.merge.as_ref());
         if let (Some(merge), Some(colour)) = (merge, channel.merge) {
             let size = [self.intrinsics.width, self.intrinsics.height];
-            recorder.mark("chromatic_merge");
-            recorder.dispatch(&merge.kernel, &merge.group, &MergePush { size, channel: colour }, size);
+            merge.record(recorder, size, colour);
         }
     }
 }

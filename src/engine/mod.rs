@@ -18,8 +18,11 @@ mod gather;
 mod lens;
 mod margin;
 mod outside;
+mod outside_fast;
 mod outside_frame;
 mod outside_kernels;
+mod outside_lens;
+mod outside_motion;
 mod paper;
 mod paper_fast;
 mod paper_plan;
@@ -43,15 +46,18 @@ pub use accumulation::AccumulationOptions;
 pub use delivery::Delivery;
 pub use exact::ExactOptions;
 pub use fast::FastOptions;
-pub use fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
+pub use fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, MOVED_STEPS};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 pub use gather::{ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather};
 pub use margin::{Reach, reach};
 pub use outside::OutsideEngine;
-pub use outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+pub use outside_frame::{
+    MAX_BODIES, MAX_OUTSIDE_MOTIONS, OutsideBodies, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+};
+pub use outside_lens::{MarginNeed, OutsideLens};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
-pub use taps::GatherInputs;
+pub use taps::{GatherInputs, WarpInputs};
 
 use accumulation::Accumulation;
 use exact::Exact;

@@ -1,5 +1,6 @@
 //! Frames from outside: colour with motion, or colour with depth and two poses, through the same gather and the same
-//! last passes as the engine's own. The engine's own planes handed back in give the engine's own picture.
+//! last passes as the engine's own; or colour with depth and the camera's path, through the warp of `--method fast`. The
+//! engine's own planes handed back in give the engine's own picture.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,11 +8,13 @@ use std::time::Duration;
 use super::delivery::Delivery;
 use super::finish::{Finish, prepare};
 use super::frame::{Frame, FrameInstants};
+use super::outside_fast::{OutsideWarp, WarpPlan};
 use super::outside_frame::{
-    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource, gather_push, pictures,
-    place,
+    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
 };
-use super::outside_kernels::{Groups, Kernels, Unpacked};
+use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
+use super::outside_lens::OutsideLens;
+use super::outside_motion::{MotionPass, shared};
 use super::slots::{FrameSlot, free_slot};
 use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
@@ -20,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Shared, Usage};
 use crate::raster::{SamplePlan, SceneBuffers};
 use crate::reference::motion_from_depth::Push as FromDepthPush;
-use crate::reference::unpack::{ColorPush, DepthPush, Encoding, MotionPush};
+use crate::reference::unpack::{ColorPush, Encoding};
 use crate::scene::Scene;
 
 /// Processes frames from outside for one camera.
@@ -47,6 +50,14 @@ struct Images {
     color: Image,
     motion: Image,
     depth: Image,
+    /// Made with the first frame that brings a path.
+    warp: Option<OutsideWarp>,
+}
+
+/// What makes the radiance of a frame.
+enum Plan {
+    Gather(Option<FromDepthPush>),
+    Warp(WarpPlan),
 }
 
 impl OutsideEngine {
@@ -109,18 +120,19 @@ impl OutsideEngine {
             return Err(Error::Contradiction { effect: "defocus", what });
         }
         self.slots[index].gpu.wait(self.time_limit)?;
-        let from_depth = match &frame.motion {
-            OutsideMotion::Images { .. } => None,
-            OutsideMotion::Depth { poses, .. } => Some(self.depth_push(frame, poses)?),
-        };
+        let lens = OutsideLens::of(&frame.request.settings, &self.stage.intrinsics);
+        let plan = self.plan(frame, lens.as_ref())?;
         self.kernels.fit(&frame.motion)?;
         self.fit(frame)?;
+        if let Plan::Warp(plan) = &plan {
+            self.fit_warp(frame.margin_px, lens, plan.body_count() > 0)?.write(index, plan);
+        }
         let view = frame.request.view(self.stage.intrinsics);
         let slot = &mut self.slots[index];
         self.finish.fit((&frame.request.settings, &view), false, (&mut slot.gpu, slot.index))?;
         self.upload(index, frame)?;
         self.slots[index].start(&frame.request, instants(&frame.request.shutter));
-        if let Err(error) = self.record(index, frame, from_depth) {
+        if let Err(error) = self.record(index, frame, &plan) {
             self.slots[index].cancel();
             return Err(error);
         }
@@ -161,6 +173,40 @@ impl OutsideEngine {
         Ok(slot.take_frame(size, times, None))
     }
 
+    fn plan(&self, frame: &OutsideFrame<'_>, lens: Option<&OutsideLens>) -> Result<Plan> {
+        match &frame.motion {
+            OutsideMotion::Images { .. } => Ok(Plan::Gather(None)),
+            OutsideMotion::Depth { poses, .. } => Ok(Plan::Gather(Some(self.depth_push(frame, poses)?))),
+            OutsideMotion::Path { path, bodies, nearest_m, repeat_border, .. } => {
+                let camera = (&self.stage.intrinsics, lens);
+                let (seen, border) = ((&**path, bodies.as_ref()), (*nearest_m, *repeat_border));
+                Ok(Plan::Warp(WarpPlan::new(camera, frame, seen, border)?))
+            }
+        }
+    }
+
+    /// Makes what the warp needs for a margin and a lens.
+    fn fit_warp(
+        &mut self,
+        margin_px: [u32; 2],
+        lens: Option<OutsideLens>,
+        bodies: bool,
+    ) -> Result<&mut OutsideWarp> {
+        let images = self.images.as_mut().expect("made by `fit`");
+        if !images.warp.as_ref().is_some_and(|w| w.fits(lens.as_ref(), bodies)) {
+            for slot in &mut self.slots {
+                slot.settle(self.time_limit)?;
+            }
+            // What was bound to the old images goes before them.
+            images.groups.forget_warp();
+            images.warp = None;
+            let to = (&images.color, self.finish.radiance());
+            let kind = (margin_px, lens, bodies);
+            images.warp = Some(OutsideWarp::new(&self.stage, &mut self.slots, kind, to)?);
+        }
+        Ok(images.warp.as_mut().expect("just made"))
+    }
+
     /// Makes the images for the frame's margin.
     fn fit(&mut self, frame: &OutsideFrame<'_>) -> Result<()> {
         if self.images.as_ref().is_some_and(|i| i.margin_px == frame.margin_px) {
@@ -186,9 +232,9 @@ impl OutsideEngine {
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
         // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
         prepare(&mut self.slots[0].gpu, [&color, &motion, &depth])?;
-        let to = Unpacked { color: &color, motion: &motion, depth: &depth };
+        let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None, numbers: &[] };
         let groups = Groups::new(&self.kernels, to, self.finish.radiance(), self.slots.len())?;
-        Ok(Images { margin_px, groups, color, motion, depth })
+        Ok(Images { margin_px, groups, color, motion, depth, warp: None })
     }
 
     /// Copies the caller's host memory into the slot's staging buffers; makes them for images. Shared buffers are read
@@ -252,19 +298,18 @@ impl OutsideEngine {
         Ok(FromDepthPush { scale, ..FromDepthPush::new(&camera, 0, 1.0, &from, &to) })
     }
 
-    fn record(
-        &mut self,
-        index: usize,
-        frame: &OutsideFrame<'_>,
-        from_depth: Option<FromDepthPush>,
-    ) -> Result<()> {
+    fn record(&mut self, index: usize, frame: &OutsideFrame<'_>, plan: &Plan) -> Result<()> {
         let camera = self.stage.intrinsics.with_margin(frame.margin_px);
         let size = [camera.width, camera.height];
         let pictures = pictures(frame);
-        let Images { groups, color, motion, depth, .. } = self.images.as_mut().expect("made by `fit`");
-        let to = Unpacked { color, motion, depth };
-        groups.bind_sources(&self.kernels, index, to, &pictures, &self.uploads[index])?;
-        if from_depth.is_some() {
+        let Images { groups, color, motion, depth, warp, .. } = self.images.as_mut().expect("made by `fit`");
+        let of_warp = warp.as_ref().map(|w| [&w.half, &w.inverse_depth]);
+        let numbers = warp.as_ref().map_or(&[][..], |w| &w.numbers);
+        let to = Unpacked { color, motion, depth, warp: of_warp, numbers };
+        let blurs = frame.request.shutter.exposure_time_s > 0.0;
+        let role = |place: usize| Role::of(place, &frame.motion, blurs);
+        groups.bind_sources(&self.kernels, index, to, (&pictures, role), &self.uploads[index])?;
+        if let Plan::Gather(Some(_)) = plan {
             groups.fit_depth(&self.kernels, to)?;
         }
         let placed: Vec<_> = pictures.iter().map(|p| place(p, camera.width)).collect();
@@ -280,12 +325,23 @@ impl OutsideEngine {
         let codes_from = if frame.encoding == Encoding::Linear { 256 } else { 0 };
         let format = frame.color.format as u32;
         let push = ColorPush { size, first_byte, stride_bytes, format, codes_from };
-        recorder.dispatch(&self.kernels.color, groups.source(index, 0), &push, size);
+        let of_color =
+            if role(0) == Role::HalfColor { &self.kernels.path().half } else { &self.kernels.color };
+        recorder.dispatch(of_color, groups.source(index, 0), &push, size);
         let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed[1..] };
-        motion.record(&mut recorder, &frame.motion, from_depth);
-        recorder.mark("paper_gather");
-        let push = gather_push(&self.stage.intrinsics, frame);
-        recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
+        match (plan, warp) {
+            (Plan::Warp(plan), Some(warp)) => {
+                motion.record_inverse_depth(&mut recorder, &frame.motion, plan.body_count());
+                warp.record(&mut recorder, index, plan, (frame.margin_px, frame.max_samples));
+            }
+            (Plan::Warp(_), None) => unreachable!("made by `fit_warp`"),
+            (Plan::Gather(from_depth), _) => {
+                motion.record(&mut recorder, &frame.motion, *from_depth);
+                recorder.mark("paper_gather");
+                let push = gather_push(&self.stage.intrinsics, frame);
+                recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
+            }
+        }
         finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));
         self.kept[index] = (frame.delivery.clone(), pictures.iter().filter_map(shared).collect());
         let Delivery { wait, signal, .. } = &frame.delivery;
@@ -293,60 +349,10 @@ impl OutsideEngine {
     }
 }
 
-/// The motion images of a frame: unpacked, or made from depth.
-struct MotionPass<'a> {
-    kernels: &'a Kernels,
-    groups: &'a Groups,
-    /// The frame's slot.
-    index: usize,
-    size: [u32; 2],
-    /// First byte and stride of each picture.
-    placed: &'a [(u32, u32)],
-}
-
-impl MotionPass<'_> {
-    fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        motion: &OutsideMotion<'_>,
-        from_depth: Option<FromDepthPush>,
-    ) {
-        let (kernels, groups, size) = (self.kernels, self.groups, self.size);
-        match motion {
-            OutsideMotion::Images { images, scale, .. } => {
-                for (k, (image, &(first_byte, stride_bytes))) in images.iter().zip(self.placed).enumerate() {
-                    let (format, layer) = (image.format as u32, k as u32);
-                    let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
-                    recorder.dispatch(kernels.motion(), groups.source(self.index, k + 1), &push, size);
-                }
-            }
-            OutsideMotion::Depth { decode, .. } => {
-                let (first_byte, stride_bytes) = self.placed[0];
-                let [numerator, constant, slope] = decode.unwrap_or([0.0; 3]);
-                let metres = decode.is_none().into();
-                let push = DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope };
-                recorder.dispatch(&kernels.depth().unpack, groups.source(self.index, 1), &push, size);
-                recorder.mark("motion");
-                let push = from_depth.expect("computed for depth");
-                recorder.dispatch(&kernels.depth().motion, groups.depth_group(), &push, size);
-            }
-        }
-    }
-}
-
 impl Drop for OutsideEngine {
     fn drop(&mut self) {
         // Slots wait for their work when they are dropped; what the work uses goes after them.
         self.slots.clear();
-    }
-}
-
-/// What a picture is read from, if it is the caller's.
-fn shared(pixels: &OutsidePixels<'_>) -> Option<Shared> {
-    match pixels.source {
-        PixelSource::Host(_) => None,
-        PixelSource::Shared(buffer, _) => Some(Shared::Buffer(buffer.clone())),
-        PixelSource::Image(image) => Some(Shared::Image(image.clone())),
     }
 }
 

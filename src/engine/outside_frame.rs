@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::delivery::Delivery;
 use super::frame::FrameRequest;
-use crate::camera::{Intrinsics, Pose};
+use crate::camera::{Intrinsics, Pose, Trajectory};
 use crate::gpu::{Buffer, SharedImage};
 use crate::plane::PixelFormat;
 use crate::reference::paper_gather::Push as GatherPush;
@@ -58,6 +58,33 @@ pub enum OutsideMotion<'a> {
         /// World from camera at two times (s) of the frame, the earlier first. The colour's instant lies between them.
         poses: [(f64, Pose); 2],
     },
+    /// Depth of the colour's instant, of a scene that rests, and the camera's poses over all of the frame: the warp of
+    /// `--method fast`.
+    Path {
+        /// Its pixels ([`PixelFormat::R32f`]).
+        image: OutsidePixels<'a>,
+        /// As for `Depth`.
+        decode: Option<[f32; 3]>,
+        /// World from camera, for all of the frame and the colour's instant.
+        path: Arc<Trajectory>,
+        /// What moves by itself.
+        bodies: Option<OutsideBodies<'a>>,
+        /// Nothing that comes in at the border is nearer, m: what the margin is reckoned with. Infinite: not known.
+        nearest_m: f64,
+        /// A margin that is too small is no error: what lies beyond is the picture's repeated border.
+        repeat_border: bool,
+    },
+}
+
+/// Most bodies of a frame.
+pub const MAX_BODIES: usize = 255;
+
+/// What moves by itself in a frame.
+pub struct OutsideBodies<'a> {
+    /// Whose surface each pixel shows ([`PixelFormat::R8u`], `R16u` or `R32u`), at the colour's instant.
+    pub ids: OutsidePixels<'a>,
+    /// Id and world-from-body of each; [`MAX_BODIES`] at most, in rising order of their ids. What is nobody's rests.
+    pub paths: Vec<(u32, Trajectory)>,
 }
 
 /// A frame from outside.
@@ -86,6 +113,10 @@ pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     match &frame.motion {
         OutsideMotion::Images { images, .. } => all.extend(images.iter().take(MAX_OUTSIDE_MOTIONS)),
         OutsideMotion::Depth { image, .. } => all.push(*image),
+        OutsideMotion::Path { image, bodies, .. } => {
+            all.push(*image);
+            all.extend(bodies.as_ref().map(|b| b.ids));
+        }
     }
     all
 }
@@ -105,7 +136,7 @@ pub(super) fn gather_push(intrinsics: &Intrinsics, frame: &OutsideFrame<'_>) -> 
     let shutter = &frame.request.shutter;
     let (first_s, step_s, count) = match &frame.motion {
         OutsideMotion::Images { images, first_time_s, step_s, .. } => (*first_time_s, *step_s, images.len()),
-        OutsideMotion::Depth { .. } => (shutter.start_s, 1.0, 1),
+        OutsideMotion::Depth { .. } | OutsideMotion::Path { .. } => (shutter.start_s, 1.0, 1),
     };
     GatherPush {
         size: [intrinsics.width, intrinsics.height],

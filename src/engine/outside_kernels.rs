@@ -7,8 +7,7 @@ use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
 use crate::kernels::kernel;
-use crate::plane::PixelFormat;
-use crate::reference::unpack::{ColorPush, DepthPush, MotionPush, decode_table};
+use crate::reference::unpack::{BodyPush, ColorPush, DepthPush, InverseDepthPush, MotionPush, decode_table};
 
 assert_push_layout!("unpack_color.comp", ColorPush { size, first_byte, stride_bytes, format, codes_from });
 assert_push_layout!(
@@ -19,6 +18,15 @@ assert_push_layout!(
     "unpack_depth.comp",
     DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope }
 );
+assert_push_layout!(
+    "unpack_color_half.comp",
+    ColorPush { size, first_byte, stride_bytes, format, codes_from }
+);
+assert_push_layout!("unpack_body.comp", BodyPush { size, first_byte, stride_bytes, id_bytes, count });
+assert_push_layout!(
+    "unpack_inverse_depth.comp",
+    InverseDepthPush { size, first_byte, stride_bytes, numerator, constant, slope }
+);
 
 /// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first frame.
 pub(super) struct Kernels {
@@ -26,9 +34,17 @@ pub(super) struct Kernels {
     pub(super) gather: ComputePipeline,
     motion: Option<ComputePipeline>,
     depth: Option<DepthKernels>,
+    path: Option<PathKernels>,
     sampler: Sampler,
     decode: Buffer,
     context: Arc<Context>,
+}
+
+/// Pipelines of frames with depth and the camera's path.
+pub(super) struct PathKernels {
+    pub(super) half: ComputePipeline,
+    pub(super) inverse_depth: ComputePipeline,
+    pub(super) body: ComputePipeline,
 }
 
 /// Pipelines of frames with depth.
@@ -48,6 +64,7 @@ impl Kernels {
             gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
             motion: None,
             depth: None,
+            path: None,
             sampler: Sampler::new(context, false)?,
             decode,
             context: context.clone(),
@@ -66,7 +83,13 @@ impl Kernels {
                 let motion = make(const { kernel("motion_from_depth.comp") })?;
                 self.depth = Some(DepthKernels { unpack, motion });
             }
-            OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } => {}
+            OutsideMotion::Path { .. } if self.path.is_none() => {
+                let half = make(const { kernel("unpack_color_half.comp") })?;
+                let inverse_depth = make(const { kernel("unpack_inverse_depth.comp") })?;
+                let body = make(const { kernel("unpack_body.comp") })?;
+                self.path = Some(PathKernels { half, inverse_depth, body });
+            }
+            OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } | OutsideMotion::Path { .. } => {}
         }
         Ok(())
     }
@@ -79,6 +102,11 @@ impl Kernels {
     /// Of frames with depth.
     pub(super) fn depth(&self) -> &DepthKernels {
         self.depth.as_ref().expect("made by `fit`")
+    }
+
+    /// Of frames with depth and a path.
+    pub(super) fn path(&self) -> &PathKernels {
+        self.path.as_ref().expect("made by `fit`")
     }
 }
 
@@ -101,11 +129,29 @@ struct Source {
     group: BindGroup,
 }
 
+/// What a picture becomes.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Role {
+pub(super) enum Role {
     Color,
+    HalfColor,
     Motion,
     Depth,
+    InverseDepth,
+    Body,
+}
+
+impl Role {
+    /// Of the picture at a place.
+    pub(super) fn of(place: usize, motion: &OutsideMotion<'_>, blurs: bool) -> Self {
+        match (place, motion) {
+            (0, OutsideMotion::Path { .. }) if blurs => Self::HalfColor,
+            (0, _) => Self::Color,
+            (_, OutsideMotion::Images { .. }) => Self::Motion,
+            (_, OutsideMotion::Depth { .. }) => Self::Depth,
+            (1, OutsideMotion::Path { .. }) => Self::InverseDepth,
+            (_, OutsideMotion::Path { .. }) => Self::Body,
+        }
+    }
 }
 
 /// The images that callers' pictures are unpacked into.
@@ -114,6 +160,10 @@ pub(super) struct Unpacked<'a> {
     pub(super) color: &'a Image,
     pub(super) motion: &'a Image,
     pub(super) depth: &'a Image,
+    /// Half colour and inverse depth of the warp.
+    pub(super) warp: Option<[&'a Image; 2]>,
+    /// Numbers of the bodies, by slot.
+    pub(super) numbers: &'a [Buffer],
 }
 
 impl Groups {
@@ -129,6 +179,13 @@ impl Groups {
         })
     }
 
+    /// The warp's images are made anew.
+    pub(super) fn forget_warp(&mut self) {
+        let of_warp = |s: &Source| matches!(s.role, Role::HalfColor | Role::InverseDepth | Role::Body);
+        let all = self.sources.iter_mut().flatten();
+        all.filter(|s| s.as_ref().is_some_and(of_warp)).for_each(|s| *s = None);
+    }
+
     /// A slot's own buffer of this place was made anew.
     pub(super) fn forget(&mut self, slot: usize, place: usize) {
         self.sources[slot][place] = None;
@@ -140,15 +197,11 @@ impl Groups {
         kernels: &Kernels,
         slot: usize,
         to: Unpacked<'_>,
-        pictures: &[OutsidePixels<'_>],
+        (pictures, role_of): (&[OutsidePixels<'_>], impl Fn(usize) -> Role),
         uploads: &[Option<Buffer>],
     ) -> Result<()> {
         for (place, pixels) in pictures.iter().enumerate() {
-            let role = match (place, pixels.format) {
-                (0, _) => Role::Color,
-                (_, PixelFormat::R32f) => Role::Depth,
-                _ => Role::Motion,
-            };
+            let role = role_of(place);
             let (buffer, shared) = match pixels.source {
                 PixelSource::Host(_) | PixelSource::Image(_) => {
                     (uploads[place].as_ref().expect("filled by `upload`"), None)
@@ -162,12 +215,18 @@ impl Groups {
                 continue;
             }
             let source = ("Source", Bound::Buffer(buffer));
+            let decode = ("Decode", Bound::Buffer(&kernels.decode));
+            let warp = |i: usize| Bound::Storage(to.warp.expect("made by `fit_warp`")[i]);
             let group = match role {
-                Role::Color => kernels.color.bind(&[
-                    source,
-                    ("color", Bound::Storage(to.color)),
-                    ("Decode", Bound::Buffer(&kernels.decode)),
-                ]),
+                Role::Color => kernels.color.bind(&[source, ("color", Bound::Storage(to.color)), decode]),
+                Role::HalfColor => kernels.path().half.bind(&[source, ("color", warp(0)), decode]),
+                Role::InverseDepth => {
+                    kernels.path().inverse_depth.bind(&[source, ("inverse_depth", warp(1))])
+                }
+                Role::Body => {
+                    let numbers = ("BodyIds", Bound::Buffer(&to.numbers[slot]));
+                    kernels.path().body.bind(&[source, ("inverse_depth", warp(1)), numbers])
+                }
                 Role::Motion => kernels.motion().bind(&[source, ("motion", Bound::Storage(to.motion))]),
                 Role::Depth => kernels.depth().unpack.bind(&[source, ("depth", Bound::Storage(to.depth))]),
             };

@@ -1,12 +1,14 @@
 //! What a caller that keeps frames in flight asks an engine, and what the paper's gather has read: for hosts that hand
 //! the same planes back in, and for the tests that compare.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use super::slots::free_slot;
+use super::fast_pass::FastTiming;
+use super::slots::{FrameSlot, free_slot};
 use super::{Engine, Renderer, Ticket, frame};
 use crate::error::Result;
-use crate::gpu::{Buffer, Format, Image, Location, Usage};
+use crate::gpu::{Buffer, Context, Format, Image, Location, Usage};
 use crate::plane::Plane;
 
 use super::frame::FrameRequest;
@@ -31,7 +33,48 @@ pub struct GatherInputs {
     pub motion_step_s: f64,
 }
 
+/// Everything that the warp of a frame of `--method fast` was given, where it took its paths from depth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WarpInputs {
+    /// Linear RGBA, shape `[height, width, 4]`, at [`Self::color_time_s`].
+    pub color: Plane<f32>,
+    /// Near distance over distance along the optical axis; 0 where nothing is.
+    pub inverse_depth: Plane<f32>,
+    /// Columns and rows beyond each side.
+    pub margin_px: [u32; 2],
+    /// Instant of both, s.
+    pub color_time_s: f64,
+    /// Times at which the camera's pose was asked for, s.
+    pub knots_s: Vec<f64>,
+}
+
 impl Engine {
+    /// Renders a frame by the method `fast` and reads back what its warp was given; `None` for other methods, and where paths
+    /// are drawn.
+    ///
+    /// # Errors
+    /// As for [`Engine::render`].
+    ///
+    /// # Panics
+    /// If frames are in flight.
+    pub fn warp_inputs(&mut self, request: &FrameRequest) -> Result<Option<WarpInputs>> {
+        assert_eq!(self.pending(), 0, "inputs are read between frames");
+        self.render(request)?;
+        let Renderer::Fast(fast) = &self.renderer else { return Ok(None) };
+        let path = frame::camera_path(&self.stage, request);
+        let Some([color, depth]) = fast.warp_images(&self.stage, request, &path) else { return Ok(None) };
+        let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
+        let color = read_back(&self.stage.context, slot, color, limit)?.swap_remove(0);
+        let inverse_depth = read_back(&self.stage.context, slot, depth, limit)?.swap_remove(0);
+        Ok(Some(WarpInputs {
+            color,
+            inverse_depth,
+            margin_px: fast.margin_px(),
+            color_time_s: request.shutter.middle_s(),
+            knots_s: FastTiming::spaced(request.shutter).1.to_vec(),
+        }))
+    }
+
     /// Whether another frame can be submitted before one is collected.
     pub fn has_room(&self) -> bool {
         free_slot(&self.slots, self.next).is_some()
@@ -77,20 +120,8 @@ impl Engine {
         let path = frame::camera_path(&self.stage, request);
         let times = paper.gather_times(&self.stage, request, &path);
         let [color, motion, depth] = paper.gather_images();
-        let slot = &mut self.slots[0];
-        let mut read = |image: &Image| -> Result<Vec<Plane<f32>>> {
-            let spec = *image.spec();
-            let texels = u64::from(spec.size[0]) * u64::from(spec.size[1]) * u64::from(spec.layers);
-            let bytes = texels * spec.format.texel_bytes();
-            let to = Buffer::new(&self.stage.context, "inputs", bytes, Usage::Transfer, Location::Readback)?;
-            let mut recorder = slot.gpu.begin()?;
-            recorder.copy_image_to_buffer(image, [0, 0], spec.size, &to);
-            recorder.barrier();
-            recorder.finish();
-            slot.gpu.submit()?;
-            slot.gpu.wait(self.options.time_limit)?;
-            Ok(layers(image, &to.mapped()[..bytes as usize]))
-        };
+        let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
+        let mut read = |image: &Image| read_back(&self.stage.context, slot, image, limit);
         let mut motion_px = read(motion)?;
         motion_px.truncate(times.count);
         Ok(Some(GatherInputs {
@@ -103,6 +134,26 @@ impl Engine {
             motion_step_s: times.step_s,
         }))
     }
+}
+
+/// The layers of an image that no frame in flight uses.
+fn read_back(
+    context: &Arc<Context>,
+    slot: &mut FrameSlot,
+    image: &Image,
+    limit: Duration,
+) -> Result<Vec<Plane<f32>>> {
+    let spec = *image.spec();
+    let texels = u64::from(spec.size[0]) * u64::from(spec.size[1]) * u64::from(spec.layers);
+    let bytes = texels * spec.format.texel_bytes();
+    let to = Buffer::new(context, "inputs", bytes, Usage::Transfer, Location::Readback)?;
+    let mut recorder = slot.gpu.begin()?;
+    recorder.copy_image_to_buffer(image, [0, 0], spec.size, &to);
+    recorder.barrier();
+    recorder.finish();
+    slot.gpu.submit()?;
+    slot.gpu.wait(limit)?;
+    Ok(layers(image, &to.mapped()[..bytes as usize]))
 }
 
 /// Times of a gather's pictures.

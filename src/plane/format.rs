@@ -21,11 +21,17 @@ pub enum PixelFormat {
     Rg16f = 7,
     /// Two floats: motion.
     Rg32f = 8,
+    /// One word: ids.
+    R32u = 9,
+    /// Two bytes: ids.
+    R16u = 10,
+    /// One byte: ids.
+    R8u = 11,
 }
 
 impl PixelFormat {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::Rgb8,
         Self::Rgba8,
         Self::Bgra8,
@@ -34,6 +40,9 @@ impl PixelFormat {
         Self::R32f,
         Self::Rg16f,
         Self::Rg32f,
+        Self::R32u,
+        Self::R16u,
+        Self::R8u,
     ];
 
     /// The format of that number.
@@ -44,8 +53,10 @@ impl PixelFormat {
     /// Bytes a pixel.
     pub fn bytes(self) -> usize {
         match self {
+            Self::R8u => 1,
+            Self::R16u => 2,
             Self::Rgb8 => 3,
-            Self::Rgba8 | Self::Bgra8 | Self::R32f | Self::Rg16f => 4,
+            Self::Rgba8 | Self::Bgra8 | Self::R32f | Self::Rg16f | Self::R32u => 4,
             Self::Rgba16f | Self::Rg32f => 8,
             Self::Rgba32f => 16,
         }
@@ -54,15 +65,20 @@ impl PixelFormat {
     /// Bytes that one value takes: addresses and strides are multiples of it.
     pub fn alignment(self) -> usize {
         match self {
-            Self::Rgb8 | Self::Rgba8 | Self::Bgra8 => 1,
-            Self::Rgba16f | Self::Rg16f => 2,
-            Self::Rgba32f | Self::R32f | Self::Rg32f => 4,
+            Self::Rgb8 | Self::Rgba8 | Self::Bgra8 | Self::R8u => 1,
+            Self::Rgba16f | Self::Rg16f | Self::R16u => 2,
+            Self::Rgba32f | Self::R32f | Self::Rg32f | Self::R32u => 4,
         }
     }
 
     /// Whether it holds colour.
     pub fn is_color(self) -> bool {
         matches!(self, Self::Rgb8 | Self::Rgba8 | Self::Bgra8 | Self::Rgba16f | Self::Rgba32f)
+    }
+
+    /// Whether it holds ids.
+    pub fn is_ids(self) -> bool {
+        matches!(self, Self::R32u | Self::R16u | Self::R8u)
     }
 
     /// Whether it holds motion.

@@ -208,10 +208,16 @@ fn fitted(
 /// Rows x, y and w of the matrices that take a point of the picture at `from_s`, `(ndc x, ndc y, depth, 1)`, to clip space
 /// at each of `to_s`: where what rests in the world is then.
 pub fn moved_rows(view: &View<'_>, from_s: f64, to_s: &[f64]) -> Vec<[[f32; 4]; 3]> {
-    let clip_from_world =
-        |time_s: f64| view.camera.clip_from_camera() * view.path.pose_at(time_s).inverse().matrix();
-    let world_from_clip = clip_from_world(from_s).inverse();
-    to_s.iter().map(|&time_s| xyw(clip_from_world(time_s) * world_from_clip)).collect()
+    let now = view.path.pose_at(from_s);
+    let mut rows = Vec::with_capacity(to_s.len());
+    rows.extend(to_s.iter().map(|&time_s| moved_row(view.camera, &view.path.pose_at(time_s).relative(&now))));
+    rows
+}
+
+/// The same of one transform from the camera's frame at the picture's instant to that at another one.
+pub fn moved_row(camera: &Intrinsics, then_from_now: &Pose) -> [[f32; 4]; 3] {
+    let clip = camera.clip_from_camera();
+    xyw(clip * then_from_now.matrix() * clip.inverse())
 }
 
 fn xyw(matrix: DMat4) -> [[f32; 4]; 3] {

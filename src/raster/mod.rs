@@ -12,7 +12,7 @@ mod tessellate;
 
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
-pub use knots::{KnotRow, MotionGroups, RelativeRow, View, moved_rows, relative_rows, spaced};
+pub use knots::{KnotRow, MotionGroups, RelativeRow, View, moved_row, moved_rows, relative_rows, spaced};
 pub use lens::LensPush;
 pub use place::{Place, PlaceInput, PlacePush};
 pub use scene_buffers::SceneBuffers;

@@ -2,7 +2,7 @@
 //! `glsl/include/fast_push.glsl`.
 
 use bytemuck::{Pod, Zeroable};
-use glam::IVec2;
+use glam::{IVec2, Vec2};
 
 use super::path::Paths;
 use crate::plane::Plane;
@@ -56,6 +56,11 @@ impl Push {
         (4 * (pixel.y as u32 * self.size[0] + pixel.x as u32) + slot) as usize
     }
 
+    /// Columns and rows that the picture holds beyond each side of the result, px.
+    pub fn margin(&self) -> Vec2 {
+        IVec2::from(self.margin_px).as_vec2()
+    }
+
     /// Place of a slot in the exposure, 0..1.
     pub fn slot_fraction(&self, slot: u32) -> f32 {
         if self.slots == 1 { 0.5 } else { 0.5 * slot as f32 }
@@ -75,4 +80,36 @@ pub struct Inputs<'a> {
     pub inverse_depth: &'a Plane<f32>,
     /// Whether all of the picture moves as one surface does: nothing is claimed then.
     pub one_surface: bool,
+    /// A lens that the picture was rendered without.
+    pub lens: Option<FastLens<'a>>,
+}
+
+/// A lens, as two pictures of two channels. Twin of `glsl/include/fast_lens.glsl`.
+#[derive(Clone, Copy, Debug)]
+pub struct FastLens<'a> {
+    /// By pixel of the result: where a pinhole's picture shows what it sees, px, margin included.
+    pub ideal: &'a Plane<f32>,
+    /// By pixel of the picture, margin included: where the lens shows what is there, px of the result.
+    pub sensed: &'a Plane<f32>,
+}
+
+impl Inputs<'_> {
+    /// Where a pixel of the result looks, px, margin included.
+    pub fn looks_at(&self, push: &Push, pixel: IVec2) -> Vec2 {
+        match self.lens {
+            Some(lens) => Vec2::from_slice(lens.ideal.pixel(pixel.x as usize, pixel.y as usize)),
+            None => pixel.as_vec2() + 0.5 + push.margin(),
+        }
+    }
+
+    /// Where the lens shows a place of the pinhole's picture, both px of the result.
+    pub fn on_sensor(&self, push: &Push, position_px: Vec2) -> Vec2 {
+        let Some(lens) = self.lens else { return position_px };
+        let full = IVec2::new(lens.sensed.width as i32, lens.sensed.height as i32);
+        let place = position_px + push.margin();
+        let inside = place.clamp(Vec2::ZERO, full.as_vec2()).floor().as_ivec2();
+        let texel = inside.clamp(IVec2::ZERO, full - 1);
+        let there = Vec2::from_slice(lens.sensed.pixel(texel.x as usize, texel.y as usize));
+        there + (place - (texel.as_vec2() + 0.5))
+    }
 }

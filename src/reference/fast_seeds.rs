@@ -28,31 +28,43 @@ fn fraction_at(push: &Push, position_px: Vec2) -> f32 {
     line.clamp(0.0, count - 1.0) / count
 }
 
+/// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
+fn parabola_of(push: &Push, inputs: &Inputs<'_>, texel: IVec2) -> [Vec2; 2] {
+    let reference = push.reference_knot as f32;
+    let after = push.last_knot as f32 - reference;
+    let layer = |k: usize| inputs.paths.knots(k / 2, texel)[k % 2];
+    let first_px = if reference > 0.0 { layer(0) } else { Vec2::ZERO };
+    let last_px = if after > 0.0 { layer(push.last_knot as usize - 1) } else { Vec2::ZERO };
+    let slope = if after > 0.0 { last_px / after } else { -first_px / reference.max(1.0) };
+    if reference > 0.0 && after > 0.0 {
+        let bend = (last_px / after + first_px / reference) / (after + reference);
+        return [bend, last_px / after - bend * after];
+    }
+    [Vec2::ZERO, slope]
+}
+
 fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
     let paths = &inputs.paths;
     let texel = source * paths.scale as i32;
     let margin = IVec2::from(push.margin_px);
     let at_px = (texel.as_vec2() + 0.5) / paths.scale as f32 - margin.as_vec2();
-    let reference = push.reference_knot as f32;
-    let after = push.last_knot as f32 - reference;
-    let layer = |k: usize| paths.knots(k / 2, texel)[k % 2];
-    let first_px = if reference > 0.0 { layer(0) } else { Vec2::ZERO };
-    let last_px = if after > 0.0 { layer(push.last_knot as usize - 1) } else { Vec2::ZERO };
-    let mut bend = Vec2::ZERO;
-    let mut slope = if after > 0.0 { last_px / after } else { -first_px / reference.max(1.0) };
-    if reference > 0.0 && after > 0.0 {
-        bend = (last_px / after + first_px / reference) / (after + reference);
-        slope = last_px / after - bend * after;
-    }
+    let [bend, slope] = match paths.from_depth {
+        Some(_) => [Vec2::ZERO; 2],
+        None => parabola_of(push, inputs, texel),
+    };
+    let moved_px = |t: f32| {
+        let from_depth = paths.depth_displacement(texel, t + push.reference_knot as f32);
+        from_depth.unwrap_or_else(|| t * (slope + t * bend))
+    };
     let depth = inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
-    let mut lands_px = at_px;
+    let mut lands_px = inputs.on_sensor(push, at_px);
     for slot in 0..push.slots {
         let begin = (push.start_s + push.slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         let lines = push.readout_time_s / push.knot_step_s;
         // The line moves with the point; later slots start from where the one before it landed.
         for _ in 0..if slot == 0 { 4 } else { 2 } {
             let t = begin + lines * fraction_at(push, lands_px);
-            lands_px = at_px + t * (slope + t * bend);
+            lands_px = inputs.on_sensor(push, at_px + moved_px(t));
         }
         let size = Vec2::new(push.size[0] as f32, push.size[1] as f32);
         if lands_px.cmplt(Vec2::ZERO).any() || !lands_px.cmplt(size).all() {

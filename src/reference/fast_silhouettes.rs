@@ -1,7 +1,7 @@
 //! `--method fast` where several surfaces are seen during the exposure. Twin of `glsl/fast_silhouettes.comp` and
 //! `include/fast_silhouettes.glsl`.
 
-use glam::{IVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
 use super::fast_gather::{Pixel, Task, blur_pairs};
@@ -57,8 +57,8 @@ fn beside_silhouette(task: &Task<'_>, near_px: Vec2, far_px: Vec2, threshold: f3
 /// The claimed surface's source by fixed-point iteration. What does not land on `x_px` is hidden in the picture: the
 /// iteration then swings between the surface that hides it and what is visible of its own, and the visible place closest
 /// to the hidden one is taken.
-fn follow(task: &Task<'_>, x_px: Vec2, key: u32, w: &PathWeights) -> Followed {
-    let mut p = x_px + seed_offset(key).as_vec2();
+fn follow(task: &Task<'_>, x_px: Vec2, from_px: Vec2, w: &PathWeights) -> Followed {
+    let mut p = from_px;
     let mut before = p;
     for _ in 0..FOLLOW_STEPS {
         before = p;
@@ -96,14 +96,19 @@ fn clear_of_seams(task: &Task<'_>, position_px: Vec2, w: &PathWeights) -> Vec2 {
 }
 
 /// The nearest claimed surface that lands on a place, else the farthest that almost does.
-fn source_of(task: &Task<'_>, at_px: Vec2, w: &PathWeights, [middle, around]: [&SlotClaims; 2]) -> Vec2 {
+fn source_of(
+    task: &Task<'_>,
+    (at_px, aside_px): (Vec2, Vec2),
+    w: &PathWeights,
+    [middle, around]: [&SlotClaims; 2],
+) -> Vec2 {
     let (mut nearest, mut farthest) = (-1.0, 3e38);
     let (mut source_px, mut beside_px) = (at_px, at_px);
     for key in [middle.nearest, middle.farthest, around.nearest, around.farthest] {
         if key == 0 || key == NO_CLAIM {
             continue;
         }
-        let f = follow(task, at_px, key, w);
+        let f = follow(task, at_px, at_px - aside_px + seed_offset(key).as_vec2(), w);
         if f.lands && f.inverse_depth > nearest {
             (nearest, source_px) = (f.inverse_depth, f.source_px);
         }
@@ -121,6 +126,8 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     let blur = u32::from(push.slots > 1);
     let claims = |slot: u32| slot_claims(push, &task.seeds, slot, pixel.at);
     let (begin, mut middle, end) = (claims(0), claims(blur), claims(2 * blur));
+    // How far the lens lets it look beside itself.
+    let aside_px = pixel.x_px - (pixel.at.as_vec2() + 0.5 + push.margin());
     let moved = (seed_offset(begin.nearest) - seed_offset(end.nearest)).as_vec2();
     let count = match blur {
         0 => 4,
@@ -128,7 +135,7 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     };
     // In a gap too wide for any claim the search starts from the place itself.
     if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
-        middle.nearest = seed_key(0.0, IVec2::ZERO);
+        middle.nearest = seed_key(0.0, (aside_px + 0.5).floor().as_ivec2());
     }
     let (mut sum, mut clamped) = (Vec3::ZERO, false);
     for i in 0..count {
@@ -137,7 +144,7 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
         let w = task.inputs.paths.weights(at, push.reference_knot, push.last_knot);
         let quarter = QUARTERS[i as usize % 4];
         let around = if t < 0.5 { &begin } else { &end };
-        let position = source_of(task, pixel.x_px + quarter, &w, [&middle, around]);
+        let position = source_of(task, (pixel.x_px + quarter, aside_px), &w, [&middle, around]);
         // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
         // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
         let centre_px = position - quarter;

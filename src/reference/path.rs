@@ -10,8 +10,14 @@ pub const MAX_PATH_IMAGES: usize = 3;
 /// Displacements of neighbouring texels further apart than this, px, belong to different surfaces.
 pub const ONE_SURFACE_PX: f32 = 0.4;
 
-/// Shares of the knots in the displacement at one instant, two a path image.
-pub type PathWeights = [Vec2; MAX_PATH_IMAGES];
+/// An instant of the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct PathWeights {
+    /// Shares of the knots in the displacement, two a path image.
+    images: [Vec2; MAX_PATH_IMAGES],
+    /// Place on the time axis, in knots.
+    at: f32,
+}
 
 /// The path images: one to three of four channels, `scale` texels a px; displacements (px, from the reference instant) to
 /// two knots each, in order of time and without the reference instant's own, which is zero.
@@ -21,37 +27,42 @@ pub struct Paths<'a> {
     pub images: &'a [Plane<f32>],
     /// Texels a px.
     pub scale: usize,
-    /// Where all that is seen rests: what the displacements follow from. There are no images then.
+    /// Where all that is seen moves rigidly: what the displacements follow from. There are no images then.
     pub from_depth: Option<FromDepth<'a>>,
 }
 
-/// Displacements of what rests.
+/// Displacements of what moves rigidly.
 #[derive(Clone, Copy, Debug)]
 pub struct FromDepth<'a> {
-    /// Near distance over distance, one channel.
+    /// Near distance over distance; a second channel says which body is seen.
     pub inverse_depth: &'a Plane<f32>,
-    /// Rows x, y and w of the matrices that take (ndc, depth, 1) at the reference instant to clip space at each knot.
+    /// Rows x, y and w of the matrices that take (ndc, depth, 1) at the reference instant to clip space at knots 0 to
+    /// `last_knot`, those of one body after the other.
     pub moved: &'a [[Vec4; 3]],
+    /// Number of knots less one.
+    pub last_knot: u32,
 }
 
 /// What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
 const LEAST_W: f32 = 0.02;
 
 impl FromDepth<'_> {
-    /// The matrix of an instant: the knots' own by their shares, and the identity by the rest.
-    fn matrix(&self, w: &PathWeights) -> [Vec4; 3] {
-        let rest = 1.0 - (w[0].x + w[0].y + (w[1].x + w[1].y) + (w[2].x + w[2].y));
-        let own =
-            [Vec4::new(rest, 0.0, 0.0, 0.0), Vec4::new(0.0, rest, 0.0, 0.0), Vec4::new(0.0, 0.0, 0.0, rest)];
-        let pairs = self.moved.chunks_exact(2).zip(w);
-        pairs.fold(own, |sum, (pair, w)| [0, 1, 2].map(|i| sum[i] + (w.x * pair[0][i] + w.y * pair[1][i])))
+    /// The matrix of a body at place `at` of the time axis: knots lie so close that what is between two is linear.
+    fn matrix(&self, body: usize, at: f32) -> [Vec4; 3] {
+        let before = at.floor().clamp(0.0, self.last_knot as f32 - 1.0);
+        let share = (at - before).clamp(0.0, 1.0);
+        let row = body * (self.last_knot as usize + 1) + before as usize;
+        let (a, b) = (self.moved[row], self.moved[row + 1]);
+        [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
     }
 
-    /// Displacement of what a texel shows by a matrix, px.
-    fn displacement(&self, texel: IVec2, rows: &[Vec4; 3], scale: usize) -> Vec2 {
+    /// Displacement of what a texel shows at place `at` of the time axis, px.
+    fn displacement(&self, texel: IVec2, at: f32, scale: usize) -> Vec2 {
         let size = Vec2::new(self.inverse_depth.width as f32, self.inverse_depth.height as f32);
         let ndc = (texel.as_vec2() + 0.5) / size * 2.0 - 1.0;
-        let depth = self.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
+        let seen = self.inverse_depth.pixel(texel.x as usize, texel.y as usize);
+        let (depth, body) = (seen[0], seen.get(1).map_or(0, |&body| body as usize));
+        let rows = self.matrix(body, at);
         let [sx, sy, sw] = rows.map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
         (Vec2::new(sx, sy) / sw.max(LEAST_W) - ndc) * (0.5 / scale as f32) * size
     }
@@ -100,15 +111,11 @@ impl Paths<'_> {
             let knot = if layer < reference_knot { layer } else { layer + 1 };
             if knot <= last_knot { knot_weight(at, knot as f32, last_knot as f32) } else { 0.0 }
         };
-        std::array::from_fn(|image| match image < self.image_count() {
+        let images = std::array::from_fn(|image| match image < self.images.len() {
             true => Vec2::new(layer(2 * image as u32), layer(2 * image as u32 + 1)),
             false => Vec2::ZERO,
-        })
-    }
-
-    /// Images, or pairs of knots whose images there would be.
-    fn image_count(&self) -> usize {
-        self.from_depth.map_or(self.images.len(), |d| d.moved.len() / 2)
+        });
+        PathWeights { images, at }
     }
 
     fn last(&self) -> IVec2 {
@@ -116,23 +123,25 @@ impl Paths<'_> {
         IVec2::new(image.width as i32 - 1, image.height as i32 - 1)
     }
 
+    /// Where all that is seen moves rigidly: displacement of what one texel shows at place `at` of the time axis, px.
+    pub fn depth_displacement(&self, texel: IVec2, at: f32) -> Option<Vec2> {
+        Some(self.from_depth?.displacement(texel, at, self.scale))
+    }
+
     /// The two knots of one texel of an image.
     pub fn knots(&self, image: usize, texel: IVec2) -> [Vec2; 2] {
-        if let Some(depth) = self.from_depth {
-            return [0, 1].map(|i| depth.displacement(texel, &depth.moved[2 * image + i], self.scale));
-        }
         let v = self.images[image].pixel(texel.x as usize, texel.y as usize);
         [Vec2::new(v[0], v[1]), Vec2::new(v[2], v[3])]
     }
 
     /// Displacement of what one texel shows, px.
     pub fn texel_displacement(&self, texel: IVec2, w: &PathWeights) -> Vec2 {
-        if let Some(depth) = self.from_depth {
-            return depth.displacement(texel, &depth.matrix(w), self.scale);
+        if let Some(moved_px) = self.depth_displacement(texel, w.at) {
+            return moved_px;
         }
         let part = |image: usize| {
             let [a, b] = self.knots(image, texel);
-            w[image].x * a + w[image].y * b
+            w.images[image].x * a + w.images[image].y * b
         };
         (1..self.images.len()).fold(part(0), |sum, image| sum + part(image))
     }

@@ -1,5 +1,6 @@
-//! Pictures as callers have them, brought into the engine's units. Twin of `glsl/unpack_color.comp`,
-//! `unpack_motion.comp` and `unpack_depth.comp`.
+//! Pictures as callers have them, brought into the engine's units. Twin of `glsl/unpack_color.comp` (its variant for half
+//! floats does the same and rounds), `unpack_motion.comp`, `unpack_depth.comp`, `unpack_inverse_depth.comp` and
+//! `unpack_body.comp`.
 
 use bytemuck::{Pod, Zeroable};
 use exr::prelude::f16;
@@ -76,6 +77,40 @@ pub struct DepthPush {
     pub slope: f32,
 }
 
+/// Parameters of `unpack_inverse_depth`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct InverseDepthPush {
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Where the first row starts.
+    pub first_byte: u32,
+    /// From one row to the next, bytes.
+    pub stride_bytes: u32,
+    /// Near distance over distance = numerator / value where this is not 0, else constant + slope value.
+    pub numerator: f32,
+    /// See `numerator`.
+    pub constant: f32,
+    /// See `numerator`.
+    pub slope: f32,
+}
+
+/// Parameters of `unpack_body`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct BodyPush {
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Where the first row starts.
+    pub first_byte: u32,
+    /// From one row to the next, bytes.
+    pub stride_bytes: u32,
+    /// Bytes of an id: 1, 2 or 4.
+    pub id_bytes: u32,
+    /// How many bodies there are.
+    pub count: u32,
+}
+
 fn half(bytes: &[u8], at: usize) -> f32 {
     f16::from_le_bytes([bytes[at], bytes[at + 1]]).to_f32()
 }
@@ -138,5 +173,38 @@ pub fn unpack_depth(push: &DepthPush, bytes: &[u8]) -> Plane<f32> {
         let bottom = push.constant + push.slope * given;
         let there = if bottom > 0.0 { push.numerator / bottom } else { 0.0 };
         [if push.metres != 0 { given } else { there }]
+    })
+}
+
+/// Near distance over distance, shape `[height, width, 1]`; 0 = infinitely far, which all is that is no number above 0.
+///
+/// # Panics
+/// If `bytes` is shorter than the picture.
+pub fn unpack_inverse_depth(push: &InverseDepthPush, bytes: &[u8]) -> Plane<f32> {
+    let [width, height] = push.size.map(|s| s as usize);
+    Plane::from_fn(width, height, |x, y| {
+        let given = float(bytes, push.first_byte as usize + y * push.stride_bytes as usize + x * 4);
+        let inverse = match push.numerator {
+            0.0 => (push.constant + push.slope * given).max(0.0),
+            numerator if given > 0.0 => numerator / given,
+            _ => 0.0,
+        };
+        [if given.is_finite() { inverse } else { 0.0 }]
+    })
+}
+
+/// Numbers of bodies, shape `[height, width, 1]`; what is nobody's is 0. `numbers`: ids in rising order, then the number of
+/// each.
+///
+/// # Panics
+/// If `bytes` is shorter than the picture.
+pub fn unpack_body(push: &BodyPush, bytes: &[u8], numbers: &[u32]) -> Plane<f32> {
+    let [width, height] = push.size.map(|s| s as usize);
+    let (ids, of) = numbers.split_at(push.count as usize);
+    let id_bytes = push.id_bytes as usize;
+    Plane::from_fn(width, height, |x, y| {
+        let at = push.first_byte as usize + y * push.stride_bytes as usize + x * id_bytes;
+        let id = bytes[at..at + id_bytes].iter().rev().fold(0, |id, &byte| id << 8 | u32::from(byte));
+        [ids.binary_search(&id).map_or(0.0, |at| of[at] as f32)]
     })
 }

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use shutterbug::capi::{HEADER, STATUSES};
 
 /// What any call can give, by the header's first comment.
-const COMMON: [&str; 7] = ["OK", "ARGUMENT", "STRUCT_SIZE", "PANIC", "HANDLE", "BUSY", "POISONED"];
+const COMMON: [&str; 8] = ["OK", "ARGUMENT", "STRUCT_SIZE", "PANIC", "HANDLE", "BUSY", "POISONED", "FORKED"];
 const DEVICE: [&str; 4] = ["DEVICE_LOST", "OUT_OF_MEMORY", "VULKAN", "TIMEOUT"];
 
 /// The functions that return a status, without prefix, each with the comment right before it; empty where there is none.

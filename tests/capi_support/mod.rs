@@ -191,6 +191,49 @@ impl Small {
     }
 }
 
+/// A small frame from outside with depth, poses over it and a body, that owns all it points to.
+pub struct SmallPath {
+    color: Vec<f32>,
+    depth: Vec<f32>,
+    ids: Vec<u8>,
+    images: Box<[shutterbug_image; 3]>,
+    convention: Box<shutterbug_depth_convention>,
+    pub poses: Box<[shutterbug_stamped_pose; 2]>,
+    pub bodies: Box<[shutterbug_body; 1]>,
+    pub outside: shutterbug_outside,
+}
+
+impl SmallPath {
+    pub fn new(width: u32, height: u32) -> Self {
+        let (w, h) = (width as usize, height as usize);
+        let number = |i: usize| ((i * 7919) % 1009) as f32 / 1009.0;
+        let mut color: Vec<f32> = (0..4 * w * h).map(number).collect();
+        let mut depth: Vec<f32> = (0..w * h).map(|i| 1.0 + number(i)).collect();
+        let mut ids: Vec<u8> = (0..w * h).map(|i| if i % w > w / 2 { 5 } else { 0 }).collect();
+        let images = Box::new([
+            image(PixelFormat::Rgba32f, w, h, bytemuck::cast_slice_mut(&mut color)),
+            image(PixelFormat::R32f, w, h, bytemuck::cast_slice_mut(&mut depth)),
+            image(PixelFormat::R8u, w, h, &mut ids),
+        ]);
+        let convention = Box::new(sized::<shutterbug_depth_convention>());
+        let pose = |time_s: f64, x: f64| shutterbug_stamped_pose {
+            time_s,
+            world_from_camera: shutterbug_pose {
+                translation_m: [x, 0.0, 0.0],
+                rotation_xyzw: [0.0, 0.0, 0.0, 1.0],
+            },
+        };
+        let poses = Box::new([pose(0.0, 0.0), pose(1.0, 1.0)]);
+        let bodies = Box::new([shutterbug_body { id: 5, pose_count: 2, poses: poses.as_ptr() }]);
+        let mut o = outside();
+        o.color_time_s = 0.014;
+        (o.color, o.depth, o.depth_convention) = (&images[0], &images[1], &*convention);
+        (o.poses, o.pose_count, o.ids) = (poses.as_ptr(), 2, &images[2]);
+        (o.bodies, o.body_count) = (bodies.as_ptr(), 1);
+        Self { color, depth, ids, images, convention, poses, bodies, outside: o }
+    }
+}
+
 pub fn no_image() -> *const shutterbug_image {
     null()
 }

@@ -9,7 +9,7 @@ use shutterbug::camera::{ScanOrder, ShutterTiming};
 use shutterbug::engine::{FastGather, FastImages, FastKind, FastTiming};
 use shutterbug::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Slot, Usage};
 use shutterbug::plane::Plane;
-use shutterbug::reference::fast_push::{Inputs, Push};
+use shutterbug::reference::fast_push::{FastLens, Inputs, Push};
 use shutterbug::reference::path::{FromDepth, Paths};
 
 /// A picture, the paths of what it shows, its depth.
@@ -21,8 +21,11 @@ pub struct Field {
     pub path_scale: usize,
     pub inverse_depth: Plane<f32>,
     pub one_surface: bool,
-    /// Matrices to the knots, where displacements follow from depth; else empty.
+    /// Matrices to the knots, body by body, where displacements follow from depth; else empty.
     pub moved: Vec<[Vec4; 3]>,
+    pub last_knot: u32,
+    /// Where each pixel looks, and where the lens shows each pixel of the picture.
+    pub lens: Option<[Plane<f32>; 2]>,
 }
 
 impl Field {
@@ -62,11 +65,14 @@ impl Field {
             }),
             one_surface: false,
             moved: Vec::new(),
+            last_knot: p.last_knot,
+            lens: None,
         }
     }
 
     pub fn inputs(&self) -> Inputs<'_> {
-        let depth = FromDepth { inverse_depth: &self.inverse_depth, moved: &self.moved };
+        let (inverse_depth, last_knot) = (&self.inverse_depth, self.last_knot);
+        let depth = FromDepth { inverse_depth, moved: &self.moved, last_knot };
         let from_depth = (!self.moved.is_empty()).then_some(depth);
         Inputs {
             color: &self.color,
@@ -74,6 +80,7 @@ impl Field {
             paths: Paths { images: &self.paths, scale: self.path_scale, from_depth },
             inverse_depth: &self.inverse_depth,
             one_surface: self.one_surface,
+            lens: self.lens.as_ref().map(|[ideal, sensed]| FastLens { ideal, sensed }),
         }
     }
 
@@ -102,6 +109,7 @@ impl Field {
             paths: self.paths.iter().map(flip).collect(),
             inverse_depth: flip(&self.inverse_depth),
             moved: Vec::new(),
+            lens: None,
             ..*self
         };
         let first = usize::from(!horizontal);
@@ -124,10 +132,14 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
         (image, buffer)
     };
     let paths: Vec<_> = field.paths.iter().map(|path| image(path, Format::Rgba32f)).collect();
-    let (color, depth) = (image(&field.color, Format::Rgba32f), image(&field.inverse_depth, Format::R32f));
+    let bodies = field.inverse_depth.channels == 2;
+    let of_depth = if bodies { Format::Rg32f } else { Format::R32f };
+    let (color, depth) = (image(&field.color, Format::Rgba32f), image(&field.inverse_depth, of_depth));
+    let lens = field.lens.as_ref().map(|l| l.each_ref().map(|plane| image(plane, Format::Rg32f)));
     let rows: Vec<f32> = field.moved.iter().flatten().flat_map(|row| row.to_array()).collect();
     let moved = (!rows.is_empty()).then(|| {
-        let mut buffer = Buffer::new(context, "moved", 18 * 16, Usage::Uniform, Location::Upload).unwrap();
+        let mut buffer =
+            Buffer::new(context, "moved", 4 * rows.len() as u64, Usage::Texels, Location::Upload).unwrap();
         buffer.write(0, &rows);
         buffer
     });
@@ -135,8 +147,9 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     let bytes = 16 * u64::from(p.size[0]) * u64::from(p.size[1]);
     let readback = Buffer::new(context, "radiance", bytes, Usage::Transfer, Location::Readback).unwrap();
 
-    let kind = FastKind { one_surface: field.one_surface, from_depth: !field.moved.is_empty() };
-    let shape = (field.paths.len(), field.path_scale as u32);
+    let from_depth = !field.moved.is_empty();
+    let kind = FastKind { one_surface: field.one_surface, from_depth, bodies, lens: lens.is_some() };
+    let shape = (field.paths.len().max(1), field.path_scale as u32);
     let warp = FastGather::new(context, p.size, shape, field.color_scale as u32, kind).unwrap();
     let binding = warp
         .bind(&FastImages {
@@ -145,6 +158,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
             paths: paths.iter().map(|(image, _)| image).collect(),
             moved: moved.as_ref(),
             inverse_depth: &depth.0,
+            lens: lens.as_ref().map(|l| l.each_ref().map(|(image, _)| image)),
             radiance: &radiance,
         })
         .unwrap();
@@ -165,7 +179,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     };
     let margin_px = p.margin_px.map(|m| m as u32);
     assert_eq!(timing.push(p.size, margin_px, p.max_samples), *p);
-    let inputs: Vec<_> = paths.iter().chain([&color, &depth]).collect();
+    let inputs: Vec<_> = paths.iter().chain([&color, &depth]).chain(lens.iter().flatten()).collect();
     let mut recorder = slot.begin().unwrap();
     recorder.prepare(inputs.iter().map(|(image, _)| image).chain([&radiance]));
     for (image, buffer) in inputs {

@@ -1,0 +1,85 @@
+//! How a frame from outside moves, on the device: motion images unpacked or made from depth; depth and bodies as the warp reads
+//! them.
+
+use super::outside_frame::{OutsideMotion, OutsidePixels, PixelSource};
+use super::outside_kernels::{Groups, Kernels};
+use crate::camera::NEAR_M;
+use crate::gpu::{Recorder, Shared};
+use crate::reference::motion_from_depth::Push as FromDepthPush;
+use crate::reference::unpack::{BodyPush, DepthPush, InverseDepthPush, MotionPush};
+
+/// The motion images of a frame: unpacked, or made from depth.
+pub(super) struct MotionPass<'a> {
+    pub(super) kernels: &'a Kernels,
+    pub(super) groups: &'a Groups,
+    /// The frame's slot.
+    pub(super) index: usize,
+    pub(super) size: [u32; 2],
+    /// First byte and stride of each picture.
+    pub(super) placed: &'a [(u32, u32)],
+}
+
+impl MotionPass<'_> {
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        motion: &OutsideMotion<'_>,
+        from_depth: Option<FromDepthPush>,
+    ) {
+        let (kernels, groups, size) = (self.kernels, self.groups, self.size);
+        match motion {
+            OutsideMotion::Images { images, scale, .. } => {
+                for (k, (image, &(first_byte, stride_bytes))) in images.iter().zip(self.placed).enumerate() {
+                    let (format, layer) = (image.format as u32, k as u32);
+                    let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
+                    recorder.dispatch(kernels.motion(), groups.source(self.index, k + 1), &push, size);
+                }
+            }
+            OutsideMotion::Depth { decode, .. } => {
+                let (first_byte, stride_bytes) = self.placed[0];
+                let [numerator, constant, slope] = decode.unwrap_or([0.0; 3]);
+                let metres = decode.is_none().into();
+                let push = DepthPush { size, first_byte, stride_bytes, metres, numerator, constant, slope };
+                recorder.dispatch(&kernels.depth().unpack, groups.source(self.index, 1), &push, size);
+                recorder.mark("motion");
+                let push = from_depth.expect("computed for depth");
+                recorder.dispatch(&kernels.depth().motion, groups.depth_group(), &push, size);
+            }
+            OutsideMotion::Path { .. } => unreachable!("warped, not gathered"),
+        }
+    }
+
+    /// The depth as the warp reads it.
+    pub(super) fn record_inverse_depth(
+        &self,
+        recorder: &mut Recorder<'_>,
+        motion: &OutsideMotion<'_>,
+        count: u32,
+    ) {
+        let OutsideMotion::Path { decode, bodies, .. } = motion else { unreachable!("gathered, not warped") };
+        let (first_byte, stride_bytes) = self.placed[0];
+        // metres = n / (c + s value), so near / metres = near c / n + (near s / n) value; at our own near distance exact.
+        let [numerator, constant, slope] = match decode {
+            None => [NEAR_M as f32, 0.0, 0.0],
+            Some([n, c, s]) => [0.0, *c, *s].map(|v| (NEAR_M * f64::from(v) / f64::from(*n)) as f32),
+        };
+        let push = InverseDepthPush { size: self.size, first_byte, stride_bytes, numerator, constant, slope };
+        let kernel = &self.kernels.path().inverse_depth;
+        recorder.dispatch(kernel, self.groups.source(self.index, 1), &push, self.size);
+        if let Some(bodies) = bodies.as_ref().filter(|_| count > 0) {
+            let ((first_byte, stride_bytes), id_bytes) = (self.placed[1], bodies.ids.format.bytes() as u32);
+            let push = BodyPush { size: self.size, first_byte, stride_bytes, id_bytes, count };
+            let kernel = &self.kernels.path().body;
+            recorder.dispatch(kernel, self.groups.source(self.index, 2), &push, self.size);
+        }
+    }
+}
+
+/// What a picture is read from, if it is the caller's.
+pub(super) fn shared(pixels: &OutsidePixels<'_>) -> Option<Shared> {
+    match pixels.source {
+        PixelSource::Host(_) => None,
+        PixelSource::Shared(buffer, _) => Some(Shared::Buffer(buffer.clone())),
+        PixelSource::Image(image) => Some(Shared::Image(image.clone())),
+    }
+}
