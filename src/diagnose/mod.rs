@@ -47,6 +47,7 @@ mod score;
 mod search;
 mod sentences;
 mod settings;
+mod setup_checks;
 mod smear;
 mod starts;
 mod support;
