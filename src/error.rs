@@ -207,6 +207,12 @@ pub enum Error {
         /// The result's name.
         result: String,
     },
+    /// The system starts no more threads.
+    #[error("no thread can be started ({reason}): allow more processes (ulimit -u) or free some")]
+    Threads {
+        /// The system's reason.
+        reason: String,
+    },
     /// The user asked to stop.
     #[error("interrupted after {done} of {total} frames; run again with --resume to go on")]
     Interrupted {
@@ -225,6 +231,22 @@ pub enum Error {
     },
 }
 
+/// A text as one line that steers no terminal: what comes from a file may hold line ends and escape sequences.
+pub fn one_line(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for c in text.chars() {
+        // Also the marks that turn the direction of writing round, which hide what a line says.
+        if c.is_control()
+            || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+        {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    line
+}
+
 fn kept_text(kept: &Option<PathBuf>) -> String {
     match kept {
         Some(path) => {
@@ -235,6 +257,16 @@ fn kept_text(kept: &Option<PathBuf>) -> String {
 }
 
 impl Error {
+    /// Whether the command line itself asks for what cannot be, whatever the files hold: the "file" that is named is an option.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::Input { path, .. } | Self::UnknownName { path, .. } => {
+                path.to_string_lossy().starts_with("--")
+            }
+            _ => false,
+        }
+    }
+
     /// Bad content at a line of a file.
     pub fn input(
         path: &Path,
@@ -334,6 +366,12 @@ mod tests {
             Some("phone")
         );
         assert_eq!(nearest("width", []), None);
+    }
+
+    #[test]
+    fn one_line_steers_no_terminal_and_keeps_letters() {
+        assert_eq!(one_line("a\nb\u{1b}[31m\u{7}\u{202e}x"), "a\\nb\\u{1b}[31m\\u{7}\\u{202e}x");
+        assert_eq!(one_line("K\u{e4}fig \u{1f4f7}, 1 m"), "K\u{e4}fig \u{1f4f7}, 1 m");
     }
 
     #[test]

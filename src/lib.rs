@@ -11,6 +11,7 @@ pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod error;
+pub mod files;
 pub mod formats;
 pub mod gpu;
 pub mod kernels;

@@ -448,6 +448,9 @@ fn what_cannot_be_is_refused_with_a_sentence() {
     };
     making("ARGUMENT", "vk_image is null", &|d| d.vk_image = 0);
     making("ARGUMENT", "vk_layout_after", &|d| d.vk_layout = 0);
+    making("ARGUMENT", "vk_layout is 3,", &|d| d.vk_layout = 3);
+    making("ARGUMENT", "vk_layout_after is 8,", &|d| d.vk_layout_after = 8);
+    making("ARGUMENT", "vk_usage is 0x20", &|d| d.vk_usage |= 0x20);
     making("LIMIT", "a side of 0 px", &|d| d.width = 0);
     making("FORMAT", "vk_format is 1,", &|d| d.vk_format = 1);
     making("STRUCT_SIZE", "struct_size", &|d| d.struct_size += 8);

@@ -111,6 +111,15 @@ fn memory_goes_out_and_in_by_file_descriptor() {
     assert!(fd >= 0);
     must(unsafe { shutterbug_memory_import_fd(engine, fd, bytes, &mut imported) }, engine);
     assert_eq!(unsafe { shutterbug_memory_import_fd(engine, -1, bytes, &mut imported) }, status("ARGUMENT"));
+    // A file that is smaller than the host says would be SIGBUS on a software driver.
+    let file = tempfile::tempfile().unwrap();
+    file.set_len(bytes / 2).unwrap();
+    let too_small = std::os::fd::AsRawFd::as_raw_fd(&file);
+    assert_eq!(
+        unsafe { shutterbug_memory_import_fd(engine, too_small, bytes, &mut imported) },
+        status("LIMIT")
+    );
+    assert!(error_of(engine).contains("size of imported memory"), "{}", error_of(engine));
     // A picture written through one handle is a colour read through the other: RGBA8 out, RGBA8 in.
     let mut o = small.outside;
     o.picture_memory = exported;

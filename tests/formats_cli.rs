@@ -33,7 +33,7 @@ fn presets_are_listed_and_printed() {
     );
     assert!(list.contains("global shutter"));
     let (code, out, error) = shutterbug(&["presets", "fone"]);
-    assert_eq!((code, out.as_str()), (1, ""));
+    assert_eq!((code, out.as_str()), (2, ""));
     assert!(error.contains("unknown preset `fone`; did you mean `phone`?"), "{error}");
 }
 
@@ -106,6 +106,6 @@ fn simulate_refuses_an_unknown_preset_before_it_does_anything() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = path(folder.path(), "out");
     let (code, _, error) = shutterbug(&["simulate", "nowhere", "--out", &out, "--preset", "phon"]);
-    assert!(code == 1 && error.contains("did you mean `phone`?"), "{error}");
+    assert!(code == 2 && error.contains("did you mean `phone`?"), "{error}");
     assert!(!Path::new(&out).exists());
 }

@@ -145,18 +145,19 @@ fn some_of_the_cases_are_the_same_as_among_all() {
 }
 
 #[test]
-fn a_diagnosis_that_fails_is_a_wrong_answer() {
+fn a_diagnosis_that_fails_is_an_error_and_no_wrong_answer() {
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("fails.sh");
     fs::write(&program, "#!/bin/sh\necho 'shutterbug: error: no device' >&2\nexit 1\n").expect("written");
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("set");
     let options = WithholdOptions { count: 1, ..options(folder.path(), &program) };
-    let result = withhold(&options, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
-    let score = &result.cases[0];
-    assert_eq!((score.verdict.as_str(), score.exact, result.summary.failed), ("failed", false, 1));
-    assert!(score.sentence.contains("no device"), "{}", score.sentence);
-    // Null stands for figures that there are not; the run can still be read and gone on with.
-    withhold(&options, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+    let error = withhold(&options, &mut |_| (), &|| false).expect_err("failed").to_string();
+    assert!(error.contains("no device") && error.contains("exit status: 1"), "{error}");
+    assert!(!options.out.join("case-000/score.json").exists(), "the case is not done");
+    // With the cause mended the same run goes on.
+    let mended = WithholdOptions { program: player(folder.path(), |_| ()), ..options };
+    let result = withhold(&mended, &mut |_| (), &|| false).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((result.cases.len(), result.summary.failed), (1, 0));
 }
 
 #[test]

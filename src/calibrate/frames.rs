@@ -1,12 +1,10 @@
 //! Frames of one static scene: read, checked, and decoded to linear values.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::{ImageReader, Limits};
-
 use crate::error::{Error, Result};
-use crate::plane::{MAX_DECODED_BYTES, MAX_SIDE_PX, Plane, srgb_decode, srgb_encode};
+use crate::files::{Limit, read};
+use crate::plane::{Plane, decode_picture, srgb_decode, srgb_encode};
 
 /// What the values of a frame mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,16 +79,8 @@ impl Frame {
     /// # Errors
     /// A file that cannot be read or decoded, or is too large.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
-        let bad = |reason: String| Error::Picture { path: path.to_owned(), action: "decode", reason };
-        let mut reader =
-            ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE_PX);
-        limits.max_image_height = Some(MAX_SIDE_PX);
-        limits.max_alloc = Some(MAX_DECODED_BYTES);
-        reader.limits(limits);
-        let picture = reader.decode().map_err(|e| bad(e.to_string()))?;
+        let bytes = read(path, Limit::PICTURE)?;
+        let picture = decode_picture(path, &bytes)?;
         let deep = picture.color().bytes_per_pixel() / picture.color().channel_count() > 1;
         let step = if deep { 1.0 / 65_535.0 } else { 1.0 / 255.0 };
         let (width, height) = (picture.width() as usize, picture.height() as usize);

@@ -113,6 +113,9 @@ unsafe fn host_device(host: *const shutterbug_host_device) -> Outcome<HostDevice
     if host.extension_count > 0 && host.extensions.is_null() {
         return Err(Fault::argument("shutterbug_host_device.extensions is null"));
     }
+    if !host.extensions.is_aligned() {
+        return Err(Fault::argument("shutterbug_host_device.extensions is misaligned"));
+    }
     if host.extension_count > 4096 {
         return Err(Fault::argument("shutterbug_host_device.extension_count is above 4096"));
     }

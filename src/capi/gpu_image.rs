@@ -30,6 +30,19 @@ unsafe fn image_spec(
             "shutterbug_gpu_image: vk_layout_after is needed where vk_layout is VK_IMAGE_LAYOUT_UNDEFINED";
         return Err(Fault::argument(text));
     }
+    for (name, layout, first) in [("vk_layout", image.vk_layout, true), ("vk_layout_after", after, false)] {
+        if !is_layout(layout, first) {
+            let text = format!("shutterbug_gpu_image.{name} is {layout}, no layout of an image with colour");
+            return Err(Fault::argument(text));
+        }
+    }
+    if image.vk_usage & !USAGES != 0 {
+        let text = format!(
+            "shutterbug_gpu_image.vk_usage is {:#x}, with bits that no image here has",
+            image.vk_usage
+        );
+        return Err(Fault::argument(text));
+    }
     let number = |name: &str, value: u32| {
         i32::try_from(value).map_err(|_| Fault::argument(format!("shutterbug_gpu_image.{name} is {value}")))
     };
@@ -46,6 +59,22 @@ unsafe fn image_spec(
         return Err(Fault::new(status::FORMAT, text));
     }
     Ok((spec, image))
+}
+
+/// Transfer, sampled, storage, colour attachment and input attachment.
+const USAGES: u32 = 0x9f;
+
+/// Whether an image with colour can be in a layout; `first`: when it is handed over, where it may also be new.
+fn is_layout(layout: u32, first: bool) -> bool {
+    match layout {
+        // VK_IMAGE_LAYOUT_UNDEFINED, _PREINITIALIZED: found so, but never brought to.
+        0 | 8 => first,
+        // _GENERAL, _COLOR_ATTACHMENT_OPTIMAL, _SHADER_READ_ONLY_OPTIMAL, _TRANSFER_SRC_OPTIMAL, _TRANSFER_DST_OPTIMAL
+        1 | 2 | 5 | 6 | 7 => true,
+        // _PRESENT_SRC_KHR, _SHARED_PRESENT_KHR, _READ_ONLY_OPTIMAL, _ATTACHMENT_OPTIMAL
+        1_000_001_002 | 1_000_111_000 | 1_000_314_000 | 1_000_314_001 => true,
+        _ => false,
+    }
 }
 
 /// What an image that is made here must be: `TRANSFER_SRC` or `TRANSFER_DST` are the copies of a frame.
@@ -144,5 +173,22 @@ pub unsafe extern "C" fn shutterbug_memory_export_image_fd(
             bytes.write(exported.1);
             Ok(Shared::Image(Arc::new(made)))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_layout;
+
+    #[test]
+    fn layouts_that_no_image_with_colour_can_have_are_told() {
+        for layout in [1, 2, 5, 6, 7, 1_000_001_002] {
+            assert!(is_layout(layout, true) && is_layout(layout, false), "{layout}");
+        }
+        assert!(is_layout(8, true) && !is_layout(8, false), "preinitialised is found, never made");
+        // Depth and stencil, and numbers of nothing.
+        for layout in [3, 4, 9, 77, 1_000_001_003, u32::MAX] {
+            assert!(!is_layout(layout, true) && !is_layout(layout, false), "{layout}");
+        }
     }
 }

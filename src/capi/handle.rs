@@ -5,9 +5,9 @@
 //! empty (and owns no memory) when all are destroyed, and is locked only while a handle is looked up. In a forked child the
 //! parent's handles answer with FORKED, and nothing of theirs is touched.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, Once, PoisonError, TryLockError};
 
 use tracing::Dispatch;
 
@@ -136,12 +136,15 @@ impl<T> Cell<T> {
             return Err(Fault::new(status::HANDLE, "the handle was destroyed"));
         };
         if self.unusable.load(Ordering::Acquire) {
-            return Err(Fault::new(status::POISONED, format!("unusable since: {}", self.error_text())));
+            let (said, since) = (self.error_text(), "unusable since: ");
+            // It is kept as the last error: the next call must not put another one before it.
+            let text = if said.starts_with(since) { said } else { format!("{since}{said}") };
+            return Err(Fault::new(status::POISONED, text));
         }
         let call = AssertUnwindSafe(|| f(state));
         let done = match &self.log {
-            Some(log) => tracing::dispatcher::with_default(log, || catch_unwind(call)),
-            None => catch_unwind(call),
+            Some(log) => tracing::dispatcher::with_default(log, || caught(call)),
+            None => caught(call),
         };
         done.unwrap_or_else(|panic| {
             self.unusable.store(true, Ordering::Release);
@@ -181,8 +184,8 @@ pub fn destroy<T: Kind>(handle: usize) -> Status {
         Ok((state, cell)) => {
             let drop_it = AssertUnwindSafe(|| drop(state));
             let done = match &cell.log {
-                Some(log) => tracing::dispatcher::with_default(log, || catch_unwind(drop_it)),
-                None => catch_unwind(drop_it),
+                Some(log) => tracing::dispatcher::with_default(log, || caught(drop_it)),
+                None => caught(drop_it),
             };
             if done.is_err() { status::PANIC } else { status::OK }
         }
@@ -194,10 +197,31 @@ pub fn with<T: Kind, R>(handle: usize, f: impl FnOnce(&mut T) -> Outcome<R>) -> 
     find::<T>(handle)?.run(f)
 }
 
+thread_local! {
+    /// Whether this thread is inside a call, whose panics are caught.
+    static IN_CALL: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Catches a panic. What it says goes to the host's log, where there is one, and not to the host's stderr.
+fn caught<R>(f: impl FnOnce() -> R + UnwindSafe) -> std::thread::Result<R> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |panic| match IN_CALL.get() {
+            true => tracing::error!("a bug in shutterbug: {panic}"),
+            // Of the host's own, where it is written in Rust too.
+            false => before(panic),
+        }));
+    });
+    let outer = IN_CALL.replace(true);
+    let done = catch_unwind(f);
+    IN_CALL.set(outer);
+    done
+}
+
 /// Runs a call that has no handle yet.
 pub fn guarded<R>(f: impl FnOnce() -> Outcome<R>) -> Outcome<R> {
-    catch_unwind(AssertUnwindSafe(f))
-        .unwrap_or_else(|panic| Err(Fault::new(status::PANIC, panic_text(&*panic))))
+    caught(AssertUnwindSafe(f)).unwrap_or_else(|panic| Err(Fault::new(status::PANIC, panic_text(&*panic))))
 }
 
 /// The code of an outcome without value.
@@ -265,7 +289,9 @@ mod tests {
         assert!(text_of(broken).contains("on purpose"), "{}", text_of(broken));
         assert_eq!(set_camera(broken, CAMERA), status::POISONED);
         assert!(text_of(broken).contains("unusable since") && text_of(broken).contains("on purpose"));
+        let said = text_of(broken);
         assert_eq!(set_camera(broken, CAMERA), status::POISONED, "and stays so");
+        assert_eq!(text_of(broken), said, "its text does not grow");
         assert_eq!(set_camera(other, CAMERA), status::OK, "no other handle");
         assert_eq!(shutterbug_engine_destroy(broken), status::OK);
         assert_eq!(set_camera(broken, CAMERA), status::HANDLE);
@@ -292,6 +318,14 @@ mod tests {
         let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));
         let want = [(1, "one 1"), (2, "two"), (3, "three")];
         assert_eq!(told, want.map(|(level, text)| (level, text.to_owned())));
+        // A bug of ours is told there too.
+        let bug = |_: &mut Session| -> Outcome<()> { panic!("on purpose") };
+        assert_eq!(code(with(heard as usize, bug)), status::PANIC);
+        let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));
+        assert!(
+            matches!(&told[..], [(1, text)] if text.contains("a bug") && text.contains("on purpose")),
+            "{told:?}"
+        );
         for engine in [heard, silent] {
             assert_eq!(shutterbug_engine_destroy(engine), status::OK);
         }

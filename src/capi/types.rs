@@ -299,15 +299,24 @@ pub(super) unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String>
 /// Null, or so many writable characters.
 pub(super) unsafe fn give_text((to, capacity): (*mut c_char, u64), text: &str) {
     if !to.is_null() && capacity > 0 && capacity <= isize::MAX as u64 {
-        // SAFETY: the caller's promise.
-        put_text(unsafe { std::slice::from_raw_parts_mut(to, capacity as usize) }, text);
+        // Not as a slice: all of it would have to hold values already, and most of it is never touched.
+        let bytes = text.as_bytes()[..fits(text, capacity as usize - 1)].iter().chain(std::iter::once(&0));
+        for (i, byte) in bytes.enumerate() {
+            // SAFETY: so many writable characters by the caller's promise, and no more than that are written.
+            unsafe { to.add(i).write(*byte as c_char) };
+        }
     }
 }
 
-/// Copies a text into a fixed or given field, cut where it does not fit (at a character's border), NUL-terminated.
+/// How many bytes of a text fit, cut at a character's border.
+fn fits(text: &str, room: usize) -> usize {
+    (0..=room.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0)
+}
+
+/// Copies a text into a fixed field, cut where it does not fit (at a character's border), NUL-terminated.
 pub(super) fn put_text(field: &mut [c_char], text: &str) {
     let Some(room) = field.len().checked_sub(1) else { return };
-    let end = (0..=room.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0);
+    let end = fits(text, room);
     for (to, from) in field.iter_mut().zip(text.as_bytes()[..end].iter().chain(std::iter::once(&0))) {
         *to = *from as c_char;
     }

@@ -12,6 +12,7 @@ use crate::camera::Intrinsics;
 use crate::chain::{ParamKind, Settings, Value};
 use crate::effects;
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::plane::MAX_SIDE_PX;
 
 /// What `camera.toml` says.
@@ -51,7 +52,8 @@ impl CameraFile {
     /// # Errors
     /// A missing file, and those of [`Self::parse`].
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path, "the camera: its size, pinhole, frame period and effects")?;
+        let text =
+            read_text(path, "the camera: its size, pinhole, frame period and effects", Limit::SETTINGS)?;
         let camera = Self::parse(path, &text)?;
         for warning in &camera.warnings {
             tracing::warn!("{}: {warning}", path.display());

@@ -6,7 +6,7 @@ use toml::de::DeTable;
 
 use super::text::TomlText;
 use crate::error::{Error, Result};
-use crate::scene::PointLight;
+use crate::scene::{MAX_LIGHTS, PointLight};
 
 const KEYS: [&str; 3] = ["position", "color", "attenuation"];
 
@@ -31,6 +31,11 @@ pub fn parse_lights(path: &Path, text: &str) -> Result<Vec<PointLight>> {
         entry.get_ref().as_array().ok_or_else(|| toml.unexpected("light", entry, "`[[light]]` tables"))?;
     if lights.is_empty() {
         return Err(no_light());
+    }
+    if let Some(first_beyond) = lights.get(MAX_LIGHTS) {
+        let found = format!("{} lights, the first too many here", lights.len());
+        let line = toml.line(first_beyond.span());
+        return Err(Error::input(path, line, found, format!("at most {MAX_LIGHTS}")));
     }
     let light = |entry: &super::text::Entry| {
         let table = entry

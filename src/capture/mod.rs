@@ -16,6 +16,7 @@ pub use lights::parse_lights;
 use crate::camera::{Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
 use crate::effects::{FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::scene::{Scene, Shading, load_obj};
 pub(crate) use text::read_text;
 
@@ -61,7 +62,8 @@ impl Capture {
         let mut scene = load_obj(&root.join("scene.obj"), root)?;
         if camera.lit {
             let path = root.join("lights.toml");
-            let text = read_text(&path, "the point lights, as the camera says shading = \"lit\"")?;
+            let text =
+                read_text(&path, "the point lights, as the camera says shading = \"lit\"", Limit::SETTINGS)?;
             scene.shading = Shading::Lit(parse_lights(&path, &text)?);
         }
         Self::with_scene(root, camera, scene)
@@ -74,7 +76,7 @@ impl Capture {
     pub fn with_scene(root: &Path, mut camera: CameraFile, mut scene: Scene) -> Result<Self> {
         check_lens(&camera)?;
         let path = root.join("frames.csv");
-        let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`")?;
+        let text = read_text(&path, "the frames: lines of `timestamp in ns,file name`", Limit::TABLE)?;
         let frames = parse_frames(&path, &text)?;
         let epoch_ns = clock_epoch_ns(frames[0].timestamp_ns);
         if let Some(warning) = spacing_warning(&frames, camera.frame_period_s) {
@@ -189,7 +191,8 @@ fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String>
 /// Refuses a folder that is no capture, naming all that it lacks at once.
 fn check_present(root: &Path, camera: &Path) -> Result<()> {
     if !root.is_dir() {
-        let found = if root.exists() { "a file" } else { "no such folder" };
+        let there = root.try_exists().map_err(|e| Error::io(root, "read", e))?;
+        let found = if there { "a file" } else { "no such folder" };
         return Err(Error::input(root, None, found, "a capture: a folder with camera.toml, scene.obj, ..."));
     }
     let wanted = [
@@ -198,7 +201,13 @@ fn check_present(root: &Path, camera: &Path) -> Result<()> {
         (root.join("trajectory.tum"), "the camera's poses over time: lines of t tx ty tz qx qy qz qw"),
         (root.join("frames.csv"), "the frames: lines of `timestamp in ns,file name`"),
     ];
-    let missing: Vec<_> = wanted.iter().filter(|(path, _)| !path.exists()).collect();
+    let mut missing = Vec::new();
+    for entry in &wanted {
+        // A folder that may not be entered and links in a circle are no missing files.
+        if !entry.0.try_exists().map_err(|e| Error::io(&entry.0, "read", e))? {
+            missing.push(entry);
+        }
+    }
     match missing.as_slice() {
         [] => Ok(()),
         [(path, purpose)] => Err(Error::input(path, None, "no such file", *purpose)),

@@ -8,15 +8,18 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, Result};
+use crate::files::{Limit, read};
 
 /// The whole of a UTF-8 text file. `purpose` completes "no such file; expected ..." when it is missing.
 ///
 /// # Errors
-/// A missing or unreadable file, bytes that are not UTF-8 (with their line).
-pub(crate) fn read_text(path: &Path, purpose: &str) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => Error::input(path, None, "no such file", purpose),
-        _ => Error::io(path, "read", e),
+/// A missing or unreadable file, one of more than `limit` bytes, bytes that are not UTF-8 (with their line).
+pub(crate) fn read_text(path: &Path, purpose: &str, limit: Limit) -> Result<String> {
+    let bytes = read(path, limit).map_err(|e| match e {
+        Error::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
+            Error::input(path, None, "no such file", purpose)
+        }
+        other => other,
     })?;
     String::from_utf8(bytes).map_err(|e| {
         let valid = &e.as_bytes()[..e.utf8_error().valid_up_to()];
@@ -36,12 +39,16 @@ pub(super) type Entry<'a> = Spanned<DeValue<'a>>;
 pub(super) struct TomlText<'a> {
     path: &'a Path,
     text: &'a str,
+    /// Where each line but the first begins: a file of many tables asks for as many lines.
+    starts: Vec<usize>,
 }
 
 impl<'a> TomlText<'a> {
     /// The text, without its byte order mark if it has one.
     pub(super) fn new(path: &'a Path, text: &'a str) -> Self {
-        Self { path, text: text.trim_start_matches('\u{feff}') }
+        let text = text.trim_start_matches('\u{feff}');
+        let starts = text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(at, _)| at + 1).collect();
+        Self { path, text, starts }
     }
 
     /// The file.
@@ -64,7 +71,7 @@ impl<'a> TomlText<'a> {
 
     /// The line, counted from 1, on which something starts.
     pub(super) fn line(&self, span: Range<usize>) -> usize {
-        line_at(self.text.as_bytes(), span.start)
+        1 + self.starts.partition_point(|start| *start <= span.start)
     }
 
     /// `name = value` is not what was expected.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::text::read_text;
 use crate::camera::Trajectory;
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use crate::scene::Scene;
 
 /// Reads a TUM file. `epoch_ns` is the zero of the capture's clock.
@@ -13,7 +14,7 @@ use crate::scene::Scene;
 /// # Errors
 /// A missing file, and those of [`Trajectory::parse`].
 pub(super) fn read_trajectory(path: &Path, epoch_ns: i64) -> Result<Trajectory> {
-    let text = read_text(path, "the poses over time: lines of t tx ty tz qx qy qz qw")?;
+    let text = read_text(path, "the poses over time: lines of t tx ty tz qx qy qz qw", Limit::TABLE)?;
     Trajectory::parse(path, &text, epoch_ns)
 }
 

@@ -68,6 +68,9 @@ pub struct Convert {
     /// Format to write (else by the ending of --out: .toml or .sdf)
     #[arg(long, value_enum)]
     pub to: Option<FormatName>,
+    /// Replace the file that is there
+    #[arg(long)]
+    pub overwrite: bool,
     /// Frame rate, where the input states none: camera.toml needs one
     #[arg(long, value_parser = rate_hz)]
     pub rate_hz: Option<f64>,
@@ -138,6 +141,9 @@ pub struct CalibrateNoise {
     /// Folder for camera.toml, camera_paper.toml, report.json, noise.png and ptc.png; made if absent
     #[arg(long)]
     pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
     /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
     #[arg(long)]
     pub pairs: bool,
@@ -170,6 +176,9 @@ pub struct Simulate {
     /// Folder for the frames (NNNNNN.png), instants.csv and simulate.json; made if absent
     #[arg(long)]
     pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
     /// Use this camera instead of the capture's camera.toml; ROS, Kalibr and EuRoC YAML are read too
     #[arg(long)]
     pub camera: Option<PathBuf>,
@@ -266,6 +275,9 @@ pub struct Diagnose {
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
     /// Use this camera instead of the capture's camera.toml
     #[arg(long)]
     pub camera: Option<PathBuf>,
@@ -289,8 +301,11 @@ pub struct Withhold {
     /// Folder for captures, answers, scores, withhold.json and withhold.html; a run that stopped goes on
     #[arg(long)]
     pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
     /// Number of captures
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = in_steps(1, 1_000_000))]
     pub count: usize,
     /// Seed of everything
     #[arg(long, default_value_t = 0)]
@@ -302,7 +317,7 @@ pub struct Withhold {
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(48..=4096))]
     pub height: u32,
     /// Frames a capture (else 10 to 16)
-    #[arg(long)]
+    #[arg(long, value_parser = in_steps(4, 10_000))]
     pub frames: Option<usize>,
     /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
     #[arg(long)]

@@ -1,9 +1,10 @@
 //! `shutterbug calibrate noise A B ... --out DIR`.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::args::{CalibrateNoise, EncodingName};
+use super::terminal::print;
 use crate::calibrate::{
     Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
     paper_settings,
@@ -12,13 +13,17 @@ use crate::camera::Intrinsics;
 use crate::capture::CameraFile;
 use crate::chain::Settings;
 use crate::effects::by_id;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
+use crate::files::{Out, OutRules};
 use crate::plane::{write_atomic, write_png_atomic};
 
 /// Runs the command.
 pub fn run(args: &CalibrateNoise) -> Result<()> {
     let base = args.camera.as_deref().map(CameraFile::read).transpose()?;
     let frames: Vec<Frame> = args.frames.iter().map(|p| Frame::read(p)).collect::<Result<_>>()?;
+    if let Some(base) = &base {
+        check_sizes(base, &frames)?;
+    }
     let options = NoiseOptions {
         encoding: match args.encoding {
             EncodingName::Srgb => Encoding::Srgb,
@@ -26,11 +31,15 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
         },
         seed: args.seed,
     };
+    let inputs: Vec<&Path> = args.frames.iter().map(PathBuf::as_path).collect();
+    let rules =
+        OutRules { command: "calibrate noise", inputs: &inputs, overwrite: args.overwrite, goes_on: false };
+    let out = Out::open(&args.out, &rules)?;
     if !args.pairs {
         let done = calibrate_noise(&frames, options)?;
+        out.start()?;
         write(&args.out, &done, base.as_ref())?;
-        print!("{}", summary(&done));
-        return Ok(());
+        return print(summary(&done));
     }
     if frames.len() % 2 == 1 {
         let last = frames.last().map_or(Path::new(""), |f| &f.path);
@@ -38,11 +47,24 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
     }
     for (k, pair) in frames.chunks_exact(2).enumerate() {
         let done = calibrate_noise(pair, options)?;
+        out.start()?;
         let folder = args.out.join(format!("pair_{k:02}"));
         write(&folder, &done, base.as_ref())?;
-        print!("{}", summary(&done));
+        print(summary(&done))?;
     }
     Ok(())
+}
+
+/// Noise per pixel is that of a camera of the frames' size.
+fn check_sizes(base: &CameraFile, frames: &[Frame]) -> Result<()> {
+    let k = &base.intrinsics;
+    let wanted = [k.width as usize, k.height as usize];
+    let Some(other) = frames.iter().find(|f| [f.encoded.width, f.encoded.height] != wanted) else {
+        return Ok(());
+    };
+    let found = format!("a picture of {}x{} px", other.encoded.width, other.encoded.height);
+    let expected = format!("{}x{} px, as {} says", k.width, k.height, base.path.display());
+    Err(Error::input(&other.path, None, found, expected))
 }
 
 fn write(out: &Path, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
@@ -70,7 +92,7 @@ const MEASURED: [&str; 8] = [
 /// The base camera (or a placeholder of the frames' size) with the measured effects.
 fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
     let from = done.frames.join(", ");
-    let mut text = format!("# Noise measured from {from}.\n");
+    let mut text = format!("# Noise measured from {}.\n", one_line(&from));
     let mut camera = match base {
         Some(base) => base.clone(),
         None => {
@@ -78,7 +100,7 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
             placeholder(path, done)
         }
     };
-    done.notes.iter().for_each(|n| text += &format!("# {n}\n"));
+    done.notes.iter().for_each(|n| text += &format!("# {}\n", one_line(n)));
     MEASURED.iter().for_each(|effect| camera.settings.disable(effect));
     for (id, values) in noise.iter() {
         let effect = by_id(id).expect("settings hold known effects");

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::args::Convert;
+use super::terminal::print;
 use crate::error::{Error, Result};
+use crate::files::write_single;
 use crate::formats::{Format, read_camera, write_camera};
-use crate::plane::write_atomic;
 
 /// Converts one camera; what has no place in the target is said on stderr and in the file.
 pub fn run(args: &Convert) -> Result<()> {
@@ -15,7 +16,8 @@ pub fn run(args: &Convert) -> Result<()> {
     };
     let imported = read_camera(&args.input, args.from.map(Format::from), args.name.as_deref())?;
     let out = args.out.as_deref().unwrap_or(Path::new("the camera"));
-    let (text, notes) = write_camera(&imported.camera, target, out, args.rate_hz)?;
+    // What is missing is missing from the input.
+    let (text, notes) = write_camera(&imported.camera, target, &args.input, args.rate_hz)?;
     for note in &imported.notes {
         tracing::warn!("{}: {note}", args.input.display());
     }
@@ -23,11 +25,8 @@ pub fn run(args: &Convert) -> Result<()> {
         tracing::warn!("{}: {note}", out.display());
     }
     match &args.out {
-        Some(path) => write_atomic(path, text.as_bytes()),
-        None => {
-            print!("{text}");
-            Ok(())
-        }
+        Some(path) => write_single(path, text.as_bytes(), args.overwrite, std::slice::from_ref(&args.input)),
+        None => print(text),
     }
 }
 

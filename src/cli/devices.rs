@@ -1,6 +1,7 @@
 //! `shutterbug devices`.
 
 use super::args::Devices;
+use super::terminal::print;
 use crate::engine::{Gather, cache_path, choose_gather};
 use crate::error::{Error, Result};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, DeviceInfo, DeviceKind, Validation, devices};
@@ -12,9 +13,7 @@ pub fn run(args: &Devices) -> Result<()> {
         let present = "none (Debian: apt-get install mesa-vulkan-drivers)".to_owned();
         return Err(Error::NoDevice { wanted: "is there".to_owned(), present });
     }
-    for device in &all {
-        print!("{}", describe(device));
-    }
+    print(all.iter().map(describe).collect::<String>())?;
     if args.kernels { kernels() } else { Ok(()) }
 }
 
@@ -22,12 +21,12 @@ pub fn run(args: &Devices) -> Result<()> {
 fn kernels() -> Result<()> {
     let device = DeviceChoice::from_option_or_environment(None);
     let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
-    println!("kernels on {}:", context.info().name);
+    let mut text = format!("kernels on {}:\n", context.info().name);
     for gather in [Gather::Bilinear, Gather::Fast] {
         let choice = choose_gather(&context, gather, None)?;
         let times: Vec<_> = choice.candidates.iter().map(|(name, ms)| format!("{name} {ms:.3} ms")).collect();
-        println!(
-            "   --gather {:?}: {} (by {:?}: {})",
+        text += &format!(
+            "   --gather {:?}: {} (by {:?}: {})\n",
             gather,
             choice.kernel.name,
             choice.by,
@@ -35,10 +34,10 @@ fn kernels() -> Result<()> {
         );
     }
     match cache_path() {
-        Some(path) => println!("   kept in {}; remove the file to measure again", path.display()),
-        None => println!("   kept nowhere: neither XDG_CACHE_HOME nor HOME is set"),
+        Some(path) => text += &format!("   kept in {}; remove the file to measure again\n", path.display()),
+        None => text += "   kept nowhere: neither XDG_CACHE_HOME nor HOME is set\n",
     }
-    Ok(())
+    print(text)
 }
 
 fn describe(d: &DeviceInfo) -> String {

@@ -7,9 +7,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::Diagnose;
 use super::interrupt::Interrupt;
+use super::terminal::say;
 use crate::capture::Capture;
 use crate::diagnose::{DiagnoseOptions, Progress, diagnose};
 use crate::error::{Error, Result};
+use crate::files::{Out, OutRules};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 
 /// Time between two lines of progress.
@@ -21,9 +23,17 @@ const JOURNAL_FILE: &str = "progress.jsonl";
 /// Runs the command.
 pub fn run(args: &Diagnose) -> Result<()> {
     let capture = Capture::read(&args.capture, args.camera.as_deref())?;
-    fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
+    let real = args.capture.join("real");
+    let rules = OutRules {
+        command: "diagnose",
+        inputs: &[&args.capture, &real],
+        overwrite: args.overwrite,
+        goes_on: false,
+    };
+    let out = Out::open(&args.out, &rules)?;
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
+    out.working(JOURNAL_FILE)?;
     let options = DiagnoseOptions {
         seed: args.seed,
         without: args.without.clone(),
@@ -34,13 +44,15 @@ pub fn run(args: &Diagnose) -> Result<()> {
     let mut lines = Lines::new();
     let diagnosis = diagnose(&context, &capture, &options, &mut lines);
     lines.bar.finish_and_clear();
-    let report = diagnosis?.write(&args.out, &capture)?;
+    let diagnosis = diagnosis?;
+    out.start()?;
+    let report = diagnosis.write(&args.out, &capture)?;
     crate::report::write_html(&report, &args.out)?;
     // It is done: there is nothing to go on with.
     let journal = args.out.join(JOURNAL_FILE);
     fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))?;
-    eprintln!("{}", report.sentence);
-    eprintln!("{}", args.out.join(crate::report::PAGE_FILE).display());
+    say(&report.sentence);
+    say(args.out.join(crate::report::PAGE_FILE).display());
     Ok(())
 }
 
@@ -77,7 +89,7 @@ impl Progress for Lines {
             self.bar.set_message(format!("{stage}: {what}{eta}"));
         } else if fresh || self.said.elapsed() >= LOG_INTERVAL {
             self.said = Instant::now();
-            eprintln!("{stage}: {what} ({step}/{steps}{eta})");
+            say(format_args!("{stage}: {what} ({step}/{steps}{eta})"));
         }
     }
 }

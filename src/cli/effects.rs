@@ -1,17 +1,24 @@
 //! `shutterbug effects`: every effect with its parameters, from the one list that drives everything else.
 
+use super::terminal::print;
 use crate::chain::ParamKind;
 use crate::effects;
+use crate::error::Result;
 
 /// Prints the effects in light-path order.
-pub fn run() {
+///
+/// # Errors
+/// Standard output that cannot be written.
+pub fn run() -> Result<()> {
+    let mut text = String::new();
     for effect in effects::LIST {
-        println!("[{}]", effect.id());
+        text += &format!("[{}]\n", effect.id());
         for spec in effect.specs() {
             let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
-            println!("  {:<20} {}{unit}: {}", spec.name, values(&spec.kind), spec.about);
+            text += &format!("  {:<20} {}{unit}: {}\n", spec.name, values(&spec.kind), spec.about);
         }
     }
+    print(text)
 }
 
 fn values(kind: &ParamKind) -> String {

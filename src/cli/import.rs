@@ -4,9 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use super::args::Import;
+use super::terminal::say;
 use crate::error::{Error, Result};
+use crate::files::{recorded_reads, write_single};
 use crate::formats::{Format, read_euroc, read_kitti, write_camera};
-use crate::plane::write_atomic;
 
 /// Writes frames.csv, trajectory.tum and, where the recording has a camera, camera.toml.
 pub fn run(args: &Import) -> Result<()> {
@@ -30,9 +31,10 @@ pub fn run(args: &Import) -> Result<()> {
         let expected = "no such file yet, or --overwrite";
         return Err(Error::input(&args.out.join(name), None, "a file", expected));
     }
+    let inputs: Vec<_> = recorded_reads().into_keys().collect();
     fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
     for (name, text) in &files {
-        write_atomic(&args.out.join(name), text.as_bytes())?;
+        write_single(&args.out.join(name), text.as_bytes(), args.overwrite, &inputs)?;
     }
     for note in &notes {
         tracing::warn!("{}: {note}", args.input.display());
@@ -43,5 +45,5 @@ pub fn run(args: &Import) -> Result<()> {
 }
 
 fn report(out: &Path, names: &[&str], frames: usize, poses: usize) {
-    eprintln!("{frames} frames and {poses} poses: {} written to {}", names.join(", "), out.display());
+    say(format_args!("{frames} frames and {poses} poses: {} written to {}", names.join(", "), out.display()));
 }

@@ -1,5 +1,6 @@
 //! `shutterbug presets`.
 
+use super::terminal::print;
 use crate::effects::{MotionBlur, RollingShutter};
 use crate::error::Result;
 use crate::formats::{PRESETS, Preset, preset};
@@ -7,15 +8,12 @@ use crate::formats::{PRESETS, Preset, preset};
 /// Lists the presets, or prints one.
 pub fn run(name: Option<&str>) -> Result<()> {
     if let Some(name) = name {
-        print!("{}", preset(name)?.toml);
-        return Ok(());
+        return print(preset(name)?.toml);
     }
-    for preset in PRESETS {
-        print!("{}", describe(preset)?);
-    }
-    println!("\nshutterbug presets NAME prints one with the source of every number.");
-    println!("shutterbug simulate CAPTURE --preset NAME adds its effects to a capture's camera.");
-    Ok(())
+    let mut text: String = PRESETS.iter().map(describe).collect::<Result<_>>()?;
+    text += "\nshutterbug presets NAME prints one with the source of every number.\n";
+    text += "shutterbug simulate CAPTURE --preset NAME adds its effects to a capture's camera.\n";
+    print(text)
 }
 
 fn describe(preset: &Preset) -> Result<String> {

@@ -10,15 +10,18 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{PlaneName, Simulate};
+use super::begin::{Begin, plane_folder, stem};
 use super::interrupt::Interrupt;
+use super::terminal::say;
 use super::timings::Timings;
 use crate::capture::Capture;
 use crate::effects::ExposureControl;
 use crate::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use crate::error::{Error, Result};
+use crate::files::{Out, OutRules};
 use crate::formats::{preset, read_capture};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
-use crate::plane::{read_rgb8, write_atomic, write_exr_plane, write_png_atomic};
+use crate::plane::{read_rgb8, write_exr_plane, write_png_atomic};
 
 /// Frames that wait for the disk at most; more would only take memory.
 const WRITE_QUEUE: usize = 4;
@@ -29,20 +32,21 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 pub fn run(args: &Simulate) -> Result<()> {
     let preset = args.preset.as_deref().map(preset).transpose()?;
     let capture = read_capture(&args.capture, args.camera.as_deref(), preset)?;
-    fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
-    let todo = start_run(args, &capture)?;
-    write_atomic(&args.out.join("instants.csv"), instants_csv(&capture).as_bytes())?;
+    let rules = OutRules {
+        command: "simulate",
+        inputs: &[&args.capture],
+        overwrite: args.overwrite,
+        goes_on: args.resume,
+    };
+    let out = Out::open(&args.out, &rules)?;
+    let (todo, begin) = Begin::new(args, &capture, &out)?;
     let total = capture.frames.len();
     if todo.is_empty() {
-        eprintln!("all {total} frames are there already: {}", args.out.display());
-        return Ok(());
+        say(format_args!("all {total} frames are there already: {}", args.out.display()));
+        return begin.run();
     }
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
-    let validation = match std::env::var_os("SHUTTERBUG_VALIDATION") {
-        Some(on) if on == "1" => Validation::Required,
-        _ => Validation::Off,
-    };
-    let context = Context::new(&ContextOptions { device, validation })?;
+    let context = Context::new(&ContextOptions { device, validation: validation() })?;
     let requests: Vec<_> = todo.iter().map(|&f| request(args, &capture, f)).collect();
     // The set-up's effects: from here on the path is the true camera's.
     let capture = Capture { trajectory: capture.true_trajectory(), ..capture };
@@ -57,13 +61,15 @@ pub fn run(args: &Simulate) -> Result<()> {
     let size = [camera.width, camera.height];
     let stems: Vec<_> = (0..total).map(|f| stem(&capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));
-    let mut engine = Engine::new(&context, scene, path, *camera, options, &requests)?;
+    let counts = [scene.indices.len() / 3, scene.objects.len()];
+    let engine = Engine::new(&context, scene, path, *camera, options, &requests);
+    let mut engine = engine.map_err(|e| of_scene(e, &args.capture, counts))?;
     let mut timings = Timings::default();
     let start = Instant::now();
-    let done = render_all((args, &stems), &mut engine, &requests, &mut timings)?;
+    let done = render_all((args, &stems, &begin), &mut engine, &requests, &mut timings)?;
     if let Some(batch) = args.batch {
         let rate = done as f64 / start.elapsed().as_secs_f64();
-        eprintln!("{rate:.2} frames a second, on disk, with {batch} in flight");
+        say(format_args!("{rate:.2} frames a second, on disk, with {batch} in flight"));
     }
     report_validation(&context)?;
     if args.timings {
@@ -72,8 +78,25 @@ pub fn run(args: &Simulate) -> Result<()> {
     if done < requests.len() {
         return Err(Error::Interrupted { done: total - requests.len() + done, total });
     }
-    eprintln!("{done} frames written to {}", args.out.display());
+    say(format_args!("{done} frames written to {}", args.out.display()));
     Ok(())
+}
+
+/// The layer is asked for by `SHUTTERBUG_VALIDATION=1`.
+fn validation() -> Validation {
+    match std::env::var_os("SHUTTERBUG_VALIDATION") {
+        Some(on) if on == "1" => Validation::Required,
+        _ => Validation::Off,
+    }
+}
+
+/// A limit of the device says more with the file that went beyond it.
+fn of_scene(error: Error, capture: &Path, [triangles, objects]: [usize; 2]) -> Error {
+    if !matches!(error, Error::Limit { .. } | Error::OutOfMemory { .. }) {
+        return error;
+    }
+    let hint = format!("; the scene has {triangles} triangles in {objects} objects");
+    Error::At { path: capture.join("scene.obj"), line: None, problem: Box::new(error), hint }
 }
 
 /// With `SHUTTERBUG_VALIDATION=1` any message of the layer is a failure.
@@ -103,7 +126,7 @@ fn request(args: &Simulate, capture: &Capture, frame: usize) -> FrameRequest {
 
 /// Submits, collects and hands to the writer; returns how many frames are on disk. Stops early when asked to.
 fn render_all(
-    (args, stems): (&Simulate, &[String]),
+    (args, stems, begin): (&Simulate, &[String], &Begin<'_>),
     engine: &mut Engine,
     requests: &[FrameRequest],
     timings: &mut Timings,
@@ -112,14 +135,18 @@ fn render_all(
     let progress = Progress::new(requests.len() as u64);
     std::thread::scope(|scope| {
         let (to_disk, frames) = sync_channel::<Frame>(WRITE_QUEUE);
-        let writer = scope.spawn(move || {
+        let write_all = move || {
             let mut written = 0;
             for frame in frames {
+                // Now there is a device, memory, and something to put in the place of what an earlier run made.
+                begin.run()?;
                 write_frame(args, &stems[frame.index as usize], &frame)?;
                 written += 1;
             }
             Ok(written)
-        });
+        };
+        let writer = std::thread::Builder::new().spawn_scoped(scope, write_all);
+        let writer = writer.map_err(|e| Error::Threads { reason: e.to_string() })?;
         let mut progress = progress;
         let control =
             ExposureControl::new(&requests[0].settings).map(|control| Exposure { control, args, stems });
@@ -205,123 +232,14 @@ fn write_frame(args: &Simulate, stem: &str, frame: &Frame) -> Result<()> {
 }
 
 fn write_plane(args: &Simulate, stem: &str, planes: &Planes, plane: PlaneName) -> Result<()> {
-    let (folder, source, names): (_, _, &[&str]) = match plane {
-        PlaneName::Color => ("color", &planes.color, &["R", "G", "B", "A"]),
-        PlaneName::Motion => ("motion", &planes.motion_px, &["forward.u", "forward.v"]),
-        PlaneName::Depth => ("depth", &planes.depth_m, &["Z"]),
+    let (source, names): (_, &[&str]) = match plane {
+        PlaneName::Color => (&planes.color, &["R", "G", "B", "A"]),
+        PlaneName::Motion => (&planes.motion_px, &["forward.u", "forward.v"]),
+        PlaneName::Depth => (&planes.depth_m, &["Z"]),
     };
-    let folder = args.out.join(folder);
+    let folder = args.out.join(plane_folder(plane));
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create the folder", e))?;
     write_exr_plane(&folder.join(format!("{stem}.exr")), source, names)
-}
-
-/// Name of a frame without extension, as `frames.csv` has it: results lie under the real frames' names.
-fn stem(capture: &Capture, frame: usize) -> String {
-    let name = Path::new(&capture.frames[frame].filename);
-    name.file_stem().map_or_else(|| format!("{frame:06}"), |s| s.to_string_lossy().into_owned())
-}
-
-/// Writes what the frames depend on into `simulate.json`, and returns the frames to be rendered: all, or with
-/// `--resume` those that are not there, provided that those that are come from the same run.
-fn start_run(args: &Simulate, capture: &Capture) -> Result<Vec<usize>> {
-    let path = args.out.join("simulate.json");
-    let manifest = manifest(args, capture)?;
-    let all = 0..capture.frames.len();
-    let path_of = |f: usize| args.out.join(format!("{}.png", stem(capture, f)));
-    let there = |f: &usize| path_of(*f).is_file();
-    if args.resume && !path.exists() && all.clone().any(|f| there(&f)) {
-        let found = "frames without a simulate.json beside them";
-        return Err(Error::input(
-            &args.out,
-            None,
-            found,
-            "the folder of an interrupted run, as --resume was given",
-        ));
-    }
-    if args.resume && path.exists() {
-        let before = fs::read_to_string(&path).map_err(|e| Error::io(&path, "read", e))?;
-        if before != manifest {
-            let found = "frames of a run with other input or options";
-            return Err(Error::input(
-                &path,
-                None,
-                found,
-                "the same as now; use another --out, or leave out --resume",
-            ));
-        }
-        return Ok(all.filter(|f| !there(f)).collect());
-    }
-    // Frames of an earlier run must not be taken for this one's.
-    for frame in all.clone() {
-        let old = path_of(frame);
-        if old.exists() {
-            fs::remove_file(&old).map_err(|e| Error::io(&old, "remove the earlier run's", e))?;
-        }
-    }
-    write_atomic(&path, manifest.as_bytes())?;
-    Ok(all.collect())
-}
-
-/// Everything that decides how the frames look, as JSON. Files count by a hash of their bytes.
-fn manifest(args: &Simulate, capture: &Capture) -> Result<String> {
-    let mut files = vec![capture.camera.path.clone()];
-    let fixed = ["scene.obj", "scene.mtl", "trajectory.tum", "frames.csv", "lights.toml"];
-    files.extend(fixed.iter().map(|f| args.capture.join(f)).filter(|f| f.is_file()));
-    files.extend(capture.scene.textures.iter().map(|t| t.path.clone()));
-    files.extend(
-        capture.scene.objects.iter().filter_map(|o| o.trajectory.as_ref()).map(|t| t.path().to_owned()),
-    );
-    files.dedup();
-    let mut hashes = serde_json::Map::new();
-    for file in files {
-        let bytes = fs::read(&file).map_err(|e| Error::io(&file, "read", e))?;
-        hashes.insert(file.display().to_string(), format!("{:016x}", fnv1a(&bytes)).into());
-    }
-    let planes: Vec<_> = args.planes.iter().map(|p| format!("{p:?}").to_lowercase()).collect();
-    let value = serde_json::json!({
-        "shutterbug": env!("CARGO_PKG_VERSION"),
-        "method": format!("{:?}", args.engine_method()),
-        "samples": args.samples,
-        "preset": args.preset,
-        "seed": args.seed,
-        "planes": planes,
-        "files_fnv1a": hashes,
-    });
-    Ok(serde_json::to_string_pretty(&value).expect("strings and numbers serialize") + "\n")
-}
-
-/// FNV-1a, 64 bits: tells changed files apart; no defence against forgery is needed here.
-fn fnv1a(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
-}
-
-/// When each frame was taken: start of the first line's exposure, middle, end of the last line's, and the camera's
-/// pose at the middle.
-fn instants_csv(capture: &Capture) -> String {
-    let mut text = String::from(
-        "#frame,first_line_start [ns],middle [ns],last_line_end [ns],middle_tx [m],ty,tz,qx,qy,qz,qw\n",
-    );
-    for frame in 0..capture.frames.len() {
-        let shutter = capture.shutter(frame);
-        let ns = |time_s: f64| capture.epoch_ns + (time_s * 1e9).round() as i64;
-        let pose = capture.world_from_camera(frame, shutter.middle_s());
-        let (t, q) = (pose.translation_m, pose.rotation);
-        text += &format!(
-            "{},{},{},{},{:.9},{:.9},{:.9},{:.12},{:.12},{:.12},{:.12}\n",
-            stem(capture, frame),
-            capture.frames[frame].timestamp_ns,
-            ns(shutter.middle_s()),
-            ns(shutter.end_s()),
-            t.x,
-            t.y,
-            t.z,
-            q.x,
-            q.y,
-            q.z,
-            q.w,
-        );
-    }
-    text
 }
 
 /// A bar on a terminal, plain lines in a log.
@@ -349,7 +267,7 @@ impl Progress {
             self.last_line = Instant::now();
             let rate = self.done as f64 / self.start.elapsed().as_secs_f64();
             let left_s = (self.total - self.done) as f64 / rate;
-            eprintln!("{}/{} frames, {rate:.2} a second, {left_s:.0} s left", self.done, self.total);
+            say(format_args!("{}/{} frames, {rate:.2} a second, {left_s:.0} s left", self.done, self.total));
         }
     }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::terminal::print;
 use crate::engine::Frame;
 use crate::error::Result;
 use crate::gpu::{Context, DeviceKind};
@@ -51,7 +52,7 @@ impl Timings {
         }
     }
 
-    /// Prints the table and writes `out/timings.json`.
+    /// Writes `out/timings.json` and prints the table.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -83,14 +84,17 @@ impl Timings {
             host_ms_p95: quantile(&self.host_ms, 0.95),
         };
         let clock = if report.software_device { "CPU time by a software driver" } else { "GPU time" };
-        println!("{} frames of {}x{}, {} ({clock})", report.frames, size[0], size[1], info.name);
-        println!("{:<16} {:>10} {:>10}", "pass", "median ms", "p95 ms");
+        let json = serde_json::to_string_pretty(&report).expect("numbers and strings serialize");
+        write_atomic(&out.join("timings.json"), json.as_bytes())?;
+        let mut text =
+            format!("{} frames of {}x{}, {} ({clock})\n", report.frames, size[0], size[1], info.name);
+        text += &format!("{:<16} {:>10} {:>10}\n", "pass", "median ms", "p95 ms");
         for row in &report.passes {
-            println!("{:<16} {:>10.3} {:>10.3}", row.name, row.ms_median, row.ms_p95);
+            text += &format!("{:<16} {:>10.3} {:>10.3}\n", row.name, row.ms_median, row.ms_p95);
         }
-        println!("{:<16} {:>10.3} {:>10.3}", "frame (host)", report.host_ms_median, report.host_ms_p95);
-        let text = serde_json::to_string_pretty(&report).expect("numbers and strings serialize");
-        write_atomic(&out.join("timings.json"), text.as_bytes())
+        let host =
+            format!("{:<16} {:>10.3} {:>10.3}\n", "frame (host)", report.host_ms_median, report.host_ms_p95);
+        print(text + &host)
     }
 }
 

@@ -4,19 +4,30 @@ use std::path::{Path, PathBuf};
 
 use super::args::Withhold;
 use super::interrupt::Interrupt;
+use super::terminal::{print, say};
 use crate::error::{Error, Result};
+use crate::files::{Out, OutRules};
 use crate::withhold::{CurveOptions, WithholdOptions, curves, graded_effects, withhold};
 
 /// Runs the command.
 pub fn run(args: &Withhold) -> Result<()> {
     let program = std::env::current_exe().map_err(|e| Error::io(Path::new("shutterbug"), "find", e))?;
+    if let Some(absent) = args.only.iter().find(|n| **n >= args.count) {
+        let found = format!("case {absent}, and --count {}", args.count);
+        return Err(Error::input(Path::new("--only"), None, found, "numbers of cases, from 0"));
+    }
+    let recordings = recordings(args.trajectories.as_deref())?;
+    let inputs: Vec<&Path> = recordings.iter().map(PathBuf::as_path).collect();
+    let rules = OutRules { command: "withhold", inputs: &inputs, overwrite: args.overwrite, goes_on: true };
+    let out = Out::open(&args.out, &rules)?;
+    out.go_on()?;
     let options = WithholdOptions {
         out: args.out.clone(),
         count: args.count,
         seed: args.seed,
         size_px: [args.width, args.height],
         frames: args.frames,
-        recordings: recordings(args.trajectories.as_deref())?,
+        recordings,
         program,
         device: args.device.clone(),
         keep_frames: args.keep_frames,
@@ -28,14 +39,14 @@ pub fn run(args: &Withhold) -> Result<()> {
         let effects =
             if all { graded_effects().into_iter().map(str::to_owned).collect() } else { args.curve.clone() };
         let curve = CurveOptions { effects, points: args.points, repeats: args.repeats };
-        curves(&options, &curve, &mut |line| eprintln!("{line}"), &|| interrupt.requested())?;
-        eprintln!("{}", args.out.join("curves.html").display());
+        curves(&options, &curve, &mut |line| say(line), &|| interrupt.requested())?;
+        say(args.out.join("curves.html").display());
         return Ok(());
     }
-    let result = withhold(&options, &mut |line| eprintln!("{line}"), &|| interrupt.requested())?;
+    let result = withhold(&options, &mut |line| say(line), &|| interrupt.requested())?;
     let summary = serde_json::to_string_pretty(&result.summary).expect("all keys are strings");
-    println!("{summary}");
-    eprintln!("{}", args.out.join("withhold.html").display());
+    print(summary + "\n")?;
+    say(args.out.join("withhold.html").display());
     Ok(())
 }
 

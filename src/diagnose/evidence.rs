@@ -9,6 +9,8 @@ use super::report::LeftOut;
 
 /// Fewest frames that can be split into frames to fit and frames to judge.
 const FEWEST_FRAMES: usize = 4;
+/// Smallest side of frames that can be judged, px: two blocks of a compressed picture.
+const LEAST_SIDE_PX: u32 = 16;
 /// Most frames to fit, to choose by and to report: more add time and hardly any certainty.
 const MOST: [usize; 3] = [6, 4, 8];
 /// The same of large pictures, which show so much more each.
@@ -60,6 +62,11 @@ impl Evidence {
             return Err(Error::input(&folder, None, "no such folder", expected));
         }
         let k = &capture.camera.intrinsics;
+        if k.width.min(k.height) < LEAST_SIDE_PX {
+            let found = format!("a camera of {}x{} px", k.width, k.height);
+            let expected = format!("at least {LEAST_SIDE_PX} px a side, or nothing can be told apart");
+            return Err(Error::input(&capture.camera.path, None, found, expected));
+        }
         let (mut frames, mut left_out) = (Vec::new(), Vec::new());
         for (index, entry) in capture.frames.iter().enumerate() {
             let path = folder.join(&entry.filename);

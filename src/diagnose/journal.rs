@@ -22,6 +22,7 @@ use super::evidence::Evidence;
 use super::run::DiagnoseOptions;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
+use crate::files::{self, Limit};
 use crate::gpu::Context;
 
 /// One line of the file.
@@ -84,11 +85,7 @@ impl Journal {
 
     /// Reads what is there; whether lines may simply be appended.
     fn read(&mut self, path: &Path, key: &str) -> Result<bool> {
-        let bytes = match fs::read(path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-            Err(e) => return Err(Error::io(path, "read", e)),
-        };
+        let Some(bytes) = files::read_if_there(path, Limit::OWN)? else { return Ok(false) };
         let text = String::from_utf8_lossy(&bytes);
         let mut lines = text.split_inclusive('\n');
         match lines.next().map(serde_json::from_str) {

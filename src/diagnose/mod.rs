@@ -42,6 +42,7 @@ mod score;
 mod search;
 mod sentences;
 mod settings;
+mod setup_checks;
 mod smear;
 mod starts;
 mod support;

@@ -18,6 +18,7 @@ use super::question::Question;
 use super::report::*;
 use super::search::{Found, Search, Watch, all_names};
 use super::settings::{apply, theta_of};
+use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
 use crate::capture::{CameraFile, Capture};
 use crate::error::{Error, Result};
@@ -114,10 +115,12 @@ pub fn diagnose(
     let base = theta_of(&capture.camera.settings);
     let ignored = capture.camera.background_ignored;
     let mut cover = ignored.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
+    let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
+    set_up.iter().for_each(|what| progress.step("set-up", what, 1, 1));
     let motion_px = typical_motion_px(&forward, &evidence);
     let moving = motion_px >= LEAST_MOTION_PX && !capture.camera.static_camera;
     let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
-    forward.deadline = options.time_limit.map(|limit| clock + limit);
+    forward.deadline = options.time_limit.and_then(|limit| clock.checked_add(limit));
     let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
     let compression = compression(&evidence, &names, &base);
     let shared = shared_colour(&evidence, &names, &base).filter(|_| compression.is_none());
@@ -147,6 +150,7 @@ pub fn diagnose(
             report.candidates.push(without_time(name));
         }
     }
+    setup_checks::begin(&mut report, &set_up, &evidence, &found.late);
     report.warnings.extend(super::light::said(&search.forward.light));
     report.warnings.extend(not_simulated(capture));
     report.input.device = context.info().name.clone();

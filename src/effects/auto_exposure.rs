@@ -86,6 +86,8 @@ pub struct ExposureControl {
     speed: f64,
     max_step: f64,
     range: (f64, f64),
+    /// The same, not as logarithms.
+    given_range: [f64; 2],
     initial: f64,
     /// Frame that the first entry of the two below belongs to.
     first: usize,
@@ -106,6 +108,7 @@ impl ExposureControl {
             speed: number("speed", 1.0),
             max_step: number("max_step_ev", 10.0) * std::f64::consts::LN_2,
             range: (number("min_gain", GAIN.0).ln(), number("max_gain", GAIN.1).ln()),
+            given_range: [number("min_gain", GAIN.0), number("max_gain", GAIN.1)],
             initial: number("initial_gain", 1.0).ln(),
             first: 0,
             log_gains: VecDeque::new(),
@@ -175,19 +178,23 @@ impl ExposureControl {
             };
             self.log_gains.push_back(next);
         }
-        self.log_gains[frame - self.first].exp()
+        // exp(ln(100)) is a little more than 100: the range holds for what is given out.
+        let [least, most] = self.given_range;
+        self.log_gains[frame - self.first].exp().clamp(least, most)
     }
 
-    /// The settings of a frame: its gain times that of `exposure_gain`.
+    /// The settings of a frame: its gain times that of `exposure_gain`, at most the largest gain there is.
     ///
     /// # Errors
-    /// A product beyond the range of `exposure_gain`.
+    /// None in practice: the gain lies within the range of `exposure_gain`.
     ///
     /// # Panics
     /// As [`Self::gain`].
     pub fn settings(&mut self, frame: usize, settings: &Settings) -> Result<Settings> {
         let mut out = settings.clone();
         let gain = self.gain(frame) * settings.number("exposure_gain", "gain", 1.0);
+        // Both are in their range; what they come to together is at most what a sensor has.
+        let gain = gain.min(GAIN.1);
         out.set(&ExposureGain, "gain", Value::Number(gain))?;
         Ok(out)
     }

@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 use super::finish::prepare;
 use super::paper_fast::{FastPush, constants};
 use crate::error::{Error, Result};
+use crate::files::{Limit, read, write_atomic};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Sampler, Slot,
     Usage,
 };
 use crate::kernels::{Kernel, kernel};
-use crate::plane::write_atomic;
 
 /// What the gather of the paper's method may give up for speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
@@ -160,7 +160,7 @@ type Entries = std::collections::BTreeMap<String, Entry>;
 
 /// Nothing where there is none, or none that can be understood: it is then measured again.
 fn read_cache(path: &Path) -> Entries {
-    std::fs::read(path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+    read(path, Limit::OWN).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
 /// A cache that cannot be written costs the next start a measurement, nothing else.

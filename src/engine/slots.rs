@@ -161,17 +161,22 @@ impl FrameSlot {
         planes: Option<Planes>,
     ) -> Frame {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
-        let rgb = self.picture.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        // A buffer is a little larger than the smallest pictures.
+        let pixels = size[0] as usize * size[1] as usize;
+        let rgb =
+            self.picture.mapped().chunks_exact(4).take(pixels).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        let mapped = self.radiance.mapped();
+        let radiance = &mapped[..mapped.len().min(16 * pixels)];
         let mut picture = Plane { width: size[0] as usize, height: size[1] as usize, channels: 3, data: rgb };
         develop_on_host(effects::LIST, &request.settings, &mut picture);
         // Its alpha holds distances then.
         let counted = request.statistics && !effects::Defocus::needs_depth(&request.settings);
-        let statistics = counted.then(|| statistics(bytemuck::cast_slice(self.radiance.mapped())));
+        let statistics = counted.then(|| statistics(bytemuck::cast_slice(radiance)));
         let radiance = request.statistics.then(|| Plane {
             width: size[0] as usize,
             height: size[1] as usize,
             channels: 4,
-            data: bytemuck::cast_slice(self.radiance.mapped()).to_vec(),
+            data: bytemuck::cast_slice(radiance).to_vec(),
         });
         Frame {
             radiance,

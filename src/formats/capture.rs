@@ -6,6 +6,7 @@ use super::presets::{Preset, apply_preset};
 use super::read_camera;
 use crate::capture::{CameraFile, Capture, parse_frames, read_text};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Files that stand for `camera.toml` in a capture without one, as ROS, Kalibr and EuRoC call them.
 const STAND_INS: [&str; 3] = ["camera_info.yaml", "camchain.yaml", "sensor.yaml"];
@@ -67,7 +68,10 @@ fn from_yaml(path: &Path, root: &Path) -> Result<CameraFile> {
 /// Median step of the capture's frames, s.
 fn median_period_s(camera: &Path, root: &Path) -> Result<f64> {
     let path = root.join("frames.csv");
-    let frames = parse_frames(&path, &read_text(&path, "the frames: lines of `timestamp in ns,file name`")?)?;
+    let frames = parse_frames(
+        &path,
+        &read_text(&path, "the frames: lines of `timestamp in ns,file name`", Limit::TABLE)?,
+    )?;
     let mut steps: Vec<f64> = frames.windows(2).map(|w| w[1].start_s - w[0].start_s).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().ok_or_else(|| {

@@ -35,7 +35,8 @@ pub(super) fn recognises(top: &Field) -> bool {
 
 /// Names of the cameras in a file, in its order.
 fn cameras<'a>(top: &Field<'a>) -> Vec<&'a str> {
-    let is_camera = |key: &&str| key.starts_with("cam") && top.get(key).is_some_and(|f| !f.keys().is_empty());
+    let number = |key: &str| key.strip_prefix("cam").is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit()));
+    let is_camera = |key: &&str| number(key) && top.get(key).is_some_and(|f| !f.keys().is_empty());
     top.keys().into_iter().filter(is_camera).collect()
 }
 

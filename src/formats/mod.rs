@@ -28,6 +28,7 @@ pub use presets::{PRESETS, Preset, apply_preset, preset};
 
 use crate::capture::{CameraFile, read_text};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 use yaml::Field;
 
 /// Frame rates that a file can state: about one frame a day, to a frame a microsecond.
@@ -69,8 +70,8 @@ impl Format {
 /// # Errors
 /// A file that is missing, is of no known format or holds something unusable; with file and line.
 pub fn read_camera(path: &Path, format: Option<Format>, camera: Option<&str>) -> Result<Imported> {
-    let text =
-        read_text(path, "a camera: camera.toml, ROS camera_info, Kalibr camchain or EuRoC sensor.yaml")?;
+    let purpose = "a camera: camera.toml, ROS camera_info, Kalibr camchain or EuRoC sensor.yaml";
+    let text = read_text(path, purpose, Limit::SETTINGS)?;
     parse_camera(path, &text, format, camera)
 }
 
@@ -98,7 +99,11 @@ pub fn parse_camera(
     }
     if format == Some(Format::Sdf) {
         let expected = "toml, ros, kalibr or euroc: SDF is written only";
-        return Err(Error::input(path, None, "a request to read SDF", expected));
+        return Err(Error::input(Path::new("--from"), None, "sdf", expected));
+    }
+    if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
+        let expected = "camera.toml, or the YAML of ROS, Kalibr or EuRoC: SDF is written only";
+        return Err(Error::input(path, None, "XML (Gazebo's SDF?)", expected));
     }
     let documents = yaml::parse(path, text)?;
     let top = Field::top(path, &documents[0]);

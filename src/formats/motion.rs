@@ -11,6 +11,7 @@ use super::{CameraModel, Imported, euroc};
 use crate::camera::{Pose, Stamp};
 use crate::capture::{FrameEntry, parse_frames, read_text};
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Length of a recorded quaternion, as in `trajectory.tum`.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
@@ -86,11 +87,14 @@ pub fn read_euroc(folder: &Path, camera: Option<&str>) -> Result<Motion> {
     let Imported { camera, notes } =
         super::read_camera(&camera_folder.join("sensor.yaml"), Some(super::Format::Euroc), None)?;
     let path = camera_folder.join("data.csv");
-    let frames = parse_frames(&path, &read_text(&path, "the frames: lines of `timestamp in ns,file name`")?)?;
+    let frames = parse_frames(
+        &path,
+        &read_text(&path, "the frames: lines of `timestamp in ns,file name`", Limit::TABLE)?,
+    )?;
     let truth = root.join("state_groundtruth_estimate0");
     let path = truth.join("data.csv");
     let purpose = "the body's poses: lines of timestamp [ns], px, py, pz, qw, qx, qy, qz, ...";
-    let mut poses = parse_ground_truth(&path, &read_text(&path, purpose)?)?;
+    let mut poses = parse_ground_truth(&path, &read_text(&path, purpose, Limit::TABLE)?)?;
     // World from the tracked sensor, sensor to body, body to camera.
     let body_from_camera = camera.body_from_camera.unwrap_or(Pose::IDENTITY);
     let sensor_from_camera = match body_from_truth(&truth.join("sensor.yaml"))? {
@@ -120,7 +124,7 @@ fn body_from_truth(path: &Path) -> Result<Option<Pose>> {
     if !path.is_file() {
         return Ok(None);
     }
-    let documents = yaml::parse(path, &read_text(path, "the tracked sensor")?)?;
+    let documents = yaml::parse(path, &read_text(path, "the tracked sensor", Limit::SETTINGS)?)?;
     euroc::body_from_sensor(&Field::top(path, &documents[0]))
 }
 
@@ -173,12 +177,12 @@ pub(super) fn parse_ground_truth(path: &Path, text: &str) -> Result<Vec<(i64, Po
 /// # Errors
 /// What is missing or wrong, with file and line; files of different length.
 pub fn read_kitti(poses_path: &Path, times: Option<&Path>) -> Result<Motion> {
-    let text = read_text(poses_path, "KITTI poses: lines of twelve numbers, a 3x4 matrix")?;
+    let text = read_text(poses_path, "KITTI poses: lines of twelve numbers, a 3x4 matrix", Limit::TABLE)?;
     let poses = parse_kitti_poses(poses_path, &text)?;
     let times_path = times.map_or_else(|| times_beside(poses_path), Path::to_owned);
     let times = parse_times(
         &times_path,
-        &read_text(&times_path, "the poses' times: one number of s a line (--times)")?,
+        &read_text(&times_path, "the poses' times: one number of s a line (--times)", Limit::TABLE)?,
     )?;
     if times.len() != poses.len() {
         let found = format!("{} times for {} poses of {}", times.len(), poses.len(), poses_path.display());

@@ -36,7 +36,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     let known = PRESETS.iter().find(|p| p.name == name);
     known.ok_or_else(|| {
         let names = PRESETS.iter().map(|p| p.name);
-        Error::unknown_name(Path::new("shutterbug presets"), None, "preset", name, names)
+        Error::unknown_name(Path::new("--preset"), None, "preset", name, names)
     })
 }
 

@@ -2,6 +2,7 @@
 //! every message names a line, and files from strangers must not exhaust memory or stack: depth and size are limited,
 //! and anchors (which can multiply without end) are refused, since no calibration tool writes them.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use saphyr_parser::{Event, Parser, ScalarStyle, Span};
@@ -79,8 +80,8 @@ struct Open {
 
 enum OpenKind {
     List(Vec<Node>),
-    /// Finished entries, and the key that waits for its value.
-    Map(Vec<(String, Node)>, Option<(String, usize)>),
+    /// Finished entries, their keys, and the key that waits for its value.
+    Map(Vec<(String, Node)>, HashSet<String>, Option<(String, usize)>),
 }
 
 impl Builder<'_> {
@@ -95,12 +96,12 @@ impl Builder<'_> {
                 self.add(Node { line, value })?;
             }
             Event::SequenceStart(..) => self.open(line, OpenKind::List(Vec::new()))?,
-            Event::MappingStart(..) => self.open(line, OpenKind::Map(Vec::new(), None))?,
+            Event::MappingStart(..) => self.open(line, OpenKind::Map(Vec::new(), HashSet::new(), None))?,
             Event::SequenceEnd | Event::MappingEnd => {
                 if let Some(Open { line, kind }) = self.open.pop() {
                     let value = match kind {
                         OpenKind::List(items) => Value::List(items),
-                        OpenKind::Map(entries, _) => Value::Map(entries),
+                        OpenKind::Map(entries, ..) => Value::Map(entries),
                     };
                     self.add(Node { line, value })?;
                 }
@@ -124,11 +125,11 @@ impl Builder<'_> {
         match self.open.last_mut().map(|open| &mut open.kind) {
             None => self.documents.push(node),
             Some(OpenKind::List(items)) => items.push(node),
-            Some(OpenKind::Map(entries, key)) => match (key.take(), node.value) {
+            Some(OpenKind::Map(entries, names, key)) => match (key.take(), node.value) {
                 // The key's line: a block starts on the line after.
                 (Some((key, line)), value) => entries.push((key, Node { line, value })),
                 (None, Value::Scalar { text, .. }) => {
-                    if entries.iter().any(|(name, _)| *name == text) {
+                    if !names.insert(text.clone()) {
                         let found = format!("`{}` again", shortened(&text));
                         return Err(Error::input(self.path, line, found, "each key once"));
                     }

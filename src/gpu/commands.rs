@@ -234,15 +234,30 @@ impl<'a> Recorder<'a> {
     }
 
     /// Copies the first `bytes` of a buffer, after a barrier.
+    ///
+    /// # Panics
+    /// If one of the buffers is smaller.
     pub fn copy_buffer(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
+        assert!(
+            bytes <= from.bytes().min(to.bytes()),
+            "{bytes} bytes from {} to {}",
+            from.bytes(),
+            to.bytes()
+        );
         self.barrier();
         let region = [vk::BufferCopy::default().size(bytes)];
-        // SAFETY: recording; both buffers are alive, larger than `bytes` (the caller's sizes) and allow copies.
+        // SAFETY: recording; both buffers are alive, at least as large as `bytes` (just checked) and allow copies.
         unsafe { self.context.device.cmd_copy_buffer(self.slot.commands, from.handle, to.handle, &region) };
     }
 
     /// Copies a part of an image, from `offset` on, into a tightly packed buffer, layer by layer, after a barrier.
+    ///
+    /// # Panics
+    /// If the part does not lie inside the image.
     pub fn copy_image_to_buffer(&mut self, from: &Image, offset: [u32; 2], size: [u32; 2], to: &Buffer) {
+        let whole = from.spec().size;
+        let inside = (0..2).all(|i| offset[i].checked_add(size[i]).is_some_and(|end| end <= whole[i]));
+        assert!(inside, "{size:?} px from {offset:?} on of {whole:?}");
         self.barrier();
         let region = vk::BufferImageCopy::default()
             .image_subresource(all_layers(from))

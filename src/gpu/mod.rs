@@ -41,6 +41,13 @@ pub(crate) fn failed(call: &'static str) -> impl Fn(vk::Result) -> Error {
         vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { call },
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => Error::OutOfMemory { pool: "device", call },
         vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::OutOfMemory { pool: "host", call },
+        // Drivers report these where the system gave them no memory or thread, and say no more.
+        vague @ (vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_UNKNOWN) => {
+            let result = format!(
+                "{vague:?}; a limit of memory (ulimit -v) or of threads (ulimit -u) that is too low ends like this"
+            );
+            Error::Vulkan { call, result }
+        }
         other => Error::Vulkan { call, result: format!("{other:?}") },
     }
 }
@@ -64,6 +71,7 @@ mod tests {
             let text = text(result);
             assert!(text.starts_with(&format!("out of {pool} memory in vkQueueSubmit: reduce")), "{text}");
         }
+        assert!(text(vk::Result::ERROR_UNKNOWN).contains("memory (ulimit -v)"));
         let other = text(vk::Result::ERROR_FORMAT_NOT_SUPPORTED);
         assert_eq!(other, "vkQueueSubmit failed: ERROR_FORMAT_NOT_SUPPORTED");
     }

@@ -149,6 +149,7 @@ impl Buffer {
             return Err(context.lacks("VK_KHR_external_memory_fd (memory by file descriptor)"));
         }
         let import = |fd: i32, taken: &mut dyn FnMut()| {
+            refuse_small(fd, bytes)?;
             let buffer = Self::external(context, bytes, FD)?;
             let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd);
             buffer.bind_shared(None, bytes, &mut import, taken)
@@ -253,6 +254,21 @@ pub(super) unsafe fn import_fd<T>(
     // SAFETY: the caller gives it away by success.
     drop(unsafe { OwnedFd::from_raw_fd(fd) });
     Ok(imported)
+}
+
+/// Software drivers hand out memory as files: one that is smaller than the caller says would end the process when it is touched.
+/// Of other descriptors the size cannot be asked.
+pub(super) fn refuse_small(fd: i32, bytes: u64) -> Result<()> {
+    // SAFETY: open: it was duplicated just now.
+    let file = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned().map(std::fs::File::from);
+    let about = file.and_then(|f| f.metadata());
+    let about =
+        about.map_err(|e| Error::Vulkan { call: "fstat", result: format!("descriptor {fd}: {e}") })?;
+    if !about.is_file() || about.len() >= bytes {
+        return Ok(());
+    }
+    let why = "the memory that the descriptor stands for".to_owned();
+    Err(Error::Limit { what: "size of imported memory, bytes", value: bytes, limit: about.len(), why })
 }
 
 /// The two kinds of semaphores.

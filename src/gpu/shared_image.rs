@@ -8,7 +8,7 @@ use ash::vk::{self, Handle as _};
 use super::context::Context;
 use super::failed;
 use super::memory::Buffer;
-use super::shared::import_fd;
+use super::shared::{import_fd, refuse_small};
 use crate::error::{Error, Result};
 
 const FD: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
@@ -146,6 +146,7 @@ impl SharedImage {
                 let why = format!("an image of {}x{} px takes {needed} bytes", spec.size[0], spec.size[1]);
                 return Err(Error::Limit { what, value: bytes, limit: needed, why });
             }
+            refuse_small(fd, bytes)?;
             image.bind(bytes, &mut vk::ImportMemoryFdInfoKHR::default().handle_type(FD).fd(fd), taken)
         };
         // SAFETY: the caller's promise.

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use ::exr::prelude::*;
 
-use super::io::{MAX_DECODED_BYTES, MAX_SIDE_PX, write_atomic};
+use super::io::{MAX_DECODED_BYTES, MAX_SIDE_PX};
 use crate::error::Error;
+use crate::files::{self, Limit, write_atomic};
 
 /// Channels of a motion plane: px moved over one frame interval, from this frame to the next (CAPTURE contract).
 pub const MOTION_CHANNELS: [&str; 2] = ["forward.u", "forward.v"];
@@ -63,7 +64,7 @@ pub fn write_exr_atomic(
 /// A file that cannot be read or decoded, deep data, or a picture larger than [`MAX_SIDE_PX`] or
 /// [`MAX_DECODED_BYTES`].
 pub fn read_exr(path: &Path) -> crate::Result<ExrPicture> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "read", e))?;
+    let bytes = files::read(path, Limit::PICTURE)?;
     check_size(path, &bytes)?;
     let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image = reader.all_attributes().from_buffered(Cursor::new(bytes));

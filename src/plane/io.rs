@@ -1,36 +1,75 @@
 //! Picture files in and out. Pictures come from strangers: sizes are checked before memory is spent on them.
 
-use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 use super::Plane;
 use crate::error::{Error, Result};
+use crate::files::{Limit, read_as, write_atomic};
 
 /// Largest side of a picture that is read, px.
 pub const MAX_SIDE_PX: u32 = 16_384;
 /// Most memory that decoding one picture may take, bytes (a PNG bomb asks for more).
 pub const MAX_DECODED_BYTES: u64 = 1 << 30;
 
+/// Most pixels of a picture that is read. A copy or two of one with four channels stay below 1 GiB.
+pub const MAX_PIXELS: u64 = 1 << 27;
+
 /// Reads a PNG or JPEG as 8-bit RGB, shape `[height, width, 3]`; grey pictures are repeated in all three channels.
 ///
 /// # Errors
-/// A file that cannot be read or decoded, or that is larger than [`MAX_SIDE_PX`] or [`MAX_DECODED_BYTES`].
+/// A file that cannot be read or decoded, that was cut off, or that is larger than [`MAX_SIDE_PX`], [`MAX_PIXELS`] or
+/// [`MAX_DECODED_BYTES`].
 pub fn read_rgb8(path: &Path) -> Result<Plane<u8>> {
-    let bytes = fs::read(path).map_err(|e| Error::io(path, "read", e))?;
+    read_rgb8_as(path, path)
+}
+
+/// As [`read_rgb8`]; errors call the file `shown`.
+///
+/// # Errors
+/// As [`read_rgb8`].
+pub fn read_rgb8_as(path: &Path, shown: &Path) -> Result<Plane<u8>> {
+    let rgb = decode_picture(shown, &read_as(path, shown, Limit::PICTURE)?)?.into_rgb8();
+    let (width, height) = rgb.dimensions();
+    Ok(Plane { width: width as usize, height: height as usize, channels: 3, data: rgb.into_raw() })
+}
+
+/// Decodes the bytes of a PNG or JPEG; `path` is what errors name. Its size is looked at before memory is spent on it.
+///
+/// # Errors
+/// As [`read_rgb8`].
+pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let bad = |reason: String| Error::Picture { path: path.to_owned(), action: "decode", reason };
+    let format = image::guess_format(bytes).ok();
+    if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
+        return Err(bad("it is neither PNG nor JPEG (only PNG or JPEG are read)".to_owned()));
+    }
+    let header =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
+    let (width, height) = header.into_dimensions().map_err(|e| bad(e.to_string()))?;
+    check_size(path, width, height)?;
+    if format == Some(ImageFormat::Jpeg) && !super::jpeg_end::is_whole(bytes) {
+        return Err(bad("it is cut off: the data ends before the picture does".to_owned()));
+    }
     let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE_PX);
-    limits.max_image_height = Some(MAX_SIDE_PX);
     limits.max_alloc = Some(MAX_DECODED_BYTES);
     reader.limits(limits);
-    let rgb = reader.decode().map_err(|e| bad(e.to_string()))?.into_rgb8();
-    let (width, height) = rgb.dimensions();
-    Ok(Plane { width: width as usize, height: height as usize, channels: 3, data: rgb.into_raw() })
+    reader.decode().map_err(|e| bad(e.to_string()))
+}
+
+fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
+    let pixels = u64::from(width) * u64::from(height);
+    if width.max(height) <= MAX_SIDE_PX && pixels <= MAX_PIXELS {
+        return Ok(());
+    }
+    let reason = format!(
+        "it has {width}x{height} px, the limit is {MAX_SIDE_PX} px a side and {MAX_PIXELS} px in all"
+    );
+    Err(Error::Picture { path: path.to_owned(), action: "decode", reason })
 }
 
 /// Writes an 8-bit PNG (1, 3 or 4 channels) under a temporary name and renames it: a file with the final name is whole.
@@ -54,18 +93,42 @@ pub fn write_png_atomic(path: &Path, plane: &Plane<u8>) -> Result<()> {
     write_atomic(path, &bytes)
 }
 
-/// Writes `bytes` to `path` by way of a temporary file in the same folder; nothing half-written keeps the final name.
-///
-/// # Errors
-/// A file that cannot be written; the temporary file is removed.
-pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".partial");
-    let partial = path.with_file_name(name);
-    let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
-    written.map_err(|e| {
-        // The first error is the one to report; a leftover that cannot be removed either adds nothing to it.
-        let _ = fs::remove_file(&partial);
-        Error::io(path, "write", e)
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn encoded(width: u32, height: u32, format: ImageFormat) -> Vec<u8> {
+        let picture = image::RgbImage::from_fn(width, height, |x, y| image::Rgb([x as u8, y as u8, 77]));
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, format).expect("encoded");
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn a_picture_that_was_cut_off_is_refused_and_one_with_more_behind_it_is_not() {
+        let decode = |bytes: &[u8]| decode_picture(Path::new("a"), bytes).map(|p| p.width());
+        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+            let whole = encoded(64, 48, format);
+            assert_eq!(decode(&whole).expect("whole"), 64);
+            for share in [40, 60, 80, 95] {
+                let error = decode(&whole[..whole.len() * share / 100]).expect_err("cut off").to_string();
+                assert!(error.starts_with("a: cannot decode"), "{error}");
+            }
+        }
+        let mut more = encoded(64, 48, ImageFormat::Jpeg);
+        more.extend(b"what a phone puts behind it");
+        assert_eq!(decode(&more).expect("whole"), 64);
+        let other = decode(b"GIF89a").expect_err("no picture that is read").to_string();
+        assert!(other.contains("PNG or JPEG"), "{other}");
+    }
+
+    #[test]
+    fn a_size_is_refused_before_it_is_decoded() {
+        let path = Path::new("a");
+        assert!(check_size(path, 16_000, 8_000).is_ok() && check_size(path, 1, 1).is_ok());
+        for (width, height) in [(16_000, 16_000), (16_385, 1), (1, u32::MAX)] {
+            let error = check_size(path, width, height).expect_err("too large").to_string();
+            assert!(error.contains(&format!("{width}x{height} px")) && error.contains("16384"), "{error}");
+        }
+    }
 }

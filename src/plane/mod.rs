@@ -3,16 +3,20 @@
 mod exr;
 mod format;
 mod io;
+mod jpeg_end;
 pub mod metrics;
 mod srgb;
 pub mod stats;
 
+pub use crate::files::write_atomic;
 pub use exr::{
     COLOR_CHANNELS, DEPTH_CHANNELS, ExrPicture, MOTION_CHANNELS, read_exr, read_exr_plane, write_exr_atomic,
     write_exr_plane,
 };
 pub use format::PixelFormat;
-pub use io::{MAX_DECODED_BYTES, MAX_SIDE_PX, read_rgb8, write_atomic, write_png_atomic};
+pub use io::{
+    MAX_DECODED_BYTES, MAX_PIXELS, MAX_SIDE_PX, decode_picture, read_rgb8, read_rgb8_as, write_png_atomic,
+};
 pub use srgb::{srgb_decode, srgb_encode, srgb8};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.

@@ -8,10 +8,8 @@ use bytemuck::{Pod, Zeroable};
 use crate::assert_element_layout;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage};
-use crate::scene::{Draw, Material, PointLight, Scene, Shading, Vertex};
+use crate::scene::{Draw, MAX_LIGHTS, Material, PointLight, Scene, Shading, Vertex};
 
-/// `MAX_LIGHTS` of `raster_lights.glsl`.
-pub const MAX_LIGHTS: usize = 64;
 /// `FIXED_LIGHTS` of `raster_lights.glsl`.
 const FIXED_LIGHTS: usize = 8;
 /// An upload that takes longer than this is stuck.

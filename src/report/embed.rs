@@ -9,6 +9,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::FilterType;
 
 use crate::error::{Error, Result};
+use crate::files::{Limit, read};
 
 /// Most pixels along a side of a picture that was encoded anew for the page.
 const MAX_SHOWN_PX: u32 = 960;
@@ -44,7 +45,7 @@ pub fn data_uri(folder: &Path, name: &str, budget: PictureBudget) -> Result<Stri
     if Path::new(name).components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
         return Err(Error::input(&path, None, format!("the picture `{name}`"), "a name inside the folder"));
     }
-    let bytes = std::fs::read(&path).map_err(|e| Error::io(&path, "read", e))?;
+    let bytes = read(&path, Limit::PICTURE)?;
     let kind = match image::guess_format(&bytes) {
         Ok(image::ImageFormat::Png) => "image/png",
         Ok(image::ImageFormat::Jpeg) => "image/jpeg",
@@ -61,7 +62,7 @@ fn smaller(path: &Path, bytes: &[u8]) -> Result<Vec<u8>> {
         action,
         reason: e.to_string(),
     };
-    let picture = image::load_from_memory(bytes).map_err(|e| failed("decode", e))?;
+    let picture = crate::plane::decode_picture(path, bytes)?;
     let picture = if picture.width().max(picture.height()) > MAX_SHOWN_PX {
         picture.resize(MAX_SHOWN_PX, MAX_SHOWN_PX, FilterType::Triangle)
     } else {

@@ -16,7 +16,8 @@ mod percepts;
 use std::path::Path;
 
 use crate::diagnose::Report;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::files::{self, Limit};
 use crate::plane::write_atomic;
 
 pub use chart::{Chart, Series, line_chart};
@@ -51,9 +52,6 @@ pub fn render_html(report: &Report, folder: &Path) -> Result<String> {
 
 /// The text of a file, or nothing where there is no such file. Bytes that are not UTF-8 are replaced: they are shown only.
 fn read_if_there(path: &Path) -> Result<String> {
-    match std::fs::read(path) {
-        Ok(bytes) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
-        Err(e) => Err(Error::io(path, "read", e)),
-    }
+    let bytes = files::read_if_there(path, Limit::SETTINGS)?.unwrap_or_default();
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

@@ -7,6 +7,7 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::files::{self, Limit};
 
 /// Paths of one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -61,8 +62,8 @@ pub(super) fn read(folder: &Path, name: &str) -> Result<BTreeMap<usize, Overlay>
     if Path::new(name).components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
         return Err(Error::input(&path, None, format!("the file `{name}`"), "a name inside the folder"));
     }
-    let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, "read", e))?;
-    let file: File = serde_json::from_str(&text)
+    let bytes = files::read(&path, Limit::OWN)?;
+    let file: File = serde_json::from_slice(&bytes)
         .map_err(|e| Error::input(&path, e.line(), e.to_string(), "percepts as `diagnose` writes them"))?;
     let overlay = |f: &Frame| Overlay {
         real: format!("{}{}", paths(&f.real, true), paths(&f.real, false)),

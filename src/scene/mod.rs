@@ -100,6 +100,9 @@ pub struct Draw {
     pub texture: Option<usize>,
 }
 
+/// Most point lights of a scene: `MAX_LIGHTS` of `raster_lights.glsl`.
+pub const MAX_LIGHTS: usize = 64;
+
 /// A point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {

@@ -12,6 +12,7 @@ use super::hidden::{Grade, grade, graded};
 use super::make::Case;
 use super::{WithholdOptions, begin, diagnose};
 use crate::error::{Error, Result};
+use crate::files::{Limit, read_if_there};
 use crate::plane::{write_atomic, write_png_atomic};
 
 /// Which strengths are tried, and how often.
@@ -36,7 +37,7 @@ pub struct CurveCase {
     pub repeat: usize,
     /// What was named.
     pub found: Vec<String>,
-    /// The verdict, or "failed".
+    /// The verdict.
     pub verdict: String,
     /// Gap that it makes, DN.
     pub gap_dn: f64,
@@ -166,33 +167,20 @@ fn one_case(
     let hide = |known: &crate::chain::Settings| graded(options.seed, repeat, name, strength, known);
     let case = Case::make(options, repeat, &capture, true, &hide)?;
     case.render(stop)?;
-    let report = diagnose(options, &capture, &folder.join("diagnosis"), None, &[])?;
+    let report = diagnose(options, &capture, &folder.join("diagnosis"), None, &[]);
     if stop() {
         return Err(Error::Interrupted { done: 0, total: 1 });
     }
-    let (effect, failed) = (name.to_owned(), "failed".to_owned());
-    let score = match report {
-        Ok(r) => CurveCase {
-            effect,
-            strength,
-            repeat,
-            found: r.effects.iter().map(|e| e.name.clone()).collect(),
-            verdict: serde_json::to_value(r.verdict)
-                .ok()
-                .and_then(|v| Some(v.as_str()?.to_owned()))
-                .unwrap_or(failed),
-            gap_dn: r.gap.before,
-            seconds: r.input.seconds,
-        },
-        Err(_) => CurveCase {
-            effect,
-            strength,
-            repeat,
-            found: Vec::new(),
-            verdict: failed,
-            gap_dn: 0.0,
-            seconds: 0.0,
-        },
+    let report = report?;
+    let verdict = serde_json::to_value(report.verdict).ok();
+    let score = CurveCase {
+        effect: name.to_owned(),
+        strength,
+        repeat,
+        found: report.effects.iter().map(|e| e.name.clone()).collect(),
+        verdict: verdict.and_then(|v| Some(v.as_str()?.to_owned())).unwrap_or_default(),
+        gap_dn: report.gap.before,
+        seconds: report.input.seconds,
     };
     if !options.keep_frames {
         // Hundreds of captures: what they are made from is their seed.
@@ -207,12 +195,8 @@ fn one_case(
 
 fn read_case(folder: &Path) -> Result<Option<CurveCase>> {
     let path = folder.join("score.json");
-    let text = match fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io(&path, "read", e)),
-    };
-    let case = serde_json::from_str(&text);
+    let Some(text) = read_if_there(&path, Limit::OWN)? else { return Ok(None) };
+    let case = serde_json::from_slice(&text);
     case.map(Some)
         .map_err(|e| Error::input(&path, e.line(), e.to_string(), "a score as this program writes it"))
 }

@@ -24,14 +24,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use sha2::{Digest as _, Sha256};
-
 pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
 pub use hidden::Kind;
 pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
+use crate::capture::read_text;
 use crate::diagnose::{REPORT_FILE, Report};
 use crate::error::{Error, Result};
+use crate::files::{self, Limit};
 use crate::plane::write_atomic;
 use make::Case;
 
@@ -78,8 +78,7 @@ pub struct WithholdResult {
 /// a line at a time; when `stop` says so, the run ends after what it is at.
 ///
 /// # Errors
-/// A folder of a run with other options; files that cannot be read or written; [`Error::Interrupted`]. A diagnosis that
-/// fails is no error: it is scored as wrong.
+/// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails; [`Error::Interrupted`].
 pub fn withhold(
     options: &WithholdOptions,
     say: &mut dyn FnMut(&str),
@@ -144,23 +143,24 @@ fn one_case(
     append(&options.out.join("seals.txt"), &format!("{seal}  case-{index:03}/answer.json\n"))?;
     case.render(stop)?;
     let left_out = if case.hidden.kind == Kind::LeftOut { &case.hidden.names[..] } else { &[] };
-    let blind = diagnose(options, &capture, &folder.join("diagnosis"), None, left_out)?;
+    let blind = diagnose(options, &capture, &folder.join("diagnosis"), None, left_out);
+    // What stops this process stops the other one too, which then fails.
     if stop() {
         return Err(Error::Interrupted { done: index, total: options.count });
     }
+    let blind = blind?;
     // Opened: the diagnosis has ended.
     write_atomic(&folder.join("answer.json"), answer.as_bytes())?;
     let opened = serde_json::from_str(&answer).expect("just written as JSON");
-    let report = blind.as_ref().map_err(String::as_str);
-    let mut score = CaseScore::new(&opened, case.hidden.kind, &case.motion, report);
-    if let (Ok(report), Kind::Single | Kind::Several) = (&blind, case.hidden.kind) {
+    let mut score = CaseScore::new(&opened, case.hidden.kind, &case.motion, Ok(&blind));
+    if let Kind::Single | Kind::Several = case.hidden.kind {
         let camera = folder.join("true-camera.toml");
         case.write_true_camera(&camera)?;
         // Nothing is tried: what is asked for is the score of the true camera by the same judge.
         let truth = diagnose(options, &capture, &folder.join("truth"), Some(&camera), candidates)?;
-        let g = &report.gap;
+        let g = &blind.gap;
         score.closed_by_truth =
-            truth.ok().map(|t| (g.before - t.gap.before) / (g.before - g.floor)).filter(|f| f.is_finite());
+            Some((g.before - truth.gap.before) / (g.before - g.floor)).filter(|f| f.is_finite());
     }
     let json = serde_json::to_string_pretty(&score).expect("all keys are strings");
     page::keep_picture(&capture, folder)?;
@@ -172,14 +172,16 @@ fn one_case(
     Ok(score)
 }
 
-/// Runs `diagnose` in a process of its own; its failure is a text, an error of starting it is an error.
+/// Runs `diagnose` in a process of its own. One that fails (no device, no memory, frames that cannot be used) says nothing about
+/// what was hidden: it is an error, no wrong answer, and the case is not done.
 fn diagnose(
     options: &WithholdOptions,
     capture: &Path,
     out: &Path,
     camera: Option<&Path>,
     without: &[&str],
-) -> Result<std::result::Result<Report, String>> {
+) -> Result<Report> {
+    files::made_elsewhere(out)?;
     let mut command = Command::new(&options.program);
     command.arg("diagnose").arg(capture).arg("--out").arg(out).stdin(Stdio::null());
     if let Some(camera) = camera {
@@ -195,11 +197,13 @@ fn diagnose(
     if !output.status.success() {
         let text = String::from_utf8_lossy(&output.stderr);
         let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
-        return Ok(Err(format!("{}: {last}", output.status)));
+        let found = format!("a diagnosis that ended with {}: {last}", output.status);
+        let expected = "one that comes to a verdict; mend the cause and run the same command again";
+        return Err(Error::input(capture, None, found, expected));
     }
     let path = out.join(REPORT_FILE);
-    let text = fs::read_to_string(&path).map_err(|e| Error::io(&path, "read", e))?;
-    Ok(Report::from_json(&path, &text).map_err(|e| e.to_string()))
+    let text = read_text(&path, "the report of the diagnosis", Limit::OWN)?;
+    Report::from_json(&path, &text)
 }
 
 /// Writes what the captures depend on; a folder of other ones is refused.
@@ -215,31 +219,32 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
     });
     let path = options.out.join("options.json");
     let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
-    match fs::read_to_string(&path) {
-        Ok(before) if before == text => Ok(manifest),
-        Ok(_) => {
+    match files::read_if_there(&path, Limit::OWN)? {
+        Some(before) if before == text.as_bytes() => Ok(manifest),
+        Some(_) => {
             let expected = "the same seed, size, frames and recordings as now; use another --out";
             Err(Error::input(&path, None, "a run with other options", expected))
         }
-        Err(_) => write_atomic(&path, text.as_bytes()).map(|()| manifest),
+        None => write_atomic(&path, text.as_bytes()).map(|()| manifest),
     }
 }
 
 fn read_score(folder: &Path) -> Result<Option<CaseScore>> {
     let path = folder.join("score.json");
-    let Ok(text) = fs::read_to_string(&path) else { return Ok(None) };
-    let score = serde_json::from_str(&text);
+    let Some(text) = files::read_if_there(&path, Limit::OWN)? else { return Ok(None) };
+    let score = serde_json::from_slice(&text);
     score
         .map(Some)
         .map_err(|e| Error::input(&path, e.line(), e.to_string(), "a score as this program writes it"))
 }
 
 fn append(path: &Path, line: &str) -> Result<()> {
+    files::grows(path)?;
     let opened = fs::OpenOptions::new().create(true).append(true).open(path);
     opened.and_then(|mut f| f.write_all(line.as_bytes())).map_err(|e| Error::io(path, "write", e))
 }
 
 /// SHA-256 as 64 hexadecimal digits.
 fn sha256_hex(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
+    files::sha256_hex(bytes)
 }

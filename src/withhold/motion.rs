@@ -9,7 +9,9 @@ use glam::{DMat3, DQuat, DVec3};
 use super::draw::Draw;
 use super::room::Mover;
 use crate::camera::{Pose, Trajectory};
+use crate::capture::read_text;
 use crate::error::{Error, Result};
+use crate::files::Limit;
 
 /// Poses a second of what is written.
 const RATE_HZ: f64 = 250.0;
@@ -127,7 +129,7 @@ fn robot(draw: &mut Draw, count: usize) -> Motion {
 
 /// A stretch of a recording, smoothed, moved to the middle of the room.
 fn recorded(draw: &mut Draw, path: &Path, count: usize) -> Result<Motion> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "read", e))?;
+    let text = read_text(path, "recorded motion: lines of t tx ty tz qx qy qz qw", Limit::TABLE)?;
     let first = text.lines().find(|l| !l.trim_start().starts_with('#') && !l.trim().is_empty());
     let epoch_s = first.and_then(|l| l.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(0.0);
     let trajectory = Trajectory::parse(path, &text, (epoch_s * 1e9) as i64)?;

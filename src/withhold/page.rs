@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{CaseScore, WithholdResult};
 use crate::error::{Error, Result};
+use crate::files::{Limit, read};
 use crate::plane::write_atomic;
 use crate::report::{PictureBudget, data_uri, environment};
 
@@ -50,7 +51,7 @@ pub(super) fn keep_picture(capture: &Path, folder: &Path) -> Result<()> {
     let mut names: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
     names.sort();
     if let Some(middle) = names.get(names.len() / 2) {
-        fs::copy(middle, folder.join(PICTURE)).map_err(|e| Error::io(middle, "copy", e))?;
+        write_atomic(&folder.join(PICTURE), &read(middle, Limit::PICTURE)?)?;
     }
     Ok(())
 }

@@ -134,6 +134,6 @@ fn a_preset_adds_effects_and_the_cameras_own_win() {
 #[test]
 fn an_unknown_preset_names_the_nearest() {
     let error = preset("usb_webcam").expect_err("unknown").to_string();
-    assert_eq!(error, "shutterbug presets: unknown preset `usb_webcam`; did you mean `usb-webcam`?");
+    assert_eq!(error, "--preset: unknown preset `usb_webcam`; did you mean `usb-webcam`?");
     assert!(!preset("banana").expect_err("unknown").to_string().contains("did you mean"));
 }

@@ -8,15 +8,14 @@ use super::obj::MaterialUse;
 use super::paths::{Place, Root};
 use super::text::read_text;
 use crate::error::{Error, Result};
-use crate::plane::read_rgb8;
+use crate::files::Limit;
+use crate::plane::read_rgb8_as;
 use crate::scene::{Material, Texture};
 
-/// Largest MTL file, bytes.
-const MAX_MTL_BYTES: u64 = 64 << 20;
-/// Largest texture file as it lies on the disk, bytes (what it may unfold to is limited by `plane::io`).
-const MAX_TEXTURE_FILE_BYTES: u64 = 1 << 30;
 /// Most memory that all textures may take together, bytes.
 const MAX_TEXTURES_BYTES: u64 = 4 << 30;
+/// Most words of all `mtllib` lines: for each, files of several names are looked for.
+const MAX_WORDS: usize = 1000;
 /// Longest file name in `mtllib`, in words.
 const MAX_WORDS_PER_NAME: usize = 16;
 
@@ -49,7 +48,18 @@ impl<'a> Library<'a> {
         lines: &[(usize, String)],
     ) -> Result<Self> {
         let mut library = Self { root, obj, canonical_obj, known: HashMap::new(), read: HashSet::new() };
+        let mut names = 0;
         for (line, operand) in lines {
+            names += operand.split_whitespace().count();
+            if names > MAX_WORDS {
+                let found = format!("{names} words in `mtllib` lines");
+                return Err(Error::input(
+                    obj,
+                    *line,
+                    found,
+                    format!("at most {MAX_WORDS}: each is looked for"),
+                ));
+            }
             for file in library.files(*line, operand)? {
                 if library.read.insert(file.clone()) {
                     library.add(&file)?;
@@ -97,7 +107,7 @@ impl<'a> Library<'a> {
 
     fn add(&mut self, file: &Path) -> Result<()> {
         let shown = self.root.show(file);
-        let text = read_text(file, &shown, MAX_MTL_BYTES)?;
+        let text = read_text(file, &shown, Limit::MATERIALS)?;
         for definition in mtl::parse(&text, &shown)? {
             let texture = match &definition.map_kd {
                 Some((line, name)) => self.texture(file, name, Place { path: &shown, line: *line })?,
@@ -173,15 +183,7 @@ impl<'a> Library<'a> {
 }
 
 fn read_texture(file: &Path, shown: &Path) -> Result<Texture> {
-    let bytes = file.metadata().map_err(|e| Error::io(shown, "read", e))?.len();
-    if bytes > MAX_TEXTURE_FILE_BYTES {
-        let expected = format!("a picture file of at most {MAX_TEXTURE_FILE_BYTES} bytes");
-        return Err(Error::input(shown, None, format!("{bytes} bytes"), expected));
-    }
-    let plane = read_rgb8(file).map_err(|e| match e {
-        Error::Picture { action, reason, .. } => Error::Picture { path: shown.to_owned(), action, reason },
-        other => other,
-    })?;
+    let plane = read_rgb8_as(file, shown)?;
     let rgba = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
     Ok(Texture { path: shown.to_owned(), width: plane.width as u32, height: plane.height as u32, rgba })
 }

@@ -20,9 +20,7 @@ use self::triangulate::{Outcome, newell, triangulate};
 use super::assemble::Assembler;
 use super::{Object, Scene, Vertex};
 use crate::error::{Error, Result};
-
-/// Largest OBJ file, bytes.
-const MAX_OBJ_BYTES: u64 = 1 << 30;
+use crate::files::Limit;
 
 /// Loads the OBJ file `path` with the materials and textures it names; none of the files may lie outside the folder
 /// `root`. Shading is unlit and no object has a trajectory: both are the caller's to set.
@@ -49,7 +47,7 @@ const MAX_OBJ_BYTES: u64 = 1 << 30;
 pub fn load_obj(path: &Path, root: &Path) -> Result<Scene> {
     let root = Root::new(root)?;
     let canonical = root.enter(path)?;
-    let text = read_text(&canonical, path, MAX_OBJ_BYTES)?;
+    let text = read_text(&canonical, path, Limit::MODEL)?;
     let geometry = obj::parse(&text, path)?;
     drop(text);
     warn_of_skipped(path, &geometry.skipped);

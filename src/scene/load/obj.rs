@@ -12,6 +12,8 @@ use std::path::Path;
 use super::text::{excerpt, logical_lines, number, split_keyword, words};
 use crate::error::{Error, Result};
 
+/// Furthest vertex, m, the same as of a trajectory: beyond, single precision draws wrong pictures without a word.
+pub const MAX_COORDINATE_M: f32 = 1e9;
 /// Most corners of triangles that a scene may have.
 pub const MAX_INDICES: usize = 50_000_000;
 /// Most corners of one polygon: ear clipping takes quadratic time at worst.
@@ -150,6 +152,10 @@ impl<'a> Scan<'a> {
                 let word = values.next().or((kind == 1 && i == 1).then_some("0"));
                 let value = word.and_then(number);
                 let value = value.ok_or_else(|| self.bad(line, excerpt(&content), NEEDED[kind]))?;
+                if kind == 0 && value.is_finite() && value.abs() > MAX_COORDINATE_M {
+                    let expected = format!("metres, at most {MAX_COORDINATE_M:e}");
+                    return Err(self.bad(line, format!("the coordinate {value:e}"), expected));
+                }
                 if !value.is_finite() {
                     self.not_finite[kind].insert(self.total[kind], line);
                 }

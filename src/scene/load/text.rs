@@ -2,29 +2,20 @@
 //! with the number of the line on which each begins.
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::files::{Limit, read_as};
 
-/// Reads a text file of at most `limit` bytes.
+/// Reads a text file.
 ///
 /// The encoding is told by the byte order mark (UTF-8, UTF-16 of either order); without one it is UTF-8 or, where that
 /// fails, Latin-1. NUL bytes are dropped: they pad blocks, and UTF-16 without a mark becomes readable.
 ///
 /// # Errors
 /// A file that cannot be read or is larger than `limit`.
-pub(super) fn read_text(path: &Path, shown: &Path, limit: u64) -> Result<String> {
-    let failed = |e| Error::io(shown, "read", e);
-    let mut bytes = Vec::new();
-    // One byte beyond the limit tells too long from just fitting, also where the file system gives no length.
-    File::open(path).and_then(|f| f.take(limit + 1).read_to_end(&mut bytes)).map_err(failed)?;
-    if bytes.len() as u64 > limit {
-        let found = format!("more than {limit} bytes");
-        return Err(Error::input(shown, None, found, format!("a text file of at most {limit} bytes")));
-    }
-    Ok(decode(bytes))
+pub(super) fn read_text(path: &Path, shown: &Path, limit: Limit) -> Result<String> {
+    read_as(path, shown, limit).map(decode)
 }
 
 fn decode(bytes: Vec<u8>) -> String {

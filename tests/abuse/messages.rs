@@ -1,0 +1,105 @@
+//! Messages: one line each, which steers no terminal, and one table of exit codes.
+
+use super::*;
+
+/// U1, U2: line ends and escape sequences of the input.
+#[test]
+fn what_stands_in_a_file_cannot_steer_the_terminal() {
+    let capture = Capture::new();
+    for key in ["\"a\\nb\" = 1\n", "\"a\\u001b[31mred\" = 1\n"] {
+        capture.write("camera.toml", format!("{key}{CAMERA}"));
+        let output = capture.simulate(&capture.beside("out"), &[]);
+        assert_refused(&output, 1, &["camera.toml:1", "unknown key"]);
+        assert!(
+            !said(&output).contains('\u{1b}') && said(&output).lines().count() == 1,
+            "{:?}",
+            said(&output)
+        );
+    }
+    capture.write("camera.toml", CAMERA);
+    // A warning on the way, and an object's name with a line end.
+    capture.write("scene.obj", format!("mtllib \u{1b}[2Jgone.mtl\n{SCENE}"));
+    capture.write("objects/a\nb.tum", "10 0 0 0 0 0 0 1\n");
+    let output = capture.simulate(&capture.beside("out"), &[]);
+    assert_refused(&output, 1, &["a\\nb", "unknown object"]);
+    assert!(!said(&output).contains('\u{1b}'), "{:?}", said(&output));
+}
+
+/// U1: a name with a line end writes no line of its own into a camera.
+#[test]
+fn a_name_with_a_line_end_makes_no_line_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let noise = |seed: u32| {
+        move |x: u32, y: u32| {
+            let v = (x.wrapping_mul(7919) ^ y.wrapping_mul(104_729) ^ seed).wrapping_mul(2_654_435_761) >> 28;
+            image::Rgb([(60 + x + v) as u8, (50 + y + v) as u8, (80 + v) as u8])
+        }
+    };
+    let frames = ["a.png", "b\n[x]"].map(|name| folder.path().join(name));
+    for (seed, path) in [1, 2].into_iter().zip(&frames) {
+        image::RgbImage::from_fn(96, 96, noise(seed))
+            .save_with_format(path, image::ImageFormat::Png)
+            .unwrap();
+    }
+    let out = folder.path().join("out");
+    let mut calibrate = shutterbug();
+    calibrate.args(["calibrate", "noise"]).args(&frames).arg("--out").arg(&out);
+    assert_done(&calibrate.output().unwrap());
+    let camera = out.join("camera.toml");
+    let mut convert = shutterbug();
+    assert_done(&convert.args(["camera", "convert", "--to", "ros"]).arg(camera).output().unwrap());
+}
+
+/// K1: what the command line itself asks for wrongly is 2, whatever the files hold; all else is 1.
+#[test]
+fn exit_codes_are_of_one_table() {
+    let capture = Capture::new();
+    let out = capture.beside("out");
+    assert_refused(&capture.simulate(&out, &["--preset", "fone"]), 2, &["--preset", "phone"]);
+    let run = |arguments: &[&str]| {
+        let mut command = shutterbug();
+        command.args(arguments).arg("--out").arg(&out).output().unwrap()
+    };
+    let camera = capture.root().join("camera.toml");
+    let camera = camera.to_str().unwrap();
+    assert_refused(
+        &run(&["camera", "convert", "--from", "sdf", "--to", "toml", camera]),
+        2,
+        &["SDF is written only"],
+    );
+    assert_refused(&run(&["withhold", "--count", "2", "--only", "99"]), 2, &["--only", "case 99"]);
+    for too_many in ["1000000000", "18446744073709551615"] {
+        assert_eq!(run(&["withhold", "--frames", too_many]).status.code(), Some(2), "--frames {too_many}");
+    }
+    assert_refused(&run(&["camera", "convert", "--to", "toml", "/no/such/file"]), 1, &["/no/such/file"]);
+    assert!(!out.exists());
+}
+
+/// U4, U5: files of other kinds are called by their name.
+#[test]
+fn other_formats_are_called_by_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let convert = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        shutterbug().args(["camera", "convert", "--to", "toml"]).arg(path).output().unwrap()
+    };
+    assert_refused(&convert("a.sdf", "<?xml version='1.0'?>\n<sdf/>\n"), 1, &["SDF is written only"]);
+    let misspelt = convert("b.yaml", "image_width: 64\ncamera_matrx:\n  data: [1, 2]\n");
+    assert_refused(&misspelt, 1, &["no known format", "camera_matrx"]);
+    let gif = folder.path().join("c.png");
+    fs::write(&gif, "GIF89a").unwrap();
+    let mut calibrate = shutterbug();
+    calibrate.args(["calibrate", "noise"]).args([&gif, &gif]).arg("--out").arg(folder.path().join("out"));
+    assert_refused(&calibrate.output().unwrap(), 1, &["c.png", "PNG or JPEG"]);
+}
+
+/// K2: no colours in a file.
+#[test]
+fn warnings_in_a_file_have_no_colours() {
+    let capture = Capture::new();
+    capture.write("scene.obj", format!("mtllib gone.mtl\n{SCENE}"));
+    capture.write("trajectory.tum", "nothing\n");
+    let output = capture.simulate(&capture.beside("out"), &[]);
+    assert!(said(&output).contains("gone.mtl") && !said(&output).contains('\u{1b}'), "{:?}", said(&output));
+}
