@@ -11,8 +11,8 @@ use capi_support::{
     Floats, Small, SmallPath, camera, engine, error_of, finish, must, options, process, sized, status, text,
 };
 use gpu_support::frames::{INTERVAL_S, request};
-use gpu_support::scenes::{moving, rich, walk};
-use shutterbug::camera::{Intrinsics, NEAR_M, Pose, ScanOrder, Trajectory};
+use gpu_support::scenes::{rich, walk};
+use shutterbug::camera::{Intrinsics, NEAR_M, Pose, ScanOrder};
 use shutterbug::capi::*;
 use shutterbug::engine::{FastOptions, Method};
 
@@ -29,7 +29,8 @@ fn the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit()
     let test = "the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit";
     let Some(watched) = gpu_support::device(test) else { return };
     let mut scene = rich(0);
-    scene.objects[1].trajectory = Some(std::sync::Arc::new(Trajectory::fixed(moving().pose_at(0.03))));
+    // All of it rests: paths follow from depth then.
+    scene.objects.iter_mut().for_each(|object| object.trajectory = None);
     for (exposure_s, order) in [(0.0, ScanOrder::TopToBottom), (0.012, ScanOrder::RightToLeft)] {
         let asked = request(&K, exposure_s, 0.025, order);
         let options = gpu_support::frames::options(Method::Fast(FastOptions::default()), 1);
@@ -61,12 +62,13 @@ fn the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit()
         let got = process(engine, &o, SIZE).unwrap();
         let differ = got.iter().zip(&want).filter(|(a, b)| a != b).count();
         assert_eq!(differ, 0, "exposure {exposure_s}, {order}: bytes that differ, of {}", want.len());
-        // Controls: the colour of another instant; every second pose, between which the curve is not the engine's.
+        // Controls: the colour of another instant; a camera at rest.
         let other = shutterbug_outside { color_time_s: o.color_time_s + 1e-3, ..o };
         assert!(process(engine, &other, SIZE).unwrap() != want, "control: another instant");
-        let fewer: Vec<_> = poses.iter().step_by(32).copied().collect();
-        let other = shutterbug_outside { poses: fewer.as_ptr(), pose_count: fewer.len() as u32, ..o };
-        assert!(process(engine, &other, SIZE).unwrap() != want, "control: three poses");
+        let rests = path.pose_at(inputs.color_time_s);
+        let still: Vec<_> = times_s.iter().map(|&t| stamped(t, &rests)).collect();
+        let other = shutterbug_outside { poses: still.as_ptr(), ..o };
+        assert!(process(engine, &other, SIZE).unwrap() != want, "control: a camera at rest");
         finish(engine);
     }
 }
