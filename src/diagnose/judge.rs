@@ -240,12 +240,7 @@ fn unsettled(
     }
     // At half of the range a gain of so much moves a value by the error of a colour.
     let factor = 1.0 + COLOUR_DN / 64.0;
-    let mut others =
-        vec![forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?];
-    if quality > Quality::Fit {
-        // What few samples a pixel make of an edge stands for what another renderer does.
-        others.push(forward.simulate(frames, theta, Quality::Fit)?);
-    }
+    let brighter = forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
     let of_frame = |a: &Plane<f32>, b: &Plane<f32>| -> Vec<[f32; 2]> {
         let across = a.width.div_ceil(8);
         let mut sums = vec![[0.0f32; 3]; across * a.height.div_ceil(8)];
@@ -259,15 +254,7 @@ fn unsettled(
         };
         sums.into_iter().map(parts).collect()
     };
-    let summed = |i: usize| {
-        let mut sum = of_frame(&means[i], &others[0][i]);
-        for other in &others[1..] {
-            let add = of_frame(&means[i], &other[i]);
-            sum.iter_mut().zip(add).for_each(|(s, a)| *s = [s[0] + a[0], s[1] + a[1]]);
-        }
-        sum
-    };
-    Ok((0..frames.len()).map(summed).collect())
+    Ok(means.iter().zip(&brighter).map(|(a, b)| of_frame(a, b)).collect())
 }
 
 /// See [`super::Gap::closed_fraction`].
