@@ -43,7 +43,7 @@ fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
 
 fn noise(settings: &Settings) -> [Noise; 3] {
     let [rows, columns] = ["sigma", "column_sigma"].map(|name| settings.number("row_noise", name, 0.0));
-    // Noise of columns is new in every frame; what a column shares counts as each pixel's own.
+    // What a column shares counts as each pixel's and colour's own: nothing here knows columns.
     [Noise { free: [columns * columns, 0.0, 0.0], row: [rows * rows, 0.0, 0.0], ..Noise::default() }; 3]
 }
 

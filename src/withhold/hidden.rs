@@ -242,7 +242,7 @@ mod tests {
     fn grades_are_in_range_rise_and_are_not_neutral() {
         let graded_names: Vec<_> =
             effects::LIST.iter().map(|e| e.id()).filter(|id| grade(id).is_some()).collect();
-        assert_eq!(graded_names.len(), 22, "{graded_names:?}");
+        assert_eq!(graded_names.len(), 25, "{graded_names:?}");
         for name in graded_names {
             let grade = grade(name).expect("filtered");
             let strengths: Vec<f64> = (0..6).map(|i| grade.strength(i, 6)).collect();

@@ -42,12 +42,10 @@ pub(super) fn tables(settings: &Settings) -> (Vec<&'static str>, [Table; 3]) {
     let bends = |e: &&dyn Effect| matches!(e.moments(), Moments::Curve);
     let curves: Vec<&dyn Effect> = on.skip_while(|e| !bends(e)).take_while(bends).collect();
     let stems: Vec<&'static str> = curves.iter().map(|e| e.id()).collect();
+    // The encoding alone, which every camera has.
     static PLAIN: LazyLock<Table> = LazyLock::new(|| {
-        one_table(
-            &[LIST.iter().copied().find(|e| e.id() == "gamma").expect("listed")],
-            &Settings::default(),
-            None,
-        )
+        let plain = Settings::default();
+        one_table(&switched_on(&plain).collect::<Vec<_>>(), &plain, None)
     });
     let plain = settings.iter().all(|(stem, _)| !stems.contains(&stem));
     if plain {

@@ -2,7 +2,7 @@
 
 use super::curve::{is_behind_encoding, switched_on};
 use super::tone::Tone;
-use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
+use crate::chain::{At, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
 use crate::effects::LIST;
 use crate::effects::jpeg::compressed;
 use crate::effects::jpeg::packing::{packed_mean, rounded_mean};
@@ -26,7 +26,7 @@ enum Job<'a> {
 pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &Tone) -> Plane<f32> {
     let packed = Packed::new(LIST, settings, view);
     let mut picture = linear.clone();
-    let (mut jobs, mut encoded, mut mixed) = (Vec::new(), false, false);
+    let (mut jobs, mut unit, mut mixed) = (Vec::new(), 1.0, false);
     for effect in switched_on(settings) {
         if !matches!(effect.stage(), Stage::Pixel(..)) || tone.bent[1..].contains(&effect.id()) {
             continue;
@@ -36,7 +36,6 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
                 jobs.push(Job::Colors(tone.colors));
             }
             jobs.push(Job::Encode);
-            encoded = true;
             continue;
         }
         let parameters = packed.parameters(slot_of(LIST, effect.id()));
@@ -47,32 +46,36 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
             (Moments::Affine(of), _) => {
                 jobs.push(Job::Affine(of(settings, view).map(|v| v.map(|v| v as f32))))
             }
-            (Moments::Colors(of), _) => jobs.push(Job::Colors(of(settings).map(|v| v.map(|v| v as f32)))),
+            (Moments::Colors(of), _) => {
+                // It makes values that the delivered picture cannot have.
+                mixed = true;
+                jobs.push(Job::Colors(of(settings).map(|v| v.map(|v| v as f32))));
+            }
             (Moments::Steps(_), _) => jobs.push(Job::Steps(tone.step)),
             (Moments::File(of), _) => {
-                done(&mut picture, &mut jobs, view, tone);
+                done(&mut picture, &mut jobs, view, tone, &mut unit);
                 clip(&mut picture, &mut mixed);
                 picture = filed(&picture, tone, of(settings));
             }
             (_, Work::Pointwise(twin)) => jobs.push(Job::Twin(twin, parameters, effect.variant(settings))),
             (_, Work::Neighbourhood { reference, .. }) => {
-                done(&mut picture, &mut jobs, view, tone);
+                done(&mut picture, &mut jobs, view, tone, &mut unit);
                 let before = picture;
-                picture = reference(
-                    &scaled(&before, if encoded { 1.0 / 255.0 } else { 1.0 }),
-                    settings,
-                    &parameters,
-                );
-                if encoded {
-                    picture.data.iter_mut().for_each(|v| *v *= 255.0);
-                    clipped(&mut picture, &before, tone, effect);
+                picture = reference(&scaled(&before, 1.0 / unit), settings, &parameters);
+                if unit > 1.0 {
+                    picture.data.iter_mut().for_each(|v| *v *= unit);
+                    let lifts = match effect.moments() {
+                        Moments::Pixels(of) => of(settings).pixel[1] > 1.0,
+                        _ => false,
+                    };
+                    clipped(&mut picture, &before, tone, lifts);
                     mixed = true;
                 }
             }
             (_, Work::Elsewhere | Work::Host(_)) => {}
         }
     }
-    done(&mut picture, &mut jobs, view, tone);
+    done(&mut picture, &mut jobs, view, tone, &mut unit);
     clip(&mut picture, &mut mixed);
     picture
 }
@@ -81,13 +84,13 @@ fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {
     Plane { data: picture.data.iter().map(|v| factor * v).collect(), ..*picture }
 }
 
-/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand.
-fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &Tone) {
+/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand. `unit`: what full
+/// scale is, since values are DN behind the encoding here, and shares of full scale in twins.
+fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &Tone, unit: &mut f32) {
     let (width, source) = (picture.width, Plane::new(0, 0, 4));
     let mut light = vec![1.0; width];
     for (y, row) in picture.data.chunks_exact_mut(3 * width).enumerate() {
-        // Behind the encoding values are DN here, and shares of full scale in twins.
-        let mut unit = 1.0;
+        let mut unit = *unit;
         for job in jobs.iter() {
             let pixels = row.chunks_exact_mut(3);
             match job {
@@ -117,6 +120,9 @@ fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &T
             }
         }
     }
+    if jobs.iter().any(|job| matches!(job, Job::Encode)) {
+        *unit = 255.0;
+    }
     jobs.clear();
 }
 
@@ -131,10 +137,9 @@ fn clip(picture: &mut Plane<f32>, mixed: &mut bool) {
     }
 }
 
-/// A filter makes values that the delivered picture cannot have: under noise that moves the mean.
-fn clipped(picture: &mut Plane<f32>, before: &Plane<f32>, tone: &Tone, effect: &dyn Effect) {
-    // Means over pixels make none.
-    if !tone.is_noisy() || effect.id() == "chroma_subsampling" {
+/// A filter that lifts noise makes values that the delivered picture cannot have: that moves the mean.
+fn clipped(picture: &mut Plane<f32>, before: &Plane<f32>, tone: &Tone, lifts: bool) {
+    if !tone.is_noisy() || !lifts {
         return;
     }
     for (i, (v, before)) in picture.data.iter_mut().zip(&before.data).enumerate() {

@@ -106,10 +106,9 @@ impl Tone {
         let mut by_dn = [0, 1, 2].map(|c| self.spread_by_dn(&tables[c], c));
         for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
             if let Moments::Colors(of) = effect.moments() {
-                let weights = of(settings).map(|row| row.map(|w| (w * w) as f32));
+                let weights = of(settings).map(|row| row.map(|w| w as f32));
                 let at = |c: usize, dn: usize| {
-                    let each = (0..3).map(|from| (weights[c][from], &by_dn[from][dn]));
-                    each.fold(Variances::default(), |sum, (w, v)| sum.plus(w, v))
+                    mixed_colors((0..3).map(|from| (weights[c][from], by_dn[from][dn])))
                 };
                 by_dn = [0, 1, 2].map(|c| (0..256).map(|dn| at(c, dn)).collect());
             }
@@ -265,16 +264,16 @@ impl Tone {
         let whole = self.whole[channel];
         let own = |from: usize| {
             let [factor, term] = self.sensor[from];
-            let scale = (self.colors[channel][from] / whole * factor).powi(2);
+            let weight = self.colors[channel][from] / whole * factor;
             let mut v = self.noise[from].at((sensor - term) / factor);
             if self.step > 0.0 {
                 let step = self.step / factor.abs();
                 v.free += step * step * rounding((v.free + v.row + v.fixed).sqrt() / step);
             }
-            (scale, v)
+            (weight, v)
         };
         let of = (0..3).filter(|&from| self.colors[channel][from] != 0.0);
-        of.map(own).fold(Variances::default(), |sum, (scale, v)| sum.plus(scale, &v))
+        mixed_colors(of.map(own))
     }
 
     fn spread_by_dn(&self, table: &[(f32, Variances)], channel: usize) -> Vec<Variances> {
@@ -293,6 +292,16 @@ impl Tone {
             })
             .collect()
     }
+}
+
+/// Of a sum of colours by weight: pixels' noise is each colour's own, that of a row is common to them.
+fn mixed_colors(parts: impl Iterator<Item = (f32, Variances)>) -> Variances {
+    let (mut sum, mut row) = (Variances::default(), 0.0);
+    for (weight, v) in parts {
+        sum = sum.plus(weight * weight, &v);
+        row += weight * v.row.sqrt();
+    }
+    Variances { row: row * row, ..sum }
 }
 
 /// Variance that rounding adds to noise of that width, in squares of a step: the mean over where values lie between two steps.
