@@ -10,12 +10,13 @@ use super::discrepancy::FILTER_PX2;
 use super::fit::{Level, hide, pooled, residual, weighing_of};
 use super::forward::Quality;
 use super::intervals::{Way, way};
-use super::judge::{Scores, family_gain, gain, quantile};
-use super::model::{Theta, candidate_of};
+use super::judge::{Scores, family_gain, gain, quantile, quantile_of_length};
+use super::model::{P, Theta, candidate_of};
 use super::noise::NoiseData;
 use super::normal::{FrameValues, assemble, gradient_dn, value_keys};
 use super::score::FAMILIES;
 use super::search::{Search, is_discrete};
+use super::support::mixes_pixels;
 use super::tone::Tone;
 use crate::error::Result;
 use crate::plane::Plane;
@@ -62,8 +63,10 @@ impl Search<'_> {
             return Ok(true);
         }
         let Some(way) = self.way(worse, better)? else { return Ok(true) };
-        // Half widths are two standard errors.
-        let needed = 0.5 * quantile(self.tests());
+        // Half widths are two standard errors. What was fitted may have followed what is no effect in as many directions as it
+        // has parameters.
+        let fitted = worse.differing(better).filter(|p| !p.is_discrete()).count().max(1);
+        let needed = 0.5 * quantile_of_length(self.tests(), fitted);
         tracing::debug!("{:.3} of the way, half width {:.3}", way.share, way.half);
         Ok(way.share > needed * way.half)
     }
@@ -72,7 +75,9 @@ impl Search<'_> {
     /// neighbours, or in the values themselves.
     fn shows_otherwise(&self, a: &Theta, b: &Theta) -> bool {
         let noisy = [a, b].iter().any(|t| Tone::new(t).is_noisy());
-        let shows = |name: &str| self.is_known(name) || (noisy && is_discrete(candidate_of(name)));
+        let shows = |name: &str| {
+            self.is_known(name) || (noisy && is_discrete(candidate_of(name)) && mixes_pixels(name))
+        };
         a.differing(b).filter(|&p| a.is_on(p) != b.is_on(p)).any(|p| shows(p.spec().effect))
     }
 
@@ -89,14 +94,16 @@ impl Search<'_> {
         let (from_dn, to_dn) = (from_dn?, to_dn?);
         // What few samples a pixel miss of its area looks like a filter too.
         let filter_px2 = if self.judge.quality <= Quality::Fit { 2.0 * FILTER_PX2 } else { FILTER_PX2 };
+        let wider = from.with(P::Defocus, (from.get(P::Defocus).powi(2) + filter_px2).sqrt());
+        let wider = self.forward.simulate(frames, &wider, self.judge.quality)?;
         let one = |(i, &at): (usize, &usize)| -> FrameValues {
             let (a, b) = (&from_dn[i], &to_dn[i]);
             let pooled = |mut d: Vec<f32>| {
                 hide(target, at, &mut d);
                 pooled(&d, a.width, a.height, LEVEL.block)
             };
-            let differs = b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
-            let columns = vec![pooled(differs), pooled(wider(a, filter_px2))];
+            let less = |b: &Plane<f32>| b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
+            let columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
             (residual(target, at, a, LEVEL.block), columns, value_keys(a, LEVEL.block))
         };
         let values: Vec<FrameValues> = frames.iter().enumerate().map(one).collect();
@@ -108,20 +115,4 @@ impl Search<'_> {
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
         Ok(way(e, columns_px, LEVEL.block, moves))
     }
-}
-
-/// What a filter of so much more variance adds to a picture.
-fn wider(mean: &Plane<f32>, filter_px2: f64) -> Vec<f32> {
-    let (w, h) = (mean.width, mean.height);
-    let mut out = Vec::with_capacity(mean.data.len());
-    for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
-        let (up, down) = (y.saturating_sub(1), (y + 1).min(h - 1));
-        let (left, right) = (x.saturating_sub(1), (x + 1).min(w - 1));
-        for c in 0..3 {
-            let at = |x: usize, y: usize| mean.data[3 * (y * w + x) + c];
-            let bend = at(left, y) + at(right, y) + at(x, up) + at(x, down) - 4.0 * at(x, y);
-            out.push(0.5 * filter_px2 as f32 * bend);
-        }
-    }
-    out
 }

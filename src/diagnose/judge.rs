@@ -70,6 +70,14 @@ pub(super) fn quantile(tests: usize) -> f64 {
     high
 }
 
+/// The same of the length of a vector of so many normal variables (Wilson and Hilferty 1931).
+pub(super) fn quantile_of_length(tests: usize, dimensions: usize) -> f64 {
+    let n = dimensions.max(1) as f64;
+    let part = 2.0 / (9.0 * n);
+    // A length has one side only.
+    (n * (1.0 - part + quantile(tests) * part.sqrt()).powi(3)).sqrt()
+}
+
 impl Scores {
     fn over(&self, f: impl Fn(&FrameScore) -> f64) -> f64 {
         self.0.iter().map(f).sum::<f64>() / self.0.len().max(1) as f64
@@ -271,6 +279,13 @@ mod tests {
     fn what_is_beyond_chance_depends_on_how_much_is_tried() {
         assert!((quantile(1) - 2.326).abs() < 1e-2, "{}", quantile(1));
         assert!((quantile(24) - 3.34).abs() < 1e-2, "{}", quantile(24));
+        // One variable of either sign: twice as often beyond. Nine: chi-squared of 29.7 at 0.01 / 20.
+        assert!((quantile_of_length(24, 1) - 3.53).abs() < 0.03, "{}", quantile_of_length(24, 1));
+        assert!(
+            (quantile_of_length(20, 9).powi(2) - 29.7).abs() < 0.3,
+            "{}",
+            quantile_of_length(20, 9).powi(2)
+        );
         let even: Vec<f64> = (0..100).map(|i| [0.9, 1.1][i % 2]).collect();
         assert!(Estimate::of(&even).is_above(1000));
         let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
