@@ -24,6 +24,9 @@ fn stamped(time_s: f64, pose: &Pose) -> shutterbug_stamped_pose {
     shutterbug_stamped_pose { time_s, world_from_camera: shutterbug_pose { translation_m, rotation_xyzw } }
 }
 
+/// What makes a right call a wrong one.
+type Spoil<'a> = &'a dyn Fn(&mut shutterbug_outside);
+
 #[test]
 fn the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit() {
     let test = "the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit";
@@ -86,7 +89,7 @@ fn programs_built_against_the_header_of_before_are_served() {
     // What lies behind the struct of before is not the library's to read: nonsense there changes nothing.
     let mut old = small.outside;
     (old.struct_size, old.pose_count, old.body_count) = (SIZE_OF_BEFORE, 77, 99);
-    (old.nearest_m, old.ids, old.bodies) = (f64::NAN, 3 as *const _, 5 as *const _);
+    (old.nearest_m, old.ids, old.bodies) = (f64::NAN, std::ptr::dangling(), std::ptr::dangling());
     assert_eq!(process(engine, &old, [32, 24]).unwrap(), want);
     old.struct_size = size_of::<shutterbug_outside>() as u32;
     assert_eq!(
@@ -119,7 +122,7 @@ fn careless_hands() {
     let no_poses = [shutterbug_body { poses: null(), ..small.bodies[0] }];
     let late = [small.poses[1], shutterbug_stamped_pose { time_s: 9.0, ..small.poses[1] }];
     let late_body = [shutterbug_body { poses: late.as_ptr(), ..small.bodies[0] }];
-    let cases: [(&str, &str, &dyn Fn(&mut shutterbug_outside)); 19] = [
+    let cases: [(&str, &str, Spoil<'_>); 19] = [
         ("ARGUMENT", "pose_count is 1", &|o| o.pose_count = 1),
         ("ARGUMENT", "poses", &|o| o.poses = null()),
         ("ARGUMENT", "pose 1", &|o| o.poses = wrong_pose.as_ptr()),

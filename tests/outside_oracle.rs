@@ -40,7 +40,8 @@ fn poses(name: &str, end_s: f64, count: u32) -> Vec<shutterbug_stamped_pose> {
 }
 
 /// Pictures that were rendered, by motion, end of the frame and margin: several frames are made of each.
-static SHOTS: Mutex<BTreeMap<(String, u64, [u32; 2]), Shot>> = Mutex::new(BTreeMap::new());
+type Shots = BTreeMap<(String, u64, [u32; 2]), Shot>;
+static SHOTS: Mutex<Shots> = Mutex::new(BTreeMap::new());
 
 /// The resting world at the frame's middle.
 fn taken(name: &str, end_s: f64, margin_px: [u32; 2]) -> Shot {

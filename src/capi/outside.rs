@@ -252,22 +252,21 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
     Ok(())
 }
 
+/// An image of ids, and the path of each.
+type Bodies = (Picture, Vec<(u32, Trajectory)>);
+
 /// Checked motion or depth.
 enum Moving {
     Images(Vec<Picture>, [f32; 2]),
     Depth(Picture, Option<[f32; 3]>, [(f64, Pose); 2]),
-    Path(Picture, Option<[f32; 3]>, Arc<Trajectory>, Option<(Picture, Vec<(u32, Trajectory)>)>),
+    Path(Picture, Option<[f32; 3]>, Arc<Trajectory>, Option<Bodies>),
 }
 
 /// The bodies of a frame, in rising order of their ids.
 ///
 /// # Safety
 /// The header's promise for all that `o` points to.
-unsafe fn bodies(
-    o: &shutterbug_outside,
-    size: [u32; 2],
-    context: &Arc<Context>,
-) -> Outcome<Option<(Picture, Vec<(u32, Trajectory)>)>> {
+unsafe fn bodies(o: &shutterbug_outside, size: [u32; 2], context: &Arc<Context>) -> Outcome<Option<Bodies>> {
     if o.body_count == 0 {
         return Ok(None);
     }

@@ -63,9 +63,10 @@ impl Search<'_> {
             return Ok(true);
         }
         let Some(way) = self.way(worse, better)? else { return Ok(true) };
-        // Half widths are two standard errors. What was fitted may have followed what is no effect in as many directions as it
-        // has parameters.
-        let fitted = worse.differing(better).filter(|p| !p.is_discrete()).count().max(1);
+        // Half widths are two standard errors. An effect may have followed what is none in as many directions as it has
+        // parameters.
+        let added = |p: &P| !p.is_discrete() && better.is_on(*p) && !worse.is_on(*p);
+        let fitted = worse.differing(better).filter(added).count().max(1);
         let needed = 0.5 * quantile_of_length(self.tests(), fitted);
         tracing::debug!("{:.3} of the way, half width {:.3}", way.share, way.half);
         Ok(way.share > needed * way.half)

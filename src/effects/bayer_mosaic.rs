@@ -117,7 +117,7 @@ fn filled(source: &Plane<f32>, red: [usize; 2], malvar: bool) -> Plane<f32> {
             far_column: if malvar { at(0, -2) + at(0, 2) } else { 0.0 },
         };
         let f = fill(&n);
-        let red_row = (y + red[1]) % 2 == 0;
+        let red_row = (y + red[1]).is_multiple_of(2);
         match channel([x, y], red) {
             0 => [n.own, f.cross, f.diagonal],
             2 => [f.diagonal, f.cross, n.own],

@@ -56,7 +56,9 @@ fn color_matrix([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
 }
 
 fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
-    let entry = |i: usize| settings.number("color_matrix", SPECS[i].name, if i % 4 == 0 { 1.0 } else { 0.0 });
+    let entry = |i: usize| {
+        settings.number("color_matrix", SPECS[i].name, if i.is_multiple_of(4) { 1.0 } else { 0.0 })
+    };
     [0, 3, 6].map(|row| [row, row + 1, row + 2].map(entry))
 }
 
@@ -83,7 +85,11 @@ impl Effect for ColorMatrix {
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
         for (i, spec) in SPECS.iter().enumerate() {
-            packer.number(settings.number("color_matrix", spec.name, if i % 4 == 0 { 1.0 } else { 0.0 }));
+            packer.number(settings.number(
+                "color_matrix",
+                spec.name,
+                if i.is_multiple_of(4) { 1.0 } else { 0.0 },
+            ));
         }
     }
 }

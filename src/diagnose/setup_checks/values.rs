@@ -24,13 +24,16 @@ pub(super) fn grey(pairs: &Pairs) -> Option<String> {
     })
 }
 
+/// How values may have been meant.
+type Reading<'a> = &'a dyn Fn(&Thumb) -> Plane<f32>;
+
 /// Values under which the frames fit, if they do not as they are.
 pub(super) fn coded(pairs: &Pairs) -> Option<String> {
     let as_is = pairs.median(|r, s| apart(&r.dn, &s.dn));
     if as_is < LEAST_DN {
         return None;
     }
-    let tried: [(&str, &dyn Fn(&Thumb) -> Plane<f32>); 4] = [
+    let tried: [(&str, Reading<'_>); 4] = [
         (
             "linear (raw) values, not sRGB: encode them, or they are taken for dark frames of high contrast",
             &|s| s.decoded.clone(),
