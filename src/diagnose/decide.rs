@@ -6,7 +6,9 @@ use super::report::Verdict;
 use super::score::FAMILIES;
 use super::search::{Found, Search};
 
-/// Share of the slopes' places where single values are far off, where correct renderers have none.
+/// Share of flat places in which single values may be far off.
+///
+/// Measured: none on captures that hide nothing (d00, d08).
 const MOST_OUTLIERS: f64 = 1e-4;
 /// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only resemble.
 ///
@@ -14,10 +16,14 @@ const MOST_OUTLIERS: f64 = 1e-4;
 const RESEMBLED: f64 = 0.97;
 /// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the picture is
 /// explained altogether.
+///
+/// Measured: contrast curves and ghosts that are on no list were closed to 28 to 78 % by what resembles them.
 const NAMED: [f64; 2] = [0.75, 0.2];
 /// That part: share of the gap that lies in blocks in which nearly nothing of it is left.
 const SOLVED: f64 = 0.15;
 /// Share of the displacement that must be gone for effects to be named that move photographs by a camera at rest.
+///
+/// Measured: 76 % on thirteen photographs of a board, with the lens of an independent calibration.
 const PLACED: f64 = 0.75;
 
 /// What a decision is made of.

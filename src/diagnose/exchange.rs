@@ -9,7 +9,7 @@ use super::forward::Quality;
 use super::judge::{Scores, gain};
 use super::model::{P, candidate_of};
 use super::normal::{linearise, screened};
-use super::search::{Found, Search, is_discrete};
+use super::search::{Found, Search, is_discrete, moves};
 use super::support::restored;
 use crate::error::Result;
 
@@ -53,7 +53,7 @@ impl Search<'_> {
     fn exchanged(&mut self, found: &mut Found, now: &Scores) -> Result<Option<Other>> {
         found.alternatives.clear();
         let members: Vec<_> = found.set.iter().copied().filter(|n| self.may_change(n)).collect();
-        for groups in [pairs(&members), members.iter().map(|&m| vec![m]).collect()] {
+        for groups in [alike_pairs(&members), members.iter().map(|&m| vec![m]).collect()] {
             for out in groups {
                 let Some(other) = self.in_place_of(&out, found, now)? else { continue };
                 return Ok(Some(other));
@@ -79,8 +79,11 @@ impl Search<'_> {
         let rest: Vec<_> = found.set.iter().copied().filter(|n| !out.contains(n)).collect();
         let start =
             out.iter().fold(found.fit.theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)));
-        let inside = self.names.clone().into_iter().filter(|n| !found.set.contains(n) && self.may_change(n));
-        let others: Vec<_> = inside.collect();
+        // What moves the picture does not do what changes its values, and the other way round.
+        let kind = moves(candidate_of(out[0]));
+        let beside =
+            |n: &&'static str| !found.set.contains(n) && self.may_change(n) && moves(candidate_of(n)) == kind;
+        let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
         let alike = self.alike(out, &rest, &others, &start)?;
         let size = |names: &[&str]| names.iter().map(|n| candidate_of(n).parameters.len()).sum::<usize>();
         for name in alike {
@@ -136,8 +139,12 @@ impl Search<'_> {
     }
 }
 
-/// All pairs.
-fn pairs(names: &[&'static str]) -> Vec<Vec<&'static str>> {
-    let with = |i: usize| names[..i].iter().map(move |&b| vec![names[i], b]);
+/// All pairs of one kind: both move the picture, or neither does.
+fn alike_pairs(names: &[&'static str]) -> Vec<Vec<&'static str>> {
+    let kind = |n: &str| moves(candidate_of(n));
+    let with = |i: usize| {
+        let before = names[..i].iter().filter(move |b| kind(b) == kind(names[i]));
+        before.map(move |&b| vec![names[i], b])
+    };
     (0..names.len()).flat_map(with).collect()
 }
