@@ -83,7 +83,7 @@ fn an_interrupted_diagnosis_goes_on_to_the_same_report() {
     let (done, steps) = run(&context.0, &capture, whole.path(), 3, None);
     let done = done.unwrap_or_else(|e| panic!("{e}"));
     // Stopped while each candidate is tried, while sets are, and near the end.
-    let stages = [("each candidate alone", 6), ("candidates beside", 4), ("the set to the end", 2)];
+    let stages = [("each candidate alone", 6), ("candidates beside", 2), ("the set to the end", 2)];
     for (n, at) in stages.into_iter().enumerate() {
         let (stopped, said) = run(&context.0, &capture, interrupted.path(), 3, Some(at));
         let error = stopped.expect_err("it was asked to stop");

@@ -1,54 +1,24 @@
 //! From the sensor's colours to the picture's: a 3x3 matrix on linear values. `rg` is how much of green goes into red.
 //! Digital numbers before the tone curve.
 
-use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
-};
+use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
 
 /// The effect; its values live in [`Settings`].
 pub struct ColorMatrix;
 
 const RANGE: (f64, f64) = (-8.0, 8.0);
 
-pub(super) const SPECS: &[ParamSpec] =
-    &[
-        ParamSpec::number("rr", "", RANGE, 1.0, "red from red").fit(Fit::by(0.01).within(0.3, 3.0).trial(
-            Law::Up,
-            0.1,
-            0.5,
-        )),
-        ParamSpec::number("rg", "", RANGE, 0.0, "red from green").fit(Fit::by(0.01).within(-1.5, 1.5).trial(
-            Law::Even,
-            -0.4,
-            -0.05,
-        )),
-        ParamSpec::number("rb", "", RANGE, 0.0, "red from blue").fit(Fit::by(0.01).within(-1.5, 1.5).trial(
-            Law::Even,
-            -0.2,
-            0.0,
-        )),
-        ParamSpec::number("gr", "", RANGE, 0.0, "green from red").fit(Fit::by(0.01).within(-1.5, 1.5).trial(
-            Law::Even,
-            -0.3,
-            -0.05,
-        )),
-        ParamSpec::number("gg", "", RANGE, 1.0, "green from green")
-            .fit(Fit::by(0.01).within(0.3, 3.0).trial(Law::Up, 0.1, 0.5)),
-        ParamSpec::number("gb", "", RANGE, 0.0, "green from blue")
-            .fit(Fit::by(0.01).within(-1.5, 1.5).trial(Law::Even, -0.2, 0.0)),
-        ParamSpec::number("br", "", RANGE, 0.0, "blue from red").fit(Fit::by(0.01).within(-1.5, 1.5).trial(
-            Law::Even,
-            -0.1,
-            0.0,
-        )),
-        ParamSpec::number("bg", "", RANGE, 0.0, "blue from green")
-            .fit(Fit::by(0.01).within(-1.5, 1.5).trial(Law::Even, -0.4, -0.05)),
-        ParamSpec::number("bb", "", RANGE, 1.0, "blue from blue").fit(Fit::by(0.01).within(0.3, 3.0).trial(
-            Law::Up,
-            0.1,
-            0.5,
-        )),
-    ];
+pub(super) const SPECS: &[ParamSpec] = &[
+    ParamSpec::number("rr", "", RANGE, 1.0, "red from red"),
+    ParamSpec::number("rg", "", RANGE, 0.0, "red from green"),
+    ParamSpec::number("rb", "", RANGE, 0.0, "red from blue"),
+    ParamSpec::number("gr", "", RANGE, 0.0, "green from red"),
+    ParamSpec::number("gg", "", RANGE, 1.0, "green from green"),
+    ParamSpec::number("gb", "", RANGE, 0.0, "green from blue"),
+    ParamSpec::number("br", "", RANGE, 0.0, "blue from red"),
+    ParamSpec::number("bg", "", RANGE, 0.0, "blue from green"),
+    ParamSpec::number("bb", "", RANGE, 1.0, "blue from blue"),
+];
 
 /// The function of the same name in `glsl/include/effects/color_matrix.glsl`.
 fn color_matrix([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -77,6 +47,12 @@ impl Effect for ColorMatrix {
 
     fn moments(&self) -> Moments {
         Moments::Colors(matrix)
+    }
+
+    fn undiagnosed(&self) -> Option<&'static str> {
+        Some(
+            "nine numbers that hold a white balance and a gain: as a candidate it took minutes and stood for other effects",
+        )
     }
 
     fn work(&self) -> Work {
