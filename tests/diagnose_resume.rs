@@ -124,7 +124,10 @@ fn an_interrupted_diagnosis_goes_on_to_the_same_report() {
 fn spoil(line: &str) -> String {
     let mut value: serde_json::Value = serde_json::from_str(line).unwrap();
     if value["kind"] == "candidate" && value["key"].as_str().unwrap().starts_with("rolling_shutter") {
-        value["value"]["theta"]["values"][1] = 0.0.into();
+        // The readout is the one number near the hidden one.
+        let values = value["value"]["theta"]["values"].as_array_mut().unwrap();
+        let near = |v: &&mut serde_json::Value| (0.01..0.04).contains(&v.as_f64().unwrap());
+        values.iter_mut().filter(near).for_each(|v| *v = 0.0.into());
     }
     value.to_string()
 }

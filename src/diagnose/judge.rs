@@ -72,7 +72,11 @@ pub(super) fn quantile(tests: usize) -> f64 {
 
 /// The same of the length of a vector of so many normal variables (Wilson and Hilferty 1931).
 pub(super) fn quantile_of_length(tests: usize, dimensions: usize) -> f64 {
-    let n = dimensions.max(1) as f64;
+    if dimensions <= 1 {
+        // Either sign.
+        return quantile(2 * tests);
+    }
+    let n = dimensions as f64;
     let part = 2.0 / (9.0 * n);
     // A length has one side only.
     (n * (1.0 - part + quantile(tests) * part.sqrt()).powi(3)).sqrt()

@@ -50,6 +50,11 @@ pub(super) fn available(candidates: &[&str]) -> Vec<&'static str> {
 /// diagonal matrix of colours. Leaving these out asks nothing.
 const EXPRESSIBLE: [&str; 4] = ["glare", "exposure_gain", "black_level", "white_balance"];
 
+/// Whether steps of `a` come to every place of a ring of `b`.
+fn is_coprime(a: usize, b: usize) -> bool {
+    if b == 0 { a == 1 } else { is_coprime(b, a % b) }
+}
+
 /// Draws what case `case` hides. `known` are the effects that its camera.toml models.
 ///
 /// # Errors
@@ -70,7 +75,8 @@ pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &S
     if count > 0 {
         // The first goes round the list, so that every effect comes up equally often.
         let turn = PATTERN.iter().cycle().take(case).filter(|k| **k == kind).count();
-        chosen.push((turn * 7 + (seed % 1000) as usize + kind as usize) % free.len());
+        let stride = (7..).find(|&s| is_coprime(s, free.len())).expect("primes do not end");
+        chosen.push((turn * stride + (seed % 1000) as usize + kind as usize) % free.len());
     }
     while chosen.len() < count {
         let next = draw.index(free.len());
