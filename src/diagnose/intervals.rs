@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::discrepancy::{COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
+use super::discrepancy::{ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
 use super::fit::{Level, Target, spread_out};
 use super::forward::Forward;
 use super::linear::{back, cholesky};
@@ -97,7 +97,7 @@ impl Slopes {
             let mut unit = vec![0.0; n];
             unit[i] = 1.0;
             let edges_dn = if p.is_time() || p.is_remap() { PLACE_PX * e.gradient_dn } else { 0.0 };
-            let systematic = COMMON_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
+            let systematic = ANYTHING_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             let random = 2.0 * (chance[i] + rounding[i] + colours[i]).sqrt();
             tracing::debug!(
                 "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
@@ -141,7 +141,7 @@ pub(super) fn way(mut e: Equations, columns_px: usize, block: usize, moves: bool
         + rounding(e, &of, &l)[0]
         + colours(e, &of, &l)[0];
     let edges_dn = if moves { PLACE_PX * e.gradient_dn } else { 0.0 };
-    let systematic = COMMON_DN.hypot(edges_dn) * (e.weight / e.a[0][0]).sqrt();
+    let systematic = ANYTHING_DN.hypot(edges_dn) * (e.weight / e.a[0][0]).sqrt();
     let filter = e.a[0][1] / e.a[0][0];
     Some(Way { share, half: (2.0 * random.sqrt()).hypot(systematic).hypot(filter) })
 }
