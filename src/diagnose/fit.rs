@@ -248,7 +248,7 @@ pub(super) fn cost_of(
     level: &Level,
     weighing: &Weighing,
 ) -> Result<f64> {
-    let simulated = forward.simulate(frames, theta, level.quality)?;
+    let simulated = forward.pictures(frames, theta, level.quality)?;
     let costs: Vec<(f64, f64)> = (0..frames.len())
         .into_par_iter()
         .map(|f| {
@@ -269,7 +269,7 @@ pub(super) fn weighing_of(
     delta: f64,
 ) -> Result<Weighing> {
     let tone = Tone::new(theta);
-    let means = if tone.is_noisy() { forward.simulate(frames, theta, level.quality)? } else { Vec::new() };
+    let means = if tone.is_noisy() { forward.pictures(frames, theta, level.quality)? } else { Vec::new() };
     Ok(Weighing::new(&means, &tone, level.block, delta))
 }
 

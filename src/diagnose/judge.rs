@@ -4,6 +4,7 @@
 //! from blocks of the picture (see [`super::score`]): each block, over all frames, is one draw.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::model::{P, Theta};
-use super::score::{FAMILIES, FrameScore, Scored, score_frame};
+use super::score::{FAMILIES, FrameScore, Scored, score_frame, seen_in};
 use super::tone::Tone;
 use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
@@ -188,10 +189,10 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
-        let mut means = forward.simulate(frames, theta, self.quality)?;
+        let mut means = forward.pictures(frames, theta, self.quality)?;
         let unsettled = unsettled(forward, frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
-            means.iter_mut().for_each(|m| self.hot.put(m));
+            means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
         }
         let tone = Tone::new(theta);
         let flips = forward.flips(frames, theta, self.quality)?;
@@ -207,15 +208,13 @@ impl<'a> Judge<'a> {
                 unsettled: unsettled.get(i).map(Vec::as_slice),
             })
             .collect();
-        let scores = (0..frames.len())
-            .into_par_iter()
-            .map(|i| {
-                let follows = i > 0
-                    && self.evidence.frames[frames[i]].index == self.evidence.frames[frames[i - 1]].index + 1;
-                score_frame(&scored[i], follows.then(|| &scored[i - 1]), &tone)
-            })
-            .collect();
-        Ok(Scores(scores))
+        let seen: Vec<_> = scored.par_iter().map(|frame| seen_in(frame, &tone)).collect();
+        let index = |i: usize| self.evidence.frames[frames[i]].index;
+        let score = |i: usize| {
+            let follows = i > 0 && index(i) == index(i - 1) + 1;
+            score_frame(&seen[i], follows.then(|| &seen[i - 1]))
+        };
+        Ok(Scores((0..frames.len()).into_par_iter().map(score).collect()))
     }
 
     /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.
@@ -245,14 +244,14 @@ fn unsettled(
     frames: &[usize],
     theta: &Theta,
     quality: Quality,
-    means: &[Plane<f32>],
+    means: &[Arc<Plane<f32>>],
 ) -> Result<Vec<Vec<[f32; 2]>>> {
     if !theta.is_on(P::Quality) {
         return Ok(Vec::new());
     }
     // At half of the range a gain of so much moves a value by the error of a colour.
     let factor = 1.0 + COLOUR_DN / 64.0;
-    let brighter = forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
+    let brighter = forward.pictures(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
     let of_frame = |a: &Plane<f32>, b: &Plane<f32>| -> Vec<[f32; 2]> {
         let across = a.width.div_ceil(8);
         let mut sums = vec![[0.0f32; 3]; across * a.height.div_ceil(8)];

@@ -7,6 +7,7 @@
 //! families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::sync::LazyLock;
 
 use super::discrepancy::{REACH, edges, rounded};
 use super::flips::Flips;
@@ -73,11 +74,29 @@ pub(super) fn crps(error: f64, variance: f64) -> f64 {
         return error.abs();
     }
     let sigma = variance.sqrt();
-    let z = error / sigma;
-    // The density and the distribution share their exponential.
-    let bell = (-0.5 * z * z).exp();
-    sigma * (z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI)
+    let z = (error / sigma).abs();
+    let at = z * PER_DEVIATION;
+    let i = at as i32 as usize;
+    if i >= DEVIATIONS * PER_DEVIATION as usize {
+        return sigma * (z - FRAC_1_SQRT_PI);
+    }
+    let (table, f) = (&*STANDARD, at - i as f64);
+    sigma * (table[i] * (1.0 - f) + table[i + 1] * f)
 }
+
+/// Standard deviations up to which the score is tabled, and entries of the table in one: read linearly it is within 2e-6.
+const DEVIATIONS: usize = 8;
+/// See [`DEVIATIONS`].
+const PER_DEVIATION: f64 = 256.0;
+
+/// CRPS of an error under a normal distribution of variance 1.
+static STANDARD: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let of = |z: f64| {
+        let bell = (-0.5 * z * z).exp();
+        z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI
+    };
+    (0..=DEVIATIONS * PER_DEVIATION as usize).map(|i| of(i as f64 / PER_DEVIATION)).collect()
+});
 
 const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
 
@@ -189,33 +208,44 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     }
 }
 
+/// All values of a frame as a model sees them; nothing where they are not compared.
+pub(super) struct SeenIn {
+    size: [usize; 2],
+    /// How well the variance of noise is known, as a part of it.
+    unsure: f32,
+    values: Vec<Option<Seen>>,
+}
+
+/// What a model says of the values of a frame.
+pub(super) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
+    let size = [frame.real.width, frame.real.height];
+    let edges = edges(frame.mean);
+    let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
+    let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
+    SeenIn { size, unsure: tone.uncertainty(), values: values.collect() }
+}
+
 /// Scores a frame; `before` is the frame before it, where that is held out too.
-pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone: &Tone) -> FrameScore {
-    let (w, h) = (frame.real.width, frame.real.height);
+pub(super) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore {
+    let ([w, h], unsure, values) = (frame.size, frame.unsure, &frame.values);
     let blocks = Blocks::of(w, h);
-    let all = |f: &Scored<'_>| -> Vec<Option<Seen>> {
-        let edges = edges(f.mean);
-        let open = |i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
-        (0..w * h * 3).map(|i| open(i).then(|| seen(f, tone, &edges, i))).collect()
-    };
-    let values = all(frame);
     let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
     for (i, v) in values.iter().enumerate() {
         let Some(v) = v else { continue };
         let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
         let off = v.single + v.block + v.common;
-        let known = off + tone.uncertainty() * noise;
+        let known = off + unsure * noise;
         sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
     }
-    bands([w, h], blocks, &mut sums[1..4], &values, tone.uncertainty().into());
-    lines([w, h], blocks, &mut sums[4..6], &values, tone.uncertainty().into());
+    bands([w, h], blocks, &mut sums[1..4], values, unsure.into());
+    lines([w, h], blocks, &mut sums[4..6], values, unsure.into());
     if let Some(before) = before {
-        for (i, (a, b)) in values.iter().zip(all(before)).enumerate() {
+        for (i, (a, b)) in values.iter().zip(&before.values).enumerate() {
             let (Some(a), Some(b)) = (a, b) else { continue };
             let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
-            let off = [a, &b].map(|v| v.single + v.block + v.common).iter().sum::<f32>();
-            let noise = noise(a) + noise(&b);
-            let known = off + tone.uncertainty() * noise;
+            let off = [a, b].map(|v| v.single + v.block + v.common).iter().sum::<f32>();
+            let noise = noise(a) + noise(b);
+            let known = off + unsure * noise;
             let block = blocks.at(i / 3 % w, i / 3 / w);
             sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
         }
@@ -384,7 +414,7 @@ mod tests {
             let gain = |sigma_dn: f64| {
                 let real = delivered(mean, sigma_dn);
                 let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
-                let [none, noisy] = [0.0, 1.0].map(|s| score_frame(&scored, None, &read_noise(s)).score);
+                let [none, noisy] = [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
                 1.0 - noisy / none
             };
             assert!(gain(1.0) > 0.1, "{mean}: {}", gain(1.0));
@@ -398,10 +428,10 @@ mod tests {
             let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
             let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
             let seen =
-                score_frame(&scored, None, &read_noise(sigma_dn)).families[0].expect("pixels are there");
+                score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0].expect("pixels are there");
             assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
             let wrong =
-                score_frame(&scored, None, &read_noise(0.5 * sigma_dn)).families[0].expect("as above");
+                score_frame(&seen_in(&scored, &read_noise(0.5 * sigma_dn)), None).families[0].expect("as above");
             assert!(wrong.score > 1.1 * wrong.expected, "control: {wrong:?}");
         }
     }
@@ -415,7 +445,7 @@ mod tests {
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
-        let (white, row) = (score_frame(&scored, None, &white), score_frame(&scored, None, &row));
+        let (white, row) = (score_frame(&seen_in(&scored, &white), None), score_frame(&seen_in(&scored, &row), None));
         assert!(row.score < 0.95 * white.score, "{row:?} {white:?}");
         // The family that it is about tells clearly; single pixels cannot tell at all.
         let family = |s: &FrameScore, i: usize| s.families[i].expect("there").score;

@@ -1,6 +1,8 @@
 //! How much a difference counts in a fit: by the inverse of the variance that noise and renderers give it, and beyond a
 //! threshold no more than its size. Noise behind an encoding is skewed: a threshold within it would shift what is fitted.
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 
 use super::fit::pooled;
@@ -25,9 +27,14 @@ pub(super) struct Weighing {
 
 impl Weighing {
     /// For simulated values `means` (those of the frames to be compared) averaged over blocks, with a given threshold.
-    pub(super) fn new(means: &[Plane<f32>], tone: &Tone, block: usize, delta: f64) -> Self {
+    pub(super) fn new(
+        means: &[impl Borrow<Plane<f32>> + Sync],
+        tone: &Tone,
+        block: usize,
+        delta: f64,
+    ) -> Self {
         let noise2 = if tone.is_noisy() {
-            means.par_iter().map(|m| noise_of(m, tone, block)).collect()
+            means.par_iter().map(|m| noise_of(m.borrow(), tone, block)).collect()
         } else {
             Vec::new()
         };
