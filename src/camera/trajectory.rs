@@ -100,6 +100,29 @@ impl Trajectory {
         Self { poses: self.poses.iter().map(turn).collect(), ..self.clone() }
     }
 
+    /// The trajectory of a camera that is elsewhere by `by` (a time, s, to a pose in this camera's own frame), which bends at
+    /// `times_s` (increasing, s) too.
+    pub fn adjusted(&self, times_s: &[f64], by: impl Fn(f64) -> Pose) -> Self {
+        let inside = times_s.iter().copied().filter(|&t| self.covers(t, t));
+        let mut all: Vec<f64> = self.times_s.iter().copied().chain(inside).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|b, a| *b - *a < 1e-7);
+        let poses = all.iter().map(|&t| self.pose_at(t).then_from(&by(t))).collect();
+        Self { times_s: all, poses, ..self.clone() }
+    }
+
+    /// As the text of a TUM file on the capture's clock.
+    pub fn to_tum(&self) -> String {
+        let line = |(t, p): (&f64, &Pose)| {
+            let (x, q) = (p.translation_m, p.rotation);
+            format!(
+                "{t:.9} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12} {:.12}\n",
+                x.x, x.y, x.z, q.x, q.y, q.z, q.w
+            )
+        };
+        self.times_s.iter().zip(&self.poses).map(line).collect()
+    }
+
     /// A pose that never changes and covers all time.
     pub fn fixed(pose: Pose) -> Self {
         let times_s = vec![f64::NEG_INFINITY, f64::INFINITY];

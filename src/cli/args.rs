@@ -287,12 +287,27 @@ pub struct Diagnose {
     /// Leave these candidates out
     #[arg(long, value_delimiter = ',')]
     pub without: Vec<String>,
+    /// Whether surfaces are exactly as bright as the scene says, or may be brighter and darker where frames show it
+    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    pub scene: Described,
+    /// Whether poses are exact, or may be off from frame to frame where frames show it
+    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    pub poses: Described,
     /// Come to an end after so many seconds; candidates that were not reached are undetermined
     #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     pub time_limit_s: u64,
     /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
     #[arg(long)]
     pub device: Option<String>,
+}
+
+/// How a part of a capture's description is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Described {
+    /// As it stands.
+    Exact,
+    /// Its errors are a candidate.
+    Estimated,
 }
 
 /// Arguments of `withhold`.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::args::Diagnose;
+use super::args::{Described, Diagnose};
 use super::interrupt::Interrupt;
 use super::terminal::say;
 use crate::capture::Capture;
@@ -37,6 +37,8 @@ pub fn run(args: &Diagnose) -> Result<()> {
     let options = DiagnoseOptions {
         seed: args.seed,
         without: args.without.clone(),
+        scene_exact: args.scene == Described::Exact,
+        poses_exact: args.poses == Described::Exact,
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
         journal: Some(args.out.join(JOURNAL_FILE)),
         stop: Some(Interrupt::listen().flag()),

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::discrepancy::FILTER_PX2;
-use super::fit::{hide, pooled, residual};
+use super::fit::{Target, hide, pooled, residual};
 use super::forward::Quality;
 use super::intervals::{Shown, Way, way};
 use super::judge::{Scores, family_gain, gain, quantile, quantile_of_length};
@@ -36,7 +36,11 @@ impl Search<'_> {
     /// Whether `better` explains the frames to choose by better than `worse`: it scores better beyond chance, and the pictures
     /// lie on its side by more than the discrepancy.
     pub(super) fn prefers(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        // Both where both can be scored.
+        let kind = self.judge.kind;
+        self.judge.kind = kind.and(worse.room.kind()).and(better.room.kind());
         let scores = [worse, better].map(|t| self.judge.scores(self.forward, t));
+        self.judge.kind = kind;
         let [a, b] = scores;
         let (a, b) = (a?, b?);
         Ok(self.gains(&a, &b) && self.is_on_its_side(worse, better)?)
@@ -88,11 +92,12 @@ impl Search<'_> {
     /// Where the real frames lie between the pictures of two models; nothing where these differ by noise alone.
     fn way(&mut self, from: &Theta, to: &Theta) -> Result<Option<Way>> {
         let shown = from.differing(to).any(|p| !candidate_of(p.spec().effect).noise);
-        if !shown && from.scan_order == to.scan_order {
+        if !shown && from.scan_order == to.scan_order && from.room.is_like(&to.room) {
             return Ok(None);
         }
         let frames = &self.evidence.choose;
-        let target = self.target();
+        let masks = self.forward.masked(Some(self.masks), from.room.kind().and(to.room.kind()));
+        let target = Target { evidence: self.evidence, masks: masks.as_deref() };
         let pictures = [from, to].map(|t| self.forward.pictures(frames, t, self.judge.quality));
         let [from_dn, to_dn] = pictures;
         let (from_dn, to_dn) = (from_dn?, to_dn?);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::decide::{Facts, decide};
+use super::description::is_description;
 use super::evidence::Evidence;
 use super::forward::Quality;
 use super::judge::{closed_fraction, gain};
@@ -178,7 +179,12 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
-            parameters: found.fit.theta.report(candidate_of(name), &found.fit.half),
+            parameters: if is_description(name) {
+                search.description_parameters(name, &found.fit.theta)?
+            } else {
+                found.fit.theta.report(candidate_of(name), &found.fit.half)
+            },
+            camera: !is_description(name),
             gap_without: if set.len() == 1 { found.before.mean() } else { found.after.mean() + gain.value },
             gap_with: found.after.mean(),
             gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(found, a)),

@@ -167,18 +167,21 @@ impl Search<'_> {
         let theta = &found.fit.theta.clone();
         let frames = &self.evidence.report;
         let mut means = self.forward.simulate(frames, theta, Quality::Fine)?;
+        let masks = self.forward.masked(Some(self.masks), theta.room.kind());
+        let masks = masks.as_deref().expect("there were some");
+        let judged = self.forward.masked(self.judge.masks, theta.room.kind());
         // What is stuck is far off for a model that has none, and no sign of anything else.
         let bare = theta.get(P::Hot) == 0.0;
-        let far = bare.then(|| outliers(self.evidence, frames, &means, self.judge.masks, theta));
+        let far = bare.then(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta));
         means.iter_mut().for_each(|m| self.judge.hot.put(m));
         let left = self.noise_data(theta, frames)?;
-        found.residue = residue(self.evidence, frames, &means, self.masks, &left, theta);
+        found.residue = residue(self.evidence, frames, &means, masks, &left, theta);
         let before = self.forward.simulate(frames, &self.base.clone(), Quality::Fine)?;
         found.residue.smear = self.smear(frames, &means, theta).unwrap_or_default();
         found.residue.outliers =
-            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, self.judge.masks, theta));
-        found.residue.solved = solved(self.evidence, frames, [&before, &means], self.masks, theta);
-        found.residue.placed = placed(self.evidence, frames, [&before, &means], self.masks);
+            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta));
+        found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
+        found.residue.placed = placed(self.evidence, frames, [&before, &means], masks);
         tracing::info!("left: {:?}", found.residue);
         Ok(())
     }

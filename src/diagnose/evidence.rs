@@ -1,6 +1,8 @@
 //! What there is to judge by: the real frames of a capture, checked, and split into those that fits see, those that a
 //! search chooses by, and those that are scored once, for the report.
 
+use std::sync::Arc;
+
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::plane::{Plane, read_rgb8};
@@ -28,7 +30,7 @@ pub(super) struct RealFrame {
     /// Its timestamp, s.
     pub start_s: f64,
     /// DN, shape `[height, width, 3]`.
-    pub dn: Plane<f32>,
+    pub dn: Arc<Plane<f32>>,
 }
 
 /// The frames that can be compared.
@@ -89,7 +91,7 @@ impl Evidence {
                 continue;
             }
             let data = picture.data.iter().map(|&v| f32::from(v)).collect();
-            let dn = Plane { width: picture.width, height: picture.height, channels: 3, data };
+            let dn = Arc::new(Plane { width: picture.width, height: picture.height, channels: 3, data });
             frames.push(RealFrame { index, start_s: entry.start_s, dn });
         }
         let reach_s = keep_covered(capture, &mut frames, &mut left_out);
@@ -113,7 +115,7 @@ impl Evidence {
     /// One frame, to fit, to choose by and to report.
     pub(super) fn of_one(dn: Plane<f32>) -> Self {
         Self {
-            frames: vec![RealFrame { index: 0, start_s: 0.0, dn }],
+            frames: vec![RealFrame { index: 0, start_s: 0.0, dn: Arc::new(dn) }],
             fit: vec![0],
             choose: vec![0],
             report: vec![0],

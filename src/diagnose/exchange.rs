@@ -4,6 +4,7 @@
 //! which candidates resemble a member of the set; whether they explain the frames as well is decided by fits and scores, as
 //! every other question is.
 
+use super::description::is_description;
 use super::fit::{Fit, Level, spread_out};
 use super::forward::Quality;
 use super::judge::{Scores, gain};
@@ -65,7 +66,8 @@ impl Search<'_> {
     /// Whether slopes say what an effect does, and the frames themselves do not say that it is there.
     fn may_change(&self, name: &str) -> bool {
         let candidate = candidate_of(name);
-        !candidate.noise && !is_discrete(candidate) && !self.is_known(name) && name != "flicker"
+        let plain = !candidate.noise && !is_discrete(candidate) && !is_description(name);
+        plain && !self.is_known(name) && name != "flicker"
     }
 
     /// One candidate in the place of the members `out`, if that is simpler and as good, or better. Notes what is as good and no

@@ -155,7 +155,8 @@ pub(super) fn spread_out(frames: &[usize], most: usize) -> Vec<usize> {
 fn advance(forward: &mut Forward, stage: &Stage<'_>, state: &mut State, e: &Equations) -> Result<f64> {
     for _ in 0..3 {
         let Some(step) = solve(&e.a, &e.b, state.damping) else { return Ok(0.0) };
-        let trial = stepped(forward, &state.theta, stage.free, &step, 1.0);
+        let mut trial = stepped(forward, &state.theta, stage.free, &step, 1.0);
+        e.poses.iter().for_each(|p| p.follow(&mut trial, &step, 1.0, true));
         let moved = stage
             .free
             .iter()
@@ -197,7 +198,8 @@ fn go_on(
     step: &[f64],
     longer: f64,
 ) -> Result<f64> {
-    let trial = stepped(forward, &state.theta, stage.free, step, longer - 1.0);
+    let mut trial = stepped(forward, &state.theta, stage.free, step, longer - 1.0);
+    e.poses.iter().for_each(|p| p.follow(&mut trial, step, longer - 1.0, false));
     let now = cost_unless_folded(forward, stage, &trial, e)?;
     if now >= state.cost {
         return Ok(1.0);

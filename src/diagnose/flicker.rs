@@ -125,7 +125,7 @@ pub(super) fn is_periodic(forward: &mut Forward, evidence: &Evidence, theta: &Th
     let gains = |pictures: &dyn Fn(usize) -> Plane<f32>| -> Vec<Vec<[f64; 3]>> {
         (0..frames.len()).map(|i| line_gains(forward, theta, frames[i], &pictures(i), &without[i])).collect()
     };
-    let seen = gains(&|i| evidence.frames[frames[i]].dn.clone());
+    let seen = gains(&|i| (*evidence.frames[frames[i]].dn).clone());
     let said = gains(&|i| with[i].clone());
     let (seen, said) = (Frames::new(&seen), Frames::new(&said));
     let (bands, left) = seen.bands_beside(&said);

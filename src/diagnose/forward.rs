@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::description::Description;
 use super::developed::Developed;
 use super::evidence::Evidence;
 use super::journal::Journal;
@@ -30,7 +31,7 @@ const CACHE_BYTES: usize = 1 << 30;
 const SPEED_STEP_S: f64 = 2e-3;
 
 /// How well frames are rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Quality {
     /// One sample a pixel, edges of a rolling shutter to 0.4 px: to find a valley.
     Coarse,
@@ -84,6 +85,8 @@ pub(super) struct Forward {
     pub(super) deadline: Option<Instant>,
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
+    /// What has been worked out about the description.
+    pub(super) description: Description,
     /// How often where frames are compared has been changed: results of before are others.
     pub(super) compared: u32,
     /// What has been worked out.
@@ -133,6 +136,7 @@ impl Forward {
             renders: (0, 0.0),
             compared: 0,
             journal: Arc::default(),
+            description: Description::new(evidence),
         };
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
         let (scene, path) = (forward.scene.clone(), forward.trajectory.clone());
@@ -222,14 +226,21 @@ impl Forward {
     /// The trajectory of the camera of `theta`.
     pub(super) fn path(&self, theta: &Theta) -> Arc<Trajectory> {
         let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p));
+        let path = if theta.room.poses.is_empty() {
+            self.trajectory.clone()
+        } else {
+            Arc::new(self.corrected(&self.trajectory, theta))
+        };
         if turn == [0.0; 3] {
-            return self.trajectory.clone();
+            path
+        } else {
+            Arc::new(path.turned(DQuat::from_scaled_axis(DVec3::from(turn))))
         }
-        Arc::new(self.trajectory.turned(DQuat::from_scaled_axis(DVec3::from(turn))))
     }
 
-    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place).
-    pub(super) fn radiance(
+    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), of the surfaces as they
+    /// are described, at the poses of `theta`.
+    pub(super) fn bare_radiance(
         &mut self,
         frames: &[usize],
         theta: &Theta,
@@ -267,7 +278,8 @@ impl Forward {
         let key = |at: usize| -> Key {
             let s = self.shutter(at, theta);
             let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
-            (at, quality, times, s.scan_order, geometry.clone())
+            let pose = theta.room.poses.get(at).into_iter().flatten().map(|v| v.to_bits());
+            (at, quality, times, s.scan_order, pose.chain(geometry.iter().copied()).collect())
         };
         let keys: Vec<Key> = frames.iter().map(|&at| key(at)).collect();
         let kept = |key: &Key| {
@@ -407,11 +419,21 @@ impl Forward {
         Ok(lens.collect())
     }
 
+    /// All that what is seen of a frame depends on: times, pose, lens.
+    pub(super) fn sight_key(&self, at: usize, theta: &Theta) -> Key {
+        let s = self.shutter(at, theta);
+        let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
+        let pose = theta.room.poses.get(at).into_iter().flatten().copied();
+        let geometry = GEOMETRY.iter().map(|&p| theta.get(p)).chain(pose).map(f64::to_bits).collect();
+        (at, Quality::Fit, times, s.scan_order, geometry)
+    }
+
     /// All that a larger picture depends on: not the lens.
     fn wide_key(&self, at: usize, s: &ShutterTiming, theta: &Theta, k: &Intrinsics, quality: Quality) -> Key {
         let times = [s.start_s, s.exposure_time_s, s.readout_time_s].map(f64::to_bits);
         let turn = [P::RotX, P::RotY, P::RotZ].map(|p| theta.get(p).to_bits());
-        let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).collect();
+        let pose = theta.room.poses.get(at).into_iter().flatten().map(|v| v.to_bits());
+        let geometry = turn.into_iter().chain([k.fx, k.fy].map(f64::to_bits)).chain(pose).collect();
         (at, quality, times, s.scan_order, geometry)
     }
 

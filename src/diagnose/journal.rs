@@ -165,6 +165,7 @@ pub(super) fn key(
     without.sort();
     let said = "a hash takes any text";
     write!(hash, "{} {} {} ", program(), context.info().name, options.seed).expect(said);
+    write!(hash, "{} {} ", options.scene_exact, options.poses_exact).expect(said);
     write!(hash, "{without:?} {:?} {:?} {:?} ", capture.camera, capture.frames, capture.trajectory)
         .expect(said);
     write!(hash, "{:?} {:?} {:?} {:?} ", capture.scene, evidence.fit, evidence.choose, evidence.report)

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::description::Kind;
 use super::discrepancy::COLOUR_DN;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
@@ -154,6 +155,8 @@ pub(super) struct Judge<'a> {
     pub hot: HotMap,
     /// How well the frames to be judged are rendered.
     pub quality: Quality,
+    /// What is left out at least, besides what a model itself needs.
+    pub kind: Kind,
     known: HashMap<String, Scores>,
 }
 
@@ -164,7 +167,15 @@ impl<'a> Judge<'a> {
         seed: u64,
         hot: HotMap,
     ) -> Self {
-        Self { evidence, masks, seed, hot, quality: Quality::Fit, known: HashMap::new() }
+        Self {
+            evidence,
+            masks,
+            seed,
+            hot,
+            quality: Quality::Fit,
+            kind: Kind::default(),
+            known: HashMap::new(),
+        }
     }
 
     /// Keeps the stuck pixels that stand above these means of `frames` (places) too.
@@ -178,7 +189,7 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on the frames to choose by.
     pub(super) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
-        let key = format!("{:?} {theta:?}", self.quality);
+        let key = format!("{:?} {:?} {theta:?}", self.quality, self.kind);
         if let Some(known) = self.known.get(&key) {
             return Ok(known.clone());
         }
@@ -195,6 +206,7 @@ impl<'a> Judge<'a> {
             means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
         }
         let tone = Tone::new(theta);
+        let masks = forward.masked(self.masks, self.kind.and(theta.room.kind()));
         let flips = forward.flips(frames, theta, self.quality)?;
         let scored: Vec<_> = frames
             .iter()
@@ -203,7 +215,7 @@ impl<'a> Judge<'a> {
             .map(|(i, (&at, mean))| Scored {
                 real: &self.evidence.frames[at].dn,
                 mean,
-                mask: self.masks.map(|m| &m[at]),
+                mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
                 unsettled: unsettled.get(i).map(Vec::as_slice),
             })

@@ -11,6 +11,7 @@ mod comb;
 mod cover;
 mod decide;
 mod describe;
+mod description;
 mod developed;
 mod discrepancy;
 mod ending;

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::description::Room;
 use super::report::Parameter;
 pub(super) use super::vector::P;
 use super::vector::{PARAMETERS, PLACES};
@@ -54,7 +55,8 @@ fn candidate(effect: &dyn Effect) -> Option<CandidateSpec> {
 /// # Panics
 /// If there is none.
 pub(super) fn candidate_of(name: &str) -> &'static CandidateSpec {
-    CANDIDATES.iter().find(|c| c.name == name).expect("names come from the list")
+    let all = CANDIDATES.iter().chain(&super::description::SPECS);
+    all.into_iter().find(|c| c.name == name).expect("names come from the list")
 }
 
 /// A point in the space of all parameters.
@@ -63,18 +65,23 @@ pub(super) struct Theta {
     values: Vec<f64>,
     /// Which line is read first.
     pub scan_order: ScanOrder,
+    /// What of the description is taken to be wrong.
+    pub room: Room,
 }
 
 impl Theta {
     /// Everything neutral.
     pub(super) fn neutral() -> Self {
-        Self { values: PARAMETERS.iter().map(|p| p.neutral).collect(), scan_order: ScanOrder::TopToBottom }
+        let values = PARAMETERS.iter().map(|p| p.neutral).collect();
+        Self { values, scan_order: ScanOrder::TopToBottom, room: Room::default() }
     }
 
     /// All that it holds, to look up by.
     pub(super) fn bits(&self) -> Vec<u64> {
         let order = ScanOrder::ALL.iter().position(|o| *o == self.scan_order).unwrap_or(0);
-        self.values.iter().map(|v| v.to_bits()).chain([order as u64]).collect()
+        let room = self.room.poses.iter().flatten().map(|v| v.to_bits());
+        let values = self.values.iter().map(|v| v.to_bits()).chain([order as u64]);
+        values.chain([u64::from(self.room.radiance)]).chain(room).collect()
     }
 
     pub(super) fn get(&self, p: P) -> f64 {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::description::PoseShare;
 use super::fit::{Level, Target, bounded, hide, pooled, residual};
 use super::flicker::retuned;
 use super::flow::{Flow, displaced};
@@ -29,6 +30,8 @@ pub(super) struct Equations {
     pub cost: f64,
     /// Number of values.
     pub count: f64,
+    /// What poses do, by frame, where they are open.
+    pub poses: Vec<PoseShare>,
 }
 
 /// What one frame contributes.
@@ -128,7 +131,9 @@ pub(super) fn linearise(
             Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
         }
     };
-    Ok(assemble(by_frame, free.len(), weighing))
+    let mut by_frame = by_frame;
+    let poses = forward.beside_description(frames, theta, &radiance, level, &weighing, &mut by_frame);
+    Ok(Equations { poses, ..assemble(by_frame, free.len(), weighing) })
 }
 
 /// Step of a numeric derivative, away from the end of the range.
@@ -154,6 +159,7 @@ pub(super) fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighin
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
         count,
         values: frames,
+        poses: Vec::new(),
     };
     for s in shares {
         for i in 0..n {

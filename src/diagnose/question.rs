@@ -21,6 +21,8 @@ pub(super) struct Question<'a> {
     pub seed: u64,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
+    /// What of the description may be wrong.
+    pub room: Vec<&'static str>,
     /// Quality of the compression that the frames themselves show.
     pub compression: Option<u8>,
     /// Scheme by which the frames themselves show pixels to share their colour.
@@ -67,6 +69,7 @@ impl<'a> Question<'a> {
             masks: &seen.masks,
             base: self.base.clone(),
             names: self.names.clone(),
+            room: self.room.clone(),
             compression: self.compression,
             shared: self.shared,
         }

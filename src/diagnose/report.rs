@@ -109,6 +109,9 @@ pub struct EffectFound {
     pub share: f64,
     /// By the contract's names.
     pub parameters: BTreeMap<String, Parameter>,
+    /// Whether it is the camera's; else it is what is wrong with the description.
+    #[serde(skip_serializing_if = "is_true", default = "yes")]
+    pub camera: bool,
     /// Gap with all effects found but this one (the others fitted anew).
     #[serde(deserialize_with = "figure")]
     pub gap_without: f64,
@@ -418,6 +421,15 @@ pub struct NextStep {
     pub purpose: String,
     /// The command.
     pub command: String,
+}
+
+fn yes() -> bool {
+    true
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_true(v: &bool) -> bool {
+    *v
 }
 
 /// A figure; `null`, as which JSON has what is not finite, is NaN.

@@ -36,12 +36,24 @@ pub struct DiagnoseOptions {
     pub seed: u64,
     /// Candidates to leave out, by name: for checks that an effect outside the list is not sold as one inside it.
     pub without: Vec<String>,
+    /// Whether surfaces are exactly as bright as the scene says: else factors of theirs are a candidate.
+    pub scene_exact: bool,
+    /// Whether poses are exact: else errors of theirs are a candidate.
+    pub poses_exact: bool,
     /// When to come to an end with what is known by then; candidates that were not reached are `undetermined`.
     pub time_limit: Option<Duration>,
     /// Where to keep what has been worked out; a diagnosis that was stopped goes on from there.
     pub journal: Option<PathBuf>,
     /// Ends the diagnosis with [`Error::DiagnosisInterrupted`] soon after it becomes true.
     pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl DiagnoseOptions {
+    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own.
+    fn description(&self, at_rest: bool) -> Vec<&'static str> {
+        let exact = |n: &&str| if *n == "scene_radiance" { self.scene_exact } else { self.poses_exact };
+        super::description::NAMES.into_iter().filter(|n| !at_rest && !exact(n)).collect()
+    }
 }
 
 /// Told where a diagnosis stands: the stage, the candidate, and which of how many steps of the stage it is.
@@ -124,8 +136,9 @@ pub fn diagnose(
     let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
     let compression = compression(&evidence, &names, &base);
     let shared = shared_colour(&evidence, &names, &base).filter(|_| compression.is_none());
+    let room = options.description(capture.camera.static_camera);
     let question =
-        Question { evidence: &evidence, base, seed: options.seed, names: tried, compression, shared };
+        Question { evidence: &evidence, base, seed: options.seed, names: tried, room, compression, shared };
     if forward.static_camera {
         let masks = cover.as_ref().map(|c| c.masks.as_slice());
         forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
@@ -235,7 +248,7 @@ fn show(
         start_s: evidence.frames[at].start_s,
         held_out: evidence.report.contains(&at),
         scores: [scores[0].0[at].score, scores[1].0[at].score],
-        real: evidence.frames[at].dn.clone(),
+        real: (*evidence.frames[at].dn).clone(),
         before,
         after,
     });

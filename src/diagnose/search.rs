@@ -99,6 +99,8 @@ pub(super) struct Search<'a> {
     pub base: Theta,
     /// Candidates that are considered.
     pub names: Vec<&'static str>,
+    /// What of the description may be wrong.
+    pub room: Vec<&'static str>,
     /// The quality of the compression that the frames show to have behind them, where that is a candidate.
     pub compression: Option<u8>,
     /// The scheme by which the frames show pixels to share their colour, where that is a candidate.
@@ -140,7 +142,7 @@ impl<'a> Search<'a> {
     pub(super) fn refit(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
         let free = Self::free(set);
         if free.is_empty() {
-            return Ok(Fit { theta: start.clone(), half: BTreeMap::new() });
+            return self.refit_poses(start);
         }
         let (target, frames) = (self.target(), self.fit_frames());
         fit(self.forward, target, frames, start, &free, schedule)
@@ -174,7 +176,8 @@ impl<'a> Search<'a> {
     pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
         // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
         let means = self.forward.simulate(frames, theta, self.judge.quality)?;
-        Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
+        let masks = self.forward.masked(Some(self.masks), theta.room.kind());
+        Ok(NoiseData::measure(self.evidence, frames, &means, theta, masks.as_deref()))
     }
 
     /// `theta` with all noise that can be seen: values are judged against the spread that they have.
@@ -292,7 +295,7 @@ impl<'a> Search<'a> {
         let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
         let mut current = Fit { theta: start, half: BTreeMap::new() };
         for round in 0..MOST_EFFECTS {
-            let options = if round == 0 {
+            let mut options: Vec<Tried> = if round == 0 {
                 let mean = alone.iter().filter(|a| !candidate_of(a.name).noise && !set.contains(&a.name));
                 mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
             } else if self.late() {
@@ -300,6 +303,10 @@ impl<'a> Search<'a> {
             } else {
                 self.round(watch, &set, &current, &scores, &mut late)?
             };
+            let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
+            if !closes_nearly_all(&scores, best) {
+                options.extend(self.description_beside(watch, &set, &current.theta.clone(), &scores)?);
+            }
             let Some((name, fit, _)) = self.choose(&current.theta.clone(), &scores, options)? else { break };
             set.push(name);
             let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
@@ -520,6 +527,8 @@ impl<'a> Search<'a> {
         self.mean_intervals(found)?;
         watch.step("scores");
         let report = &self.evidence.report;
+        // Before and after in the same places.
+        self.judge.kind = found.fit.theta.room.kind();
         found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
         found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
         Ok(())

@@ -1,5 +1,6 @@
 //! Which of several candidates is taken, and what becomes superfluous: every question is put to [`Search::prefers`].
 
+use super::description::size;
 use super::fit::{FINE, Fit};
 use super::judge::{Scores, gain};
 use super::model::{CandidateSpec, P, Theta, candidate_of};
@@ -24,7 +25,6 @@ impl Search<'_> {
         let Some(best) = counted.iter().max_by(|a, b| gained(a).total_cmp(&gained(b))).cloned() else {
             return Ok(None);
         };
-        let size = |name: &str| candidate_of(name).parameters.len();
         let mut as_good = vec![best.clone()];
         for option in counted.into_iter().filter(|o| o.0 != best.0 && size(o.0) <= size(best.0)) {
             if !self.prefers(&option.1.theta, &best.1.theta)? {
@@ -99,6 +99,7 @@ impl Search<'_> {
 /// `theta` with an effect as the given camera has it.
 pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -> Theta {
     let mut out = theta.without(candidate);
+    out.room = theta.room.without(candidate.name);
     for &p in candidate.parameters.iter().chain(candidate.more) {
         out.set(p, base.get(p));
     }

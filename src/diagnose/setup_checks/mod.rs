@@ -40,7 +40,7 @@ impl Pairs {
 fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
     let small = |planes: Vec<&Plane<f32>>| planes.into_iter().map(Thumb::of).collect();
     let pairs = Pairs {
-        real: small(evidence.frames.iter().map(|f| &f.dn).collect()),
+        real: small(evidence.frames.iter().map(|f| &*f.dn).collect()),
         simulated: small(simulated.iter().collect()),
         indices: evidence.frames.iter().map(|f| f.index).collect(),
     };

@@ -1,0 +1,141 @@
+//! The description among the candidates of a search: tried where the frames show more than the camera explains, and asked
+//! the same question as every other candidate.
+
+use std::collections::BTreeMap;
+
+use super::super::fit::{FINE, Fit, VALUES};
+use super::super::forward::Forward;
+use super::super::judge::Scores;
+use super::super::model::{P, Theta, candidate_of};
+use super::super::score::FAMILIES;
+use super::super::search::{Search, Tried, Watch, is_discrete, moves};
+use super::super::support::restored;
+use super::{NAMES, is_description};
+use crate::error::Result;
+
+/// How many numbers a member of a set has, to tell which of two is simpler: the description has more than any camera.
+pub(in crate::diagnose) fn size(name: &str) -> usize {
+    if is_description(name) { usize::from(u16::MAX) } else { candidate_of(name).parameters.len() }
+}
+
+impl Search<'_> {
+    /// What may be wrong with the description, fitted beside a set, where something is left to explain.
+    pub(in crate::diagnose) fn description_beside(
+        &mut self,
+        watch: &mut dyn Watch,
+        set: &[&'static str],
+        theta: &Theta,
+        now: &Scores,
+    ) -> Result<Vec<Tried>> {
+        let mut out = Vec::new();
+        let left = |f: usize| now.excess(f).is_above(FAMILIES.len());
+        if !(0..FAMILIES.len()).any(left) {
+            return Ok(out);
+        }
+        for name in self.room.clone().into_iter().filter(|n| !set.contains(n)) {
+            watch.step(name);
+            if self.late() {
+                break;
+            }
+            let key = format!("{name} {set:?} {theta:?}");
+            let work = |search: &mut Self| search.add_description(name, set, theta);
+            let fit = Forward::tried(self, |search| search.forward, ("description", &key), work)?;
+            if fit.theta.room.radiance && !theta.room.radiance {
+                self.forward.find_covered(&fit.theta)?;
+                if !self.is_no_curve(set, theta, &fit.theta)? {
+                    continue;
+                }
+            }
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            tracing::info!("{name} beside {set:?}: {:.3} DN ({:.3})", scores.mean(), scores.floor());
+            out.push((name, fit, scores));
+        }
+        Ok(out)
+    }
+
+    fn add_description(&mut self, name: &'static str, set: &[&'static str], theta: &Theta) -> Result<Fit> {
+        let mut theta = theta.clone();
+        if name == "scene_radiance" {
+            theta.room.radiance = true;
+        } else {
+            theta.room.poses = vec![[0.0; 6]; self.evidence.frames.len()];
+            self.track_all(&mut theta)?;
+        }
+        let mut joint = set.to_vec();
+        joint.push(name);
+        let mut fit = self.refit(&joint, &theta, FINE)?;
+        if !fit.theta.room.poses.is_empty() {
+            self.track_all(&mut fit.theta)?;
+        }
+        Ok(fit)
+    }
+
+    /// Puts the pose of every frame where it explains most: of those that fits see from all of the frame.
+    pub(in crate::diagnose) fn track_all(&mut self, theta: &mut Theta) -> Result<()> {
+        let fit = self.evidence.fit.clone();
+        let solved = self.forward.track(&fit, theta, &[4, 4, 2, 2], false)?;
+        for (at, pose) in fit.iter().zip(solved) {
+            theta.room.poses[*at] = pose;
+        }
+        // Where judged frames begin; they go on from there for every camera.
+        let judged = self.evidence.choose.iter().chain(&self.evidence.report);
+        let judged: Vec<usize> = judged.copied().collect();
+        let settled = self.forward.settled(&judged, theta)?.into_owned();
+        *theta = settled;
+        Ok(())
+    }
+
+    /// Whether factors of surfaces do more than one curve for all values and a darker border: a gamma, a gain or a veil change
+    /// the radiance of every surface too, with a few numbers.
+    fn is_no_curve(&mut self, set: &[&'static str], theta: &Theta, factors: &Theta) -> Result<bool> {
+        let values = |n: &&'static str| {
+            let c = candidate_of(n);
+            let plain = !c.noise && !is_discrete(c) && !moves(c);
+            plain && !["flicker", "sharpening", "defocus"].contains(n)
+        };
+        let names: Vec<&'static str> = self.names.iter().copied().filter(values).collect();
+        let target = self.target();
+        let beside: Vec<P> = names.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
+        let start = probe(theta, &beside);
+        let curve =
+            super::super::fit::fit(self.forward, target, &self.evidence.fit, &start, &beside, VALUES)?;
+        // The same darker border beside the factors; what is one curve they do as it is.
+        let border = ["vignetting"].into_iter().filter(|n| names.contains(n) && !set.contains(n));
+        let mut factors = factors.clone();
+        for name in border {
+            let mut joint = set.to_vec();
+            joint.push(name);
+            factors = self.refit(&joint, &factors, VALUES)?.theta;
+        }
+        let told = self.prefers(&curve.theta, &factors)?;
+        tracing::info!("factors of surfaces rather than one curve: {told}");
+        Ok(told)
+    }
+
+    /// A set without what the description has made superfluous of it is where the search goes on.
+    pub(in crate::diagnose) fn without_description(&self, theta: &Theta) -> Theta {
+        NAMES.iter().fold(theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)))
+    }
+
+    /// A fit of a set that has no parameter but poses.
+    pub(in crate::diagnose) fn refit_poses(&mut self, start: &Theta) -> Result<Fit> {
+        let mut theta = start.clone();
+        if !theta.room.poses.is_empty() {
+            let fit = self.evidence.fit.clone();
+            let solved = self.forward.track(&fit, &theta, &[2, 2], false)?;
+            for (at, pose) in fit.iter().zip(solved) {
+                theta.room.poses[*at] = pose;
+            }
+        }
+        Ok(Fit { theta, half: BTreeMap::new() })
+    }
+}
+
+/// `theta` a little off what is neutral, where slopes are none.
+fn probe(theta: &Theta, parameters: &[P]) -> Theta {
+    let mut out = theta.clone();
+    for &p in parameters.iter().filter(|p| p.spec().name == "veil" && !theta.is_on(**p)) {
+        out.set(p, 1e-3);
+    }
+    out
+}

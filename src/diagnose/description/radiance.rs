@@ -1,0 +1,208 @@
+//! `scene_radiance`: a constant factor on the radiance of every surface point, estimated from the frames themselves.
+//!
+//! The factor is no parameter of a fit: for every camera it is worked out anew from the frames that fits see, so that what
+//! a camera cannot explain in all of them alike is left. Its logarithm is linear between the corners of the cells of a
+//! [`Grid`], and solved for by simultaneous iterative reconstruction (each corner moves by the weighed mean of what is left
+//! around it), which needs no matrix.
+
+use rayon::prelude::*;
+
+use super::surface::{Grid, NONE, Surface, weights};
+use crate::plane::Plane;
+
+/// Logarithm by which pictures are brightened to see what a factor does.
+pub(super) const STEP: f32 = 0.05;
+/// Newton steps: a factor of two is not linear in DN.
+pub(super) const STEPS: usize = 3;
+/// Passes of the reconstruction a step.
+const PASSES: usize = 4;
+/// Most that a step changes a logarithm by.
+const MOST: f32 = 0.7;
+/// Samples across a picture that factors are estimated from: cells are much larger than pixels.
+const ACROSS: usize = 160;
+/// Differences from here on count less, DN: edges out of place.
+const LARGE_DN: f32 = 4.0;
+
+/// The factor's logarithm by corner and colour, and how much was seen of each corner.
+#[derive(Default)]
+pub(super) struct Map {
+    pub log: Vec<[f32; 3]>,
+    pub seen: Vec<f32>,
+}
+
+/// What one place of one frame says.
+struct Sample {
+    cell: u32,
+    local: [f32; 3],
+    weight: [f32; 3],
+    left: [f32; 3],
+}
+
+/// A frame to learn from: what it shows, what is simulated, and that brightened by [`STEP`].
+pub(super) struct Lesson<'a> {
+    pub surface: &'a Surface,
+    pub real: &'a Plane<f32>,
+    pub simulated: &'a Plane<f32>,
+    pub brighter: &'a Plane<f32>,
+}
+
+impl Map {
+    /// Improves the factor by what frames leave.
+    pub(super) fn learn(&mut self, grid: &Grid, lessons: &[Lesson<'_>]) {
+        self.log.resize(grid.count(), [0.0; 3]);
+        let mut samples: Vec<Sample> = lessons.iter().flat_map(samples).collect();
+        let mut total = vec![[0.0f32; 3]; grid.count()];
+        let mut seen = vec![0.0f32; grid.count()];
+        for s in &samples {
+            for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
+                (0..3).for_each(|c| total[corner as usize][c] += part * s.weight[c]);
+                seen[corner as usize] += part;
+            }
+        }
+        let mut change = vec![[0.0f32; 3]; grid.count()];
+        for _ in 0..PASSES {
+            let step = means(grid, &samples, &total);
+            for s in &mut samples {
+                let by = mixed(grid, &step, s.cell, s.local);
+                (0..3).for_each(|c| s.left[c] -= by[c]);
+            }
+            change.iter_mut().zip(&step).for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c]));
+        }
+        self.log
+            .iter_mut()
+            .zip(&change)
+            .for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c].clamp(-MOST, MOST)));
+        self.seen = seen;
+    }
+
+    /// Gives corners that nothing was seen of what their group has, or all have.
+    pub(super) fn fill(&mut self, grid: &Grid) {
+        let groups = grid.group.iter().max().map_or(0, |g| *g as usize + 1);
+        let mut sums = vec![[0.0f32; 4]; groups + 1];
+        for ((log, seen), &group) in self.log.iter().zip(&self.seen).zip(&grid.group) {
+            for sum in [group as usize, groups] {
+                (0..3).for_each(|c| sums[sum][c] += seen * log[c]);
+                sums[sum][3] += seen;
+            }
+        }
+        for ((log, seen), &group) in self.log.iter_mut().zip(&self.seen).zip(&grid.group) {
+            if *seen < LEAST_SEEN {
+                let own = if sums[group as usize][3] > 0.0 { group as usize } else { groups };
+                let [r, g, b, n] = sums[own];
+                *log = [r, g, b].map(|v| v / n.max(1e-9));
+            }
+        }
+    }
+
+    /// Whether frames that were learnt from saw a place.
+    pub(super) fn covers(&self, grid: &Grid, cell: u32, local: [f32; 3]) -> bool {
+        let parts = grid.of_cell[cell as usize].iter().zip(weights(local));
+        let seen = |corner: u32| self.seen.get(corner as usize).is_some_and(|s| *s >= LEAST_SEEN);
+        parts.map(|(&corner, part)| if seen(corner) { part } else { 0.0 }).sum::<f32>() >= 0.5
+    }
+
+    /// The factor on each value of a picture, shape `[height, width, 3]`.
+    pub(super) fn factor(&self, grid: &Grid, surface: &Surface, [w, h]: [usize; 2]) -> Plane<f32> {
+        let of = |(&cell, &local): (&u32, &[f32; 3])| {
+            if cell == NONE { [1.0; 3] } else { mixed(grid, &self.log, cell, local).map(f32::exp) }
+        };
+        let data = surface.cell.par_iter().zip(&surface.local).flat_map_iter(of).collect();
+        Plane { width: w, height: h, channels: 3, data }
+    }
+}
+
+/// Samples around a corner that make it seen.
+const LEAST_SEEN: f32 = 1.0;
+
+/// What a field over corners is at a place.
+pub(super) fn mixed(grid: &Grid, field: &[[f32; 3]], cell: u32, local: [f32; 3]) -> [f32; 3] {
+    let mut sum = [0.0f32; 3];
+    for (&corner, part) in grid.of_cell[cell as usize].iter().zip(weights(local)) {
+        let Some(value) = field.get(corner as usize) else { continue };
+        (0..3).for_each(|c| sum[c] += part * value[c]);
+    }
+    sum
+}
+
+/// Weighed means of what is left around each corner.
+fn means(grid: &Grid, samples: &[Sample], total: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut sums = vec![[0.0f32; 3]; total.len()];
+    for s in samples {
+        for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
+            (0..3).for_each(|c| sums[corner as usize][c] += part * s.weight[c] * s.left[c]);
+        }
+    }
+    for (sum, total) in sums.iter_mut().zip(total) {
+        (0..3).for_each(|c| sum[c] /= total[c].max(1e-6));
+    }
+    sums
+}
+
+/// Px from one sample to the next.
+pub(super) fn stride(width: usize) -> usize {
+    (width / ACROSS).max(1)
+}
+
+fn samples(lesson: &Lesson<'_>) -> Vec<Sample> {
+    let (w, h) = (lesson.real.width, lesson.real.height);
+    let s = stride(w);
+    let one = |i: usize| {
+        let cell = lesson.surface.cell[i];
+        if cell == NONE || !lesson.surface.clean[i] {
+            return None;
+        }
+        let (mut weight, mut left) = ([0.0; 3], [0.0; 3]);
+        for c in 0..3 {
+            let v = 3 * i + c;
+            let slope = (lesson.brighter.data[v] - lesson.simulated.data[v]) / STEP;
+            let off = lesson.real.data[v] - lesson.simulated.data[v];
+            // Least squares far from a bright solution would be drawn by it: large differences count by their size.
+            weight[c] = slope * slope / (1.0 + (off / LARGE_DN).abs()) + 1e-3;
+            left[c] = (off * slope / (slope * slope + 1.0)).clamp(-MOST, MOST);
+        }
+        Some(Sample { cell, local: lesson.surface.local[i], weight, left })
+    };
+    let places = (s / 2..h).step_by(s).flat_map(|y| (s / 2..w).step_by(s).map(move |x| y * w + x));
+    places.filter_map(one).collect()
+}
+
+/// What of some pictures (values that a factor's logarithm moves by `slope` each) a factor could take over, taken out of
+/// them. `surfaces` are at the size of the pictures.
+pub(super) fn without_factor(
+    grid: &Grid,
+    seen: &[(Vec<u32>, Vec<[f32; 3]>)],
+    slopes: &[Vec<f32>],
+    weights_of: &[Vec<f32>],
+    pictures: &mut [&mut Vec<f32>],
+) {
+    let mut samples = Vec::new();
+    for (f, (cells, locals)) in seen.iter().enumerate() {
+        for (i, (&cell, &local)) in cells.iter().zip(locals).enumerate().filter(|(_, c)| *c.0 != NONE) {
+            let at = |c: usize| (slopes[f][3 * i + c], pictures[f][3 * i + c], weights_of[f][3 * i + c]);
+            let weight = [0, 1, 2].map(|c| at(c).2 * at(c).0.powi(2) + 1e-9);
+            let left = [0, 1, 2].map(|c| at(c).0 * at(c).1 / (at(c).0.powi(2) + 1.0));
+            samples.push(Sample { cell, local, weight, left });
+        }
+    }
+    let mut total = vec![[0.0f32; 3]; grid.count()];
+    for s in &samples {
+        for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
+            (0..3).for_each(|c| total[corner as usize][c] += part * s.weight[c]);
+        }
+    }
+    let mut field = vec![[0.0f32; 3]; grid.count()];
+    for _ in 0..2 * PASSES {
+        let step = means(grid, &samples, &total);
+        for s in &mut samples {
+            let by = mixed(grid, &step, s.cell, s.local);
+            (0..3).for_each(|c| s.left[c] -= by[c]);
+        }
+        field.iter_mut().zip(&step).for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c]));
+    }
+    for (f, (cells, locals)) in seen.iter().enumerate() {
+        for (i, (&cell, &local)) in cells.iter().zip(locals).enumerate().filter(|(_, c)| *c.0 != NONE) {
+            let by = mixed(grid, &field, cell, local);
+            (0..3).for_each(|c| pictures[f][3 * i + c] -= slopes[f][3 * i + c] * by[c]);
+        }
+    }
+}

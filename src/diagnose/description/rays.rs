@@ -1,0 +1,158 @@
+//! Which surface each pixel sees: rays against the scene's triangles, each at the time of its own line.
+
+use glam::Vec3;
+
+use crate::scene::Scene;
+
+/// Most triangles of a leaf.
+const LEAF: usize = 4;
+
+/// A triangle, and the surface that it belongs to.
+#[derive(Clone, Copy)]
+struct Triangle {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    /// Object and material in one number.
+    surface: u32,
+}
+
+/// A box around triangles: of two boxes (`count` 0; the first is the next in the list, `start` the second), or of a run of
+/// triangles.
+#[derive(Clone, Copy)]
+struct Node {
+    low: Vec3,
+    high: Vec3,
+    start: u32,
+    count: u32,
+}
+
+/// Triangles that move together: what rests, or one object, in its own coordinates.
+pub(super) struct Body {
+    /// The object whose pose is theirs; nothing for what rests.
+    pub object: Option<usize>,
+    triangles: Vec<Triangle>,
+    nodes: Vec<Node>,
+}
+
+/// What a ray meets first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    /// Along the ray, in lengths of its direction.
+    pub t: f32,
+    /// In the body's coordinates, m.
+    pub at: Vec3,
+    /// Normal, towards where the ray comes from; not of unit length.
+    pub normal: Vec3,
+    /// Object and material in one number.
+    pub surface: u32,
+}
+
+impl Body {
+    /// All bodies of a scene, what rests first.
+    pub(super) fn all(scene: &Scene) -> Vec<Self> {
+        let moving = |o: usize| scene.objects.get(o).is_some_and(|o| o.trajectory.is_some());
+        let own = (0..scene.objects.len()).filter(|&o| moving(o)).map(Some);
+        std::iter::once(None).chain(own).map(|object| Self::of(scene, object, moving)).collect()
+    }
+
+    fn of(scene: &Scene, object: Option<usize>, moving: impl Fn(usize) -> bool) -> Self {
+        let materials = scene.materials.len() as u32;
+        let mut triangles = Vec::new();
+        for three in scene.indices.chunks_exact(3) {
+            let v = [0, 1, 2].map(|i| scene.vertices[three[i] as usize]);
+            let whose = v[0].object as usize;
+            if object.map_or(moving(whose), |o| o != whose) {
+                continue;
+            }
+            let [a, b, c] = v.map(|v| Vec3::from(v.position_m));
+            let surface = v[0].object * materials + v[0].material;
+            triangles.push(Triangle { corner: a, edges: [b - a, c - a], surface });
+        }
+        let mut body = Self { object, nodes: Vec::new(), triangles };
+        if !body.triangles.is_empty() {
+            body.split(0, body.triangles.len());
+        }
+        body
+    }
+
+    /// Puts the triangles of a run into boxes, halved by number along the longest side.
+    fn split(&mut self, from: usize, to: usize) -> u32 {
+        let (mut low, mut high) = (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY));
+        for t in &self.triangles[from..to] {
+            for p in [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]] {
+                (low, high) = (low.min(p), high.max(p));
+            }
+        }
+        let at = self.nodes.len();
+        self.nodes.push(Node { low, high, start: from as u32, count: (to - from) as u32 });
+        if to - from > LEAF {
+            let size = high - low;
+            let axis = if size.x >= size.y.max(size.z) {
+                0
+            } else if size.y >= size.z {
+                1
+            } else {
+                2
+            };
+            let centre = |t: &Triangle| 3.0 * t.corner[axis] + t.edges[0][axis] + t.edges[1][axis];
+            let middle = (from + to) / 2;
+            self.triangles[from..to]
+                .select_nth_unstable_by((to - from) / 2, |a, b| centre(a).total_cmp(&centre(b)));
+            self.split(from, middle);
+            let second = self.split(middle, to);
+            (self.nodes[at].start, self.nodes[at].count) = (second, 0);
+        }
+        at as u32
+    }
+
+    /// The first triangle that a ray meets before `most` lengths of its direction.
+    pub(super) fn meet(&self, from: Vec3, along: Vec3, most: f32) -> Option<Hit> {
+        let inverse = along.recip();
+        let (mut best, mut found): (f32, Option<usize>) = (most, None);
+        let mut stack = [0u32; 64];
+        let mut depth = usize::from(!self.nodes.is_empty());
+        while depth > 0 {
+            depth -= 1;
+            let at = stack[depth];
+            let node = &self.nodes[at as usize];
+            let (a, b) = ((node.low - from) * inverse, (node.high - from) * inverse);
+            let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+            if enter > leave.min(best) {
+                continue;
+            }
+            if node.count == 0 {
+                (stack[depth], stack[depth + 1]) = (node.start, at + 1);
+                depth += 2;
+                continue;
+            }
+            for i in node.start..node.start + node.count {
+                if let Some(t) = self.triangles[i as usize].meet(from, along)
+                    && t < best
+                {
+                    (best, found) = (t, Some(i as usize));
+                }
+            }
+        }
+        let triangle = &self.triangles[found?];
+        let normal = triangle.edges[0].cross(triangle.edges[1]);
+        let normal = if normal.dot(along) > 0.0 { -normal } else { normal };
+        Some(Hit { t: best, at: from + best * along, normal, surface: triangle.surface })
+    }
+}
+
+impl Triangle {
+    /// Where a ray meets it, in lengths of its direction (Möller and Trumbore 1997).
+    fn meet(&self, from: Vec3, along: Vec3) -> Option<f32> {
+        let across = along.cross(self.edges[1]);
+        let det = self.edges[0].dot(across);
+        if det == 0.0 {
+            return None;
+        }
+        let (inverse, to) = (1.0 / det, from - self.corner);
+        let u = to.dot(across) * inverse;
+        let up = to.cross(self.edges[0]);
+        let v = along.dot(up) * inverse;
+        let t = self.edges[1].dot(up) * inverse;
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-4).then_some(t)
+    }
+}
