@@ -13,7 +13,7 @@ static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|v| srgb_decode(v as f32 / 255.0)));
 
 /// Shades points of a scene as it stands at one instant.
-pub(super) struct Shader<'a> {
+pub struct Shader<'a> {
     scene: &'a Scene,
     world_from_object: Vec<Pose>,
     eye_m: DVec3,

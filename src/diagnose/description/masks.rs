@@ -83,7 +83,11 @@ impl Forward {
             let seen = |(&cell, &local): (&u32, &[f32; 3])| {
                 f32::from(u8::from(cell == NONE || map.covers(grid, cell, local)))
             };
-            let data: Vec<f32> = surface.cell.iter().zip(&surface.local).map(seen).collect();
+            let mut data: Vec<f32> = surface.cell.iter().zip(&surface.local).map(seen).collect();
+            for (i, parts) in &surface.mixed {
+                let all = parts.iter().all(|p| seen((&p.cell, &p.local)) > 0.5);
+                data[*i as usize] *= f32::from(u8::from(all));
+            }
             let (width, height) = (self.intrinsics.width as usize, self.intrinsics.height as usize);
             self.description.covered.insert(at, Arc::new(Plane { width, height, channels: 1, data }));
         }

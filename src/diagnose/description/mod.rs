@@ -37,7 +37,10 @@ use rays::Body;
 use surface::{CELL, Grid, Surface};
 
 /// Most bytes of surfaces that are kept.
-const KEPT_BYTES: usize = 192 << 20;
+const KEPT_BYTES: usize = 512 << 20;
+/// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is simulated are
+/// where they are all the same.
+const NEARBY_PX: f64 = 0.06;
 
 /// The names of what may be wrong with the description, in the order in which it is tried.
 pub(super) const NAMES: [&str; 2] = ["scene_radiance", "pose_error"];
@@ -101,6 +104,8 @@ pub(super) struct Description {
     bodies: Option<Arc<Vec<Body>>>,
     grid: Grid,
     surfaces: HashMap<String, Arc<Surface>>,
+    /// Bytes of them.
+    kept: usize,
     maps: HashMap<String, Arc<Map>>,
     settled: HashMap<String, [f64; 6]>,
     /// By place: 1 where other frames say how bright a surface is.
@@ -219,6 +224,7 @@ impl Forward {
 
     /// What the pixels of a frame see, kept for as long as the geometry stays.
     pub(super) fn surface(&mut self, at: usize, theta: &Theta) -> Arc<Surface> {
+        let theta = &self.nearby(theta);
         let key = format!("{:?}", self.sight_key(at, theta));
         if let Some(known) = self.description.surfaces.get(&key) {
             return known.clone();
@@ -230,12 +236,32 @@ impl Forward {
         }
         let surface = Arc::new(self.surface_of(&bodies, &mut grid, at, theta));
         self.description.grid = grid;
-        let bytes = 17 * surface.cell.len().max(1);
-        if self.description.surfaces.len() >= (KEPT_BYTES / bytes).max(2 * self.description.sources.len()) {
+        self.description.kept += surface.bytes();
+        if self.description.kept > KEPT_BYTES {
             self.description.surfaces.clear();
+            self.description.kept = surface.bytes();
         }
         self.description.surfaces.insert(key, surface.clone());
         surface
+    }
+
+    /// `theta` with its geometry rounded to what moves a picture by [`NEARBY_PX`].
+    fn nearby(&self, theta: &Theta) -> Theta {
+        let to = |v: f64, step: f64| (v / step).round() * step;
+        let angle = NEARBY_PX / self.intrinsics.fx;
+        let mut out = theta.clone();
+        for p in [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::P1, P::P2, P::K3] {
+            out.set(p, to(theta.get(p), angle));
+        }
+        // A head that turns by 2 rad a second.
+        for p in [P::Offset, P::Readout, P::Exposure] {
+            out.set(p, to(theta.get(p), 0.5 * angle));
+        }
+        for pose in &mut out.room.poses {
+            // Things are some meters away.
+            (0..6).for_each(|i| pose[i] = to(pose[i], if i < 3 { angle } else { 3.0 * angle }));
+        }
+        out
     }
 
     fn bodies(&mut self) -> Arc<Vec<Body>> {

@@ -5,6 +5,8 @@
 //! [`Grid`], and solved for by simultaneous iterative reconstruction (each corner moves by the weighed mean of what is left
 //! around it), which needs no matrix.
 
+use std::collections::HashMap;
+
 use rayon::prelude::*;
 
 use super::surface::{Grid, NONE, Surface, weights};
@@ -19,7 +21,7 @@ const PASSES: usize = 4;
 /// Most that a step changes a logarithm by.
 const MOST: f32 = 0.7;
 /// Samples across a picture that factors are estimated from: cells are much larger than pixels.
-const ACROSS: usize = 160;
+const ACROSS: usize = 107;
 /// Differences from here on count less, DN: edges out of place.
 const LARGE_DN: f32 = 4.0;
 
@@ -75,21 +77,22 @@ impl Map {
         self.seen = seen;
     }
 
-    /// Gives corners that nothing was seen of what their group has, or all have.
+    /// Gives corners that nothing was seen of what their group has, or their surface, or all.
     pub(super) fn fill(&mut self, grid: &Grid) {
-        let groups = grid.group.iter().max().map_or(0, |g| *g as usize + 1);
-        let mut sums = vec![[0.0f32; 4]; groups + 1];
+        let mut sums: HashMap<[u32; 2], [f32; 4]> = HashMap::new();
+        let kinds = |group: u32| [[0, group], [1, grid.surface[group as usize]], [2, 0]];
         for ((log, seen), &group) in self.log.iter().zip(&self.seen).zip(&grid.group) {
-            for sum in [group as usize, groups] {
-                (0..3).for_each(|c| sums[sum][c] += seen * log[c]);
-                sums[sum][3] += seen;
+            for kind in kinds(group).into_iter().filter(|_| *seen >= LEAST_SEEN) {
+                let sum = sums.entry(kind).or_default();
+                (0..3).for_each(|c| sum[c] += seen * log[c]);
+                sum[3] += seen;
             }
         }
         for ((log, seen), &group) in self.log.iter_mut().zip(&self.seen).zip(&grid.group) {
-            if *seen < LEAST_SEEN {
-                let own = if sums[group as usize][3] > 0.0 { group as usize } else { groups };
-                let [r, g, b, n] = sums[own];
-                *log = [r, g, b].map(|v| v / n.max(1e-9));
+            if *seen < LEAST_SEEN
+                && let Some([r, g, b, n]) = kinds(group).iter().find_map(|k| sums.get(k))
+            {
+                *log = [r / n, g / n, b / n];
             }
         }
     }
@@ -106,8 +109,17 @@ impl Map {
         let of = |(&cell, &local): (&u32, &[f32; 3])| {
             if cell == NONE { [1.0; 3] } else { mixed(grid, &self.log, cell, local).map(f32::exp) }
         };
-        let data = surface.cell.par_iter().zip(&surface.local).flat_map_iter(of).collect();
-        Plane { width: w, height: h, channels: 3, data }
+        let data: Vec<f32> = surface.cell.par_iter().zip(&surface.local).flat_map_iter(of).collect();
+        let mut out = Plane { width: w, height: h, channels: 3, data };
+        for (i, parts) in &surface.mixed {
+            let to = &mut out.data[3 * *i as usize..3 * *i as usize + 3];
+            to.fill(0.0);
+            for part in parts.iter().filter(|p| p.cell != NONE) {
+                let log = mixed(grid, &self.log, part.cell, part.local);
+                (0..3).for_each(|c| to[c] += part.share[c] * log[c].exp());
+            }
+        }
+        out
     }
 }
 

@@ -12,6 +12,8 @@ const LEAF: usize = 4;
 struct Triangle {
     corner: Vec3,
     edges: [Vec3; 2],
+    /// Its number in the scene.
+    number: u32,
     /// Object and material in one number.
     surface: u32,
 }
@@ -24,6 +26,8 @@ struct Node {
     high: Vec3,
     start: u32,
     count: u32,
+    /// Along which two boxes lie side by side.
+    axis: u8,
 }
 
 /// Triangles that move together: what rests, or one object, in its own coordinates.
@@ -45,6 +49,10 @@ pub(super) struct Hit {
     pub normal: Vec3,
     /// Object and material in one number.
     pub surface: u32,
+    /// The triangle: its place in this body, and its number in the scene.
+    pub triangle: [u32; 2],
+    /// Its barycentric coordinates there.
+    pub corners: [f32; 3],
 }
 
 impl Body {
@@ -58,7 +66,7 @@ impl Body {
     fn of(scene: &Scene, object: Option<usize>, moving: impl Fn(usize) -> bool) -> Self {
         let materials = scene.materials.len() as u32;
         let mut triangles = Vec::new();
-        for three in scene.indices.chunks_exact(3) {
+        for (number, three) in scene.indices.chunks_exact(3).enumerate() {
             let v = [0, 1, 2].map(|i| scene.vertices[three[i] as usize]);
             let whose = v[0].object as usize;
             if object.map_or(moving(whose), |o| o != whose) {
@@ -66,7 +74,7 @@ impl Body {
             }
             let [a, b, c] = v.map(|v| Vec3::from(v.position_m));
             let surface = v[0].object * materials + v[0].material;
-            triangles.push(Triangle { corner: a, edges: [b - a, c - a], surface });
+            triangles.push(Triangle { corner: a, edges: [b - a, c - a], number: number as u32, surface });
         }
         let mut body = Self { object, nodes: Vec::new(), triangles };
         if !body.triangles.is_empty() {
@@ -84,7 +92,7 @@ impl Body {
             }
         }
         let at = self.nodes.len();
-        self.nodes.push(Node { low, high, start: from as u32, count: (to - from) as u32 });
+        self.nodes.push(Node { low, high, start: from as u32, count: (to - from) as u32, axis: 0 });
         if to - from > LEAF {
             let size = high - low;
             let axis = if size.x >= size.y.max(size.z) {
@@ -100,15 +108,21 @@ impl Body {
                 .select_nth_unstable_by((to - from) / 2, |a, b| centre(a).total_cmp(&centre(b)));
             self.split(from, middle);
             let second = self.split(middle, to);
-            (self.nodes[at].start, self.nodes[at].count) = (second, 0);
+            (self.nodes[at].start, self.nodes[at].count, self.nodes[at].axis) = (second, 0, axis as u8);
         }
         at as u32
     }
 
-    /// The first triangle that a ray meets before `most` lengths of its direction.
-    pub(super) fn meet(&self, from: Vec3, along: Vec3, most: f32) -> Option<Hit> {
+    /// The first triangle that a ray meets before `most` lengths of its direction. `guess`: one that it may well meet.
+    pub(super) fn meet(&self, from: Vec3, along: Vec3, most: f32, guess: Option<u32>) -> Option<Hit> {
         let inverse = along.recip();
-        let (mut best, mut found): (f32, Option<usize>) = (most, None);
+        let (mut best, mut found): (f32, Option<(usize, [f32; 2])>) = (most, None);
+        if let Some(i) = guess.map(|i| i as usize).filter(|&i| i < self.triangles.len())
+            && let Some((t, at)) = self.triangles[i].meet(from, along)
+            && t < best
+        {
+            (best, found) = (t, Some((i, at)));
+        }
         let mut stack = [0u32; 64];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
@@ -121,28 +135,41 @@ impl Body {
                 continue;
             }
             if node.count == 0 {
-                (stack[depth], stack[depth + 1]) = (node.start, at + 1);
+                let pair = (node.start, at + 1);
+                // The nearer one on top.
+                let back = along[usize::from(node.axis)] < 0.0;
+                (stack[depth], stack[depth + 1]) = if back { (pair.1, pair.0) } else { pair };
                 depth += 2;
                 continue;
             }
             for i in node.start..node.start + node.count {
-                if let Some(t) = self.triangles[i as usize].meet(from, along)
+                if let Some((t, at)) = self.triangles[i as usize].meet(from, along)
                     && t < best
                 {
-                    (best, found) = (t, Some(i as usize));
+                    (best, found) = (t, Some((i as usize, at)));
                 }
             }
         }
-        let triangle = &self.triangles[found?];
+        let (place, [u, v]) = found?;
+        let triangle = &self.triangles[place];
         let normal = triangle.edges[0].cross(triangle.edges[1]);
         let normal = if normal.dot(along) > 0.0 { -normal } else { normal };
-        Some(Hit { t: best, at: from + best * along, normal, surface: triangle.surface })
+        let corners = [1.0 - u - v, u, v];
+        let number = [place as u32, triangle.number];
+        Some(Hit {
+            t: best,
+            at: from + best * along,
+            normal,
+            surface: triangle.surface,
+            triangle: number,
+            corners,
+        })
     }
 }
 
 impl Triangle {
-    /// Where a ray meets it, in lengths of its direction (Möller and Trumbore 1997).
-    fn meet(&self, from: Vec3, along: Vec3) -> Option<f32> {
+    /// Where a ray meets it, in lengths of its direction, and between its corners (Möller and Trumbore 1997).
+    fn meet(&self, from: Vec3, along: Vec3) -> Option<(f32, [f32; 2])> {
         let across = along.cross(self.edges[1]);
         let det = self.edges[0].dot(across);
         if det == 0.0 {
@@ -153,6 +180,6 @@ impl Triangle {
         let up = to.cross(self.edges[0]);
         let v = along.dot(up) * inverse;
         let t = self.edges[1].dot(up) * inverse;
-        (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-4).then_some(t)
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-4).then_some((t, [u, v]))
     }
 }

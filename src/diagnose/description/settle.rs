@@ -21,9 +21,9 @@ use crate::error::Result;
 use crate::plane::Plane;
 
 /// Means over blocks that poses are solved at, px, one after another.
-const BLOCKS: [usize; 4] = [4, 2, 2, 2];
-/// A step of less than this is the last, units (about a hundredth of a px).
-const SMALL: f64 = 0.03;
+const BLOCKS: [usize; 4] = [4, 4, 2, 2];
+/// A step of less than this is the last, units (a few hundredths of a px).
+const SMALL: f64 = 0.1;
 
 impl Forward {
     /// `theta` with the poses of those of `frames` that are judged, each estimated from half of its tiles.
@@ -83,7 +83,7 @@ impl Forward {
             for (&at, step) in open.iter().zip(steps) {
                 let Some(step) = step else { continue };
                 (0..6).for_each(|i| theta.room.poses[at][i] += UNITS[i] * step[i]);
-                if block > BLOCKS[1] || step.iter().any(|s| s.abs() > SMALL) {
+                if step.iter().any(|s| s.abs() > SMALL) {
                     rest.push(at);
                 }
             }
