@@ -106,17 +106,21 @@ impl Trajectory {
         let inside = times_s.iter().copied().filter(|&t| self.covers(t, t));
         let mut all: Vec<f64> = self.times_s.iter().copied().chain(inside).collect();
         all.sort_by(f64::total_cmp);
+        // Files have whole nanoseconds.
         all.dedup_by(|b, a| *b - *a < 1e-7);
         let poses = all.iter().map(|&t| self.pose_at(t).then_from(&by(t))).collect();
         Self { times_s: all, poses, ..self.clone() }
     }
 
-    /// As the text of a TUM file on the capture's clock.
-    pub fn to_tum(&self) -> String {
+    /// As the text of a TUM file; `epoch_ns` is the zero of the clock that its times count from.
+    pub fn to_tum(&self, epoch_ns: i64) -> String {
         let line = |(t, p): (&f64, &Pose)| {
+            let ns = i128::from(epoch_ns) + (t * 1e9).round() as i128;
+            let (sign, ns) = (if ns < 0 { "-" } else { "" }, ns.abs());
             let (x, q) = (p.translation_m, p.rotation);
+            let (s, rest) = (ns / 1_000_000_000, ns % 1_000_000_000);
             format!(
-                "{t:.9} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12} {:.12}\n",
+                "{sign}{s}.{rest:09} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12} {:.12}\n",
                 x.x, x.y, x.z, q.x, q.y, q.z, q.w
             )
         };

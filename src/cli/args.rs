@@ -182,6 +182,9 @@ pub struct Simulate {
     /// Use this camera instead of the capture's camera.toml; ROS, Kalibr and EuRoC YAML are read too
     #[arg(long)]
     pub camera: Option<PathBuf>,
+    /// Take the path and the brightness of surfaces that a diagnosis found from its folder
+    #[arg(long)]
+    pub description: Option<PathBuf>,
     /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
     #[arg(long)]
     pub preset: Option<String>,

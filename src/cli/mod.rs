@@ -4,6 +4,7 @@ mod args;
 mod begin;
 mod calibrate;
 mod camera;
+mod description;
 mod devices;
 mod diagnose;
 mod effects;

@@ -11,10 +11,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{PlaneName, Simulate};
 use super::begin::{Begin, plane_folder, stem};
+use super::description::Description;
 use super::interrupt::Interrupt;
 use super::terminal::say;
 use super::timings::Timings;
 use crate::capture::Capture;
+use crate::chain::View;
 use crate::effects::ExposureControl;
 use crate::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use crate::error::{Error, Result};
@@ -31,7 +33,8 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 /// Runs the command.
 pub fn run(args: &Simulate) -> Result<()> {
     let preset = args.preset.as_deref().map(preset).transpose()?;
-    let capture = read_capture(&args.capture, args.camera.as_deref(), preset)?;
+    let mut capture = read_capture(&args.capture, args.camera.as_deref(), preset)?;
+    let description = Description::of(args.description.as_deref(), &mut capture)?;
     let rules = OutRules {
         command: "simulate",
         inputs: &[&args.capture],
@@ -47,7 +50,8 @@ pub fn run(args: &Simulate) -> Result<()> {
     }
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: validation() })?;
-    let requests: Vec<_> = todo.iter().map(|&f| request(args, &capture, f)).collect();
+    let mut requests: Vec<_> = todo.iter().map(|&f| request(args, &capture, f)).collect();
+    requests.iter_mut().for_each(|r| r.statistics = description.relights());
     // The set-up's effects: from here on the path is the true camera's.
     let capture = Capture { trajectory: capture.true_trajectory(), ..capture };
     let options = EngineOptions {
@@ -66,7 +70,12 @@ pub fn run(args: &Simulate) -> Result<()> {
     let mut engine = engine.map_err(|e| of_scene(e, &args.capture, counts))?;
     let mut timings = Timings::default();
     let start = Instant::now();
-    let done = render_all((args, &stems, &begin), &mut engine, &requests, &mut timings)?;
+    let mut done = |frame: &mut Frame| {
+        let shutter = requests.iter().find(|r| r.index == frame.index).expect("it was asked for").shutter;
+        let view = View { intrinsics: *camera, shutter, frame: frame.index, seed: args.seed };
+        description.relight(frame, &requests, view, &stems[frame.index as usize])
+    };
+    let done = render_all((args, &stems, &begin), &mut engine, &requests, &mut timings, &mut done)?;
     if let Some(batch) = args.batch {
         let rate = done as f64 / start.elapsed().as_secs_f64();
         say(format_args!("{rate:.2} frames a second, on disk, with {batch} in flight"));
@@ -130,6 +139,7 @@ fn render_all(
     engine: &mut Engine,
     requests: &[FrameRequest],
     timings: &mut Timings,
+    done: &mut dyn FnMut(&mut Frame) -> Result<()>,
 ) -> Result<usize> {
     let interrupt = Interrupt::listen();
     let progress = Progress::new(requests.len() as u64);
@@ -150,7 +160,7 @@ fn render_all(
         let mut progress = progress;
         let control =
             ExposureControl::new(&requests[0].settings).map(|control| Exposure { control, args, stems });
-        let rendered = feed(engine, requests, &interrupt, timings, (&to_disk, &mut progress, control));
+        let rendered = feed(engine, requests, &interrupt, timings, done, (&to_disk, &mut progress, control));
         drop(to_disk);
         let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         progress.finish();
@@ -165,6 +175,7 @@ fn feed(
     requests: &[FrameRequest],
     interrupt: &Interrupt,
     timings: &mut Timings,
+    done: &mut dyn FnMut(&mut Frame) -> Result<()>,
     (to_disk, progress, mut exposure): (&SyncSender<Frame>, &mut Progress, Option<Exposure<'_>>),
 ) -> Result<()> {
     let mut in_flight: VecDeque<Ticket> = VecDeque::new();
@@ -184,7 +195,8 @@ fn feed(
             next.next();
         }
         let Some(ticket) = in_flight.pop_front() else { return Ok(()) };
-        let frame = engine.collect(ticket)?;
+        let mut frame = engine.collect(ticket)?;
+        done(&mut frame)?;
         if let Some(exposure) = &mut exposure {
             exposure.control.meter(frame.index as usize, &frame.picture);
         }

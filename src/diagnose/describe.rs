@@ -132,23 +132,34 @@ fn wrong_scene(gap: &Gap) -> String {
 }
 
 fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str]) -> String {
-    let names: Vec<_> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
-    let names = names.join(", ");
+    let [camera, room] = [true, false].map(|c| {
+        let names: Vec<_> =
+            effects.iter().filter(|e| e.camera == c).map(|e| e.name.replace('_', " ")).collect();
+        names.join(", ")
+    });
+    let names =
+        [&camera, &room].into_iter().filter(|n| !n.is_empty()).cloned().collect::<Vec<_>>().join(", ");
     let percent = 100.0 * gap.closed_fraction;
     let left =
         if failed.is_empty() { String::new() } else { format!(" (it shows in: {})", failed.join(", ")) };
+    let lacks = match (camera.as_str(), room.as_str()) {
+        (camera, "") => format!("The simulation lacks {camera}"),
+        ("", room) => format!("The description is not right ({room}), and the camera lacks nothing"),
+        (camera, room) => format!("The camera lacks {camera}, and the description is not right ({room})"),
+    };
+    let parts = parts(gap, effects);
     match verdict {
         Verdict::NoGap => format!(
             "Real and simulated frames differ by {:.2} DN, no more than two correct renderers may ({:.2} DN).",
             gap.before, gap.renderer_difference
         ),
         Verdict::Explained => format!(
-            "The simulation lacks {names}: with that the gap falls from {:.2} to {:.2} DN ({percent:.0} % of it).",
+            "{lacks}: with that the gap falls from {:.2} to {:.2} DN ({percent:.0} % of it).{parts}",
             gap.before, gap.after
         ),
         Verdict::PartlyExplained => format!(
-            "The simulation lacks {names}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has \
-             a cause that is not among the candidates{left}.",
+            "{lacks}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has a cause that is not among the \
+             candidates{left}.{parts}",
             gap.before, gap.after
         ),
         Verdict::UnknownEffect if effects.is_empty() => format!(
@@ -157,10 +168,22 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
         ),
         Verdict::UnknownEffect => format!(
             "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but leaves what none of the \
-             candidates explains{left}: there is an effect that is not among them.",
+             candidates explains{left}: there is an effect that is not among them.{parts}",
             gap.before
         ),
     }
+}
+
+/// How much of the gap is the camera's, where not all is.
+fn parts(gap: &Gap, effects: &[EffectFound]) -> String {
+    if effects.iter().all(|e| e.camera) {
+        return String::new();
+    }
+    let of = |camera: bool| {
+        let share: f64 = effects.iter().filter(|e| e.camera == camera).map(|e| e.share).sum();
+        100.0 * share * gap.closed_fraction
+    };
+    format!(" Of the gap, {:.0} % is the camera's and {:.0} % the description's.", of(true), of(false))
 }
 
 /// Supported effects with their Shapley shares.

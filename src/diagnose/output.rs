@@ -34,6 +34,7 @@ impl Diagnosis {
             fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
         }
         write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
+        self.description.write(folder, capture)?;
         let scale_dn = scale(&self.frames);
         self.report.frames = self
             .frames

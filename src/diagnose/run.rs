@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::cover::Cover;
 use super::describe::{describe, without_motion, without_time};
+use super::description::Parts;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::journal::{Journal, key};
@@ -70,6 +71,8 @@ pub struct Diagnosis {
     pub camera: CameraFile,
     /// What [`Diagnosis::write`] makes pictures of.
     pub(super) frames: Vec<Shown>,
+    /// What the description should be.
+    pub(super) description: Parts,
     /// By frame.
     pub(super) percepts: Vec<FramePercepts>,
 }
@@ -183,7 +186,8 @@ pub fn diagnose(
     report.next = next(&report, capture);
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
-    Ok(Diagnosis { report, camera, frames, percepts })
+    let description = search.description_parts(&found.fit.theta)?;
+    Ok(Diagnosis { report, camera, frames, description, percepts })
 }
 
 /// The quality that the frames show to have been compressed with, if that is to be found.
@@ -259,10 +263,12 @@ fn next(report: &Report, capture: &Capture) -> Vec<NextStep> {
     let root = capture.root.display();
     let mut steps = Vec::new();
     if !report.effects.is_empty() {
+        let corrected = report.effects.iter().any(|e| !e.camera);
+        let description = if corrected { " --description DIR" } else { "" };
         steps.push(NextStep {
             purpose: "simulate with the effects found (DIR is this report's folder)".to_owned(),
             command: format!(
-                "shutterbug simulate {root} --camera DIR/camera.toml --method exact --out FRAMES"
+                "shutterbug simulate {root} --camera DIR/camera.toml{description} --method exact --out FRAMES"
             ),
         });
     }

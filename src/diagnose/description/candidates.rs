@@ -9,8 +9,7 @@ use super::super::judge::Scores;
 use super::super::model::{P, Theta, candidate_of};
 use super::super::score::FAMILIES;
 use super::super::search::{Search, Tried, Watch, is_discrete, moves};
-use super::super::support::restored;
-use super::{NAMES, is_description};
+use super::is_description;
 use crate::error::Result;
 
 /// How many numbers a member of a set has, to tell which of two is simpler: the description has more than any camera.
@@ -110,11 +109,6 @@ impl Search<'_> {
         let told = self.prefers(&curve.theta, &factors)?;
         tracing::info!("factors of surfaces rather than one curve: {told}");
         Ok(told)
-    }
-
-    /// A set without what the description has made superfluous of it is where the search goes on.
-    pub(in crate::diagnose) fn without_description(&self, theta: &Theta) -> Theta {
-        NAMES.iter().fold(theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)))
     }
 
     /// A fit of a set that has no parameter but poses.

@@ -1,7 +1,9 @@
 //! What a report says of the description, and the files that `simulate` takes it from.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::json;
 
@@ -9,25 +11,38 @@ use super::super::model::{P, Theta};
 use super::super::report::Parameter;
 use super::super::search::Search;
 use super::surface::NONE;
-use crate::error::Result;
-use crate::plane::Plane;
+use crate::camera::Trajectory;
+use crate::capture::Capture;
+use crate::error::{Error, Result};
+use crate::plane::{COLOR_CHANNELS, Plane, write_atomic, write_exr_plane};
 
 /// What is written beside a report: the factor seen through the camera, by index of the frame, and the camera's path.
 #[derive(Clone, Debug, Default)]
 pub(in crate::diagnose) struct Parts {
     pub factors: Vec<(usize, Plane<f32>)>,
-    pub trajectory: Option<String>,
+    pub trajectory: Option<Arc<Trajectory>>,
 }
 
-/// Writes the files of the description into a report's folder.
-///
-/// # Errors
-/// Files that cannot be written.
-pub(in crate::diagnose) fn write(folder: &Path, parts: &Parts) -> Result<()> {
-    if let Some(text) = &parts.trajectory {
-        crate::files::write_atomic(&folder.join("trajectory.tum"), text.as_bytes())?;
+impl Parts {
+    /// Writes the files of the description into a report's folder: `scene_radiance/NNNNNN.exr` and `trajectory.tum`.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub(in crate::diagnose) fn write(&self, folder: &Path, capture: &Capture) -> Result<()> {
+        if let Some(path) = &self.trajectory {
+            write_atomic(&folder.join("trajectory.tum"), path.to_tum(capture.epoch_ns).as_bytes())?;
+        }
+        if self.factors.is_empty() {
+            return Ok(());
+        }
+        let maps = folder.join("scene_radiance");
+        fs::create_dir_all(&maps).map_err(|e| Error::io(&maps, "create the folder", e))?;
+        for (index, factor) in &self.factors {
+            let stem = Path::new(&capture.frames[*index].filename).with_extension("exr");
+            write_exr_plane(&maps.join(stem), factor, &COLOR_CHANNELS)?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// A mean square over draws as a root with its 95 % interval.
@@ -128,7 +143,7 @@ impl Search<'_> {
             // The offset of the set-up is a table of its own in camera.toml.
             let mut plain = theta.clone();
             [P::RotX, P::RotY, P::RotZ].into_iter().for_each(|p| plain.set(p, 0.0));
-            parts.trajectory = Some(self.forward.path(&plain).to_tum());
+            parts.trajectory = Some(self.forward.path(&plain));
         }
         Ok(parts)
     }

@@ -29,7 +29,7 @@ use crate::error::Result;
 use crate::plane::Plane;
 
 pub(super) use candidates::size;
-pub(super) use entries::{Parts, write};
+pub(super) use entries::Parts;
 pub(super) use masks::Kind;
 pub(super) use poses::PoseShare;
 use radiance::{Lesson, Map, STEP, STEPS};
@@ -82,15 +82,6 @@ impl Room {
     /// Whether two rooms leave the same open.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         self.radiance == other.radiance && self.poses.is_empty() == other.poses.is_empty()
-    }
-
-    /// Whether it has one of [`NAMES`].
-    pub(super) fn has(&self, name: &str) -> bool {
-        match name {
-            "scene_radiance" => self.radiance,
-            "pose_error" => !self.poses.is_empty(),
-            _ => false,
-        }
     }
 }
 
@@ -154,7 +145,7 @@ impl Forward {
     }
 
     /// Factors on the radiance that go with a camera, learnt from the frames that fits see.
-    pub(super) fn map_of(&mut self, theta: &Theta, quality: Quality) -> Result<Arc<Map>> {
+    fn map_of(&mut self, theta: &Theta, quality: Quality) -> Result<Arc<Map>> {
         let quality = quality.min(Quality::Fit);
         let mut own = theta.clone();
         let sources = self.description.sources.clone();
@@ -223,7 +214,7 @@ impl Forward {
     }
 
     /// What the pixels of a frame see, kept for as long as the geometry stays.
-    pub(super) fn surface(&mut self, at: usize, theta: &Theta) -> Arc<Surface> {
+    fn surface(&mut self, at: usize, theta: &Theta) -> Arc<Surface> {
         let theta = &self.nearby(theta);
         let key = format!("{:?}", self.sight_key(at, theta));
         if let Some(known) = self.description.surfaces.get(&key) {
