@@ -37,6 +37,7 @@ fn player(folder: &Path, edit: impl Fn(&mut Report)) -> std::path::PathBuf {
 
 fn options(folder: &Path, program: &Path) -> WithholdOptions {
     WithholdOptions {
+        falsified: Vec::new(),
         out: folder.join("out"),
         count: CASES,
         seed: 5,

@@ -350,6 +350,9 @@ pub struct Withhold {
     /// --curve: captures a strength
     #[arg(long, default_value_t = 3, value_parser = in_steps(1, 1000))]
     pub repeats: usize,
+    /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
+    #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
+    pub imperfect: Vec<String>,
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,

@@ -7,7 +7,7 @@ use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use crate::error::{Error, Result};
 use crate::files::{Out, OutRules};
-use crate::withhold::{CurveOptions, WithholdOptions, curves, graded_effects, withhold};
+use crate::withhold::{CurveOptions, Falsified, WithholdOptions, curves, graded_effects, withhold};
 
 /// Runs the command.
 pub fn run(args: &Withhold) -> Result<()> {
@@ -32,6 +32,7 @@ pub fn run(args: &Withhold) -> Result<()> {
         device: args.device.clone(),
         keep_frames: args.keep_frames,
         only: args.only.clone(),
+        falsified: falsified(&args.imperfect)?,
     };
     let interrupt = Interrupt::listen();
     if !args.curve.is_empty() {
@@ -69,4 +70,18 @@ fn recordings(path: Option<&Path>) -> Result<Vec<PathBuf>> {
         ));
     }
     Ok(files)
+}
+
+/// Words of `--imperfect`; `all` is all of them.
+fn falsified(words: &[String]) -> Result<Vec<Falsified>> {
+    if words == ["all"] {
+        return Ok(Falsified::ALL.to_vec());
+    }
+    let known = || Falsified::ALL.iter().map(|f| f.name()).chain(["all"]).collect::<Vec<_>>();
+    let one = |word: &String| {
+        let unknown =
+            || Error::unknown_name(Path::new("--imperfect"), None, "part of a description", word, known());
+        Falsified::from_name(word).ok_or_else(unknown)
+    };
+    words.iter().map(one).collect()
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::draw::Draw;
+use super::falsify::{Falsified, falsify};
 use super::hidden::Hidden;
 use super::{WithholdOptions, motion, room};
 use crate::camera::accumulation::AccumulationPlan;
@@ -39,6 +40,9 @@ pub(super) struct Case {
     pub(super) index: usize,
     pub(super) hidden: Hidden,
     pub(super) motion: String,
+    /// What of the description is not right.
+    falsified: Vec<Falsified>,
+    described_lit: bool,
     capture: Capture,
     noise_seed: u64,
 }
@@ -60,7 +64,12 @@ impl Case {
         for made in [folder.to_owned(), folder.join("objects"), folder.join("real")] {
             fs::create_dir_all(&made).map_err(|e| Error::io(&made, "create the folder", e))?;
         }
-        let room = room::write(folder, &mut stream("scene"))?;
+        let mut room = room::write(folder, &mut stream("scene"))?;
+        let lamps = options.falsified.contains(&Falsified::Lamps);
+        if lamps && !room.lit {
+            write_atomic(&folder.join("lights.toml"), room::lights(&mut stream("lamps")).as_bytes())?;
+            room.lit = true;
+        }
         let mut draw = stream("camera");
         let frames = options.frames.unwrap_or_else(|| 10 + draw.index(7));
         let mut camera = camera(options, &mut draw, room.lit, folder);
@@ -88,7 +97,16 @@ impl Case {
         let truth = CameraFile { settings: hidden.settings.clone(), ..nominal.camera };
         let scene = load_scene(folder, &nominal.scene.shading)?;
         let capture = Capture::with_scene(folder, truth, scene)?;
-        Ok(Self { index, hidden, motion: motion.name, capture, noise_seed: stream("noise").bits() })
+        // From here on the folder is what a diagnosis is told.
+        falsify(folder, &options.falsified, &mut stream("falsified"))?;
+        let described_lit = room.lit && !lamps;
+        if lamps {
+            camera.lit = false;
+            write_atomic(&folder.join("camera.toml"), camera.to_toml().as_bytes())?;
+        }
+        let falsified = options.falsified.clone();
+        let noise_seed = stream("noise").bits();
+        Ok(Self { index, hidden, motion: motion.name, falsified, described_lit, capture, noise_seed })
     }
 
     /// Renders the frames of the true camera: the accumulation reference, then the CPU chain.
@@ -172,7 +190,8 @@ impl Case {
         let effects: Vec<_> = self.hidden.names.iter().map(effect).collect();
         // The noise seed is no one's guess: without it a hash of few possible answers could be searched.
         let answer = json!({
-            "case": self.index, "kind": self.hidden.kind, "effects": effects, "noise_seed": self.noise_seed,
+            "case": self.index, "kind": self.hidden.kind, "effects": effects, "imperfect": self.falsified,
+            "noise_seed": self.noise_seed,
         });
         serde_json::to_string_pretty(&answer).expect("strings and numbers serialize") + "\n"
     }
@@ -182,7 +201,8 @@ impl Case {
     /// # Errors
     /// A file that cannot be written.
     pub(super) fn write_true_camera(&self, path: &Path) -> Result<()> {
-        write_atomic(path, self.capture.camera.to_toml().as_bytes())
+        let camera = CameraFile { lit: self.described_lit, ..self.capture.camera.clone() };
+        write_atomic(path, camera.to_toml().as_bytes())
     }
 }
 

@@ -11,6 +11,7 @@
 mod curve;
 mod curve_page;
 mod draw;
+mod falsify;
 mod hidden;
 mod make;
 mod motion;
@@ -25,6 +26,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
+pub use falsify::Falsified;
 pub use hidden::Kind;
 pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
@@ -61,6 +63,8 @@ pub struct WithholdOptions {
     pub keep_frames: bool,
     /// Numbers of the cases to make, from 0; all if empty. Cases do not depend on each other.
     pub only: Vec<usize>,
+    /// What of the descriptions is falsified, in every capture.
+    pub falsified: Vec<Falsified>,
 }
 
 /// All scores and the table over them, as in `withhold.json`.
@@ -213,10 +217,13 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
         .iter()
         .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
         .collect();
-    let manifest = serde_json::json!({
+    let mut manifest = serde_json::json!({
         "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed, "size_px": options.size_px,
         "frames": options.frames, "recordings": recordings,
     });
+    if !options.falsified.is_empty() {
+        manifest["imperfect"] = serde_json::json!(options.falsified);
+    }
     let path = options.out.join("options.json");
     let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
     match files::read_if_there(&path, Limit::OWN)? {

@@ -101,7 +101,7 @@ fn mover(draw: &mut Draw, i: usize) -> Mover {
     }
 }
 
-fn lights(draw: &mut Draw) -> String {
+pub(super) fn lights(draw: &mut Draw) -> String {
     let light = |draw: &mut Draw| {
         let [x, y] = [draw.between(-2.0, 2.0), draw.between(-1.7, 1.7)];
         let color = [(); 3].map(|()| draw.between(0.8, 1.6));

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::falsify::Falsified;
 use super::hidden::Kind;
 use crate::diagnose::{Report, Verdict};
 
@@ -21,6 +22,12 @@ pub struct CaseScore {
     pub hidden: Vec<String>,
     /// The effects that were named, largest share first.
     pub found: Vec<String>,
+    /// What was said to be wrong with the description.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub described: Vec<String>,
+    /// What was, by the names of reports.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub falsified: Vec<String>,
     /// The verdict; "failed" where the diagnosis ended with an error.
     pub verdict: String,
     /// Its sentence, or the error.
@@ -72,6 +79,8 @@ impl CaseScore {
             motion: motion.to_owned(),
             hidden,
             found: Vec::new(),
+            described: Vec::new(),
+            falsified: Vec::new(),
             verdict: "failed".to_owned(),
             sentence: String::new(),
             first_right: false,
@@ -86,11 +95,22 @@ impl CaseScore {
             Err(error) => return Self { sentence: error.to_owned(), ..blank },
             Ok(report) => report,
         };
-        let found: Vec<String> = report.effects.iter().map(|e| e.name.clone()).collect();
         let unknown = report.verdict == Verdict::UnknownEffect;
+        // What is said of the description is asked apart: the camera's effects are what is hidden.
+        let (camera, description): (Vec<_>, Vec<_>) = report.effects.iter().partition(|e| e.camera);
+        let names = |effects: &[&crate::diagnose::EffectFound]| -> Vec<String> {
+            effects.iter().map(|e| e.name.clone()).collect()
+        };
+        let (found, described) = (names(&camera), names(&description));
+        let imperfect: Vec<Falsified> =
+            serde_json::from_value(answer["imperfect"].clone()).unwrap_or_default();
+        let falsified: BTreeSet<String> = imperfect.iter().map(|f| f.said().to_owned()).collect();
         let same = found.iter().collect::<BTreeSet<_>>() == blank.hidden.iter().collect::<BTreeSet<_>>();
         let (first_right, exact) = match kind {
-            Kind::None => (found.is_empty() && report.verdict == Verdict::NoGap, found.is_empty()),
+            Kind::None => {
+                let calm = report.verdict == Verdict::NoGap || !falsified.is_empty();
+                (found.is_empty() && calm, found.is_empty())
+            }
             Kind::LeftOut => (unknown, unknown),
             Kind::Single | Kind::Several => (found.first().is_some_and(|f| blank.hidden.contains(f)), same),
         };
@@ -98,6 +118,8 @@ impl CaseScore {
         let parameters = effects.iter().flat_map(|truth| parameters(truth, report)).collect();
         Self {
             found,
+            described,
+            falsified: falsified.into_iter().collect(),
             verdict: verdict_name(report.verdict).to_owned(),
             sentence: report.sentence.clone(),
             first_right,
@@ -211,6 +233,12 @@ pub struct Summary {
     pub median_error: BTreeMap<String, (f64, usize)>,
     /// Intervals that hold the truth.
     pub coverage: Tally,
+    /// By name: how often an error of the description was named where it was made.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub description_found: BTreeMap<String, Tally>,
+    /// How often one was named that was not made.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub description_wrongly: BTreeMap<String, usize>,
     /// Median, over single and several, of the closed fraction over that of the true parameters.
     pub closed_to_truth_median: Option<f64>,
     /// Median time of a diagnosis, s.
@@ -246,6 +274,13 @@ impl Summary {
                 for name in score.found.iter().filter(|f| !score.hidden.contains(f)) {
                     *s.named_wrongly.entry(name.clone()).or_default() += 1;
                 }
+            }
+            for name in &score.falsified {
+                let right = score.described.contains(name);
+                s.description_found.entry(name.clone()).or_default().add(right);
+            }
+            for name in score.described.iter().filter(|d| !score.falsified.contains(d)) {
+                *s.description_wrongly.entry(name.clone()).or_default() += 1;
             }
             if let Some(asked) = score.asked() {
                 *s.confusion.entry(asked).or_default().entry(score.said().to_owned()).or_default() += 1;
