@@ -6,9 +6,28 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Files whose constants decide: what simulations may differ by, chance, the decision, and the checks that it reads.
-const FILES: [&str; 6] = ["discrepancy", "judge", "decide", "residue", "smear", "exchange"];
+const FILES: [&str; 10] = [
+    "discrepancy",
+    "judge",
+    "decide",
+    "residue",
+    "smear",
+    "exchange",
+    "description/surface",
+    "description/radiance",
+    "description/masks",
+    "description/settle",
+];
 /// Constants that say how something is worked out, and decide nothing.
-const ARITHMETIC: [&str; 12] = [
+const ARITHMETIC: [&str; 20] = [
+    "NONE",
+    "PARTS",
+    "ROOKS",
+    "STEP",
+    "STEPS",
+    "PASSES",
+    "ACROSS",
+    "BLOCKS",
     "TABLE",
     "WIDE_DN",
     "RESAMPLES",

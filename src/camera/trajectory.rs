@@ -260,6 +260,30 @@ mod tests {
     }
 
     #[test]
+    fn a_path_that_is_corrected_is_elsewhere_by_so_much_and_comes_back_from_its_text() {
+        let t = parse("1700000000.0 0 0 0 0 0 0 1\n1700000001.0 2 0 0 0 0 0.5 0.8660254\n");
+        let by = |time_s: f64| Pose {
+            rotation: DQuat::from_rotation_x(0.01 * time_s),
+            translation_m: DVec3::new(0.0, 0.1, 0.0),
+        };
+        let moved = t.adjusted(&[0.25, 0.5], by);
+        assert_eq!(moved.pose_count(), 4);
+        for time_s in [0.0, 0.25, 0.5, 1.0] {
+            let (is, should) = (moved.pose_at(time_s), t.pose_at(time_s).then_from(&by(time_s)));
+            assert!((is.translation_m - should.translation_m).length() < 1e-9, "{time_s}");
+            assert!(is.rotation.angle_between(should.rotation) < 1e-6, "{time_s}");
+        }
+        let again = parse(&moved.to_tum(EPOCH_NS));
+        for time_s in [0.0, 0.3, 0.9] {
+            let (is, should) = (again.pose_at(time_s), moved.pose_at(time_s));
+            assert!((is.translation_m - should.translation_m).length() < 1e-8, "{time_s}");
+            assert!(is.rotation.angle_between(should.rotation) < 1e-6, "{time_s}");
+        }
+        // Control: the path as it was lies a tenth of a meter off.
+        assert!((moved.pose_at(0.3).translation_m - t.pose_at(0.3).translation_m).length() > 0.09);
+    }
+
+    #[test]
     fn comments_blank_lines_crlf_tabs_and_a_byte_order_mark_are_skipped_over() {
         let lines = "1700000000 1 2 3 0 0 0 1\n1700000001 4 5 6 0 0 1 0\n";
         let dressed = "\u{feff}# t tx ty\r\n\r\n  1700000000\t1 2 3  0 0 0 1  \r\n   # more\r\n1700000001 4 5 6 0 0 1 0";

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::description::Room;
 use super::fit::{FILTERS, FINE};
 use super::forward::Quality;
 use super::judge::Scores;
@@ -104,13 +105,17 @@ impl Search<'_> {
         names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
         let mut theta = self.noisy(&data, &found.fit.theta, &names);
         let mut scores = self.judge.scores(self.forward, &theta)?;
+        let described = theta.room != Room::default();
         loop {
             let mut weakest: Option<(usize, Theta, Scores)> = None;
             for i in 0..names.len() {
                 let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
                 let without = self.noisy(&data, &found.fit.theta, &rest);
                 let rest_scores = self.judge.scores(self.forward, &without)?;
-                let needed = self.prefers_noise(&unseen, &without, &theta)?;
+                // What factors and poses leave at edges spreads as noise does: noise that explains less than is left may be that.
+                let left = if described { (scores.mean() - scores.bound()).max(0.0) } else { 0.0 };
+                let clear = left == 0.0 || rest_scores.mean() - scores.mean() > left;
+                let needed = self.prefers_noise(&unseen, &without, &theta)? && clear;
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",
                     names[i],

@@ -124,6 +124,7 @@ fn effects() -> Vec<EffectFound> {
         name: name.to_owned(),
         share,
         parameters,
+        camera: true,
         gap_without: 6.1,
         gap_with: 1.3,
         gap_alone: 2.0,

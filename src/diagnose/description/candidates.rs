@@ -41,7 +41,7 @@ impl Search<'_> {
             let fit = Forward::tried(self, |search| search.forward, ("description", &key), work)?;
             if fit.theta.room.radiance && !theta.room.radiance {
                 self.forward.find_covered(&fit.theta)?;
-                if !self.is_no_curve(set, theta, &fit.theta)? {
+                if !self.prefers(theta, &fit.theta)? || !self.is_no_curve(set, theta, &fit.theta)? {
                     continue;
                 }
             }
@@ -87,6 +87,9 @@ impl Search<'_> {
     /// Whether factors of surfaces do more than one curve for all values and a darker border: a gamma, a gain or a veil change
     /// the radiance of every surface too, with a few numbers.
     fn is_no_curve(&mut self, set: &[&'static str], theta: &Theta, factors: &Theta) -> Result<bool> {
+        if self.forward.description.no_curve {
+            return Ok(true);
+        }
         let values = |n: &&'static str| {
             let c = candidate_of(n);
             let plain = !c.noise && !is_discrete(c) && !moves(c);
@@ -108,6 +111,7 @@ impl Search<'_> {
         }
         let told = self.prefers(&curve.theta, &factors)?;
         tracing::info!("factors of surfaces rather than one curve: {told}");
+        self.forward.description.no_curve = told;
         Ok(told)
     }
 

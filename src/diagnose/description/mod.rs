@@ -37,7 +37,7 @@ use rays::Body;
 use surface::{CELL, Grid, Surface};
 
 /// Most bytes of surfaces that are kept.
-const KEPT_BYTES: usize = 512 << 20;
+const KEPT_BYTES: usize = 256 << 20;
 /// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is simulated are
 /// where they are all the same.
 const NEARBY_PX: f64 = 0.06;
@@ -99,6 +99,8 @@ pub(super) struct Description {
     kept: usize,
     maps: HashMap<String, Arc<Map>>,
     settled: HashMap<String, [f64; 6]>,
+    /// Whether factors have been found to do more than a curve.
+    no_curve: bool,
     /// By place: 1 where other frames say how bright a surface is.
     covered: HashMap<usize, Arc<Plane<f32>>>,
 }
@@ -183,7 +185,7 @@ impl Forward {
         }
         map.fill(&self.description.grid);
         let map = Arc::new(map);
-        if self.description.maps.len() > 200 {
+        if self.description.maps.len() > 64 {
             self.description.maps.clear();
         }
         self.description.maps.insert(key, map.clone());

@@ -218,3 +218,67 @@ pub(super) fn without_factor(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::surface::Part;
+    use super::*;
+
+    /// A wall of 4 m seen twice, 40 px a meter.
+    fn wall(grid: &mut Grid, shift_m: f32) -> Surface {
+        let (w, h) = (160, 40);
+        let mut surface = Surface {
+            cell: vec![NONE; w * h],
+            local: vec![[0.0; 3]; w * h],
+            clean: vec![true; w * h],
+            mixed: Vec::<(u32, [Part; 8])>::new(),
+        };
+        for i in 0..w * h {
+            let at = glam::Vec3::new((i % w) as f32 / 40.0 + shift_m, (i / w) as f32 / 40.0, 0.05);
+            (surface.cell[i], surface.local[i]) = grid.place_for_tests(at);
+        }
+        surface
+    }
+
+    #[test]
+    fn a_lamp_on_a_wall_is_learnt_and_a_detail_is_not() {
+        let mut grid = Grid::new(0.2);
+        let surfaces = [wall(&mut grid, 0.0), wall(&mut grid, 0.1)];
+        // Brightness in DN, with a slope of 100 DN a unit of the logarithm.
+        let lamp = |x: f32| 0.3 * (1.5 * x).sin();
+        let detail = |x: f32| 0.1 * (x * 40.0 * 1.6).sin();
+        let picture = |shift: f32, f: &dyn Fn(f32) -> f32| {
+            Plane::from_fn(160, 40, |x, _| [100.0 + 100.0 * f(x as f32 / 40.0 + shift); 3])
+        };
+        let learnt = |f: &dyn Fn(f32) -> f32| {
+            let (real, plain) = ([picture(0.0, f), picture(0.1, f)], picture(0.0, &|_| 0.0));
+            let brighter = picture(0.0, &|_| STEP);
+            let lesson = |i: usize| Lesson {
+                surface: &surfaces[i],
+                real: &real[i],
+                simulated: &plain,
+                brighter: &brighter,
+            };
+            let mut map = Map::default();
+            map.learn(&grid, &[lesson(0), lesson(1)]);
+            map.factor(&grid, &surfaces[0], [160, 40])
+                .data
+                .iter()
+                .step_by(3)
+                .map(|v| v.ln())
+                .collect::<Vec<_>>()
+        };
+        let off = |found: &[f32], f: &dyn Fn(f32) -> f32| {
+            let all = found.iter().enumerate().map(|(i, v)| (v - f((i % 160) as f32 / 40.0)).powi(2));
+            (all.sum::<f32>() / found.len() as f32).sqrt()
+        };
+        let seen = learnt(&lamp);
+        assert!(off(&seen, &lamp) < 0.03, "{}", off(&seen, &lamp));
+        let fine = learnt(&detail);
+        assert!(
+            off(&fine, &|_| 0.0) < 0.02,
+            "control: a factor follows a detail by {}",
+            off(&fine, &|_| 0.0)
+        );
+    }
+}

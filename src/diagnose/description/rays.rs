@@ -183,3 +183,36 @@ impl Triangle {
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-4).then_some((t, [u, v]))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::SceneBuilder;
+
+    fn random(i: u32) -> f32 {
+        let bits = crate::chain::rng::random_bits([i, 7], 0, 3, [1, 2])[0];
+        bits as f32 / u32::MAX as f32 * 2.0 - 1.0
+    }
+
+    #[test]
+    fn boxes_find_the_triangle_that_trying_all_finds() {
+        let mut scene = SceneBuilder::new();
+        for i in 0..60 {
+            let p = |k: u32| [random(9 * i + k), random(9 * i + k + 1), 3.0 + random(9 * i + k + 2)];
+            scene = scene.triangle([p(0), p(3), p(6)]);
+        }
+        let body = &Body::all(&scene.build())[0];
+        let mut met = 0;
+        for i in 0..500 {
+            let along = Vec3::new(0.5 * random(7000 + 2 * i), 0.5 * random(7001 + 2 * i), 1.0);
+            let all = body.triangles.iter().filter_map(|t| t.meet(Vec3::ZERO, along)).map(|h| h.0);
+            let nearest = all.fold(f32::INFINITY, f32::min);
+            for guess in [None, Some(i % 60)] {
+                let found = body.meet(Vec3::ZERO, along, f32::INFINITY, guess).map_or(f32::INFINITY, |h| h.t);
+                assert_eq!(found, nearest, "ray {i}");
+            }
+            met += u32::from(nearest.is_finite());
+        }
+        assert!((50..450).contains(&met), "control: {met} rays meet anything");
+    }
+}

@@ -82,6 +82,13 @@ impl Grid {
         self.group.len()
     }
 
+    /// A place of one group.
+    #[cfg(test)]
+    pub(super) fn place_for_tests(&mut self, at: Vec3) -> (u32, [f32; 3]) {
+        self.surface.resize(1, 0);
+        self.place(0, at)
+    }
+
     /// The group of a surface that faces a direction, in steps of some seven degrees.
     fn group_of(&mut self, hit: &Hit) -> u32 {
         let faces = (STEPS * hit.normal.normalize_or_zero()).round();
