@@ -414,7 +414,8 @@ mod tests {
             let gain = |sigma_dn: f64| {
                 let real = delivered(mean, sigma_dn);
                 let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
-                let [none, noisy] = [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
+                let [none, noisy] =
+                    [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
                 1.0 - noisy / none
             };
             assert!(gain(1.0) > 0.1, "{mean}: {}", gain(1.0));
@@ -427,11 +428,11 @@ mod tests {
         for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
             let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
             let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
-            let seen =
-                score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0].expect("pixels are there");
+            let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
+                .expect("pixels are there");
             assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
-            let wrong =
-                score_frame(&seen_in(&scored, &read_noise(0.5 * sigma_dn)), None).families[0].expect("as above");
+            let wrong = score_frame(&seen_in(&scored, &read_noise(0.5 * sigma_dn)), None).families[0]
+                .expect("as above");
             assert!(wrong.score > 1.1 * wrong.expected, "control: {wrong:?}");
         }
     }
@@ -445,7 +446,8 @@ mod tests {
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
-        let (white, row) = (score_frame(&seen_in(&scored, &white), None), score_frame(&seen_in(&scored, &row), None));
+        let (white, row) =
+            (score_frame(&seen_in(&scored, &white), None), score_frame(&seen_in(&scored, &row), None));
         assert!(row.score < 0.95 * white.score, "{row:?} {white:?}");
         // The family that it is about tells clearly; single pixels cannot tell at all.
         let family = |s: &FrameScore, i: usize| s.families[i].expect("there").score;
