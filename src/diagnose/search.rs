@@ -486,17 +486,18 @@ impl<'a> Search<'a> {
         Ok(ranked)
     }
 
-    /// Whether a step from none would move a parameter of a candidate by more than its interval.
+    /// Whether a step from none would move a candidate beside `held` by more than chance and discrepancy can.
     fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
-        let e = slopes.equations();
-        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| e.a[i][i] > 0.0);
+        let a = &slopes.equations().a;
+        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| a[i][i] > 0.0);
         let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
-        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own.iter().copied()).collect();
+        if own.is_empty() {
+            return false;
+        }
+        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own).collect();
         of.sort_unstable();
         of.dedup();
-        let Some(precision) = slopes.precision(&of) else { return true };
-        let beyond = |(k, i): (usize, &usize)| own.contains(i) && precision.step[k].abs() > precision.half[k];
-        of.iter().enumerate().any(beyond)
+        slopes.step(&of).is_none_or(|way| way.share > way.half)
     }
 
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
