@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::discrepancy::{ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
+use super::discrepancy::{ALIKE_DN, ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
 use super::fit::{Level, Target, pooled, spread_out};
 use super::forward::Forward;
 use super::linear::{back, cholesky};
@@ -24,8 +24,6 @@ use crate::plane::Plane;
 const PARTS: f32 = 8.0;
 /// Number of keys of values: parts of DN by channel.
 const VALUES: usize = 3 * 256 * 8;
-/// Whole DN that count as one colour.
-const WHOLE_DN: usize = 4;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
 const CLUSTER_PX: usize = 32;
 
@@ -168,8 +166,8 @@ pub(super) struct Way {
     pub half: f64,
 }
 
-/// Where the real picture lies between two models' pictures. `e` has two columns: what one adds to the other, and what a wider
-/// filter adds; `moves` tells whether they put edges elsewhere.
+/// Where the real picture lies between two models' pictures. The columns of `e` are what one adds to the other, what a wider
+/// filter adds, and draws of what else two correct simulations may differ by; `moves` tells whether edges are put elsewhere.
 pub(super) fn way(
     mut e: Equations,
     shown: &Shown,
@@ -193,8 +191,11 @@ pub(super) fn way(
         + colours(e, shown, &of, &l)[0];
     let edges_dn = if moves { PLACE_PX * shown.gradient_dn } else { 0.0 };
     let systematic = ANYTHING_DN.hypot(edges_dn) * (e.weight / e.a[0][0]).sqrt();
-    let filter = e.a[0][1] / e.a[0][0];
-    Some(Way { share, half: (2.0 * random.sqrt()).hypot(systematic).hypot(filter) })
+    let along = |column: usize| e.a[0][column] / e.a[0][0];
+    let draws = e.a.len() - 2;
+    let drawn = (0..draws).map(|k| along(k + 2).powi(2)).sum::<f64>() / draws.max(1) as f64;
+    let half = (2.0 * (random + drawn).sqrt()).hypot(systematic).hypot(along(1));
+    Some(Way { share, half })
 }
 
 /// The largest of the variances that three ways to draw parts give, in units of the steps.
@@ -275,7 +276,7 @@ fn rounding(e: &Equations, shown: &Shown, of: &[usize], l: &[Vec<f64>]) -> Vec<f
 /// Variance from colours that renderers make differently, each colour and channel for itself and all of them alike.
 fn colours(e: &Equations, shown: &Shown, of: &[usize], l: &[Vec<f64>]) -> Vec<f64> {
     let n = of.len();
-    let per = VALUES / 256 * WHOLE_DN;
+    let per = VALUES / 256 * ALIKE_DN;
     let mut slopes = vec![vec![0.0f64; n]; VALUES.div_ceil(per) * 3];
     for (f, ((r, columns), keys)) in e.values.iter().zip(&shown.keys).enumerate() {
         for (at, (&key, w)) in keys.iter().zip(e.weighing.weights(f, r)).enumerate() {
