@@ -43,6 +43,10 @@ impl Effect for Glare {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
     }
 
+    fn shown_by(&self) -> &'static str {
+        "a dark surface beside a bright lamp, and again with the lamp covered"
+    }
+
     fn variant(&self, settings: &Settings) -> u32 {
         // A level without a veil changes nothing.
         u32::from(settings.number("glare", "veil", 0.0) != 0.0)
