@@ -114,7 +114,15 @@ impl Search<'_> {
         };
         let values: Vec<FrameValues> = frames.par_iter().enumerate().map(one).collect();
         let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
-        let weighing = Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).chosen(&residuals);
+        // What other correct simulations compress otherwise tells little.
+        let drawn = |(_, columns): &FrameValues| -> Vec<f32> {
+            let draws = &columns[2..];
+            let square = |i: usize| draws.iter().map(|d| d[i] * d[i]).sum::<f32>() / draws.len() as f32;
+            if draws.is_empty() { Vec::new() } else { (0..columns[0].len()).map(square).collect() }
+        };
+        let drawn = values.iter().map(drawn).collect();
+        let weighing =
+            Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).widened(drawn).chosen(&residuals);
         let e = assemble(values, 2 + flipped[0].len(), Arc::new(weighing));
         let columns_px = self.forward.intrinsics.width as usize / BLOCK;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
