@@ -14,8 +14,9 @@ use super::search::{Found, Search, is_discrete, moves};
 use super::support::restored;
 use crate::error::Result;
 
-/// Where slopes are compared.
-const LOOK: Level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 3 };
+/// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what few
+/// samples a pixel miss.
+const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, frames: 3 };
 /// Share of what a member does to the frames, in squares, that a candidate must be able to do to be fitted in its place: with
 /// less it does more that is wrong than right.
 const RESEMBLES: f64 = 0.5;
