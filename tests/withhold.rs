@@ -231,6 +231,8 @@ fn case(kind: Kind, hidden: &[&str], found: &[&str]) -> CaseScore {
         kind,
         motion: "hand".to_owned(),
         hidden: names(hidden),
+        described: Vec::new(),
+        falsified: Vec::new(),
         found: names(found),
         verdict: "explained".to_owned(),
         sentence: String::new(),

@@ -105,6 +105,7 @@ impl Search<'_> {
         let filter_px2 = if self.judge.quality <= Quality::Fit { 2.0 * FILTER_PX2 } else { FILTER_PX2 };
         let wider = from.with(P::Defocus, (from.get(P::Defocus).powi(2) + filter_px2).sqrt());
         let wider = self.forward.pictures(frames, &wider, self.judge.quality)?;
+        let flipped = self.forward.flipped(frames, from, self.judge.quality)?;
         let one = |(i, &at): (usize, &usize)| -> FrameValues {
             let (a, b) = (&from_dn[i], &to_dn[i]);
             let pooled = |mut d: Vec<f32>| {
@@ -112,13 +113,22 @@ impl Search<'_> {
                 pooled(&d, a.width, a.height, BLOCK)
             };
             let less = |b: &Plane<f32>| b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
-            let columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
+            let mut columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
+            columns.extend(flipped[i].iter().map(|draw| pooled(draw.data.clone())));
             (residual(target, at, a, BLOCK), columns)
         };
         let values: Vec<FrameValues> = frames.par_iter().enumerate().map(one).collect();
         let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
-        let weighing = Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).chosen(&residuals);
-        let e = assemble(values, 2, Arc::new(weighing));
+        // What other correct simulations compress otherwise tells little.
+        let drawn = |(_, columns): &FrameValues| -> Vec<f32> {
+            let draws = &columns[2..];
+            let square = |i: usize| draws.iter().map(|d| d[i] * d[i]).sum::<f32>() / draws.len() as f32;
+            if draws.is_empty() { Vec::new() } else { (0..columns[0].len()).map(square).collect() }
+        };
+        let drawn = values.iter().map(drawn).collect();
+        let weighing =
+            Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).widened(drawn).chosen(&residuals);
+        let e = assemble(values, 2 + flipped[0].len(), Arc::new(weighing));
         let columns_px = self.forward.intrinsics.width as usize / BLOCK;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
         Ok(way(e, &Shown::of(&from_dn, BLOCK), columns_px, BLOCK, moves))

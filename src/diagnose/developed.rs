@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::discrepancy::{DRAWS, off_by};
 use super::flips::Flips;
 use super::forward::{Forward, Quality};
 use super::model::{P, Theta};
@@ -14,7 +15,7 @@ use super::tone::Tone;
 use crate::chain::View;
 use crate::error::Result;
 use crate::plane::Plane;
-use crate::reference::moments::expected;
+use crate::reference::moments::{expected, through_file};
 
 /// Most bytes of pictures that are kept.
 const KEPT_BYTES: usize = 256 << 20;
@@ -22,16 +23,25 @@ const KEPT_BYTES: usize = 256 << 20;
 /// Place, how well it is rendered, whether by the engine's own lens, the frame's light, and the point.
 type Key = (usize, Quality, bool, u64, Vec<u64>);
 
+/// Sets of draws that are kept, see [`Forward::flipped`].
+const KEPT_DRAWS: usize = 4;
+
+/// By frame and draw: differences, DN.
+pub(super) type Flipped = Vec<Vec<Arc<Plane<f32>>>>;
+
 /// Delivered pictures by what they show, with the time of their last use.
 #[derive(Default)]
 pub(super) struct Developed {
     kept: HashMap<Key, (u64, Arc<Plane<f32>>)>,
     clock: u64,
+    /// By what they show, the last first.
+    flipped: Vec<(String, Flipped)>,
 }
 
 impl Developed {
     pub(super) fn clear(&mut self) {
         self.kept.clear();
+        self.flipped.clear();
     }
 
     fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
@@ -106,11 +116,40 @@ impl Forward {
         }
         let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
         let of = |dn: &Arc<Plane<f32>>| {
-            let spread = dn.data.iter().enumerate().map(|(i, v)| tone.spread(*v, i % 3));
-            let variance: Vec<f32> = spread.map(|v| v.free + v.fixed).collect();
+            let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
+            let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
             Flips::of(dn, &variance, theta.get(P::Quality) as u8)
         };
         Ok(before.par_iter().map(of).collect())
+    }
+
+    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its compression, DN, one a
+    /// draw. A coefficient near a threshold of the quantizer goes the other way, in every block of that colour. Nothing without
+    /// compression, which spreads nothing.
+    pub(super) fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
+        if !theta.is_on(P::Quality) {
+            return Ok(vec![Vec::new(); frames.len()]);
+        }
+        let key = format!("{frames:?} {quality:?} {} {:?} {theta:?}", self.native, self.light);
+        if let Some((_, known)) = self.bench.developed.flipped.iter().find(|(k, _)| *k == key) {
+            return Ok(known.clone());
+        }
+        let (settings, tone) = (settings_of(theta), Tone::new(theta));
+        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let after = self.pictures(frames, theta, quality)?;
+        let less = |mut a: Plane<f32>, b: &Plane<f32>| {
+            a.data.iter_mut().zip(&b.data).for_each(|(a, b)| *a -= b);
+            a
+        };
+        let one = |i: usize| -> Vec<Arc<Plane<f32>>> {
+            let drawn = |draw| through_file(&off_by(&before[i], draw, frames[i]), &settings, &tone);
+            (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
+        };
+        let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();
+        let kept = &mut self.bench.developed.flipped;
+        kept.truncate(KEPT_DRAWS - 1);
+        kept.insert(0, (key, flipped.clone()));
+        Ok(flipped)
     }
 
     /// Develops the radiance of a frame.

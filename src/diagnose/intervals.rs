@@ -11,12 +11,12 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::discrepancy::{ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
+use super::discrepancy::{ALIKE_DN, ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
 use super::fit::{Level, Target, pooled, spread_out};
 use super::forward::Forward;
 use super::linear::{back, cholesky};
 use super::model::{P, Theta};
-use super::normal::{Equations, FrameValues, linearise};
+use super::normal::{Equations, FrameValues, assemble, linearise};
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -24,8 +24,6 @@ use crate::plane::Plane;
 const PARTS: f32 = 8.0;
 /// Number of keys of values: parts of DN by channel.
 const VALUES: usize = 3 * 256 * 8;
-/// Whole DN that count as one colour.
-const WHOLE_DN: usize = 4;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
 const CLUSTER_PX: usize = 32;
 
@@ -43,7 +41,7 @@ pub(super) fn intervals(
     }
     let slopes = Slopes::at(forward, target, frames, theta, free, level)?;
     let all: Vec<usize> = (0..free.len()).collect();
-    let half = slopes.precision(&all).map(|p| p.half).unwrap_or_default();
+    let half = slopes.half_widths(&all).unwrap_or_default();
     Ok(free.iter().zip(half).map(|(&p, h)| (p, h * p.spec().step)).collect())
 }
 
@@ -77,15 +75,8 @@ pub(super) struct Slopes {
     /// The parameters, and a blur that no fit has freed, to see what a wider filter would do.
     all: Vec<P>,
     columns_px: usize,
-    cluster: usize,
-}
-
-/// What normal equations say of some of their parameters, in units of their steps.
-pub(super) struct Precision {
-    /// Half widths of 95 % intervals.
-    pub half: Vec<f64>,
-    /// How far one step would move each.
-    pub step: Vec<f64>,
+    /// Px a block over which values are averaged.
+    block: usize,
 }
 
 impl Slopes {
@@ -106,19 +97,42 @@ impl Slopes {
         let pictures = forward.pictures(&some, &theta.with(P::Quality, 0.0), level.quality)?;
         let shown = Shown::of(&pictures, level.block);
         let columns_px = forward.intrinsics.width as usize / level.block;
-        Ok(Self { e, shown, theta: theta.clone(), all, columns_px, cluster: CLUSTER_PX / level.block })
+        Ok(Self { e, shown, theta: theta.clone(), all, columns_px, block: level.block })
     }
 
     pub(super) fn equations(&self) -> &Equations {
         &self.e
     }
 
-    /// Of the parameters at these places; nothing where they cannot be told apart.
-    pub(super) fn precision(&self, of: &[usize]) -> Option<Precision> {
+    /// The step that the parameters at these places would take together, as a way to go: how far it leads, 1, and how well that is
+    /// known. Parameters that are not known one by one (a vignetting's two beside a veil) may well be known together.
+    pub(super) fn step(&self, of: &[usize]) -> Option<Way> {
+        let e = &self.e;
+        let a: Vec<Vec<f64>> = of.iter().map(|&i| of.iter().map(|&j| e.a[i][j]).collect()).collect();
+        let b: Vec<f64> = of.iter().map(|&i| e.b[i]).collect();
+        let step = back(&cholesky(&a, 1e-9)?, &b);
+        let at = self.all.iter().position(|p| *p == P::Defocus)?;
+        let wider = moved_by_a_filter(of.contains(&at), self.theta.get(P::Defocus)) as f32;
+        let one = |(residual, columns): &FrameValues| -> FrameValues {
+            let mut along = vec![0.0f32; residual.len()];
+            for (&i, &s) in of.iter().zip(&step) {
+                along.iter_mut().zip(&columns[i]).for_each(|(to, d)| *to += s as f32 * d);
+            }
+            (residual.clone(), vec![along, columns[at].iter().map(|d| wider * d).collect()])
+        };
+        let values = e.values.par_iter().map(one).collect();
+        let moves = of.iter().any(|&i| self.all[i].is_time() || self.all[i].is_remap());
+        let e = assemble(values, 2, e.weighing.clone());
+        way(e, &self.shown, self.columns_px, self.block, moves)
+    }
+
+    /// Half widths of 95 % intervals of the parameters at these places, in units of their steps; nothing where they cannot be
+    /// told apart.
+    fn half_widths(&self, of: &[usize]) -> Option<Vec<f64>> {
         let (e, n) = (&self.e, of.len());
         let a: Vec<Vec<f64>> = of.iter().map(|&i| of.iter().map(|&j| e.a[i][j]).collect()).collect();
         let l = cholesky(&a, 1e-9)?;
-        let chance = chance(e, of, &l, self.columns_px, self.cluster);
+        let chance = chance(e, of, &l, self.columns_px, CLUSTER_PX / self.block);
         let rounding = rounding(e, &self.shown, of, &l);
         let colours = colours(e, &self.shown, of, &l);
         let filter = filter(e, of, &l, &self.all, &self.theta);
@@ -140,9 +154,7 @@ impl Slopes {
             );
             random.hypot(systematic).hypot(filter[i])
         });
-        let half = half.collect();
-        let b: Vec<f64> = of.iter().map(|&i| e.b[i]).collect();
-        Some(Precision { half, step: back(&l, &b) })
+        Some(half.collect())
     }
 }
 
@@ -154,8 +166,8 @@ pub(super) struct Way {
     pub half: f64,
 }
 
-/// Where the real picture lies between two models' pictures. `e` has two columns: what one adds to the other, and what a wider
-/// filter adds; `moves` tells whether they put edges elsewhere.
+/// Where the real picture lies between two models' pictures. The columns of `e` are what one adds to the other, what a wider
+/// filter adds, and draws of what else two correct simulations may differ by; `moves` tells whether edges are put elsewhere.
 pub(super) fn way(
     mut e: Equations,
     shown: &Shown,
@@ -179,8 +191,11 @@ pub(super) fn way(
         + colours(e, shown, &of, &l)[0];
     let edges_dn = if moves { PLACE_PX * shown.gradient_dn } else { 0.0 };
     let systematic = ANYTHING_DN.hypot(edges_dn) * (e.weight / e.a[0][0]).sqrt();
-    let filter = e.a[0][1] / e.a[0][0];
-    Some(Way { share, half: (2.0 * random.sqrt()).hypot(systematic).hypot(filter) })
+    let along = |column: usize| e.a[0][column] / e.a[0][0];
+    let draws = e.a.len() - 2;
+    let drawn = (0..draws).map(|k| along(k + 2).powi(2)).sum::<f64>() / draws.max(1) as f64;
+    let half = (2.0 * (random + drawn).sqrt()).hypot(systematic).hypot(along(1));
+    Some(Way { share, half })
 }
 
 /// The largest of the variances that three ways to draw parts give, in units of the steps.
@@ -261,7 +276,7 @@ fn rounding(e: &Equations, shown: &Shown, of: &[usize], l: &[Vec<f64>]) -> Vec<f
 /// Variance from colours that renderers make differently, each colour and channel for itself and all of them alike.
 fn colours(e: &Equations, shown: &Shown, of: &[usize], l: &[Vec<f64>]) -> Vec<f64> {
     let n = of.len();
-    let per = VALUES / 256 * WHOLE_DN;
+    let per = VALUES / 256 * ALIKE_DN;
     let mut slopes = vec![vec![0.0f64; n]; VALUES.div_ceil(per) * 3];
     for (f, ((r, columns), keys)) in e.values.iter().zip(&shown.keys).enumerate() {
         for (at, (&key, w)) in keys.iter().zip(e.weighing.weights(f, r)).enumerate() {
@@ -280,17 +295,21 @@ fn colours(e: &Equations, shown: &Shown, of: &[usize], l: &[Vec<f64>]) -> Vec<f6
     sum
 }
 
-/// What a filter of another width would move the parameters by, in units of their steps.
-fn filter(e: &Equations, of: &[usize], l: &[Vec<f64>], all: &[P], theta: &Theta) -> Vec<f64> {
-    let at = all.iter().position(|p| *p == P::Defocus).expect("among them");
-    let sigma = theta.get(P::Defocus);
-    let moved = if of.contains(&at) && sigma > 0.0 {
+/// How far a filter of another width is from this one, in steps of a blur of `sigma` px, which is freed or not.
+fn moved_by_a_filter(is_free: bool, sigma: f64) -> f64 {
+    if is_free && sigma > 0.0 {
         // The blur itself is what a filter looks like; what it trades against moves along.
         ((sigma.powi(2) + FILTER_PX2).sqrt() - sigma) / P::Defocus.spec().step
     } else {
         // Derivatives by a blur from none are differences over 0.4 px, that is over 0.16 px^2, in units of 0.1 px.
         FILTER_PX2 * 0.4 / P::Defocus.spec().step / 0.16
-    };
+    }
+}
+
+/// What a filter of another width would move the parameters by, in units of their steps.
+fn filter(e: &Equations, of: &[usize], l: &[Vec<f64>], all: &[P], theta: &Theta) -> Vec<f64> {
+    let at = all.iter().position(|p| *p == P::Defocus).expect("among them");
+    let moved = moved_by_a_filter(of.contains(&at), theta.get(P::Defocus));
     let column: Vec<f64> = of.iter().map(|&i| e.a[i][at] * moved).collect();
     back(l, &column).into_iter().map(f64::abs).collect()
 }

@@ -3,13 +3,12 @@
 //! A search looks at the frames to choose by; the frames to report by are scored once, at the end. Standard errors come
 //! from blocks of the picture (see [`super::score`]): each block, over all frames, is one draw.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::description::Kind;
-use super::discrepancy::COLOUR_DN;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
@@ -119,13 +118,31 @@ impl Scores {
     /// How far a family lies above what the discrepancy may make of it.
     pub(super) fn excess(&self, family: usize) -> Estimate {
         let blocks = self.blocks(Some(family));
-        let seen = blocks.iter().filter(|b| b[0] + b[2] > 0.0);
-        Estimate::of(&seen.map(|b| b[0] - b[2]).collect::<Vec<_>>())
+        let seen = |b: &&[f64; 3]| b[0] + b[2] > 0.0;
+        let all = Estimate::of(&blocks.iter().filter(seen).map(|b| b[0] - b[2]).collect::<Vec<_>>());
+        // What all blocks of a row have in common is one draw.
+        let Some(across) = self.0.first().and_then(|s| s.rows_of) else { return all };
+        let mut rows: BTreeMap<usize, f64> = BTreeMap::new();
+        for (i, b) in blocks.iter().enumerate().filter(|(_, b)| seen(b)) {
+            *rows.entry(row_of(i, across, blocks.len())).or_default() += b[0] - b[2];
+        }
+        let rows = Estimate::of(&rows.into_values().collect::<Vec<_>>());
+        Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
     }
 
     /// The mean with its standard error.
     pub(super) fn estimate(&self) -> Estimate {
         Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())
+    }
+}
+
+/// The row of blocks that a place in the list of a score's blocks belongs to, see [`FrameScore::blocks`]; columns stand for
+/// themselves.
+fn row_of(place: usize, across: usize, count: usize) -> usize {
+    let down = (count - across) / (across + 1);
+    match place.checked_sub(across * down) {
+        None => place / across,
+        Some(line) => line,
     }
 }
 
@@ -201,7 +218,7 @@ impl<'a> Judge<'a> {
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
         let mut means = forward.pictures(frames, theta, self.quality)?;
-        let unsettled = unsettled(forward, frames, theta, self.quality, &means)?;
+        let flipped = forward.flipped(frames, theta, self.quality)?;
         if theta.get(P::Hot) > 0.0 {
             means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
         }
@@ -217,7 +234,7 @@ impl<'a> Judge<'a> {
                 mean,
                 mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
-                unsettled: unsettled.get(i).map(Vec::as_slice),
+                flipped: &flipped[i],
             })
             .collect();
         let seen: Vec<_> = scored.par_iter().map(|frame| seen_in(frame, &tone)).collect();
@@ -249,37 +266,6 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Variance that compression makes of a colour's error, by frame and block of 8 px, of the whole block and within it: a
-/// coefficient near a threshold of the quantizer goes the other way. Nothing without compression.
-fn unsettled(
-    forward: &mut Forward,
-    frames: &[usize],
-    theta: &Theta,
-    quality: Quality,
-    means: &[Arc<Plane<f32>>],
-) -> Result<Vec<Vec<[f32; 2]>>> {
-    if !theta.is_on(P::Quality) {
-        return Ok(Vec::new());
-    }
-    // At half of the range a gain of so much moves a value by the error of a colour.
-    let factor = 1.0 + COLOUR_DN / 64.0;
-    let brighter = forward.pictures(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
-    let of_frame = |a: &Plane<f32>, b: &Plane<f32>| -> Vec<[f32; 2]> {
-        let across = a.width.div_ceil(8);
-        let mut sums = vec![[0.0f32; 3]; across * a.height.div_ceil(8)];
-        for (i, (x, y)) in a.data.iter().zip(&b.data).enumerate() {
-            let sum = &mut sums[i / 3 / a.width / 8 * across + i / 3 % a.width / 8];
-            *sum = [sum[0] + x - y, sum[1] + (x - y).powi(2), sum[2] + 1.0];
-        }
-        let parts = |[sum, square, n]: [f32; 3]| {
-            let whole = (sum / n.max(1.0)).powi(2);
-            [whole, (square / n.max(1.0) - whole).max(0.0)]
-        };
-        sums.into_iter().map(parts).collect()
-    };
-    Ok(means.iter().zip(&brighter).map(|(a, b)| of_frame(a, b)).collect())
-}
-
 /// See [`super::Gap::closed_fraction`].
 pub(super) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
     let (rest, whole) = ((after - floor).max(0.0), before - floor.min(after));
@@ -305,5 +291,12 @@ mod tests {
         assert!(Estimate::of(&even).is_above(1000));
         let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
         assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
+    }
+
+    #[test]
+    fn blocks_of_a_row_belong_together_with_its_line() {
+        // Three blocks across, two down, two groups of rows, three of columns.
+        let rows: Vec<usize> = (0..11).map(|i| row_of(i, 3, 11)).collect();
+        assert_eq!(rows, [0, 0, 0, 1, 1, 1, 0, 1, 2, 3, 4]);
     }
 }

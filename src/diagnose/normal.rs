@@ -54,7 +54,7 @@ enum Column {
     /// A shift in time.
     Time,
     /// Values alone change.
-    Value(Box<Tone>),
+    Value,
 }
 
 /// The normal equations at `theta`; differences are weighed as in `known`, or as they are at `theta`.
@@ -82,11 +82,13 @@ pub(super) fn linearise(
             P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
             P::Offset | P::Readout => Column::Time,
             p if p.is_remap() => Column::Remap(forward.flow_of_remap(theta, p, step)),
-            _ => Column::Value(Box::new(Tone::new(&changed))),
+            _ => Column::Value,
         };
         columns.push((p, step, changed, column));
     }
     let tone = Tone::new(theta);
+    let own = |c: &(P, f64, Theta, Column)| matches!(c.3, Column::Value).then(|| Tone::new(&c.2));
+    let tones: Vec<Option<Tone>> = columns.par_iter().map(own).collect();
     // A compressor's steps have no slope: derivatives are taken before it.
     let smooth = theta.with(P::Quality, 0.0);
     let bases = forward.pictures(frames, &smooth, level.quality)?;
@@ -100,28 +102,31 @@ pub(super) fn linearise(
             let base = &bases[i];
             let r = residual(target, at, &delivered[i], level.block);
             let velocity = timed.then(|| shared.velocity(at, theta));
-            let derivative = |(p, step, changed, column): &(P, f64, Theta, Column)| {
-                let moved;
-                let other = match column {
-                    Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
-                    Column::Remap(flow) => {
-                        moved = displaced(&radiance[i], flow);
-                        shared.develop(at, &moved, &smooth, &tone)
-                    }
-                    Column::Time => {
-                        let velocity = velocity.as_ref().expect("made where it is needed");
-                        moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
-                        shared.develop(at, &moved, changed, &tone)
-                    }
-                    Column::Value(tone) => shared.develop(at, &radiance[i], changed, tone),
+            let derivative =
+                |((p, step, changed, column), own): (&(P, f64, Theta, Column), &Option<Tone>)| {
+                    let moved;
+                    let other = match column {
+                        Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
+                        Column::Remap(flow) => {
+                            moved = displaced(&radiance[i], flow);
+                            shared.develop(at, &moved, &smooth, &tone)
+                        }
+                        Column::Time => {
+                            let velocity = velocity.as_ref().expect("made where it is needed");
+                            moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
+                            shared.develop(at, &moved, changed, &tone)
+                        }
+                        Column::Value => {
+                            shared.develop(at, &radiance[i], changed, own.as_ref().unwrap_or(&tone))
+                        }
+                    };
+                    let unit = (p.spec().step / step) as f32;
+                    let mut d: Vec<f32> =
+                        other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                    hide(target, at, &mut d);
+                    pooled(&d, base.width, base.height, level.block)
                 };
-                let unit = (p.spec().step / step) as f32;
-                let mut d: Vec<f32> =
-                    other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
-                hide(target, at, &mut d);
-                pooled(&d, base.width, base.height, level.block)
-            };
-            (r, columns.par_iter().map(derivative).collect())
+            (r, columns.par_iter().zip(&tones).map(derivative).collect())
         })
         .collect();
     let weighing = match known {

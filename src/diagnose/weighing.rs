@@ -41,6 +41,18 @@ impl Weighing {
         Self { delta, noise2 }
     }
 
+    /// With more variance of each value, DN^2: by frame; none for any frame adds none.
+    pub(super) fn widened(mut self, more: Vec<Vec<f32>>) -> Self {
+        if self.noise2.is_empty() {
+            self.noise2 = more;
+        } else {
+            for (to, from) in self.noise2.iter_mut().zip(&more) {
+                to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+            }
+        }
+        self
+    }
+
     /// The threshold chosen from the differences themselves.
     pub(super) fn chosen(mut self, residuals: &[&[f32]]) -> Self {
         let excess = |(f, r): (usize, &&[f32])| -> f64 {
@@ -55,7 +67,7 @@ impl Weighing {
 
     /// Variance that noise gives a value, DN^2.
     pub(super) fn noise_at(&self, frame: usize, i: usize) -> f32 {
-        self.noise2.get(frame).map_or(0.0, |v| v[i])
+        self.noise2.get(frame).and_then(|v| v.get(i)).copied().unwrap_or(0.0)
     }
 
     /// What a difference of size 1 DN counts within the threshold, and the threshold, DN.
@@ -89,8 +101,9 @@ impl Weighing {
 /// Variance that noise gives a mean over a block, DN^2.
 fn noise_of(mean: &Plane<f32>, tone: &Tone, block: usize) -> Vec<f32> {
     let n = block as f32;
-    let variance = mean.data.iter().enumerate().map(|(i, m)| {
-        let (v, left) = (tone.spread(*m, i % 3), tone.left(&mean.data[i - i % 3..i - i % 3 + 3], i % 3));
+    let variance = (0..mean.data.len()).map(|i| {
+        let colour = &mean.data[i - i % 3..i - i % 3 + 3];
+        let (v, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
         let share = match block {
             1 => left.pixel,
             2 => left.bands[0],

@@ -30,7 +30,7 @@ fn said(real: Vec<Plane<f32>>) -> String {
     let count = real.len();
     let frames = real.into_iter().enumerate();
     let evidence = Evidence {
-        frames: frames.map(|(index, dn)| RealFrame { index, start_s: index as f64, dn }).collect(),
+        frames: frames.map(|(index, dn)| RealFrame { index, start_s: index as f64, dn: dn.into() }).collect(),
         ..Evidence::of_one(Plane::new(1, 1, 3))
     };
     set_up(&evidence, &simulated(count)).join(" | ")
