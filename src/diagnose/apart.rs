@@ -43,6 +43,9 @@ impl Search<'_> {
         self.judge.kind = kind;
         let [a, b] = scores;
         let (a, b) = (a?, b?);
+        if self.poses_shrink(worse, better) && !self.gains(&b, &a) {
+            return Ok(true);
+        }
         Ok(self.gains(&a, &b) && self.is_on_its_side(worse, better)?)
     }
 

@@ -1,6 +1,6 @@
 //! Which of several candidates is taken, and what becomes superfluous: every question is put to [`Search::prefers`].
 
-use super::description::size;
+use super::description::{after_what_moves, size};
 use super::fit::{FINE, Fit};
 use super::judge::{Scores, gain};
 use super::model::{CandidateSpec, P, Theta, candidate_of};
@@ -21,6 +21,7 @@ impl Search<'_> {
                 counted.push(option);
             }
         }
+        after_what_moves(&mut counted);
         let gained = |o: &Tried| gain(now, &o.2).value;
         let Some(best) = counted.iter().max_by(|a, b| gained(a).total_cmp(&gained(b))).cloned() else {
             return Ok(None);

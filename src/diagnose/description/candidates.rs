@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::super::fit::{FINE, Fit, VALUES};
 use super::super::forward::Forward;
-use super::super::judge::Scores;
+use super::super::judge::{Scores, quantile_of_length};
 use super::super::model::{P, Theta, candidate_of};
 use super::super::score::FAMILIES;
 use super::super::search::{Search, Tried, Watch, is_discrete, moves};
@@ -17,7 +17,32 @@ pub(in crate::diagnose) fn size(name: &str) -> usize {
     if is_description(name) { usize::from(u16::MAX) } else { candidate_of(name).parameters.len() }
 }
 
+/// Errors of poses move the picture of each frame by itself, and so do in part what any delay, lens or offset does with a few
+/// numbers: they wait until no such candidate counts.
+pub(in crate::diagnose) fn after_what_moves(counted: &mut Vec<Tried>) {
+    if counted.iter().any(|o| moves(candidate_of(o.0))) {
+        counted.retain(|o| o.0 != "pose_error");
+    }
+}
+
 impl Search<'_> {
+    /// Whether errors of poses are smaller beside the parameters that `better` has more, beyond chance: poses that are free may
+    /// follow a delay or an offset, but are then all off by what it does (likelihood ratio of their spread).
+    pub(in crate::diagnose) fn poses_shrink(&self, worse: &Theta, better: &Theta) -> bool {
+        if worse.room.poses.is_empty() || better.room.poses.is_empty() {
+            return false;
+        }
+        let added = |p: &P| !p.is_discrete() && better.is_on(*p) && !worse.is_on(*p);
+        let count = worse.differing(better).filter(added).count();
+        let square = |theta: &Theta| -> f64 {
+            let turns = self.evidence.fit.iter().flat_map(|&at| &theta.room.poses[at][..3]);
+            turns.map(|v| v * v).sum()
+        };
+        let numbers = 3.0 * self.evidence.fit.len() as f64;
+        let ratio = numbers * (square(worse) / square(better).max(1e-18)).max(1e-18).ln();
+        count > 0 && ratio > quantile_of_length(self.tests(), count).powi(2)
+    }
+
     /// What may be wrong with the description, fitted beside a set, where something is left to explain.
     pub(in crate::diagnose) fn description_beside(
         &mut self,

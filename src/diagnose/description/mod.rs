@@ -28,7 +28,7 @@ use super::tone::Tone;
 use crate::error::Result;
 use crate::plane::Plane;
 
-pub(super) use candidates::size;
+pub(super) use candidates::{after_what_moves, size};
 pub(super) use entries::Parts;
 pub(super) use masks::Kind;
 pub(super) use poses::PoseShare;
