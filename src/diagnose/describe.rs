@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::decide::{Facts, decide};
-use super::description::is_description;
+use super::description::{Kind, is_description};
 use super::evidence::Evidence;
 use super::forward::Quality;
 use super::judge::{closed_fraction, gain};
@@ -35,6 +35,12 @@ pub(super) fn describe(
     let decision = decide(&Facts::of(search, found));
     if !decision.names {
         found.clear(&search.base);
+        // All of the picture is compared where nothing is named.
+        if search.judge.kind != Kind::default() {
+            search.judge.kind = Kind::default();
+            found.before = search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)?;
+            found.after = found.before.clone();
+        }
     }
     let verdict = decision.verdict;
     let found = &*found;
