@@ -19,7 +19,7 @@ const FILES: [&str; 10] = [
     "description/settle",
 ];
 /// Constants that say how something is worked out, and decide nothing.
-const ARITHMETIC: [&str; 20] = [
+const ARITHMETIC: [&str; 23] = [
     "NONE",
     "PARTS",
     "ROOKS",
@@ -28,6 +28,9 @@ const ARITHMETIC: [&str; 20] = [
     "PASSES",
     "ACROSS",
     "BLOCKS",
+    "DRAWS",
+    "STREAM_COLOURS",
+    "STREAM_EDGES",
     "TABLE",
     "WIDE_DN",
     "RESAMPLES",
