@@ -39,7 +39,7 @@ impl Room {
 
 /// Whether the pose of a judged frame is estimated from a pixel, and not scored there.
 pub(super) fn is_paid(x: usize, y: usize) -> bool {
-    (x / TILE_PX + y / TILE_PX) % 2 == 0
+    (x / TILE_PX + y / TILE_PX).is_multiple_of(2)
 }
 
 impl Forward {
