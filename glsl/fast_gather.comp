@@ -31,6 +31,7 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "fast_claims.glsl"
 #include "sample.glsl"
 #include "fast_blur.glsl"
+#include "fast_weight.glsl"
 #include "pixel_area.glsl"
 #include "fast_gather.glsl"
 
@@ -41,6 +42,12 @@ void main() {
     }
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
+    // Another picture's lines.
+    float near = nearness_of(fraction);
+    if (near <= 0.0) {
+        imageStore(radiance, ivec2(pixel), vec4(0.0));
+        return;
+    }
     vec2 x_px = looks_at(ivec2(pixel));
     Sources sources;
     if (!sources_over_exposure(ivec2(pixel), x_px, from, sources)) {
@@ -52,5 +59,7 @@ void main() {
         }
         return;
     }
-    imageStore(radiance, ivec2(pixel), blur_one_surface(sources));
+    vec4 seen = blur_one_surface(sources);
+    seen.a *= near;
+    imageStore(radiance, ivec2(pixel), seen);
 }

@@ -361,6 +361,14 @@ typedef struct shutterbug_body {
     const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that is */
 } shutterbug_body;
 
+/* A further picture of a frame from outside, of an instant of its own. Everything but the instant is as of the first one. */
+typedef struct shutterbug_picture {
+    double time_s;                /* when it was rendered; each picture at another time */
+    const shutterbug_image *color;
+    const shutterbug_image *depth;
+    const shutterbug_image *ids;  /* with body_count */
+} shutterbug_picture;
+
 /* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's size
  * plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is.
  *   depth, pose_count poses   Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame and color_time_s, else TIME: give those of
@@ -368,6 +376,9 @@ typedef struct shutterbug_body {
  *                             line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
  *                             and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with
  *                             nearest_m, for movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set.
+ *                             With further pictures of other instants each line is taken from the two that are next to it in
+ *                             time, by how near they are and how well they show the place; what one of them did not see is
+ *                             taken from the other.
  *   motion images             Of what moves anyhow, by one vector a pixel where it arrives.
  *   depth, two poses          pose_count 0: motion is taken from one to the other and goes on evenly, also beyond them.
  * With the last two, what comes in from beyond the picture is its repeated border. options.method means scenes only. */
@@ -401,6 +412,9 @@ typedef struct shutterbug_outside {
     double nearest_m;                   /* with pose_count: nothing that comes in at the border is nearer; 0: not known */
     const shutterbug_image *ids;        /* with body_count: whose surface each pixel shows, R8U, R16U or R32U */
     const shutterbug_body *bodies;
+    uint32_t picture_count;             /* further pictures at pictures, with pose_count; at most 7 */
+    uint32_t reserved_more;             /* 0 */
+    const shutterbug_picture *pictures;
 } shutterbug_outside;
 
 /* How a camera moves at most. */

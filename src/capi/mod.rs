@@ -16,6 +16,7 @@ mod log;
 mod margin;
 mod options;
 mod outside;
+mod picture;
 mod session;
 mod sharing;
 mod status;

@@ -182,9 +182,19 @@ structs! {
         nearest_m: f64,
         ids: *const shutterbug_image,
         bodies: *const shutterbug_body,
+        picture_count: u32,
+        reserved_more: u32,
+        pictures: *const shutterbug_picture,
     }
 
     shutterbug_body { id: u32, pose_count: u32, poses: *const shutterbug_stamped_pose, }
+
+    shutterbug_picture {
+        time_s: f64,
+        color: *const shutterbug_image,
+        depth: *const shutterbug_image,
+        ids: *const shutterbug_image,
+    }
 
     shutterbug_motion_bound {
         struct_size: u32,
@@ -240,7 +250,10 @@ sized! {
 // SAFETY: as above.
 unsafe impl Sized32 for shutterbug_outside {
     const NAME: &'static str = "shutterbug_outside";
-    const OLD_SIZES: &'static [usize] = &[std::mem::offset_of!(shutterbug_outside, pose_count)];
+    const OLD_SIZES: &'static [usize] = &[
+        std::mem::offset_of!(shutterbug_outside, pose_count),
+        std::mem::offset_of!(shutterbug_outside, picture_count),
+    ];
 }
 
 /// Checks a pointer and the size that it says.

@@ -69,11 +69,29 @@ pub enum OutsideMotion<'a> {
         path: Arc<Trajectory>,
         /// What moves by itself.
         bodies: Option<OutsideBodies<'a>>,
+        /// The same scene at other instants; fewer than [`MAX_PICTURES`].
+        further: Vec<OutsidePicture<'a>>,
         /// Nothing that comes in at the border is nearer, m: what the margin is reckoned with. Infinite: not known.
         nearest_m: f64,
         /// A margin that is too small is no error: what lies beyond is the picture's repeated border.
         repeat_border: bool,
     },
+}
+
+/// Most pictures of a frame.
+pub const MAX_PICTURES: usize = 8;
+
+/// Another picture of a frame, at an instant of its own: size, margin, encoding and conventions are those of the first.
+#[derive(Clone, Copy)]
+pub struct OutsidePicture<'a> {
+    /// When it was rendered, s.
+    pub time_s: f64,
+    /// Its colour.
+    pub color: OutsidePixels<'a>,
+    /// Its depth ([`PixelFormat::R32f`]).
+    pub depth: OutsidePixels<'a>,
+    /// Whose surface each pixel shows, with bodies.
+    pub ids: Option<OutsidePixels<'a>>,
 }
 
 /// Most bodies of a frame.
@@ -107,15 +125,34 @@ pub struct OutsideFrame<'a> {
     pub delivery: Delivery,
 }
 
-/// Colour first, then motion or depth: the order of the staging buffers.
+impl OutsideFrame<'_> {
+    /// When its pictures were rendered, the first one first, s.
+    pub(super) fn picture_times_s(&self) -> Vec<f64> {
+        let further = match &self.motion {
+            OutsideMotion::Path { further, .. } => further.as_slice(),
+            OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } => &[],
+        };
+        let all = std::iter::once(self.color_time_s).chain(further.iter().map(|p| p.time_s));
+        all.take(MAX_PICTURES).collect()
+    }
+}
+
+/// Most pictures, motion and depth images of a frame together: colour, depth and ids of each instant.
+pub(super) const MAX_PLACES: usize = 3 * MAX_PICTURES;
+
+/// Colour first, then motion or depth, then what other instants bring: the order of the staging buffers.
 pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     let mut all = vec![frame.color];
     match &frame.motion {
         OutsideMotion::Images { images, .. } => all.extend(images.iter().take(MAX_OUTSIDE_MOTIONS)),
         OutsideMotion::Depth { image, .. } => all.push(*image),
-        OutsideMotion::Path { image, bodies, .. } => {
+        OutsideMotion::Path { image, bodies, further, .. } => {
             all.push(*image);
             all.extend(bodies.as_ref().map(|b| b.ids));
+            for picture in further.iter().take(MAX_PICTURES - 1) {
+                all.extend([picture.color, picture.depth]);
+                all.extend(bodies.as_ref().and(picture.ids));
+            }
         }
     }
     all

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Weak};
 
-use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideMotion, OutsidePixels, PixelSource};
+use super::outside_fast::OutsideWarp;
+use super::outside_frame::{MAX_PLACES, OutsideMotion, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
@@ -115,14 +116,14 @@ pub(super) struct Groups {
     /// Made with the first frame with depth.
     from_depth: Option<BindGroup>,
     pub(super) gather: BindGroup,
-    /// By slot and place (colour, then motion or depth).
-    sources: Vec<[Option<Source>; MAX_OUTSIDE_MOTIONS + 1]>,
+    /// By slot and place (colour, then motion or depth, then those of other pictures).
+    sources: Vec<[Option<Source>; MAX_PLACES]>,
 }
 
 /// A group that reads a caller's picture.
 struct Source {
-    /// Which kernel it is for.
-    role: Role,
+    /// Which kernel and which picture it is for.
+    role: (Role, usize),
     /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it back
     /// once its frames are collected.
     shared: Option<Weak<Buffer>>,
@@ -141,15 +142,17 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Of the picture at a place.
-    pub(super) fn of(place: usize, motion: &OutsideMotion<'_>, blurs: bool) -> Self {
-        match (place, motion) {
-            (0, OutsideMotion::Path { .. }) if blurs => Self::HalfColor,
-            (0, _) => Self::Color,
-            (_, OutsideMotion::Images { .. }) => Self::Motion,
-            (_, OutsideMotion::Depth { .. }) => Self::Depth,
-            (1, OutsideMotion::Path { .. }) => Self::InverseDepth,
-            (_, OutsideMotion::Path { .. }) => Self::Body,
+    /// Of what lies at a place, and the number of the picture that it belongs to.
+    pub(super) fn of(place: usize, motion: &OutsideMotion<'_>, blurs: bool) -> (Self, usize) {
+        match motion {
+            OutsideMotion::Path { bodies, .. } => {
+                let each = 2 + usize::from(bodies.is_some());
+                let color = if blurs { Self::HalfColor } else { Self::Color };
+                ([color, Self::InverseDepth, Self::Body][place % each], place / each)
+            }
+            _ if place == 0 => (Self::Color, 0),
+            OutsideMotion::Images { .. } => (Self::Motion, 0),
+            OutsideMotion::Depth { .. } => (Self::Depth, 0),
         }
     }
 }
@@ -160,10 +163,8 @@ pub(super) struct Unpacked<'a> {
     pub(super) color: &'a Image,
     pub(super) motion: &'a Image,
     pub(super) depth: &'a Image,
-    /// Half colour and inverse depth of the warp.
-    pub(super) warp: Option<[&'a Image; 2]>,
-    /// Numbers of the bodies, by slot.
-    pub(super) numbers: &'a [Buffer],
+    /// With the images of each picture, and the numbers of the bodies.
+    pub(super) warp: Option<&'a OutsideWarp>,
 }
 
 impl Groups {
@@ -181,7 +182,9 @@ impl Groups {
 
     /// The warp's images are made anew.
     pub(super) fn forget_warp(&mut self) {
-        let of_warp = |s: &Source| matches!(s.role, Role::HalfColor | Role::InverseDepth | Role::Body);
+        let of_warp = |s: &Source| {
+            matches!(s.role.0, Role::HalfColor | Role::InverseDepth | Role::Body) || s.role.1 > 0
+        };
         let all = self.sources.iter_mut().flatten();
         all.filter(|s| s.as_ref().is_some_and(of_warp)).for_each(|s| *s = None);
     }
@@ -197,7 +200,7 @@ impl Groups {
         kernels: &Kernels,
         slot: usize,
         to: Unpacked<'_>,
-        (pictures, role_of): (&[OutsidePixels<'_>], impl Fn(usize) -> Role),
+        (pictures, role_of): (&[OutsidePixels<'_>], impl Fn(usize) -> (Role, usize)),
         uploads: &[Option<Buffer>],
     ) -> Result<()> {
         for (place, pixels) in pictures.iter().enumerate() {
@@ -216,16 +219,26 @@ impl Groups {
             }
             let source = ("Source", Bound::Buffer(buffer));
             let decode = ("Decode", Bound::Buffer(&kernels.decode));
-            let warp = |i: usize| Bound::Storage(to.warp.expect("made by `fit_warp`")[i]);
-            let group = match role {
-                Role::Color => kernels.color.bind(&[source, ("color", Bound::Storage(to.color)), decode]),
-                Role::HalfColor => kernels.path().half.bind(&[source, ("color", warp(0)), decode]),
+            let warp = || to.warp.expect("made by `fit_warp`");
+            let picture = || &warp().pictures[role.1];
+            let group = match role.0 {
+                Role::Color => {
+                    let own = (role.1 > 0).then(|| picture().color.as_ref()).flatten();
+                    let color = ("color", Bound::Storage(own.unwrap_or(to.color)));
+                    kernels.color.bind(&[source, color, decode])
+                }
+                Role::HalfColor => {
+                    let color = ("color", Bound::Storage(&picture().half));
+                    kernels.path().half.bind(&[source, color, decode])
+                }
                 Role::InverseDepth => {
-                    kernels.path().inverse_depth.bind(&[source, ("inverse_depth", warp(1))])
+                    let depth = ("inverse_depth", Bound::Storage(&picture().inverse_depth));
+                    kernels.path().inverse_depth.bind(&[source, depth])
                 }
                 Role::Body => {
-                    let numbers = ("BodyIds", Bound::Buffer(&to.numbers[slot]));
-                    kernels.path().body.bind(&[source, ("inverse_depth", warp(1)), numbers])
+                    let numbers = ("BodyIds", Bound::Buffer(&warp().numbers[slot]));
+                    let depth = ("inverse_depth", Bound::Storage(&picture().inverse_depth));
+                    kernels.path().body.bind(&[source, depth, numbers])
                 }
                 Role::Motion => kernels.motion().bind(&[source, ("motion", Bound::Storage(to.motion))]),
                 Role::Depth => kernels.depth().unpack.bind(&[source, ("depth", Bound::Storage(to.depth))]),

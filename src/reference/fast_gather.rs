@@ -10,6 +10,7 @@ use super::fast_push::{Inputs, Push, seed_offset};
 use super::fast_seeds::fast_seeds;
 use super::fast_silhouettes::blur_many_surfaces;
 use super::sample::sample_bilinear;
+use super::fast_weight::{nearness_of, worth};
 use super::timing::readout_fraction;
 use crate::plane::Plane;
 
@@ -90,16 +91,21 @@ pub fn fast_gather(push: &Push, inputs: &Inputs<'_>) -> Plane<f32> {
 fn gather_pixel(task: &Task<'_>, at: IVec2) -> [f32; 4] {
     let push = task.push;
     let fraction = readout_fraction(at.as_uvec2().to_array(), push.size, push.scan_order, false);
+    let near = nearness_of(push, task.inputs, fraction);
+    if near <= 0.0 {
+        return [0.0; 4];
+    }
     let pixel = Pixel {
         at,
         x_px: task.inputs.looks_at(push, at),
         from: (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + push.reference_knot as f32,
         span: push.exposure_time_s / push.knot_step_s,
     };
-    match sources_over_exposure(task, &pixel) {
+    let [r, g, b, worth] = match sources_over_exposure(task, &pixel) {
         Some(sources) => blur_one_surface(task, sources),
         None => blur_many_surfaces(task, &pixel),
-    }
+    };
+    [r, g, b, worth * near]
 }
 
 /// Whether a claim's whole px, and the px by which its parabola may be off, explain where a source lies.
@@ -219,7 +225,7 @@ fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -
     if task.push.slots == 1 {
         let mut clamped = false;
         let [r, g, b] = read_pixel_area(task, middle_px, &mut clamped).to_array();
-        return [r, g, b, if clamped { -1.0 } else { 1.0 }];
+        return [r, g, b, worth((task.push, task.inputs), (1.0, clamped), 1.0, middle_px)];
     }
     let chord = end_px - begin_px;
     let bend = 2.0 * (begin_px + end_px - 2.0 * middle_px);
@@ -240,5 +246,5 @@ fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -
     }
     let clamped = task.is_beyond(begin_px) || task.is_beyond(end_px);
     let [r, g, b] = (sum / (2.0 * count)).to_array();
-    [r, g, b, if clamped { -count } else { count }]
+    [r, g, b, worth((task.push, task.inputs), (count, clamped), 1.0, middle_px)]
 }

@@ -2,6 +2,8 @@
 //! the library, and what the camera would have seen row by row.
 #![allow(dead_code, unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
+pub mod host;
+
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec2, DVec3, EulerRot};
