@@ -32,6 +32,7 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "sample.glsl"
 #include "fast_blur.glsl"
 #include "fast_weight.glsl"
+#include "cubic.glsl"
 #include "pixel_area.glsl"
 #include "fast_gather.glsl"
 

@@ -1,30 +1,78 @@
 #version 460
-// A frame from several pictures: the mean of what each of them shows, by what it is worth. Twin: src/reference/outside_blend.rs.
+// A frame from several pictures: every line from the three that are nearest to it in time. Twin: src/reference/outside_blend.rs.
+#extension GL_GOOGLE_include_directive : require
+
 layout(local_size_x = 16, local_size_y = 8) in;
 
-// What one picture shows: linear RGB, and what it counts.
-layout(set = 0, binding = 0, rgba32f) uniform readonly image2D warped;
-// Sums of it by weight, and the weights; after the last picture linear RGB, and 1.
-layout(set = 0, binding = 1, rgba32f) uniform image2D radiance;
+// What a picture shows of a pixel: a colour and what it counts; or, where the last number is below 0, the place in it, px.
+layout(set = 0, binding = 0) uniform sampler2D warped_0;
+layout(set = 0, binding = 1) uniform sampler2D warped_1;
+layout(set = 0, binding = 2) uniform sampler2D warped_2;
+// The pictures, for places.
+layout(set = 0, binding = 3) uniform sampler2D color_0;
+layout(set = 0, binding = 4) uniform sampler2D color_1;
+layout(set = 0, binding = 5) uniform sampler2D color_2;
+// Linear RGB, and 1.
+layout(set = 0, binding = 6, rgba32f) uniform writeonly image2D radiance;
 
 layout(push_constant) uniform Push {
     uvec2 size;
-    // Bit 0: nothing was summed before; bit 1: nothing will be after.
-    uint place;
+    // Texels of the pictures, margin included.
+    ivec2 texels;
+    // Pictures that there are: 2 or 3.
+    uint pictures;
+    uint scan_order;
+    // Middle of the first line's exposure; of the lines that are made of these pictures from the first on, and before the last,
+    // s.
+    float middle_s;
+    float readout_time_s;
+    float from_s;
+    float to_s;
 } push;
 
+#include "timing.glsl"
+#include "cubic.glsl"
+#include "fused.glsl"
+
+vec4 shown(sampler2D warped, uvec2 pixel) {
+    return textureLod(warped, (vec2(pixel) + 0.5) / vec2(push.size), 0.0);
+}
+
+// Several places in pictures of one surface are read as one picture of finer texels; of one alone what is between texels is
+// guessed.
+vec3 of_places(vec4 a, vec4 b, vec4 c, int places) {
+    bool clamped = false;
+    if (places == 1) {
+        return a.w < 0.0   ? read_cubic(color_0, push.texels, a.xy, clamped)
+               : b.w < 0.0 ? read_cubic(color_1, push.texels, b.xy, clamped)
+                           : read_cubic(color_2, push.texels, c.xy, clamped);
+    }
+    Around first = around(color_0, a.xy, a.w < 0.0);
+    Around second = around(color_1, b.xy, b.w < 0.0);
+    Around third = around(color_2, c.xy, c.w < 0.0);
+    return fused(first, second, third);
+}
+
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(gl_GlobalInvocationID.xy, push.size))) {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
-    vec4 own = imageLoad(warped, pixel);
-    precise vec4 sum = vec4(own.rgb * own.a, own.a);
-    if ((push.place & 1u) == 0u) {
-        sum = sum + imageLoad(radiance, pixel);
+    precise float at_s = push.middle_s + push.readout_time_s * readout_fraction(pixel, push.size, push.scan_order, 0u);
+    if (at_s < push.from_s || at_s >= push.to_s) {
+        return;
     }
-    if ((push.place & 2u) != 0u) {
-        sum = vec4(sum.rgb / max(sum.a, 1e-12), 1.0);
+    vec4 a = shown(warped_0, pixel);
+    vec4 b = shown(warped_1, pixel);
+    vec4 c = push.pictures == 3u ? shown(warped_2, pixel) : vec4(0.0);
+    int places = int(a.w < 0.0) + int(b.w < 0.0) + int(c.w < 0.0);
+    vec3 seen;
+    if (places > 0) {
+        seen = of_places(a, b, c, places);
+    } else {
+        precise vec3 sum = a.w * a.rgb + b.w * b.rgb + c.w * c.rgb;
+        precise float weights = a.w + b.w + c.w;
+        seen = sum / max(weights, 1e-12);
     }
-    imageStore(radiance, pixel, sum);
+    imageStore(radiance, ivec2(pixel), vec4(seen, 1.0));
 }

@@ -79,8 +79,12 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
 vec4 blur_one_surface(Sources s) {
     bool clamped = false;
     if (!blurs()) {
+        // The pictures are read together.
+        if (one_of_several() && !is_beyond(s.middle_px)) {
+            return vec4(s.middle_px, 0.0, -1.0);
+        }
         vec3 seen = read_pixel_area(s.middle_px, clamped);
-        return result_of(seen, 1.0, clamped, 1.0, s.middle_px);
+        return result_of(seen, 1.0, clamped, 1.0);
     }
     vec2 chord = s.end_px - s.begin_px;
     vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
@@ -103,7 +107,7 @@ vec4 blur_one_surface(Sources s) {
                read_between(second - odd);
     }
     clamped = is_beyond(s.begin_px) || is_beyond(s.end_px);
-    return result_of(sum / (2.0 * count), count, clamped, 1.0, s.middle_px);
+    return result_of(sum / (2.0 * count), count, clamped, sharpness(s.middle_px, way));
 }
 
 #endif

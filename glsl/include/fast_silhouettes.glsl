@@ -157,7 +157,8 @@ vec4 blur_many_surfaces(uvec2 pixel) {
         }
     }
     precise vec3 mean = sum / float(count);
-    return result_of(mean, float(count), clamped, float(landed) / float(count), x_px);
+    float seen = float(landed) / float(count);
+    return result_of(mean, float(count), clamped, seen * seen * seen * seen);
 }
 
 #endif

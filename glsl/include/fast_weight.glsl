@@ -8,7 +8,7 @@ layout(constant_id = 9) const uint ONE_OF_SEVERAL = 0u;
 bool one_of_several() { return ONE_OF_SEVERAL != 0u; }
 
 // What a reading at a texel's centre is wrong by nonetheless, beside the (f (1 - f))^2 of one at a share f between two.
-const float LEAST_ERROR = 0.004;
+const float LEAST_ERROR = 0.003;
 // What is made up, or repeated beyond the border, counts where no picture has better.
 const float MADE_UP = 1e-4;
 
@@ -24,23 +24,22 @@ float nearness_of(float fraction) {
     return clamp(min(before, after), 0.0, 1.0);
 }
 
-// What a sharp reading is worth: the nearer to a texel's centre, the less of the detail is lost.
-float sharpness(vec2 position_px) {
+// What a reading is worth that is blurred along a way: the nearer it runs to centres of texels, the less of the detail across it
+// is lost.
+float sharpness(vec2 position_px, vec2 way_px) {
     precise vec2 f = fract(position_px - 0.5);
-    precise vec2 off = f * (1.0 - f);
+    precise vec2 off = f * (1.0 - f) / (1.0 + way_px * way_px);
     precise float error = LEAST_ERROR + (off.x * off.x + off.y * off.y);
-    return LEAST_ERROR / error;
+    precise float share = LEAST_ERROR / error;
+    return share * share;
 }
 
-// A result: colour, and the number of samples, negative where one left the picture; or what it counts. `seen`: share of the
-// samples that the picture shows.
-vec4 result_of(vec3 mean, float samples, bool clamped, float seen, vec2 place_px) {
+// A result: colour, and the number of samples, negative where one left the picture; or what it is worth.
+vec4 result_of(vec3 mean, float samples, bool clamped, float worth) {
     if (!one_of_several()) {
         return vec4(mean, clamped ? -samples : samples);
     }
-    float sharp = blurs() ? 1.0 : sharpness(place_px);
-    precise float known = clamped ? MADE_UP : max(seen * seen * seen * seen * sharp, MADE_UP);
-    return vec4(mean, known);
+    return vec4(mean, clamped ? MADE_UP : max(worth, MADE_UP));
 }
 
 #endif

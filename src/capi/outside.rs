@@ -55,7 +55,7 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
     // SAFETY: as above.
     let moving = unsafe { moving(o, size, &context, request.frame_interval_s) }?;
     let path = moving.path(o)?;
-    let frame = OutsideFrame {
+    let mut frame = OutsideFrame {
         color_time_s: o.color_time_s,
         // SAFETY: as above.
         color: unsafe { color.pixels() },
@@ -71,6 +71,7 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
         },
         request,
     };
+    frame.sort_pictures();
     session.submit_outside(frame, path)
 }
 

@@ -108,7 +108,7 @@ impl OutsideEngine {
     /// memory.
     ///
     /// # Panics
-    /// If there is no room, or a picture is shorter than its size and stride say.
+    /// If there is no room, a picture is shorter than its size and stride say, or pictures are not in order of time.
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
         let index = free_slot(&self.slots, self.next);
         let index = index.expect("collect a frame before submitting more than fit in flight");
@@ -119,6 +119,7 @@ impl OutsideEngine {
             return Err(Error::Contradiction { effect: "defocus", what });
         }
         self.slots[index].gpu.wait(self.time_limit)?;
+        assert!(frame.picture_times_s().is_sorted(), "pictures in order of time");
         let lens = OutsideLens::of(&frame.request.settings, &self.stage.intrinsics);
         let plan = self.plan(frame, lens.as_ref())?;
         self.kernels.fit(&frame.motion)?;

@@ -8,7 +8,7 @@ use super::fast_pass::{
 };
 use super::finish::prepare;
 use super::lens::Merge;
-use super::outside_blend::Blend;
+use super::outside_blend::{Blend, span_of, windows};
 use super::outside_frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
 use super::outside_lens::{MarginNeed, OutsideLens};
 use super::slots::FrameSlot;
@@ -20,7 +20,10 @@ use std::sync::Arc;
 
 /// How the camera moves over one frame, and what it sees.
 pub(super) struct WarpPlan {
+    /// In order of time.
     pictures: Vec<PicturePlan>,
+    /// See [`windows`].
+    windows: Vec<[f64; 2]>,
     /// Ids in rising order, then the number of each.
     numbers: Vec<u32>,
 }
@@ -60,9 +63,14 @@ impl WarpPlan {
             return Err(Error::MarginTooSmall { needed_px: needed, given_px: given });
         }
         let camera = nominal.with_margin(given);
-        let picture = |&at_s: &f64| PicturePlan::new(&camera, shutter, (path, bodies), (at_s, &times_s));
+        let never_s = [shutter.start_s - NO_PICTURE_S, shutter.start_s + NO_PICTURE_S];
+        let windows = windows(&times_s, never_s);
+        let picture = |(k, &at_s): (usize, &f64)| {
+            PicturePlan::new(&camera, shutter, (path, bodies), (at_s, span_of(&windows, k)))
+        };
         let numbers = bodies.iter().map(|(id, _)| *id).chain(1..=bodies.len() as u32).collect();
-        Ok(Self { pictures: times_s.iter().map(picture).collect(), numbers })
+        let pictures = times_s.iter().enumerate().map(picture).collect();
+        Ok(Self { pictures, windows, numbers })
     }
 
     /// How many bodies move by themselves.
@@ -72,19 +80,15 @@ impl WarpPlan {
 }
 
 impl PicturePlan {
-    /// `at_s`: its instant, one of all pictures' (s).
+    /// `at_s`: its instant, and when it is needed, s.
     fn new(
         camera: &Intrinsics,
         shutter: &ShutterTiming,
         (path, bodies): Paths<'_>,
-        (at_s, all_s): (f64, &[f64]),
+        (at_s, [from_s, to_s]): (f64, [f64; 2]),
     ) -> Self {
         let (mut timing, times_s) = FastTiming::spaced(*shutter);
-        let start_s = shutter.start_s;
-        let before = all_s.iter().copied().filter(|&t| t < at_s).reduce(f64::max);
-        let after = all_s.iter().copied().filter(|&t| t > at_s).reduce(f64::min);
-        timing.pictures_s =
-            [at_s, before.unwrap_or(start_s - NO_PICTURE_S), after.unwrap_or(start_s + NO_PICTURE_S)];
+        timing.pictures_s = [at_s, from_s, to_s];
         let now = path.pose_at(at_s);
         let mut rows = Vec::with_capacity(times_s.len() * (bodies.len() + 1));
         rows.extend(times_s.iter().map(|&t| moved_row(camera, &path.pose_at(t).relative(&now))));
@@ -172,15 +176,17 @@ impl OutsideWarp {
             Some(lens) => tables(stage, &mut slots[0], lens, kind.margin_px)?,
             None => Vec::new(),
         };
-        let blend = (kind.pictures > 1).then(|| Blend::new(stage, slots, radiance)).transpose()?;
+        let colors: Vec<_> = pictures.iter().map(|p| p.color.as_ref().unwrap_or(color)).collect();
+        let blend = (kind.pictures > 1).then(|| Blend::new(stage, slots, (&colors, radiance))).transpose()?;
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let warps = [warp(context, size, &kind, false)?, warp(context, size, &kind, true)?];
         let buffers = || (0..kind.pictures).map(|_| moved_buffer(context, kind.bodies)).collect();
         let moved = slots.iter().map(|_| buffers()).collect::<Result<Vec<Vec<_>>>>()?;
         let numbers = slots.iter().map(|_| numbers_buffer(context)).collect::<Result<Vec<_>>>()?;
-        let images = (pictures.as_slice(), color, blend.as_ref().map_or(radiance, |b| &b.warped));
+        let to = |k: usize| blend.as_ref().map_or(radiance, |b| &b.warped[k]);
+        let images: Vec<_> = (0..kind.pictures).map(|k| (&pictures[k], colors[k], to(k))).collect();
         let both = |moved: &Vec<Buffer>| -> Result<_> {
-            Ok([bind(&warps[0], moved, images, &tables)?, bind(&warps[1], moved, images, &tables)?])
+            Ok([bind(&warps[0], moved, &images, &tables)?, bind(&warps[1], moved, &images, &tables)?])
         };
         let bindings = moved.iter().map(both).collect::<Result<Vec<_>>>()?;
         let merge = (tables.len() > 1).then(|| Merge::new(stage, slots, radiance)).transpose()?;
@@ -232,9 +238,9 @@ impl OutsideWarp {
             let turns = usize::from(picture.turns);
             let binding = &self.bindings[slot][turns][k][channel];
             self.warps[turns].record(recorder, binding, self.kind.margin_px, &picture.timing, max_samples);
-            if let Some(blend) = &self.blend {
-                blend.record(recorder, k, plan.pictures.len());
-            }
+        }
+        if let Some(blend) = &self.blend {
+            blend.record(recorder, &plan.pictures[0].timing, &plan.windows);
         }
     }
 }
@@ -250,16 +256,16 @@ fn warp(context: &Arc<Context>, size: [u32; 2], of: &WarpKind, one_surface: bool
     FastGather::new(context, size, (1, 1), 1, kind)
 }
 
-/// By picture and colour; `moved`: by picture.
+/// By picture and colour; `moved`: by picture; `images`: each picture, its colour, and where its warp goes.
 fn bind(
     warp: &FastGather,
     moved: &[Buffer],
-    (pictures, first, to): (&[PictureImages], &Image, &Image),
+    images: &[(&PictureImages, &Image, &Image)],
     tables: &[[Image; 2]],
 ) -> Result<Vec<Vec<FastBinding>>> {
-    let bind = |picture: &PictureImages, moved: &Buffer, lens: Option<[&Image; 2]>| {
+    let bind = |(picture, color, to): &(&PictureImages, &Image, &Image), moved, lens| {
         warp.bind(&FastImages {
-            color: picture.color.as_ref().unwrap_or(first),
+            color,
             filtered: &picture.half,
             paths: Vec::new(),
             moved: Some(moved),
@@ -268,11 +274,11 @@ fn bind(
             radiance: to,
         })
     };
-    let colours = |(picture, moved): (&PictureImages, &Buffer)| match tables.is_empty() {
-        true => Ok(vec![bind(picture, moved, None)?]),
-        false => tables.iter().map(|t| bind(picture, moved, Some(t.each_ref()))).collect(),
+    let colours = |(images, moved)| match tables.is_empty() {
+        true => Ok(vec![bind(images, moved, None)?]),
+        false => tables.iter().map(|t| bind(images, moved, Some(t.each_ref()))).collect(),
     };
-    pictures.iter().zip(moved).map(colours).collect()
+    images.iter().zip(moved).map(colours).collect()
 }
 
 fn moved_buffer(context: &Arc<Context>, bodies: bool) -> Result<Buffer> {

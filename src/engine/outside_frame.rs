@@ -69,7 +69,7 @@ pub enum OutsideMotion<'a> {
         path: Arc<Trajectory>,
         /// What moves by itself.
         bodies: Option<OutsideBodies<'a>>,
-        /// The same scene at other instants; fewer than [`MAX_PICTURES`].
+        /// The same scene at later instants, in order of time; fewer than [`MAX_PICTURES`].
         further: Vec<OutsidePicture<'a>>,
         /// Nothing that comes in at the border is nearer, m: what the margin is reckoned with. Infinite: not known.
         nearest_m: f64,
@@ -126,6 +126,19 @@ pub struct OutsideFrame<'a> {
 }
 
 impl OutsideFrame<'_> {
+    /// Puts its pictures in order of time.
+    pub fn sort_pictures(&mut self) {
+        let OutsideMotion::Path { image, bodies, further, .. } = &mut self.motion else { return };
+        let ids = bodies.as_ref().map(|b| b.ids);
+        further.push(OutsidePicture { time_s: self.color_time_s, color: self.color, depth: *image, ids });
+        further.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        let first = further.remove(0);
+        (self.color_time_s, self.color, *image) = (first.time_s, first.color, first.depth);
+        if let (Some(bodies), Some(ids)) = (bodies, first.ids) {
+            bodies.ids = ids;
+        }
+    }
+
     /// When its pictures were rendered, the first one first, s.
     pub(super) fn picture_times_s(&self) -> Vec<f64> {
         let further = match &self.motion {

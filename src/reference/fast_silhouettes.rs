@@ -161,5 +161,5 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     }
     let [r, g, b] = (sum / count as f32).to_array();
     let seen = landed as f32 / count as f32;
-    [r, g, b, worth((push, task.inputs), (count as f32, clamped), seen, pixel.x_px)]
+    [r, g, b, worth(task.inputs, (count as f32, clamped), seen * seen * seen * seen)]
 }

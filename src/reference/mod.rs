@@ -26,6 +26,8 @@ pub mod fast_gather;
 pub mod fast_push;
 pub mod fast_seeds;
 pub mod fast_silhouettes;
+mod cubic;
+mod fused;
 mod fast_weight;
 pub mod lens;
 pub mod moments;

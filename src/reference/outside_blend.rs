@@ -1,7 +1,11 @@
-//! A frame from several pictures: the mean of what each of them shows, by what it is worth. Twin of `glsl/outside_blend.comp`.
+//! A frame from several pictures: every line from the three that are nearest to it in time. Twin of `glsl/outside_blend.comp`.
 
 use bytemuck::{Pod, Zeroable};
+use glam::{Vec2, Vec3};
 
+use super::cubic::read_cubic;
+use super::fused::fused;
+use super::timing::readout_fraction;
 use crate::plane::Plane;
 
 /// The kernel's parameters.
@@ -10,26 +14,53 @@ use crate::plane::Plane;
 pub struct Push {
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Bit 0: nothing was summed before; bit 1: nothing will be after.
-    pub place: u32,
+    /// Those of the pictures, margin included.
+    pub texels: [i32; 2],
+    /// Pictures that there are: 2 or 3.
+    pub pictures: u32,
+    /// A [`super::timing::scan_order_code`].
+    pub scan_order: u32,
+    /// Middle of the first line's exposure, s.
+    pub middle_s: f32,
+    /// N times the delay from line to line, s.
+    pub readout_time_s: f32,
+    /// The lines whose middle lies from here on are made of these pictures, s.
+    pub from_s: f32,
+    /// And before this.
+    pub to_s: f32,
 }
 
-/// Adds what one picture shows (linear RGB, and what it counts) to the sums; with bit 1 of `place` they become the mean, and 1.
-/// All of shape `[height, width, 4]`.
+/// Writes the lines that these pictures make. `warped`: what each shows of a pixel, a colour and what it counts, or, where the
+/// fourth number is below 0, the place in it; `colors`: the pictures. Planes of four channels.
 ///
 /// # Panics
-/// If the shapes differ.
-pub fn outside_blend(push: &Push, warped: &Plane<f32>, radiance: &mut Plane<f32>) {
-    assert_eq!(warped.data.len(), radiance.data.len(), "pictures of different sizes");
-    for (own, sum) in warped.data.chunks_exact(4).zip(radiance.data.chunks_exact_mut(4)) {
-        let before = if push.place & 1 == 0 { [sum[0], sum[1], sum[2], sum[3]] } else { [0.0; 4] };
-        for c in 0..4 {
-            sum[c] = before[c] + if c < 3 { own[c] * own[3] } else { own[3] };
+/// If a shape does not fit.
+pub fn outside_blend(
+    push: &Push,
+    warped: [&Plane<f32>; 3],
+    colors: [&Plane<f32>; 3],
+    radiance: &mut Plane<f32>,
+) {
+    let [width, height] = push.size.map(|s| s as usize);
+    assert_eq!((radiance.width, radiance.height), (width, height), "radiance");
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        let fraction = readout_fraction([x as u32, y as u32], push.size, push.scan_order, false);
+        let at_s = push.middle_s + push.readout_time_s * fraction;
+        if at_s < push.from_s || at_s >= push.to_s {
+            continue;
         }
-        if push.place & 2 != 0 {
-            let weight = sum[3].max(1e-12);
-            sum[..3].iter_mut().for_each(|c| *c /= weight);
-            sum[3] = 1.0;
-        }
+        let shown = (0..push.pictures as usize).map(|k| (warped[k].pixel(x, y), colors[k]));
+        let place = |(shown, color)| (color, Vec2::from_slice(shown));
+        let places: Vec<(&Plane<f32>, Vec2)> =
+            shown.clone().filter(|(shown, _)| shown[3] < 0.0).map(place).collect();
+        let seen = match places.as_slice() {
+            [] => {
+                let weights: f32 = shown.clone().map(|(s, _)| s[3]).sum();
+                shown.map(|(s, _)| s[3] * Vec3::from_slice(s)).sum::<Vec3>() / weights.max(1e-12)
+            }
+            [(color, place_px)] => read_cubic(color, *place_px, &mut false),
+            several => fused(several),
+        };
+        radiance.pixel_mut(x, y).copy_from_slice(&seen.extend(1.0).to_array());
     }
 }
