@@ -36,7 +36,9 @@ fn deliver(engine: Handle, name: &str, end_s: f64, flies: bool, count: usize) ->
 fn several_pictures_come_nearer_than_one() {
     let Some(engine) = engine("several_pictures_come_nearer_than_one", options(4, 1)) else { return };
     eprintln!("| motion | effects | 1 picture | 2 | 3 | 5 |");
-    for (name, flies) in [("pan 4", false), ("walk 5 Hz", false), ("vibration 18 Hz", false), ("pan 1.2", true)] {
+    for (name, flies) in
+        [("pan 4", false), ("walk 5 Hz", false), ("vibration 18 Hz", false), ("pan 1.2", true)]
+    {
         for exposure_s in [0.0, EXPOSURE_S] {
             set_camera(engine, exposure_s, "");
             let shutter = shutter(exposure_s);
@@ -45,9 +47,40 @@ fn several_pictures_come_nearer_than_one() {
             let found =
                 [1, 2, 3, 5].map(|count| psnr(&deliver(engine, name, shutter.end_s(), flies, count), &want));
             let effects = if exposure_s > 0.0 { "both" } else { "shutter" };
-            eprintln!("| {name} | {effects} | {:.1} | {:.1} | {:.1} | {:.1} |", found[0], found[1], found[2], found[3]);
-            let _ = &found;
+            eprintln!(
+                "| {name} | {effects} | {:.1} | {:.1} | {:.1} | {:.1} |",
+                found[0], found[1], found[2], found[3]
+            );
+            // Each more than one picture gives, and a shaking camera the goal.
+            assert!(found[2] > found[0] + 0.2 && found[3] > found[0] + 0.5, "{name}, {effects}: {found:?}");
+            assert!(found[2] > 38.0 || name != "vibration 18 Hz", "{effects}: {found:?}");
         }
     }
+    finish(engine);
+}
+
+#[test]
+fn pictures_may_come_in_any_order_and_their_times_matter() {
+    let test = "pictures_may_come_in_any_order_and_their_times_matter";
+    let Some(engine) = engine(test, options(4, 1)) else { return };
+    set_camera(engine, 0.0, "");
+    let end_s = shutter(0.0).end_s();
+    let motion = |t: f64| vec![camera_motion("walk 5 Hz", t), Pose::IDENTITY];
+    let (margin, given) = ([26, 14], poses("walk 5 Hz", end_s, POSES));
+    let make = |times_s: [f64; 3], said_s: [f64; 3]| {
+        let shots = times_s.iter().map(|&t| shot(&World::new(false), &motion, t, margin));
+        let mut pictures = Pictures::new(shots, margin);
+        let mut o = pictures.outside(&said_s);
+        (o.poses, o.pose_count) = (given.as_ptr(), POSES);
+        process(engine, &o, SIZE).unwrap()
+    };
+    let [a, b, c] = [0.0, 0.5 * end_s, end_s];
+    let want = truth(&World::new(false), &motion, &shutter(0.0), None);
+    let in_order = make([a, b, c], [a, b, c]);
+    for other in [[b, a, c], [c, b, a], [c, a, b]] {
+        assert!(make(other, other) == in_order, "{other:?}");
+    }
+    let wrong = psnr(&make([a, b, c], [c, b, a]), &want);
+    assert!(wrong < psnr(&in_order, &want) - 5.0, "control: wrong times pass, {wrong:.1} dB");
     finish(engine);
 }

@@ -112,8 +112,7 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
     if !(o.nearest_m >= 0.0 && o.nearest_m.is_finite()) {
         return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", o.nearest_m)));
     }
-    if o.pose_count == 0
-        && (o.flags != 0 || o.nearest_m != 0.0 || o.body_count != 0 || o.picture_count != 0)
+    if o.pose_count == 0 && (o.flags != 0 || o.nearest_m != 0.0 || o.body_count != 0 || o.picture_count != 0)
     {
         let text =
             "flags, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 without";

@@ -126,8 +126,7 @@ impl OutsideEngine {
         self.fit(frame)?;
         if let Plan::Warp(plan) = &plan {
             let pictures = frame.picture_times_s().len();
-            let kind =
-                WarpKind { margin_px: frame.margin_px, lens, bodies: plan.body_count() > 0, pictures };
+            let kind = WarpKind { margin_px: frame.margin_px, lens, bodies: plan.body_count() > 0, pictures };
             self.fit_warp(kind)?.write(index, plan);
         }
         let view = frame.request.view(self.stage.intrinsics);

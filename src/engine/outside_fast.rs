@@ -170,8 +170,7 @@ impl OutsideWarp {
         let context = &stage.context;
         let wider = color.spec().size;
         let picture = |k: usize, slot: &mut FrameSlot| PictureImages::new(context, slot, wider, k == 0);
-        let pictures =
-            (0..kind.pictures).map(|k| picture(k, &mut slots[0])).collect::<Result<Vec<_>>>()?;
+        let pictures = (0..kind.pictures).map(|k| picture(k, &mut slots[0])).collect::<Result<Vec<_>>>()?;
         let tables = match &kind.lens {
             Some(lens) => tables(stage, &mut slots[0], lens, kind.margin_px)?,
             None => Vec::new(),
@@ -209,13 +208,7 @@ impl OutsideWarp {
         }
     }
 
-    pub(super) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        slot: usize,
-        plan: &WarpPlan,
-        max_samples: u32,
-    ) {
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, slot: usize, plan: &WarpPlan, max_samples: u32) {
         let Some(merge) = &self.merge else {
             self.record_color(recorder, (slot, 0), plan, max_samples);
             return;

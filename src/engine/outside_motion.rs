@@ -37,7 +37,9 @@ impl MotionPass<'_> {
         let (kernels, groups, size) = (self.kernels, self.groups, self.size);
         match motion {
             OutsideMotion::Images { images, scale, .. } => {
-                for (k, (image, &(first_byte, stride_bytes))) in images.iter().zip(&self.placed[1..]).enumerate() {
+                for (k, (image, &(first_byte, stride_bytes))) in
+                    images.iter().zip(&self.placed[1..]).enumerate()
+                {
                     let (format, layer) = (image.format as u32, k as u32);
                     let push = MotionPush { size, scale: *scale, first_byte, stride_bytes, format, layer };
                     recorder.dispatch(kernels.motion(), groups.source(self.index, k + 1), &push, size);
@@ -85,7 +87,8 @@ impl MotionPass<'_> {
         let kernel = &self.kernels.path().inverse_depth;
         recorder.dispatch(kernel, self.groups.source(self.index, place), &push, self.size);
         if let Some(bodies) = bodies.as_ref().filter(|_| count > 0) {
-            let ((first_byte, stride_bytes), id_bytes) = (self.placed[place + 1], bodies.ids.format.bytes() as u32);
+            let ((first_byte, stride_bytes), id_bytes) =
+                (self.placed[place + 1], bodies.ids.format.bytes() as u32);
             let push = BodyPush { size: self.size, first_byte, stride_bytes, id_bytes, count };
             let kernel = &self.kernels.path().body;
             recorder.dispatch(kernel, self.groups.source(self.index, place + 1), &push, self.size);

@@ -10,8 +10,8 @@ use super::fast_claims::slot_claims;
 use super::fast_push::{Inputs, Push, seed_offset};
 use super::fast_seeds::fast_seeds;
 use super::fast_silhouettes::blur_many_surfaces;
-use super::sample::sample_bilinear;
 use super::fast_weight::{nearness_of, sharpness, worth};
+use super::sample::sample_bilinear;
 use super::timing::readout_fraction;
 use crate::plane::Plane;
 

@@ -12,6 +12,7 @@
 
 pub mod accumulate;
 pub mod chain;
+mod cubic;
 pub mod develop;
 pub mod exact_gather;
 pub mod exact_neighbours;
@@ -26,9 +27,8 @@ pub mod fast_gather;
 pub mod fast_push;
 pub mod fast_seeds;
 pub mod fast_silhouettes;
-mod cubic;
-mod fused;
 mod fast_weight;
+pub mod fused;
 pub mod lens;
 pub mod moments;
 pub mod motion;

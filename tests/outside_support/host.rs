@@ -125,7 +125,6 @@ pub fn flying(t: f64) -> Pose {
     }
 }
 
-
 /// [`POSES`] poses of it over `[0, end_s]`.
 pub fn flights(end_s: f64) -> Vec<shutterbug_stamped_pose> {
     let at = |i: u32| end_s * f64::from(i) / f64::from(POSES - 1);
