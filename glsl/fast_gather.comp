@@ -37,7 +37,7 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "fast_gather.glsl"
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+    uvec2 pixel = push.first + gl_GlobalInvocationID.xy;
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }

@@ -44,6 +44,7 @@ fn push(order: ScanOrder, exposure_time_s: f32, knots: u32) -> Push {
         picture_s: 0.0,
         from_s: 0.0,
         to_s: 0.0,
+        first: [0; 2],
     }
 }
 

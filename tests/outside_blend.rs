@@ -36,6 +36,7 @@ fn warp_push(exposure_time_s: f32) -> WarpPush {
         picture_s: 0.012,
         from_s: 0.004,
         to_s: 0.026,
+        first: [0; 2],
     }
 }
 
@@ -71,7 +72,9 @@ fn one_of_several_pictures_says_what_it_is_worth_as_its_twin_does() {
         let field = field(&p);
         let (got, want) = (on_device(&context.0, &p, &field), fast_gather(&p, &field.inputs()));
         let far = |(a, b): &(&[f32], &[f32])| (0..4).any(|c| (a[c] - b[c]).abs() > 2e-3 * (1.0 + b[c].abs()));
-        let off = got.data.chunks(4).zip(want.data.chunks(4)).filter(far).count();
+        // What no line of its time sees is not even written.
+        let pairs = || got.data.chunks(4).zip(want.data.chunks(4)).filter(|(_, want)| want[3] != 0.0);
+        let off = pairs().filter(far).count();
         assert!(off <= 96 * 64 / 200, "exposure {exposure}: {off} pixels differ");
         // Lines far from its instant are other pictures'; places where one surface is seen; worth where several are.
         let kind =
@@ -115,6 +118,7 @@ fn outside_blend_is_its_twin() {
             readout_time_s: 1.0,
             from_s: 0.2,
             to_s: 0.9,
+            first: [0; 2],
         };
         let upload = |bench: &mut Bench, plane: &Plane<f32>| {
             bench.upload(std::slice::from_ref(plane), Format::Rgba32f, false)

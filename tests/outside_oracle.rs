@@ -15,7 +15,7 @@ use shutterbug::capi::*;
 #[test]
 fn thirteen_poses_follow_a_camera_that_shakes() {
     let test = "thirteen_poses_follow_a_camera_that_shakes";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(false);
     eprintln!("| motion | effects | plain | two poses | {POSES} poses | least |");
     for (name, least) in [
@@ -69,7 +69,7 @@ fn with_body(engine: Handle, end_s: f64, body_count: u32) -> Vec<u8> {
 
 #[test]
 fn bodies_move_by_their_own_poses() {
-    let Some(engine) = engine("bodies_move_by_their_own_poses", options(4, 1)) else { return };
+    let Some(engine) = engine("bodies_move_by_their_own_poses", options(0, 1)) else { return };
     for exposure_s in [0.0, EXPOSURE_S] {
         set_camera(engine, exposure_s, "");
         let shutter = shutter(exposure_s);
@@ -91,7 +91,7 @@ const SCALES: [f64; 3] = [1.004, 1.0, 0.996];
 #[test]
 fn a_lens_shutter_and_blur_read_the_colour_once() {
     let test = "a_lens_shutter_and_blur_read_the_colour_once";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(false);
     let brown = Distortion::BrownConrady { k: [-0.22, 0.05, 0.0], p: [0.001, -0.0008] };
     let askew = glam::DQuat::from_scaled_axis(glam::DVec3::new(0.01, -0.02, 0.03));
@@ -139,7 +139,7 @@ fn a_lens_shutter_and_blur_read_the_colour_once() {
 #[test]
 fn spans_and_margins_are_checked_and_told() {
     let test = "spans_and_margins_are_checked_and_told";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     set_camera(engine, EXPOSURE_S, "");
     let end_s = shutter(EXPOSURE_S).end_s();
     let name = "pan 4";

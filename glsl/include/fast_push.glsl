@@ -16,6 +16,8 @@ layout(push_constant) uniform Push {
     float picture_s;
     float from_s;
     float to_s;
+    // The first pixel that fast_gather looks at: a software device runs through pixels that leave at once.
+    uvec2 first;
 } push;
 
 // Claims, four words a destination pixel: one for each slot (a moment of the exposure: its middle; or begin, middle and

@@ -15,13 +15,15 @@ use super::types::*;
 use crate::camera::{Pose, Trajectory};
 use crate::engine::{
     Delivery, MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
-    OutsidePicture,
+    OutsidePicture, PixelSource,
 };
 use crate::gpu::Context;
 use crate::reference::unpack::Encoding;
 
 /// Flag of a frame: what lies beyond a margin that is too small is the picture's repeated border.
 pub const OUTSIDE_REPEAT_BORDER: u32 = 1;
+/// Flag of a frame: the radiance before the sensor can be read.
+pub const OUTSIDE_RADIANCE: u32 = 2;
 
 /// `shutterbug_engine_submit_outside`.
 ///
@@ -41,7 +43,8 @@ pub unsafe extern "C" fn shutterbug_engine_submit_outside(
 /// The header's promise for all that `o` points to.
 unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submitted> {
     check_numbers(o)?;
-    let request = session.outside_request(o.frame_index, o.time_s, o.pose_count > 0)?;
+    let mut request = session.outside_request(o.frame_index, o.time_s, o.pose_count > 0)?;
+    request.statistics = o.flags & OUTSIDE_RADIANCE != 0;
     let context = session.context().clone();
     let camera = session.camera().expect("the request has one").intrinsics;
     let margin_px = [o.margin_x_px, o.margin_y_px];
@@ -54,6 +57,8 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
     let color = unsafe { Picture::new(o.color, ("color", Kind::Color), size, &context) }?;
     // SAFETY: as above.
     let moving = unsafe { moving(o, size, &context, request.frame_interval_s) }?;
+    // SAFETY: as above.
+    session.hear_of_depth(|| unsafe { moving.complaint() });
     let path = moving.path(o)?;
     let mut frame = OutsideFrame {
         color_time_s: o.color_time_s,
@@ -85,7 +90,11 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
     if let Some((name, value)) = times.iter().find(|(_, v)| !v.is_finite()) {
         return Err(Fault::argument(format!("shutterbug_outside.{name} is {value}")));
     }
-    if o.flags & !OUTSIDE_REPEAT_BORDER != 0 || o.reserved != 0 || o.reserved_more != 0 || o.encoding > 1 {
+    if o.flags & !(OUTSIDE_REPEAT_BORDER | OUTSIDE_RADIANCE) != 0
+        || o.reserved != 0
+        || o.reserved_more != 0
+        || o.encoding > 1
+    {
         return Err(Fault::argument("shutterbug_outside: unknown flags or encoding, or reserved is not 0"));
     }
     check_poses(o)?;
@@ -112,10 +121,9 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
     if !(o.nearest_m >= 0.0 && o.nearest_m.is_finite()) {
         return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", o.nearest_m)));
     }
-    if o.pose_count == 0 && (o.flags != 0 || o.nearest_m != 0.0 || o.body_count != 0 || o.picture_count != 0)
-    {
-        let text =
-            "flags, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 without";
+    let of_paths = [o.flags & OUTSIDE_REPEAT_BORDER, o.body_count, o.picture_count];
+    if o.pose_count == 0 && (of_paths != [0; 3] || o.nearest_m != 0.0) {
+        let text = "REPEAT_BORDER, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 without";
         return Err(Fault::argument(text));
     }
     if o.picture_count as usize >= MAX_PICTURES {
@@ -278,6 +286,24 @@ unsafe fn moving(
 }
 
 impl Moving {
+    /// What is odd about a depth in host memory.
+    ///
+    /// # Safety
+    /// The header's promise for the image.
+    unsafe fn complaint(&self) -> Option<String> {
+        let (depth, decode) = match self {
+            Self::Images(..) => return None,
+            Self::Depth(depth, decode, _) => (depth, decode),
+            Self::Path(seen) => (&seen.depth, &seen.decode),
+        };
+        // SAFETY: the caller's promise.
+        let pixels = unsafe { depth.pixels() };
+        match pixels.source {
+            PixelSource::Host(bytes) => super::depth::complaint(bytes, &pixels, depth.size(), *decode),
+            PixelSource::Shared(..) | PixelSource::Image(_) => None,
+        }
+    }
+
     /// Poses between those that were given; none where there is only motion.
     fn path(&self, o: &shutterbug_outside) -> Outcome<Option<Arc<Trajectory>>> {
         let [from, to] = match self {

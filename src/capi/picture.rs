@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::image::View;
+use super::image::{BOTTOM_UP, View};
 use super::sharing;
 use super::status::{self, Fault, Outcome};
 use super::types::*;
@@ -25,11 +25,8 @@ impl Picture {
         size: [u32; 2],
         context: &Arc<Context>,
     ) -> Outcome<Self> {
-        if image.is_null() {
-            return Err(Fault::argument(format!("{what} is null")));
-        }
         // SAFETY: the caller's promise.
-        let mut image = unsafe { read(image) }?;
+        let mut image = unsafe { named(image, what) }?;
         let shared = match image.memory.is_null() {
             true => None,
             false => Some(sharing::shared(image.memory as usize, context)?),
@@ -38,7 +35,7 @@ impl Picture {
             as_if_packed(&mut image, what, (format_of(on_device.format()), on_device.spec()))?;
         }
         // Before its rows: their least size is that of its format.
-        if let Some(format) = PixelFormat::from_code(image.format).filter(|f| !kind.takes(*f)) {
+        if let Some(format) = PixelFormat::from_code(image.format & !BOTTOM_UP).filter(|f| !kind.takes(*f)) {
             let text = format!("{what} is {}, not {format:?}", kind.formats());
             return Err(Fault::new(status::FORMAT, text));
         }
@@ -59,6 +56,11 @@ impl Picture {
         Ok(Self { view, shared })
     }
 
+    /// Width and height, px.
+    pub(super) fn size(&self) -> [u32; 2] {
+        self.view.size
+    }
+
     /// # Safety
     /// The header's promise for the image.
     pub(super) unsafe fn pixels(&self) -> OutsidePixels<'_> {
@@ -68,7 +70,8 @@ impl Picture {
             // SAFETY: the caller's promise.
             None => PixelSource::Host(unsafe { self.view.read() }),
         };
-        OutsidePixels { format: self.view.format, stride_bytes: self.view.stride, source }
+        let (format, stride_bytes, bottom_up) = (self.view.format, self.view.stride, self.view.bottom_up);
+        OutsidePixels { format, stride_bytes, bottom_up, source }
     }
 }
 
@@ -124,7 +127,8 @@ fn as_if_packed(
         let text = format!("{what} is {}x{} px, its GPU image {w}x{h}", image.width, image.height);
         return Err(Fault::argument(text));
     }
-    if image.format != 0 && image.format != format as u32 {
+    let flipped = image.format & BOTTOM_UP;
+    if image.format != flipped && image.format != format as u32 | flipped {
         let text =
             format!("{what}: the GPU image holds {format:?}; format is that or 0, not {}", image.format);
         return Err(Fault::new(status::FORMAT, text));
@@ -135,7 +139,7 @@ fn as_if_packed(
     if image.memory_offset != 0 {
         return Err(Fault::argument(format!("{what}: memory_offset is 0 with a GPU image")));
     }
-    image.format = format as u32;
+    image.format = format as u32 | flipped;
     image.stride_bytes = u64::from(image.width) * format.bytes() as u64;
     Ok(())
 }

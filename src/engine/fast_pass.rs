@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use super::outside_blend::lines_between;
 use crate::assert_push_layout;
 use crate::camera::ShutterTiming;
 use crate::error::Result;
@@ -32,7 +33,8 @@ macro_rules! assert_push_of {
                 slots,
                 picture_s,
                 from_s,
-                to_s
+                to_s,
+                first
             }
         );)+
     };
@@ -243,7 +245,12 @@ impl FastGather {
             recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         }
         recorder.mark("fast_gather");
-        recorder.dispatch(&self.gather[blur], &binding.gather[blur], &push, self.size);
+        let (first, lines) = match self.kind.one_of_several {
+            true => lines_between(&timing.shutter, self.size, [timing.pictures_s[1], timing.pictures_s[2]]),
+            false => ([0; 2], self.size),
+        };
+        let of_lines = Push { first, ..push };
+        recorder.dispatch(&self.gather[blur], &binding.gather[blur], &of_lines, lines);
         if !self.kind.one_surface {
             recorder.mark("fast_silhouettes");
             let group = &binding.silhouettes[blur];
@@ -289,6 +296,7 @@ impl FastTiming {
             picture_s,
             from_s,
             to_s,
+            first: [0; 2],
         }
     }
 }

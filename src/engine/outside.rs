@@ -14,7 +14,7 @@ use super::outside_frame::{
 };
 use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
 use super::outside_lens::OutsideLens;
-use super::outside_motion::{ColorPass, MotionPass, shared};
+use super::outside_motion::{MotionPass, shared};
 use super::slots::{FrameSlot, free_slot};
 use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
@@ -302,11 +302,21 @@ impl OutsideEngine {
         let to = Unpacked { color, motion, depth, warp: warp.as_ref() };
         let blurs = frame.request.shutter.exposure_time_s > 0.0;
         let role = |place: usize| Role::of(place, &frame.motion, blurs);
+        for (place, pixels) in pictures.iter().enumerate() {
+            match role(place).0 {
+                Role::Color => self.kernels.fit_color(pixels.format, false)?,
+                Role::HalfColor => self.kernels.fit_color(pixels.format, true)?,
+                _ => {}
+            }
+        }
         groups.bind_sources(&self.kernels, index, to, (&pictures, role), &self.uploads[index])?;
         if let Plan::Gather(Some(_)) = plan {
             groups.fit_depth(&self.kernels, to)?;
         }
-        let placed: Vec<_> = pictures.iter().map(|p| place(p, camera.width)).collect();
+        if let OutsideMotion::Images { .. } = frame.motion {
+            groups.fit_integrated(&self.kernels, to, self.finish.radiance())?;
+        }
+        let placed: Vec<_> = pictures.iter().map(|p| place(p, size)).collect();
         let slot = &mut self.slots[index];
         let mut recorder = slot.gpu.begin()?;
         recorder.mark("unpack");
@@ -316,20 +326,7 @@ impl OutsideEngine {
             }
         }
         let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed };
-        for (place, pixels) in pictures.iter().enumerate() {
-            let ((role, picture), encoding) = (role(place), frame.encoding);
-            match (role, plan) {
-                (Role::Color | Role::HalfColor, _) => {
-                    let half = role == Role::HalfColor;
-                    let color = ColorPass { place, format: pixels.format as u32, encoding, half };
-                    motion.record_color(&mut recorder, color);
-                }
-                (Role::InverseDepth, Plan::Warp(plan)) => {
-                    motion.record_inverse_depth(&mut recorder, &frame.motion, (picture, plan.body_count()));
-                }
-                _ => {}
-            }
-        }
+        motion.record_pictures(&mut recorder, frame, &pictures);
         match (plan, warp) {
             (Plan::Warp(plan), Some(warp)) => {
                 warp.record(&mut recorder, index, plan, frame.max_samples);
@@ -337,9 +334,10 @@ impl OutsideEngine {
             (Plan::Warp(_), None) => unreachable!("made by `fit_warp`"),
             (Plan::Gather(from_depth), _) => {
                 motion.record(&mut recorder, &frame.motion, *from_depth);
-                recorder.mark("paper_gather");
                 let push = gather_push(&self.stage.intrinsics, frame);
-                recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
+                let (name, gather, group) = groups.gather_of(&self.kernels, push.motion_count);
+                recorder.mark(name);
+                recorder.dispatch(gather, group, &push, push.size);
             }
         }
         finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));

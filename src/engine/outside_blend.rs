@@ -7,6 +7,7 @@ use super::fast_pass::FastTiming;
 use super::finish::prepare;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
+use crate::camera::{ScanOrder, ShutterTiming};
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
@@ -14,7 +15,7 @@ use crate::reference::outside_blend::Push;
 
 assert_push_layout!(
     "outside_blend.comp",
-    Push { size, texels, pictures, scan_order, middle_s, readout_time_s, from_s, to_s }
+    Push { size, texels, pictures, scan_order, middle_s, readout_time_s, from_s, to_s, first }
 );
 
 /// Pictures that a line is made of.
@@ -75,6 +76,7 @@ impl Blend {
         let shutter = &timing.shutter;
         let after = |t: f64| (t - timing.reference_s) as f32;
         for (group, [from_s, to_s]) in self.groups.iter().zip(windows) {
+            let (first, size) = lines_between(shutter, self.size, [*from_s, *to_s]);
             let push = Push {
                 size: self.size,
                 texels: self.texels,
@@ -84,10 +86,35 @@ impl Blend {
                 readout_time_s: shutter.readout_time_s as f32,
                 from_s: after(*from_s),
                 to_s: after(*to_s),
+                first,
             };
-            recorder.dispatch(&self.kernel, group, &push, self.size);
+            recorder.dispatch(&self.kernel, group, &push, size);
         }
     }
+}
+
+/// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each side.
+pub(super) fn lines_between(
+    shutter: &ShutterTiming,
+    size: [u32; 2],
+    [from_s, to_s]: [f64; 2],
+) -> ([u32; 2], [u32; 2]) {
+    let axis = usize::from(shutter.scan_order.lines_are_rows());
+    let count = size[axis];
+    let middle_s = shutter.start_s + 0.5 * shutter.exposure_time_s;
+    let line = |t: f64| (t - middle_s) / shutter.readout_time_s * f64::from(count);
+    let (mut low, mut high) = (0, count);
+    // Without a readout all lines are read at once.
+    if shutter.readout_time_s > 0.0 {
+        low = (line(from_s) - 1.0).clamp(0.0, f64::from(count - 1)) as u32;
+        high = (line(to_s) + 2.0).clamp(f64::from(low) + 1.0, f64::from(count)) as u32;
+    }
+    if matches!(shutter.scan_order, ScanOrder::BottomToTop | ScanOrder::RightToLeft) {
+        (low, high) = (count - high, count - low);
+    }
+    let (mut first, mut extent) = ([0; 2], size);
+    (first[axis], extent[axis]) = (low, high - low);
+    (first, extent)
 }
 
 /// From when to when the lines are made of the three pictures from each on; `times_s`: of all pictures, rising; `never_s`:

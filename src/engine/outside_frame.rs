@@ -32,7 +32,9 @@ pub struct OutsidePixels<'a> {
     pub format: PixelFormat,
     /// From one row to the next, bytes.
     pub stride_bytes: usize,
-    /// The bytes: the first row starts at the first.
+    /// Whether the last row comes first in memory.
+    pub bottom_up: bool,
+    /// The bytes: the first row in memory starts at the first.
     pub source: PixelSource<'a>,
 }
 
@@ -171,13 +173,20 @@ pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     all
 }
 
-/// First byte and stride of a picture where the kernel reads it.
-pub(super) fn place(pixels: &OutsidePixels<'_>, width: u32) -> (u32, u32) {
-    match pixels.source {
+/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in words of 32
+/// bits that wrap, so a stride may be below 0.
+pub(super) fn place(pixels: &OutsidePixels<'_>, size: [u32; 2]) -> (u32, u32) {
+    let (first_byte, stride_bytes) = match pixels.source {
         PixelSource::Host(_) | PixelSource::Image(_) => {
-            (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32)
+            (0, (size[0] as usize * pixels.format.bytes()).next_multiple_of(4) as u32)
         }
         PixelSource::Shared(_, first_byte) => (first_byte as u32, pixels.stride_bytes as u32),
+    };
+    match pixels.bottom_up {
+        true => {
+            (first_byte.wrapping_add(stride_bytes.wrapping_mul(size[1] - 1)), stride_bytes.wrapping_neg())
+        }
+        false => (first_byte, stride_bytes),
     }
 }
 

@@ -1,10 +1,11 @@
 //! How a frame from outside moves, on the device: motion images unpacked or made from depth; depth and bodies as the warp reads
 //! them.
 
-use super::outside_frame::{OutsideMotion, OutsidePixels, PixelSource};
-use super::outside_kernels::{Groups, Kernels};
+use super::outside_frame::{OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+use super::outside_kernels::{Groups, Kernels, Role};
 use crate::camera::NEAR_M;
 use crate::gpu::{Recorder, Shared};
+use crate::plane::PixelFormat;
 use crate::reference::motion_from_depth::Push as FromDepthPush;
 use crate::reference::unpack::{BodyPush, ColorPush, DepthPush, Encoding, InverseDepthPush, MotionPush};
 
@@ -20,11 +21,11 @@ pub(super) struct MotionPass<'a> {
 }
 
 /// The colour of a picture.
-pub(super) struct ColorPass {
-    pub(super) place: usize,
-    pub(super) format: u32,
-    pub(super) encoding: Encoding,
-    pub(super) half: bool,
+struct ColorPass {
+    place: usize,
+    format: PixelFormat,
+    encoding: Encoding,
+    half: bool,
 }
 
 impl MotionPass<'_> {
@@ -59,22 +60,39 @@ impl MotionPass<'_> {
         }
     }
 
+    /// Colours, and depth and bodies of frames with a path, as the gather or the warp reads them.
+    pub(super) fn record_pictures(
+        &self,
+        recorder: &mut Recorder<'_>,
+        frame: &OutsideFrame<'_>,
+        pictures: &[OutsidePixels<'_>],
+    ) {
+        let blurs = frame.request.shutter.exposure_time_s > 0.0;
+        for (place, pixels) in pictures.iter().enumerate() {
+            match Role::of(place, &frame.motion, blurs) {
+                (role @ (Role::Color | Role::HalfColor), _) => {
+                    let (format, encoding) = (pixels.format, frame.encoding);
+                    let color = ColorPass { place, format, encoding, half: role == Role::HalfColor };
+                    self.record_color(recorder, color);
+                }
+                (Role::InverseDepth, picture) => self.record_inverse_depth(recorder, &frame.motion, picture),
+                _ => {}
+            }
+        }
+    }
+
     /// A colour as the gather or the warp reads it.
-    pub(super) fn record_color(&self, recorder: &mut Recorder<'_>, color: ColorPass) {
+    fn record_color(&self, recorder: &mut Recorder<'_>, color: ColorPass) {
         let (first_byte, stride_bytes) = self.placed[color.place];
         let codes_from = if color.encoding == Encoding::Linear { 256 } else { 0 };
-        let push = ColorPush { size: self.size, first_byte, stride_bytes, format: color.format, codes_from };
-        let kernel = if color.half { &self.kernels.path().half } else { &self.kernels.color };
+        let push =
+            ColorPush { size: self.size, first_byte, stride_bytes, format: color.format as u32, codes_from };
+        let kernel = self.kernels.color(color.format, color.half);
         recorder.dispatch(kernel, self.groups.source(self.index, color.place), &push, self.size);
     }
 
-    /// The depth of a picture as the warp reads it; `count`: of bodies.
-    pub(super) fn record_inverse_depth(
-        &self,
-        recorder: &mut Recorder<'_>,
-        motion: &OutsideMotion<'_>,
-        (picture, count): (usize, u32),
-    ) {
+    /// The depth of a picture as the warp reads it.
+    fn record_inverse_depth(&self, recorder: &mut Recorder<'_>, motion: &OutsideMotion<'_>, picture: usize) {
         let OutsideMotion::Path { decode, bodies, .. } = motion else { unreachable!("gathered, not warped") };
         let place = picture * (2 + usize::from(bodies.is_some())) + 1;
         let (first_byte, stride_bytes) = self.placed[place];
@@ -86,7 +104,8 @@ impl MotionPass<'_> {
         let push = InverseDepthPush { size: self.size, first_byte, stride_bytes, numerator, constant, slope };
         let kernel = &self.kernels.path().inverse_depth;
         recorder.dispatch(kernel, self.groups.source(self.index, place), &push, self.size);
-        if let Some(bodies) = bodies.as_ref().filter(|_| count > 0) {
+        if let Some(bodies) = bodies {
+            let count = bodies.paths.len() as u32;
             let ((first_byte, stride_bytes), id_bytes) =
                 (self.placed[place + 1], bodies.ids.format.bytes() as u32);
             let push = BodyPush { size: self.size, first_byte, stride_bytes, id_bytes, count };

@@ -39,6 +39,8 @@ pub struct Push {
     pub from_s: f32,
     /// When the one after it was.
     pub to_s: f32,
+    /// The first pixel that the kernel of `fast_gather` looks at.
+    pub first: [u32; 2],
 }
 
 /// Farthest that a source may lie from its destination to make a claim, px a side.

@@ -35,6 +35,7 @@ pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;
 pub mod outside_blend;
+pub mod outside_gather;
 pub mod paper_fast;
 pub mod paper_gather;
 pub mod path;

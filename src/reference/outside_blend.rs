@@ -3,7 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-use super::cubic::read_cubic;
 use super::fused::fused;
 use super::timing::readout_fraction;
 use crate::plane::Plane;
@@ -28,6 +27,8 @@ pub struct Push {
     pub from_s: f32,
     /// And before this.
     pub to_s: f32,
+    /// The first pixel that the kernel looks at: none before it is of these lines.
+    pub first: [u32; 2],
 }
 
 /// Writes the lines that these pictures make. `warped`: what each shows of a pixel, a colour and what it counts, or, where the
@@ -58,7 +59,6 @@ pub fn outside_blend(
                 let weights: f32 = shown.clone().map(|(s, _)| s[3]).sum();
                 shown.map(|(s, _)| s[3] * Vec3::from_slice(s)).sum::<Vec3>() / weights.max(1e-12)
             }
-            [(color, place_px)] => read_cubic(color, *place_px, &mut false),
             several => fused(several),
         };
         radiance.pixel_mut(x, y).copy_from_slice(&seen.extend(1.0).to_array());
