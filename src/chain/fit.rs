@@ -31,6 +31,8 @@ pub struct Fit {
     pub rest: Option<f64>,
     /// Freed at the end only, if that helps.
     pub last: bool,
+    /// The ends of its range are values like others (a veil may be black or white), no sign that the truth lies beyond.
+    pub ends: bool,
     /// Frames whose lines are all exposed at once tell it up to multiples of their own rate only.
     pub by_lines: bool,
     /// Where fits begin, one after another together with those of the effect's other parameters; of parameters in s in units
@@ -49,6 +51,7 @@ impl Fit {
             range: None,
             rest: None,
             last: false,
+            ends: false,
             by_lines: false,
             starts: &[],
             trial: None,
@@ -73,6 +76,11 @@ impl Fit {
     /// The same, with that value while the effect is off.
     pub const fn rest(self, rest: f64) -> Self {
         Self { rest: Some(rest), ..self }
+    }
+
+    /// The same, of which the ends of the range are values like others.
+    pub const fn ends(self) -> Self {
+        Self { ends: true, ..self }
     }
 
     /// The same, freed at the end only.

@@ -126,6 +126,23 @@ pub trait Effect: Sync {
     fn moments(&self) -> Moments {
         Moments::Twin
     }
+    /// Footage in which it shows best, so that what resembles it elsewhere does not.
+    fn shown_by(&self) -> &'static str {
+        match (self.stage(), self.moments()) {
+            (Stage::SetUp | Stage::Geometry, _) => {
+                "straight edges in the middle of the picture and out to its corners, camera at rest"
+            }
+            (Stage::Time, _) => "upright edges in a fast pan, and level ones in a fast tilt",
+            (_, Moments::Noise(_)) => {
+                "twenty frames of evenly lit cards from nearly black to nearly white, camera at rest"
+            }
+            (_, Moments::Pixels(_)) => "fine coloured detail and a slanted edge, camera at rest",
+            (_, Moments::File(_)) => "smooth gradients beside fine texture",
+            (_, Moments::Light(_)) => "an evenly lit wall that fills the picture",
+            (_, Moments::Colors(_)) => "a chart of saturated colours and greys",
+            _ => "a grey scale from black to white",
+        }
+    }
     /// Why a diagnosis does not look for it; nothing where it does.
     fn undiagnosed(&self) -> Option<&'static str> {
         None

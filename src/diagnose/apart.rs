@@ -6,23 +6,26 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::discrepancy::FILTER_PX2;
-use super::fit::{Level, hide, pooled, residual, weighing_of};
+use super::fit::{hide, pooled, residual};
 use super::forward::Quality;
-use super::intervals::{Way, way};
+use super::intervals::{Shown, Way, way};
 use super::judge::{Scores, family_gain, gain, quantile, quantile_of_length};
 use super::model::{P, Theta, candidate_of};
 use super::noise::NoiseData;
-use super::normal::{FrameValues, assemble, gradient_dn, value_keys};
+use super::normal::{FrameValues, assemble};
 use super::score::FAMILIES;
 use super::search::{Search, is_discrete};
 use super::support::mixes_pixels;
 use super::tone::Tone;
+use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
 
-/// Where pictures are compared.
-const LEVEL: Level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
+/// Px a block over which pictures are averaged where they are compared.
+const BLOCK: usize = 2;
 
 impl Search<'_> {
     /// How many candidates are looked at.
@@ -90,30 +93,39 @@ impl Search<'_> {
         }
         let frames = &self.evidence.choose;
         let target = self.target();
-        let pictures = [from, to].map(|t| self.forward.simulate(frames, t, self.judge.quality));
+        let pictures = [from, to].map(|t| self.forward.pictures(frames, t, self.judge.quality));
         let [from_dn, to_dn] = pictures;
         let (from_dn, to_dn) = (from_dn?, to_dn?);
         // What few samples a pixel miss of its area looks like a filter too.
         let filter_px2 = if self.judge.quality <= Quality::Fit { 2.0 * FILTER_PX2 } else { FILTER_PX2 };
         let wider = from.with(P::Defocus, (from.get(P::Defocus).powi(2) + filter_px2).sqrt());
-        let wider = self.forward.simulate(frames, &wider, self.judge.quality)?;
+        let wider = self.forward.pictures(frames, &wider, self.judge.quality)?;
+        let flipped = self.forward.flipped(frames, from, self.judge.quality)?;
         let one = |(i, &at): (usize, &usize)| -> FrameValues {
             let (a, b) = (&from_dn[i], &to_dn[i]);
             let pooled = |mut d: Vec<f32>| {
                 hide(target, at, &mut d);
-                pooled(&d, a.width, a.height, LEVEL.block)
+                pooled(&d, a.width, a.height, BLOCK)
             };
             let less = |b: &Plane<f32>| b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
-            let columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
-            (residual(target, at, a, LEVEL.block), columns, value_keys(a, LEVEL.block))
+            let mut columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
+            columns.extend(flipped[i].iter().map(|draw| pooled(draw.data.clone())));
+            (residual(target, at, a, BLOCK), columns)
         };
-        let values: Vec<FrameValues> = frames.iter().enumerate().map(one).collect();
+        let values: Vec<FrameValues> = frames.par_iter().enumerate().map(one).collect();
         let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
-        let weighing = Arc::new(weighing_of(self.forward, frames, from, &LEVEL, 1.0)?.chosen(&residuals));
-        let mut e = assemble(values, 2, weighing);
-        e.gradient_dn = gradient_dn(&from_dn[0]);
-        let columns_px = self.forward.intrinsics.width as usize / LEVEL.block;
+        // What other correct simulations compress otherwise tells little.
+        let drawn = |(_, columns): &FrameValues| -> Vec<f32> {
+            let draws = &columns[2..];
+            let square = |i: usize| draws.iter().map(|d| d[i] * d[i]).sum::<f32>() / draws.len() as f32;
+            if draws.is_empty() { Vec::new() } else { (0..columns[0].len()).map(square).collect() }
+        };
+        let drawn = values.iter().map(drawn).collect();
+        let weighing =
+            Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).widened(drawn).chosen(&residuals);
+        let e = assemble(values, 2 + flipped[0].len(), Arc::new(weighing));
+        let columns_px = self.forward.intrinsics.width as usize / BLOCK;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
-        Ok(way(e, columns_px, LEVEL.block, moves))
+        Ok(way(e, &Shown::of(&from_dn, BLOCK), columns_px, BLOCK, moves))
     }
 }

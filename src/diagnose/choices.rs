@@ -6,6 +6,7 @@ use super::fit::{Fit, Level, Schedule};
 use super::forward::Quality;
 use super::model::{CandidateSpec, P, Theta, candidate_of};
 use super::search::Search;
+use super::tone::Tone;
 use crate::error::Result;
 
 /// Most turns between values and the quality of compression.
@@ -87,6 +88,12 @@ impl Search<'_> {
                 at = attempt(self, value as f64)?;
             }
         }
-        Ok(Fit { theta: theta.with(p, at), half: BTreeMap::from([(p, 1.0)]) })
+        // Where there is no noise whose spread it could change, an effect that puts the means further off is none.
+        let found = theta.with(p, at);
+        let silent = !Tone::new(theta).is_noisy();
+        if silent && self.cost(&without, &PIXELS, &weighing)? <= self.cost(&found, &PIXELS, &weighing)? {
+            return Ok(Fit { theta: without, half: BTreeMap::new() });
+        }
+        Ok(Fit { theta: found, half: BTreeMap::from([(p, 1.0)]) })
     }
 }

@@ -120,8 +120,8 @@ fn beyond_bounds(scores: &Scores) -> Vec<&'static str> {
 fn ends_at_a_bound(found: &Found) -> bool {
     found.free().into_iter().any(|p| {
         let value = found.fit.theta.get(p);
-        // Light of a veil may well be black or white, and an effect may be none.
-        p != P::Level && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
+        // An effect may be none.
+        !p.spec().fit.ends && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
     })
 }
 

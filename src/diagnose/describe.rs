@@ -175,6 +175,7 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
         let without = search.leave_out(set, i, &found.fit.theta)?.1;
         let alone = found.alone.iter().find(|a| a.name == *name);
         let gain = gain(&without, &with);
+        let alternatives: &[&str] = found.alternatives.get(name).map_or(&[], Vec::as_slice);
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
@@ -183,17 +184,21 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
             gap_with: found.after.mean(),
             gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(found, a)),
             gain_ci95: gain.interval(),
-            alternatives: found
-                .alternatives
-                .get(name)
-                .into_iter()
-                .flatten()
-                .map(|n| (*n).to_owned())
-                .collect(),
+            alternatives: alternatives.iter().map(|n| (*n).to_owned()).collect(),
+            footage: footage(name, alternatives),
         });
     }
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
     Ok(out)
+}
+
+/// What to film to tell an effect from its alternatives: where each of them shows best.
+fn footage(name: &str, alternatives: &[&str]) -> String {
+    let shown_by = |name: &str| crate::effects::by_id(name).map_or("", |e| e.shown_by());
+    let mut films: Vec<&str> =
+        std::iter::once(name).chain(alternatives.iter().copied()).map(shown_by).collect();
+    films.dedup();
+    if alternatives.is_empty() { String::new() } else { films.join("; or ") }
 }
 
 /// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the set

@@ -6,6 +6,7 @@
 
 use std::sync::LazyLock;
 
+use crate::chain::rng::{random_normal, seed_words};
 use crate::plane::Plane;
 use crate::plane::stats::erf;
 
@@ -113,6 +114,44 @@ pub(super) fn rounded(mean: f32, free: f32) -> Rounded {
         row(j) * (1.0 - fy) + row(j + 1) * fy
     });
     Rounded { mean: mean + moved, free, common }
+}
+
+/// Draws of another correct simulation, see [`off_by`].
+pub(super) const DRAWS: usize = 4;
+/// Whole DN that count as one colour.
+pub(super) const ALIKE_DN: usize = 4;
+
+static OFF: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
+    let colours = 256 / ALIKE_DN + 1;
+    let at = |i: usize| {
+        let (draw, colour) = ((i / colours) as u32, (i % colours) as u32);
+        let [r, g, b, _] = random_normal([colour, 0], draw, STREAM_COLOURS, seed_words(0));
+        let [common, ..] = random_normal([0, 1], draw, STREAM_COLOURS, seed_words(0));
+        [r, g, b].map(|v| COLOUR_DN as f32 * v + COMMON_DN as f32 * common)
+    };
+    (0..DRAWS * colours).map(at).collect()
+});
+
+/// Stream of what colours may be off by ("CO"), and values at edges ("ED").
+const STREAM_COLOURS: u32 = 0x434F;
+/// See [`STREAM_COLOURS`].
+const STREAM_EDGES: u32 = 0x4544;
+
+/// The picture of another correct simulation, DN: a draw of what colours and edges may be off by. Colours are off by the same in
+/// all frames, edges are not.
+pub(super) fn off_by(mean: &Plane<f32>, draw: usize, frame: usize) -> Plane<f32> {
+    let off = &OFF[draw * (256 / ALIKE_DN + 1)..];
+    let mut out = mean.clone();
+    for (i, (p, edge)) in out.data.chunks_exact_mut(3).zip(edges(mean).chunks_exact(3)).enumerate() {
+        let at_edge = random_normal([i as u32, draw as u32], frame as u32, STREAM_EDGES, seed_words(0));
+        for c in 0..3 {
+            let at = p[c].clamp(0.0, 255.0) / ALIKE_DN as f32;
+            let (k, f) = (at as usize, at.fract());
+            let colour = off[k][c] * (1.0 - f) + off[(k + 1).min(256 / ALIKE_DN)][c] * f;
+            p[c] += colour + edge[c].sqrt() * at_edge[c];
+        }
+    }
+    out
 }
 
 /// Variance that edges may have of a simulated picture's values, DN^2.

@@ -7,18 +7,19 @@
 use super::fit::{Fit, Level, spread_out};
 use super::forward::Quality;
 use super::judge::{Scores, gain};
+use super::linear::solve;
 use super::model::{P, candidate_of};
-use super::normal::{linearise, screened};
+use super::normal::linearise;
 use super::search::{Found, Search, is_discrete, moves};
 use super::support::restored;
 use crate::error::Result;
 
-/// Where slopes are compared.
-const LOOK: Level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 3 };
-/// Share of what a member gains that a candidate must promise in its place to be fitted there: slopes at none foresee gains to
-/// within a factor of two (bent effects: an exposure, a defocus).
+/// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what few
+/// samples a pixel miss.
+const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, frames: 3 };
+/// Share of what a member does to the frames, in squares, that a candidate must be able to do to be fitted in its place: with
+/// less it does more that is wrong than right.
 const RESEMBLES: f64 = 0.5;
-
 /// Most candidates that are fitted in the place of a member.
 const MOST: usize = 2;
 
@@ -53,9 +54,13 @@ impl Search<'_> {
     fn exchanged(&mut self, found: &mut Found, now: &Scores) -> Result<Option<Other>> {
         found.alternatives.clear();
         let members: Vec<_> = found.set.iter().copied().filter(|n| self.may_change(n)).collect();
+        if members.is_empty() {
+            return Ok(None);
+        }
+        let doings = self.doings(found)?;
         for groups in [alike_pairs(&members), members.iter().map(|&m| vec![m]).collect()] {
             for out in groups {
-                let Some(other) = self.in_place_of(&out, found, now)? else { continue };
+                let Some(other) = self.in_place_of(&out, &doings, found, now)? else { continue };
                 return Ok(Some(other));
             }
         }
@@ -73,6 +78,7 @@ impl Search<'_> {
     fn in_place_of(
         &mut self,
         out: &[&'static str],
+        doings: &Doings,
         found: &mut Found,
         now: &Scores,
     ) -> Result<Option<Other>> {
@@ -84,7 +90,7 @@ impl Search<'_> {
         let beside =
             |n: &&'static str| !found.set.contains(n) && self.may_change(n) && moves(candidate_of(n)) == kind;
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
-        let alike = self.alike(out, &rest, &others, &start)?;
+        let alike = doings.alike(out, &rest, &others);
         let size = |names: &[&str]| names.iter().map(|n| candidate_of(n).parameters.len()).sum::<usize>();
         for name in alike {
             if self.late() {
@@ -113,29 +119,59 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Candidates that promise, beside `rest`, about what the members `out` do; the most like first.
-    fn alike(
-        &mut self,
-        out: &[&'static str],
-        rest: &[&'static str],
-        others: &[&'static str],
-        start: &super::model::Theta,
-    ) -> Result<Vec<&'static str>> {
-        let held = Self::free(rest);
-        let own = Self::free(out);
-        let mut groups: Vec<Vec<P>> = vec![own];
-        groups.extend(others.iter().map(|n| candidate_of(n).parameters.to_vec()));
-        let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
+    /// What single parameters do to the frames beside the set as it is.
+    fn doings(&mut self, found: &Found) -> Result<Doings> {
+        let others = self.names.iter().copied().filter(|n| self.may_change(n));
+        let more = others.flat_map(|n| candidate_of(n).parameters.iter().copied());
+        let mut all: Vec<P> = Self::free(&found.set).into_iter().chain(more).collect();
         all.sort();
         all.dedup();
         let frames = spread_out(&self.evidence.fit, LOOK.frames);
-        let (target, probe) = (self.target(), super::search::probe(start));
+        let (target, probe) = (self.target(), super::search::probe(&found.fit.theta));
         let e = linearise(self.forward, target, &frames, &probe, &all, &LOOK, None)?;
-        let gains = screened(&e, &all, &held, &groups);
-        let mut alike: Vec<_> = others.iter().copied().zip(gains[1..].iter().copied()).collect();
-        alike.retain(|a| a.1 > RESEMBLES * gains[0]);
+        let steps = all.iter().map(|&p| (found.fit.theta.get(p) - self.base.get(p)) / p.spec().step);
+        Ok(Doings { a: e.a, steps: steps.collect(), all })
+    }
+}
+
+/// What parameters do to the frames, to first order at the solution: products of their derivatives in units of their steps.
+struct Doings {
+    all: Vec<P>,
+    a: Vec<Vec<f64>>,
+    /// How far each is from the camera as given.
+    steps: Vec<f64>,
+}
+
+impl Doings {
+    fn places<'a>(&'a self, of: &'a [P]) -> impl Iterator<Item = usize> + 'a {
+        (0..self.all.len()).filter(|&i| of.contains(&self.all[i]) && self.a[i][i] > 0.0)
+    }
+
+    /// How much of what `out` do is left that the parameters `by` cannot do: squares, weighted.
+    fn left(&self, out: &[P], by: &[P]) -> f64 {
+        let moved: Vec<usize> = self.places(out).collect();
+        let with = |i: usize| moved.iter().map(|&j| self.a[i][j] * self.steps[j]).sum::<f64>();
+        let whole: f64 = moved.iter().map(|&i| self.steps[i] * with(i)).sum();
+        let at: Vec<usize> = self.places(by).collect();
+        let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| self.a[i][j]).collect()).collect();
+        let b: Vec<f64> = at.iter().map(|&i| with(i)).collect();
+        let done = solve(&a, &b, 1e-6).map_or(0.0, |x| x.iter().zip(&b).map(|(x, b)| x * b).sum::<f64>());
+        (whole - done).max(0.0)
+    }
+
+    /// Of the candidates `others` those that do, beside `rest`, most of what the members `out` do; the most like first.
+    fn alike(&self, out: &[&str], rest: &[&'static str], others: &[&'static str]) -> Vec<&'static str> {
+        let own: Vec<P> = out.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
+        let held = Search::free(rest);
+        let without = self.left(&own, &held);
+        let like = |name: &&'static str| {
+            let by: Vec<P> = held.iter().chain(candidate_of(name).parameters).copied().collect();
+            (*name, 1.0 - self.left(&own, &by) / without.max(1e-12))
+        };
+        let mut alike: Vec<_> = others.iter().map(like).filter(|a| a.1 > RESEMBLES).collect();
         alike.sort_by(|a, b| b.1.total_cmp(&a.1));
-        Ok(alike.into_iter().take(MOST).map(|a| a.0).collect())
+        tracing::info!("like {out:?} beside {rest:?}: {alike:?}");
+        alike.into_iter().take(MOST).map(|a| a.0).collect()
     }
 }
 

@@ -50,11 +50,11 @@ const fn level(block: usize, iterations: usize, quality: Quality, frames: usize)
 }
 
 /// From far away, but not to the end.
-pub(super) const COARSE: Schedule = &[level(8, 4, Quality::Coarse, 4), level(4, 3, Quality::Coarse, 4)];
+pub(super) const COARSE: Schedule = &[level(8, 4, Quality::Coarse, 3), level(4, 3, Quality::Coarse, 4)];
 /// Where no geometry is fitted: renders are kept, and values tell more at full size.
-pub(super) const VALUES: Schedule = &[level(4, 5, Quality::Fit, 6), level(2, 4, Quality::Fit, 6)];
+pub(super) const VALUES: Schedule = &[level(4, 5, Quality::Fit, 3), level(2, 4, Quality::Fit, 4)];
 /// The same for what is smaller than a block.
-pub(super) const DETAILS: Schedule = &[level(2, 4, Quality::Fit, 6), level(1, 4, Quality::Fit, 4)];
+pub(super) const DETAILS: Schedule = &[level(2, 4, Quality::Fit, 3), level(1, 4, Quality::Fit, 4)];
 /// From nearby.
 pub(super) const FINE: Schedule = &[level(2, 3, Quality::Fit, 6)];
 /// To the end.
@@ -248,7 +248,7 @@ pub(super) fn cost_of(
     level: &Level,
     weighing: &Weighing,
 ) -> Result<f64> {
-    let simulated = forward.simulate(frames, theta, level.quality)?;
+    let simulated = forward.pictures(frames, theta, level.quality)?;
     let costs: Vec<(f64, f64)> = (0..frames.len())
         .into_par_iter()
         .map(|f| {
@@ -269,7 +269,7 @@ pub(super) fn weighing_of(
     delta: f64,
 ) -> Result<Weighing> {
     let tone = Tone::new(theta);
-    let means = if tone.is_noisy() { forward.simulate(frames, theta, level.quality)? } else { Vec::new() };
+    let means = if tone.is_noisy() { forward.pictures(frames, theta, level.quality)? } else { Vec::new() };
     Ok(Weighing::new(&means, &tone, level.block, delta))
 }
 

@@ -10,21 +10,18 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::developed::Developed;
 use super::evidence::Evidence;
-use super::flips::Flips;
 use super::journal::Journal;
 use super::model::{P, Theta};
-use super::settings::{lens, settings_of};
-use super::tone::Tone;
+use super::settings::lens;
 use super::wide::Wide;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
 use crate::capture::Capture;
-use crate::chain::View;
 use crate::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use crate::error::Result;
 use crate::gpu::Context;
 use crate::plane::Plane;
-use crate::reference::moments::expected;
 use crate::scene::Scene;
 
 /// Most bytes of renders that are kept.
@@ -63,9 +60,9 @@ pub(super) struct Sharp {
 pub(super) struct Forward {
     pub(super) bench: Bench,
     /// The other bench: while something is tried, the one that waits; else the one for what is tried.
-    aside: Bench,
+    pub(super) aside: Bench,
     /// Whether something is tried.
-    trying: bool,
+    pub(super) trying: bool,
     pub(super) context: Arc<Context>,
     /// Whether the engine draws through a lens, as in what is reported; else fits' quicker way is taken.
     pub(super) native: bool,
@@ -100,6 +97,7 @@ pub(super) struct Bench {
     engines: [Option<Engine>; 3],
     pub(super) wide: Wide,
     cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
+    pub(super) developed: Developed,
     clock: u64,
 }
 
@@ -353,6 +351,7 @@ impl Forward {
         self.trying = trying;
         if trying {
             self.bench.cache.clear();
+            self.bench.developed.clear();
             self.bench.engines.iter_mut().flatten().try_for_each(Engine::forget)?;
             self.bench.wide.begin(self.aside.wide.margin_px)?;
         }
@@ -425,6 +424,7 @@ impl Forward {
     /// Forgets what was read from a picture with less margin.
     pub(super) fn forget_wide(&mut self) {
         self.bench.cache.retain(|key, _| key.4.last() != Some(&READ));
+        self.bench.developed.clear();
     }
 
     fn rendered(
@@ -482,46 +482,6 @@ impl Forward {
             self.bench.cache.remove(&key);
             total -= size;
         }
-    }
-
-    /// Values as delivered, DN, without noise; by place.
-    pub(super) fn simulate(
-        &mut self,
-        frames: &[usize],
-        theta: &Theta,
-        quality: Quality,
-    ) -> Result<Vec<Plane<f32>>> {
-        let radiance = self.radiance(frames, theta, quality)?;
-        let tone = Tone::new(theta);
-        Ok(frames.par_iter().zip(&radiance).map(|(&at, r)| self.develop(at, r, theta, &tone)).collect())
-    }
-
-    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no compression, or
-    /// where pixels share their chroma before it.
-    pub(super) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
-        let tone = Tone::new(theta);
-        if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
-            return Ok(Vec::new());
-        }
-        let before = self.simulate(frames, &theta.with(P::Quality, 0.0), quality)?;
-        let of = |dn: &Plane<f32>| {
-            let spread = dn.data.iter().enumerate().map(|(i, v)| tone.spread(*v, i % 3));
-            let variance: Vec<f32> = spread.map(|v| v.free + v.fixed).collect();
-            Flips::of(dn, &variance, theta.get(P::Quality) as u8)
-        };
-        Ok(before.iter().map(of).collect())
-    }
-
-    /// Develops the radiance of a frame.
-    pub(super) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
-        let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
-        let settings = settings_of(theta);
-        if self.light[at] == 1.0 {
-            return expected(radiance, &settings, &view, tone);
-        }
-        let light = self.light[at] as f32;
-        let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
-        expected(&lit, &settings, &view, tone)
     }
 }
 

@@ -4,15 +4,15 @@
 //! from blocks of the picture (see [`super::score`]): each block, over all frames, is one draw.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::discrepancy::COLOUR_DN;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::model::{P, Theta};
-use super::score::{FAMILIES, FrameScore, Scored, score_frame};
+use super::score::{FAMILIES, FrameScore, Scored, score_frame, seen_in};
 use super::tone::Tone;
 use crate::chain::rng::{random_bits, seed_words};
 use crate::error::Result;
@@ -188,10 +188,10 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
-        let mut means = forward.simulate(frames, theta, self.quality)?;
-        let unsettled = unsettled(forward, frames, theta, self.quality, &means)?;
+        let mut means = forward.pictures(frames, theta, self.quality)?;
+        let flipped = forward.flipped(frames, theta, self.quality)?;
         if theta.get(P::Hot) > 0.0 {
-            means.iter_mut().for_each(|m| self.hot.put(m));
+            means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
         }
         let tone = Tone::new(theta);
         let flips = forward.flips(frames, theta, self.quality)?;
@@ -204,18 +204,16 @@ impl<'a> Judge<'a> {
                 mean,
                 mask: self.masks.map(|m| &m[at]),
                 flips: flips.get(i),
-                unsettled: unsettled.get(i).map(Vec::as_slice),
+                flipped: &flipped[i],
             })
             .collect();
-        let scores = (0..frames.len())
-            .into_par_iter()
-            .map(|i| {
-                let follows = i > 0
-                    && self.evidence.frames[frames[i]].index == self.evidence.frames[frames[i - 1]].index + 1;
-                score_frame(&scored[i], follows.then(|| &scored[i - 1]), &tone)
-            })
-            .collect();
-        Ok(Scores(scores))
+        let seen: Vec<_> = scored.par_iter().map(|frame| seen_in(frame, &tone)).collect();
+        let index = |i: usize| self.evidence.frames[frames[i]].index;
+        let score = |i: usize| {
+            let follows = i > 0 && index(i) == index(i - 1) + 1;
+            score_frame(&seen[i], follows.then(|| &seen[i - 1]))
+        };
+        Ok(Scores((0..frames.len()).into_par_iter().map(score).collect()))
     }
 
     /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.
@@ -236,37 +234,6 @@ impl<'a> Judge<'a> {
         all.sort_by(f64::total_cmp);
         all
     }
-}
-
-/// Variance that compression makes of a colour's error, by frame and block of 8 px, of the whole block and within it: a
-/// coefficient near a threshold of the quantizer goes the other way. Nothing without compression.
-fn unsettled(
-    forward: &mut Forward,
-    frames: &[usize],
-    theta: &Theta,
-    quality: Quality,
-    means: &[Plane<f32>],
-) -> Result<Vec<Vec<[f32; 2]>>> {
-    if !theta.is_on(P::Quality) {
-        return Ok(Vec::new());
-    }
-    // At half of the range a gain of so much moves a value by the error of a colour.
-    let factor = 1.0 + COLOUR_DN / 64.0;
-    let brighter = forward.simulate(frames, &theta.with(P::Gain, theta.get(P::Gain) * factor), quality)?;
-    let of_frame = |a: &Plane<f32>, b: &Plane<f32>| -> Vec<[f32; 2]> {
-        let across = a.width.div_ceil(8);
-        let mut sums = vec![[0.0f32; 3]; across * a.height.div_ceil(8)];
-        for (i, (x, y)) in a.data.iter().zip(&b.data).enumerate() {
-            let sum = &mut sums[i / 3 / a.width / 8 * across + i / 3 % a.width / 8];
-            *sum = [sum[0] + x - y, sum[1] + (x - y).powi(2), sum[2] + 1.0];
-        }
-        let parts = |[sum, square, n]: [f32; 3]| {
-            let whole = (sum / n.max(1.0)).powi(2);
-            [whole, (square / n.max(1.0) - whole).max(0.0)]
-        };
-        sums.into_iter().map(parts).collect()
-    };
-    Ok(means.iter().zip(&brighter).map(|(a, b)| of_frame(a, b)).collect())
 }
 
 /// See [`super::Gap::closed_fraction`].

@@ -11,6 +11,7 @@ mod comb;
 mod cover;
 mod decide;
 mod describe;
+mod developed;
 mod discrepancy;
 mod ending;
 mod evidence;

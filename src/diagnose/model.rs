@@ -71,6 +71,12 @@ impl Theta {
         Self { values: PARAMETERS.iter().map(|p| p.neutral).collect(), scan_order: ScanOrder::TopToBottom }
     }
 
+    /// All that it holds, to look up by.
+    pub(super) fn bits(&self) -> Vec<u64> {
+        let order = ScanOrder::ALL.iter().position(|o| *o == self.scan_order).unwrap_or(0);
+        self.values.iter().map(|v| v.to_bits()).chain([order as u64]).collect()
+    }
+
     pub(super) fn get(&self, p: P) -> f64 {
         self.values[usize::from(p.0)]
     }

@@ -16,11 +16,6 @@ use super::weighing::Weighing;
 use crate::error::Result;
 use crate::plane::Plane;
 
-/// Parts of a DN that values are told apart by where rounding is concerned.
-const PARTS: f32 = 8.0;
-/// Number of keys of values: parts of DN by channel.
-pub(super) const VALUES: usize = 3 * 256 * 8;
-
 /// Normal equations in units of the parameters' steps.
 pub(super) struct Equations {
     pub a: Vec<Vec<f64>>,
@@ -29,8 +24,6 @@ pub(super) struct Equations {
     pub values: Vec<FrameValues>,
     /// Sum of the weights of all values, per DN^2.
     pub weight: f64,
-    /// Root mean square slope of the simulated pictures, DN a px.
-    pub gradient_dn: f64,
     /// How differences were weighed, and their mean cost.
     pub weighing: Arc<Weighing>,
     pub cost: f64,
@@ -46,8 +39,8 @@ struct Share {
     weight: f64,
 }
 
-/// Residual, derivatives, and the key of the simulated value (see [`value_keys`]) of one frame.
-pub(super) type FrameValues = (Vec<f32>, Vec<Vec<f32>>, Vec<u16>);
+/// Residual and derivatives of one frame.
+pub(super) type FrameValues = (Vec<f32>, Vec<Vec<f32>>);
 
 /// How the derivative by a parameter is had.
 enum Column {
@@ -58,7 +51,7 @@ enum Column {
     /// A shift in time.
     Time,
     /// Values alone change.
-    Value(Box<Tone>),
+    Value,
 }
 
 /// The normal equations at `theta`; differences are weighed as in `known`, or as they are at `theta`.
@@ -86,47 +79,51 @@ pub(super) fn linearise(
             P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
             P::Offset | P::Readout => Column::Time,
             p if p.is_remap() => Column::Remap(forward.flow_of_remap(theta, p, step)),
-            _ => Column::Value(Box::new(Tone::new(&changed))),
+            _ => Column::Value,
         };
         columns.push((p, step, changed, column));
     }
-    let shared = &*forward;
     let tone = Tone::new(theta);
+    let own = |c: &(P, f64, Theta, Column)| matches!(c.3, Column::Value).then(|| Tone::new(&c.2));
+    let tones: Vec<Option<Tone>> = columns.par_iter().map(own).collect();
     // A compressor's steps have no slope: derivatives are taken before it.
     let smooth = theta.with(P::Quality, 0.0);
-    let packed = theta.is_on(P::Quality);
+    let bases = forward.pictures(frames, &smooth, level.quality)?;
+    let delivered = forward.pictures(frames, theta, level.quality)?;
+    let shared = &*forward;
     let timed = columns.iter().any(|c| matches!(c.3, Column::Time));
     let by_frame: Vec<FrameValues> = frames
         .par_iter()
         .enumerate()
         .map(|(i, &at)| {
-            let base = shared.develop(at, &radiance[i], &smooth, &tone);
-            let delivered = packed.then(|| shared.develop(at, &radiance[i], theta, &tone));
-            let r = residual(target, at, delivered.as_ref().unwrap_or(&base), level.block);
-            let keys = value_keys(&base, level.block);
+            let base = &bases[i];
+            let r = residual(target, at, &delivered[i], level.block);
             let velocity = timed.then(|| shared.velocity(at, theta));
-            let derivative = |(p, step, changed, column): &(P, f64, Theta, Column)| {
-                let moved;
-                let other = match column {
-                    Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
-                    Column::Remap(flow) => {
-                        moved = displaced(&radiance[i], flow);
-                        shared.develop(at, &moved, &smooth, &tone)
-                    }
-                    Column::Time => {
-                        let velocity = velocity.as_ref().expect("made where it is needed");
-                        moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
-                        shared.develop(at, &moved, changed, &tone)
-                    }
-                    Column::Value(tone) => shared.develop(at, &radiance[i], changed, tone),
+            let derivative =
+                |((p, step, changed, column), own): (&(P, f64, Theta, Column), &Option<Tone>)| {
+                    let moved;
+                    let other = match column {
+                        Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
+                        Column::Remap(flow) => {
+                            moved = displaced(&radiance[i], flow);
+                            shared.develop(at, &moved, &smooth, &tone)
+                        }
+                        Column::Time => {
+                            let velocity = velocity.as_ref().expect("made where it is needed");
+                            moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
+                            shared.develop(at, &moved, changed, &tone)
+                        }
+                        Column::Value => {
+                            shared.develop(at, &radiance[i], changed, own.as_ref().unwrap_or(&tone))
+                        }
+                    };
+                    let unit = (p.spec().step / step) as f32;
+                    let mut d: Vec<f32> =
+                        other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                    hide(target, at, &mut d);
+                    pooled(&d, base.width, base.height, level.block)
                 };
-                let unit = (p.spec().step / step) as f32;
-                let mut d: Vec<f32> =
-                    other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
-                hide(target, at, &mut d);
-                pooled(&d, base.width, base.height, level.block)
-            };
-            (r, columns.par_iter().map(derivative).collect(), keys)
+            (r, columns.par_iter().zip(&tones).map(derivative).collect())
         })
         .collect();
     let weighing = match known {
@@ -136,22 +133,7 @@ pub(super) fn linearise(
             Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
         }
     };
-    let mut e = assemble(by_frame, free.len(), weighing);
-    e.gradient_dn = gradient_dn(&forward.simulate(&frames[..1], theta, level.quality)?[0]);
-    Ok(e)
-}
-
-/// Root mean square slope along rows, DN a px.
-pub(super) fn gradient_dn(mean: &Plane<f32>) -> f64 {
-    let steps = mean.data.windows(6).step_by(3).map(|p| f64::from(p[3] - p[0]).powi(2));
-    (steps.sum::<f64>() / (mean.data.len() / 3).max(1) as f64).sqrt()
-}
-
-/// Eighths of a DN and channel of each value of a picture averaged over blocks.
-pub(super) fn value_keys(mean: &Plane<f32>, block: usize) -> Vec<u16> {
-    let values = pooled(&mean.data, mean.width, mean.height, block);
-    let key = |v: f32| 3 * ((PARTS * v.clamp(0.0, 255.0)) as u16);
-    values.iter().enumerate().map(|(i, v)| key(*v) + (i % 3) as u16).collect()
+    Ok(assemble(by_frame, free.len(), weighing))
 }
 
 /// Step of a numeric derivative, away from the end of the range.
@@ -173,7 +155,6 @@ pub(super) fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighin
         a: vec![vec![0.0; n]; n],
         b: vec![0.0; n],
         weight: shares.iter().map(|s| s.weight).sum(),
-        gradient_dn: 0.0,
         weighing,
         cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
         count,
@@ -189,7 +170,7 @@ pub(super) fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighin
 }
 
 /// One frame's share, with the weights of its differences.
-fn share((r, columns, _): &FrameValues, frame: usize, weighing: &Weighing) -> Share {
+fn share((r, columns): &FrameValues, frame: usize, weighing: &Weighing) -> Share {
     let n = columns.len();
     let weights = weighing.weights(frame, r);
     let mut a = vec![vec![0.0; n]; n];

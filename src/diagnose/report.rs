@@ -124,6 +124,9 @@ pub struct EffectFound {
     /// Effects that do the same on these frames, within noise and what correct simulations differ by.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<String>,
+    /// What to film to tell it from its alternatives; empty where there is none.
+    #[serde(skip_serializing_if = "String::is_empty", default)]
+    pub footage: String,
 }
 
 /// A fitted parameter.

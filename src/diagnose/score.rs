@@ -7,8 +7,10 @@
 //! families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::sync::{Arc, LazyLock};
 
-use super::discrepancy::{REACH, edges, rounded};
+use super::discrepancy::{DRAWS, REACH, edges, rounded};
+use super::fit::pooled as averages;
 use super::flips::Flips;
 use super::tone::{Tone, Variances};
 use crate::chain::Left;
@@ -62,9 +64,8 @@ pub(super) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Variance that compression makes of the discrepancy, DN^2, by block of 8 px: of the whole block, and within it. Nothing
-    /// without compression.
-    pub unsettled: Option<&'a [[f32; 2]]>,
+    /// Draws of how far another correct simulation is from this one behind the compression, DN; nothing without compression.
+    pub flipped: &'a [Arc<Plane<f32>>],
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -73,11 +74,29 @@ pub(super) fn crps(error: f64, variance: f64) -> f64 {
         return error.abs();
     }
     let sigma = variance.sqrt();
-    let z = error / sigma;
-    // The density and the distribution share their exponential.
-    let bell = (-0.5 * z * z).exp();
-    sigma * (z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI)
+    let z = (error / sigma).abs();
+    let at = z * PER_DEVIATION;
+    let i = at as i32 as usize;
+    if i >= DEVIATIONS * PER_DEVIATION as usize {
+        return sigma * (z - FRAC_1_SQRT_PI);
+    }
+    let (table, f) = (&*STANDARD, at - i as f64);
+    sigma * (table[i] * (1.0 - f) + table[i + 1] * f)
 }
+
+/// Standard deviations up to which the score is tabled, and entries of the table in one: read linearly it is within 2e-6.
+const DEVIATIONS: usize = 8;
+/// See [`DEVIATIONS`].
+const PER_DEVIATION: f64 = 256.0;
+
+/// CRPS of an error under a normal distribution of variance 1.
+static STANDARD: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let of = |z: f64| {
+        let bell = (-0.5 * z * z).exp();
+        z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI
+    };
+    (0..=DEVIATIONS * PER_DEVIATION as usize).map(|i| of(i as f64 / PER_DEVIATION)).collect()
+});
 
 const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
 
@@ -156,9 +175,8 @@ struct Seen {
     left: Left,
     /// Variance of rounding beyond that, DN^2.
     rounding: f32,
-    /// What correct simulations may differ by, DN^2: in this value alone, in all of a compressed block, and in all of its colour.
+    /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
     single: f32,
-    block: f32,
     common: f32,
 }
 
@@ -172,11 +190,10 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     } else {
         (Variances::default(), Left::ALL)
     };
-    let w = frame.real.width;
-    let [block, within] =
-        frame.unsettled.map_or([0.0; 2], |u| u[i / 3 / w / 8 * w.div_ceil(8) + i / 3 % w / 8]);
-    let single = edges[i] + within;
-    let variance = left.pixel * (noise.free + noise.fixed) + single + block;
+    // Behind a compression draws say what else there is.
+    let single = if frame.flipped.is_empty() { edges[i] } else { 0.0 };
+    let drawn = frame.flipped.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
+    let variance = left.pixel * (noise.free + noise.fixed) + single + drawn;
     let whole = rounded(mean, variance + noise.row);
     Seen {
         error: frame.real.data[i] - whole.mean,
@@ -184,38 +201,52 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
         left,
         rounding: (whole.free - variance - noise.row).max(0.0),
         single,
-        block,
         common: whole.common,
     }
 }
 
+/// All values of a frame as a model sees them; nothing where they are not compared.
+pub(super) struct SeenIn {
+    size: [usize; 2],
+    /// How well the variance of noise is known, as a part of it.
+    unsure: f32,
+    values: Vec<Option<Seen>>,
+    /// See [`Scored::flipped`].
+    drawn: Vec<Arc<Plane<f32>>>,
+}
+
+/// What a model says of the values of a frame.
+pub(super) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
+    let size = [frame.real.width, frame.real.height];
+    let edges = edges(frame.mean);
+    let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
+    let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
+    SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.flipped.to_vec() }
+}
+
 /// Scores a frame; `before` is the frame before it, where that is held out too.
-pub(super) fn score_frame(frame: &Scored<'_>, before: Option<&Scored<'_>>, tone: &Tone) -> FrameScore {
-    let (w, h) = (frame.real.width, frame.real.height);
+pub(super) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore {
+    let ([w, h], unsure, values) = (frame.size, frame.unsure, &frame.values);
     let blocks = Blocks::of(w, h);
-    let all = |f: &Scored<'_>| -> Vec<Option<Seen>> {
-        let edges = edges(f.mean);
-        let open = |i: usize| f.mask.is_none_or(|m| m.data[i / 3] > 0.5);
-        (0..w * h * 3).map(|i| open(i).then(|| seen(f, tone, &edges, i))).collect()
-    };
-    let values = all(frame);
     let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
     for (i, v) in values.iter().enumerate() {
         let Some(v) = v else { continue };
         let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
-        let off = v.single + v.block + v.common;
-        let known = off + tone.uncertainty() * noise;
+        let off = v.single + v.common + mean_square(&frame.drawn, |draw| draw.data[i]);
+        let known = off + unsure * noise;
         sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
     }
-    bands([w, h], blocks, &mut sums[1..4], &values, tone.uncertainty().into());
-    lines([w, h], blocks, &mut sums[4..6], &values, tone.uncertainty().into());
+    bands(frame, blocks, &mut sums[1..4]);
+    lines(frame, blocks, &mut sums[4..6]);
     if let Some(before) = before {
-        for (i, (a, b)) in values.iter().zip(all(before)).enumerate() {
+        for (i, (a, b)) in values.iter().zip(&before.values).enumerate() {
             let (Some(a), Some(b)) = (a, b) else { continue };
             let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
-            let off = [a, &b].map(|v| v.single + v.block + v.common).iter().sum::<f32>();
-            let noise = noise(a) + noise(&b);
-            let known = off + tone.uncertainty() * noise;
+            let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
+            let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
+            let off = drawn + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
+            let noise = noise(a) + noise(b);
+            let known = off + unsure * noise;
             let block = blocks.at(i / 3 % w, i / 3 / w);
             sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
         }
@@ -241,23 +272,28 @@ fn together(sums: &[Sums; 7]) -> FrameScore {
     total
 }
 
+/// Mean over draws of the square of what a statistic sees of them, DN^2.
+fn mean_square(drawn: &[Arc<Plane<f32>>], of: impl Fn(&Plane<f32>) -> f32) -> f32 {
+    drawn.iter().map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32
+}
+
 /// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise and
-/// rounding, what correct simulations may differ by in single values, in colours and in compressed blocks.
-type Pooled = [f64; 9];
+/// rounding, what correct simulations may differ by in single values and in colours.
+type Pooled = [f64; 8];
 
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
-fn bands([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>], unsure: f64) {
+fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
+    let ([whole_w, whole_h], unsure) = (frame.size, f64::from(frame.unsure));
+    let (mut w, mut h) = (whole_w, whole_h);
     let one = |v: &Option<Seen>| match v {
         Some(v) => {
             let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
             let [a, b, c] = v.left.bands.map(free);
-            let off = [v.single, v.common, v.block].map(f64::from);
-            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, off[0], off[1], off[2]]
+            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, v.single.into(), v.common.into()]
         }
-        None => [0.0; 9],
+        None => [0.0; 8],
     };
-    let mut level: Vec<Pooled> = values.iter().map(one).collect();
-    let (mut w, mut h) = (w, h);
+    let mut level: Vec<Pooled> = frame.values.iter().map(one).collect();
     for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
         let fine = pooled(&level, w, h);
         (w, h) = (w / 2, h / 2);
@@ -266,9 +302,13 @@ fn bands([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option
         }
         let coarse = pooled(&fine, w, h);
         let full = (size * size) as f64;
+        let averaged = |side: usize| -> Vec<Vec<f32>> {
+            frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
+        };
+        let drawn = [averaged(size), averaged(2 * size)];
         for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
-            let f = fine[(y * w + x) * 3 + c];
-            let g = coarse[((y / 2) * (w / 2) + x / 2) * 3 + c];
+            let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
+            let (f, g) = (fine[at], coarse[around]);
             if f[2] < full || g[2] < 4.0 * full {
                 continue;
             }
@@ -277,9 +317,8 @@ fn bands([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option
             // which is common to both blocks of a row, one half, and as much of a colour's error.
             let free = 0.75 * f[3 + band] / (f[2] * f[2]);
             let row = 0.5 * f[1] / f[2] / size as f64;
-            // A compressed block is eight px wide: within it what all of it has cancels.
-            let whole = if size == 8 { 0.75 * f[8] / f[2] } else { 0.0 };
-            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + whole;
+            let differ = drawn[0].iter().zip(&drawn[1]).map(|(f, g)| f64::from(f[at] - g[around]).powi(2));
+            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + differ.sum::<f64>() / DRAWS as f64;
             let known = off + unsure * (free + row);
             sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
         }
@@ -288,41 +327,67 @@ fn bands([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option
 }
 
 fn pooled(from: &[Pooled], w: usize, h: usize) -> Vec<Pooled> {
-    let mut out = vec![[0.0; 9]; (w / 2) * (h / 2) * 3];
+    let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
                 let value = &from[(y * w + x) * 3 + c];
-                (0..9).for_each(|k| to[k] += value[k]);
+                (0..8).for_each(|k| to[k] += value[k]);
             }
         }
     }
     out
 }
 
+/// Sums over a row or a column: error, variance, row variance, number, what single values and colours may be off by; and what each
+/// draw is off by.
+#[derive(Clone, Copy, Default)]
+struct Line {
+    sums: [f64; 6],
+    drawn: [f64; DRAWS],
+}
+
+impl Line {
+    fn add(&mut self, v: &Seen, share: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
+        let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
+        let add = [v.error, free, v.noise.row, 1.0, v.single, v.common].map(f64::from);
+        (0..6).for_each(|k| self.sums[k] += add[k]);
+        self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
+    }
+
+    /// Variance of the mean that correct simulations may differ by.
+    fn off(&self) -> f64 {
+        let n = self.sums[3];
+        let drawn = self.drawn.iter().map(|d| (d / n).powi(2)).sum::<f64>() / DRAWS as f64;
+        self.sums[4] / (n * n) + self.sums[5] / n + drawn
+    }
+
+    /// Adds the mean, of which `row` is the share that noise of rows keeps.
+    fn count(&self, sums: &mut Sums, block: usize, row: f64, unsure: f64) {
+        let ([error, free, rows, n, ..], off) = (self.sums, self.off());
+        let noise = free / (n * n) + row * rows / n;
+        sums.add(block, error / n, noise + off, off + unsure * noise);
+    }
+}
+
 /// Means over rows and over columns.
-fn lines([w, h]: [usize; 2], blocks: Blocks, sums: &mut [Sums], values: &[Option<Seen>], unsure: f64) {
-    // Error, variance, row variance, number, what single values and colours may be off by.
-    let mut rows = vec![[0.0f64; 6]; h * 3];
-    let mut columns = vec![[0.0f64; 6]; w * 3];
-    for (i, v) in values.iter().enumerate() {
+fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
+    let ([w, h], unsure) = (frame.size, f64::from(frame.unsure));
+    let mut rows = vec![Line::default(); h * 3];
+    let mut columns = vec![Line::default(); w * 3];
+    for (i, v) in frame.values.iter().enumerate() {
         let Some(v) = v else { continue };
         let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
-        for (line, share) in [&mut rows[y * 3 + c], &mut columns[x * 3 + c]].into_iter().zip(v.left.lines) {
-            let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
-            let add = [v.error, free, v.noise.row, 1.0, v.single + 8.0 * v.block, v.common].map(f64::from);
-            (0..6).for_each(|k| line[k] += add[k]);
-        }
+        rows[y * 3 + c].add(v, v.left.lines[0], &frame.drawn, i);
+        columns[x * 3 + c].add(v, v.left.lines[1], &frame.drawn, i);
     }
-    let off = |r: &[f64; 6]| r[4] / (r[3] * r[3]) + r[5] / r[3];
-    for (i, r) in rows.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * w as f64) {
-        let noise = r[1] / (r[3] * r[3]) + r[2] / r[3];
-        sums[0].add(blocks.row(i / 3), r[0] / r[3], noise + off(r), off(r) + unsure * noise);
+    for (i, r) in rows.iter().enumerate().filter(|(_, r)| r.sums[3] >= 0.25 * w as f64) {
+        r.count(&mut sums[0], blocks.row(i / 3), 1.0, unsure);
     }
-    for (i, r) in columns.iter().enumerate().filter(|(_, r)| r[3] >= 0.25 * h as f64) {
-        let noise = (r[1] + r[2]) / (r[3] * r[3]);
-        sums[1].add(blocks.column(i / 3), r[0] / r[3], noise + off(r), off(r) + unsure * noise);
+    for (i, c) in columns.iter().enumerate().filter(|(_, c)| c.sums[3] >= 0.25 * h as f64) {
+        // Rows are drawn anew along a column.
+        c.count(&mut sums[1], blocks.column(i / 3), 1.0 / c.sums[3], unsure);
     }
 }
 
@@ -383,8 +448,9 @@ mod tests {
             let flat = Plane::from_fn(64, 64, |_, _| [mean; 3]);
             let gain = |sigma_dn: f64| {
                 let real = delivered(mean, sigma_dn);
-                let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
-                let [none, noisy] = [0.0, 1.0].map(|s| score_frame(&scored, None, &read_noise(s)).score);
+                let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[] };
+                let [none, noisy] =
+                    [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
                 1.0 - noisy / none
             };
             assert!(gain(1.0) > 0.1, "{mean}: {}", gain(1.0));
@@ -396,12 +462,12 @@ mod tests {
     fn frames_of_the_model_itself_score_what_it_expects() {
         for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
             let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
-            let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, unsettled: None };
-            let seen =
-                score_frame(&scored, None, &read_noise(sigma_dn)).families[0].expect("pixels are there");
+            let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[] };
+            let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
+                .expect("pixels are there");
             assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
-            let wrong =
-                score_frame(&scored, None, &read_noise(0.5 * sigma_dn)).families[0].expect("as above");
+            let wrong = score_frame(&seen_in(&scored, &read_noise(0.5 * sigma_dn)), None).families[0]
+                .expect("as above");
             assert!(wrong.score > 1.1 * wrong.expected, "control: {wrong:?}");
         }
     }
@@ -411,11 +477,12 @@ mod tests {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, unsettled: None };
+        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, flipped: &[] };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
-        let (white, row) = (score_frame(&scored, None, &white), score_frame(&scored, None, &row));
+        let (white, row) =
+            (score_frame(&seen_in(&scored, &white), None), score_frame(&seen_in(&scored, &row), None));
         assert!(row.score < 0.95 * white.score, "{row:?} {white:?}");
         // The family that it is about tells clearly; single pixels cannot tell at all.
         let family = |s: &FrameScore, i: usize| s.families[i].expect("there").score;

@@ -28,7 +28,7 @@ const MOST_EFFECTS: usize = 6;
 const SHORTLIST: usize = 4;
 /// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time.
 const BENT: [&str; 2] = ["time_offset", "rolling_shutter"];
-/// Candidates that promise less than this share of what the best one promises wait, if that one closes nearly all.
+/// Candidates that promise less than this share of what the best one promises wait, if that one gains.
 const LITTLE: f64 = 0.25;
 /// What share of a gap, counted from the floor, is nearly all of it.
 const NEARLY_ALL: f64 = 0.85;
@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
     /// What the differences that `theta` leaves tell of the noise.
     pub(super) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
         // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
-        let means = self.forward.simulate(frames, theta, self.judge.quality)?;
+        let means = self.forward.pictures(frames, theta, self.judge.quality)?;
         Ok(NoiseData::measure(self.evidence, frames, &means, theta, Some(self.masks)))
     }
 
@@ -208,7 +208,8 @@ impl<'a> Search<'a> {
             // A compression that can be read from the frames is there from the start, and noise is seen through it. How much
             // sharpening lifts it has changed with the rest of the set.
             let lifted = set.contains(&"sharpening") && (moves(candidate) || candidate.name == "defocus");
-            if lifted || mixes_pixels(candidate.name) && candidate.name != "jpeg" {
+            let mixes = mixes_pixels(candidate.name) && candidate.name != "jpeg" && fit.theta != *theta;
+            if lifted || mixes {
                 fit.theta = search.with_noise(&fit.theta)?;
             }
             Ok(fit)
@@ -417,7 +418,7 @@ impl<'a> Search<'a> {
         let mut out: Vec<Tried> = Vec::new();
         for &(name, promised) in &ranked {
             let little = promised < LITTLE * ranked[0].1;
-            if little && closes_nearly_all(now, out.first()) {
+            if little && out.first().is_some_and(|first| self.gains(now, &first.2)) {
                 tracing::info!("{name} waits for the next round");
                 continue;
             }
@@ -485,17 +486,18 @@ impl<'a> Search<'a> {
         Ok(ranked)
     }
 
-    /// Whether a step from none would move a parameter of a candidate by more than its interval.
+    /// Whether a step from none would move a candidate beside `held` by more than chance and discrepancy can.
     fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
-        let e = slopes.equations();
-        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| e.a[i][i] > 0.0);
+        let a = &slopes.equations().a;
+        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| a[i][i] > 0.0);
         let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
-        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own.iter().copied()).collect();
+        if own.is_empty() {
+            return false;
+        }
+        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own).collect();
         of.sort_unstable();
         of.dedup();
-        let Some(precision) = slopes.precision(&of) else { return true };
-        let beyond = |(k, i): (usize, &usize)| own.contains(i) && precision.step[k].abs() > precision.half[k];
-        of.iter().enumerate().any(beyond)
+        slopes.step(&of).is_none_or(|way| way.share > way.half)
     }
 
     /// The last fit of the mean, then the noise: which kinds of it, and how much.

@@ -148,8 +148,6 @@ impl P {
     pub(super) const ScaleR: P = place("chromatic_aberration", "scale_r", 0);
     pub(super) const ScaleB: P = place("chromatic_aberration", "scale_b", 0);
     pub(super) const Defocus: P = place("defocus", "sigma_px", 0);
-    pub(super) const Level: P = place("glare", "level", 0);
-    pub(super) const Gain: P = place("exposure_gain", "gain", 0);
     pub(super) const FlickerF: P = place("flicker", "frequency_hz", 0);
     pub(super) const FlickerC: P = place("flicker", "depth", 0);
     pub(super) const FlickerS: P = place("flicker", "phase_rad", 0);

@@ -1,6 +1,8 @@
 //! How much a difference counts in a fit: by the inverse of the variance that noise and renderers give it, and beyond a
 //! threshold no more than its size. Noise behind an encoding is skewed: a threshold within it would shift what is fitted.
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 
 use super::fit::pooled;
@@ -25,13 +27,30 @@ pub(super) struct Weighing {
 
 impl Weighing {
     /// For simulated values `means` (those of the frames to be compared) averaged over blocks, with a given threshold.
-    pub(super) fn new(means: &[Plane<f32>], tone: &Tone, block: usize, delta: f64) -> Self {
+    pub(super) fn new(
+        means: &[impl Borrow<Plane<f32>> + Sync],
+        tone: &Tone,
+        block: usize,
+        delta: f64,
+    ) -> Self {
         let noise2 = if tone.is_noisy() {
-            means.par_iter().map(|m| noise_of(m, tone, block)).collect()
+            means.par_iter().map(|m| noise_of(m.borrow(), tone, block)).collect()
         } else {
             Vec::new()
         };
         Self { delta, noise2 }
+    }
+
+    /// With more variance of each value, DN^2: by frame; none for any frame adds none.
+    pub(super) fn widened(mut self, more: Vec<Vec<f32>>) -> Self {
+        if self.noise2.is_empty() {
+            self.noise2 = more;
+        } else {
+            for (to, from) in self.noise2.iter_mut().zip(&more) {
+                to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+            }
+        }
+        self
     }
 
     /// The threshold chosen from the differences themselves.
@@ -48,7 +67,7 @@ impl Weighing {
 
     /// Variance that noise gives a value, DN^2.
     pub(super) fn noise_at(&self, frame: usize, i: usize) -> f32 {
-        self.noise2.get(frame).map_or(0.0, |v| v[i])
+        self.noise2.get(frame).and_then(|v| v.get(i)).copied().unwrap_or(0.0)
     }
 
     /// What a difference of size 1 DN counts within the threshold, and the threshold, DN.

@@ -35,6 +35,10 @@ impl Effect for BlackLevel {
         Stage::Pixel(Domain::Electrons, Domain::RawDn)
     }
 
+    fn shown_by(&self) -> &'static str {
+        "a frame with the lens covered"
+    }
+
     fn moments(&self) -> Moments {
         Moments::Affine(affine)
     }

@@ -167,6 +167,10 @@ impl Effect for Defocus {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
     }
 
+    fn shown_by(&self) -> &'static str {
+        "slanted edges at several distances, camera at rest"
+    }
+
     fn work(&self) -> Work {
         Work::Neighbourhood { passes, reference }
     }

@@ -30,6 +30,10 @@ impl Effect for ExposureGain {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
     }
 
+    fn shown_by(&self) -> &'static str {
+        "a card of known reflectance under a known light"
+    }
+
     fn moments(&self) -> Moments {
         Moments::Affine(|settings, _| [[settings.number("exposure_gain", "gain", 1.0), 0.0]; 3])
     }

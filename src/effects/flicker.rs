@@ -81,6 +81,10 @@ impl Effect for Flicker {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
     }
 
+    fn shown_by(&self) -> &'static str {
+        "an evenly lit wall under the same lamps for ten frames, camera at rest"
+    }
+
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(settings.number("flicker", "depth", 0.0) != 0.0)
     }

@@ -31,4 +31,8 @@ impl Effect for FocalLengthError {
     fn stage(&self) -> Stage {
         Stage::SetUp
     }
+
+    fn shown_by(&self) -> &'static str {
+        "straight edges in the middle of the picture and out to its corners, from two distances"
+    }
 }

@@ -92,9 +92,9 @@ pub(super) fn clamped(source: &Plane<f32>, [x, y]: [i64; 2]) -> [f32; 3] {
 /// A picture made pixel by pixel from `source`, whose fourth channel it keeps.
 pub(super) fn filter(source: &Plane<f32>, f: impl Fn(usize, usize) -> [f32; 3] + Sync) -> Plane<f32> {
     let mut out = source.clone();
-    let width = source.width;
-    out.data.par_chunks_exact_mut(source.channels).enumerate().for_each(|(i, rgba)| {
-        rgba[..3].copy_from_slice(&f(i % width, i / width));
+    let n = source.channels;
+    out.data.par_chunks_exact_mut(source.width * n).enumerate().for_each(|(y, row)| {
+        row.chunks_exact_mut(n).enumerate().for_each(|(x, rgba)| rgba[..3].copy_from_slice(&f(x, y)));
     });
     out
 }

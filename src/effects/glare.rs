@@ -17,7 +17,11 @@ pub(super) const SPECS: &[ParamSpec] = &[
             .graded(1e-3, 1e-1),
     ),
     ParamSpec::number("level", "fraction of full scale", (0.0, 10.0), 0.0, "radiance of the scattered light")
-        .fit(Fit::by(0.02).within(0.0, 1.5).rest(0.5).starts(&[0.8, 0.2, 0.5]).trial(Law::Even, 0.2, 0.9)),
+        .fit(Fit::by(0.02).ends().within(0.0, 1.5).rest(0.5).starts(&[0.8, 0.2, 0.5]).trial(
+            Law::Even,
+            0.2,
+            0.9,
+        )),
 ];
 
 /// The function of the same name in `glsl/include/effects/glare.glsl`.
@@ -41,6 +45,10 @@ impl Effect for Glare {
 
     fn stage(&self) -> Stage {
         Stage::Pixel(Domain::LinearRgb, Domain::LinearRgb)
+    }
+
+    fn shown_by(&self) -> &'static str {
+        "a dark surface beside a bright lamp, and again with the lamp covered"
     }
 
     fn variant(&self, settings: &Settings) -> u32 {

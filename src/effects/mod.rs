@@ -32,6 +32,8 @@ mod saturation;
 mod sensor_color;
 mod sharpening;
 mod shot_noise;
+#[cfg(test)]
+mod split_toning;
 mod time_offset;
 mod tone_curve;
 mod vignetting;
@@ -70,6 +72,8 @@ pub use saturation::Saturation;
 pub use sensor_color::SensorColor;
 pub use sharpening::Sharpening;
 pub use shot_noise::{STREAM_SHOT_NOISE, ShotNoise, poisson};
+#[cfg(test)]
+pub use split_toning::SplitToning;
 pub use time_offset::TimeOffset;
 pub use tone_curve::ToneCurve;
 pub use vignetting::Vignetting;
@@ -78,12 +82,12 @@ pub use white_balance::WhiteBalance;
 use crate::chain::{Effect, ParamSpec};
 
 macro_rules! light_path {
-    ($($stem:ident: $effect:ident,)*) => {
+    ($($(#[$only:meta])? $stem:ident: $effect:ident,)*) => {
         /// All effects in the order in which light meets them. The only place that states the order.
-        pub const LIST: &[&dyn Effect] = &[$(&$effect),*];
+        pub const LIST: &[&dyn Effect] = &[$($(#[$only])? &$effect),*];
 
         /// Stem and parameters of each of them, as constants.
-        pub const PARAMETERS: &[(&str, &[ParamSpec])] = &[$((stringify!($stem), $stem::SPECS)),*];
+        pub const PARAMETERS: &[(&str, &[ParamSpec])] = &[$($(#[$only])? (stringify!($stem), $stem::SPECS)),*];
     };
 }
 
@@ -119,6 +123,7 @@ light_path! {
     noise_reduction: NoiseReduction,
     response_curve: ResponseCurve,
     saturation: Saturation,
+    #[cfg(test)] split_toning: SplitToning,
     sharpening: Sharpening,
     chroma_subsampling: ChromaSubsampling,
     jpeg: Jpeg,

@@ -37,6 +37,10 @@ impl Effect for MotionBlur {
         Stage::Time
     }
 
+    fn shown_by(&self) -> &'static str {
+        "upright edges in pans of several speeds"
+    }
+
     fn check(&self, settings: &Settings, frame_period_s: f64) -> Result<Vec<String>> {
         let exposure_s = Self::exposure_time_s(settings);
         if exposure_s <= frame_period_s {

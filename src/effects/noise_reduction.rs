@@ -75,15 +75,20 @@ fn to_rgb([y, r, b]: [f32; 3]) -> [f32; 3] {
 
 /// One direction, of luma and colours.
 fn along(source: &Plane<f32>, axis: usize, [luma, chroma]: &[Vec<f32>; 2], falloff: f32) -> Plane<f32> {
+    let (n, radius) = (source.channels, luma.len() - 1);
+    let (length, step) = [(source.width, n), (source.height, n * source.width)][axis];
     gaussian::filter(source, |x, y| {
-        let own = gaussian::clamped(source, [x as i64, y as i64]);
+        let here = [x, y][axis];
+        let at = (y * source.width + x) * n;
+        let line = at - here * step;
+        let own = source.data[at];
         let (mut sum, mut total) = ([0.0f32; 3], [0.0f32; 2]);
-        let radius = luma.len() as i64 - 1;
-        for k in -radius..=radius {
-            let place = [x as i64 + if axis == 0 { k } else { 0 }, y as i64 + if axis == 1 { k } else { 0 }];
-            let value = gaussian::clamped(source, place);
-            let away = k.unsigned_abs() as usize;
-            let difference = value[0] - own[0];
+        for k in 0..=2 * radius {
+            // The border repeats outwards.
+            let place = line + (here + k).saturating_sub(radius).min(length - 1) * step;
+            let value = &source.data[place..place + 3];
+            let away = k.abs_diff(radius);
+            let difference = value[0] - own;
             let alike = if falloff > 0.0 { (-falloff * (difference * difference)).exp() } else { 1.0 };
             let (l, c) = (luma[away] * alike, chroma[away] * alike);
             sum = [sum[0] + l * value[0], sum[1] + c * value[1], sum[2] + c * value[2]];

@@ -53,6 +53,10 @@ impl Effect for PoseOffset {
     fn stage(&self) -> Stage {
         Stage::SetUp
     }
+
+    fn shown_by(&self) -> &'static str {
+        "the same place while the camera turns upside down and back"
+    }
 }
 
 #[cfg(test)]

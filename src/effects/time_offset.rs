@@ -40,4 +40,8 @@ impl Effect for TimeOffset {
     fn stage(&self) -> Stage {
         Stage::SetUp
     }
+
+    fn shown_by(&self) -> &'static str {
+        "upright edges while the camera changes its speed"
+    }
 }

@@ -9,7 +9,7 @@ mod curve;
 mod picture;
 mod tone;
 
-pub use picture::expected;
+pub use picture::{expected, through_file};
 pub use tone::Tone;
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub enum Kind {
     None,
     /// One effect.
     Single,
-    /// Two or three.
+    /// Two to five.
     Several,
     /// One effect, taken out of the candidates: right is `unknown_effect`.
     LeftOut,
@@ -27,6 +27,9 @@ const PATTERN: [Kind; 20] = {
         Several, None, Single, Several, Single, LeftOut, Several, Single,
     ]
 };
+
+/// How many effects a set has: one in three has four or five.
+const SET_SIZES: [usize; 9] = [2, 2, 2, 3, 3, 3, 4, 4, 5];
 
 /// What a case hides.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +72,7 @@ pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &S
     let count = match kind {
         Kind::None => 0,
         Kind::Single | Kind::LeftOut => 1,
-        Kind::Several => (2 + draw.index(2)).min(free.len()),
+        Kind::Several => SET_SIZES[draw.index(SET_SIZES.len())].min(free.len()),
     };
     let mut chosen: Vec<usize> = Vec::new();
     if count > 0 {
@@ -229,7 +232,7 @@ mod tests {
             let fits = match hidden.kind {
                 Kind::None => count == 0,
                 Kind::Single | Kind::LeftOut => count == 1,
-                Kind::Several => (2..=3).contains(&count),
+                Kind::Several => (2..=5).contains(&count),
             };
             assert!(fits, "{hidden:?}");
             for name in &hidden.names {

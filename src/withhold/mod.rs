@@ -8,6 +8,8 @@
 //!   question is what it says without that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
 
+#[cfg(test)]
+mod added_effect;
 mod curve;
 mod curve_page;
 mod draw;
@@ -36,7 +38,7 @@ use crate::plane::write_atomic;
 use make::Case;
 
 /// Goes up with every change of what a seed makes, so that no run goes on with cases of another generator.
-const GENERATOR: u32 = 5;
+const GENERATOR: u32 = 6;
 
 /// What to make and check.
 #[derive(Clone, Debug)]

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::hidden::Kind;
+use crate::chain::{Domain, Effect, Moments, Stage, Work};
 use crate::diagnose::{Report, Verdict};
 
 /// One diagnosed case.
@@ -184,6 +185,45 @@ impl Tally {
     }
 }
 
+/// Cases of one group.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Group {
+    /// Exact sets.
+    pub exact_set: Tally,
+    /// Intervals that hold the truth.
+    pub coverage: Tally,
+}
+
+impl Group {
+    fn add(&mut self, score: &CaseScore) {
+        self.exact_set.add(score.exact);
+        score.parameters.iter().filter_map(|p| p.covered).for_each(|covered| self.coverage.add(covered));
+    }
+}
+
+/// The groups that a set of hidden effects belongs to, told by what the effects do.
+fn groups(hidden: &[String]) -> Vec<&'static str> {
+    let all: Vec<_> = hidden.iter().filter_map(|name| crate::effects::by_id(name)).collect();
+    let any = |of: fn(&dyn Effect) -> bool| all.iter().any(|e| of(*e));
+    let is_noise = |e: &&&dyn Effect| matches!(e.moments(), Moments::Noise(_));
+    let behind_encoding: fn(&dyn Effect) -> bool = |e| {
+        matches!(e.stage(), Stage::Pixel(Domain::EncodedRgb, _)) && !matches!(e.work(), Work::Pointwise(_))
+    };
+    let colours: fn(&dyn Effect) -> bool = |e| {
+        matches!(e.stage(), Stage::Pixel(..))
+            && matches!(e.work(), Work::Pointwise(_))
+            && !matches!(e.moments(), Moments::Noise(_))
+    };
+    let groups = [
+        ("noise alone", !all.is_empty() && all.iter().filter(is_noise).count() == all.len()),
+        ("compression and filters", any(behind_encoding)),
+        ("geometry", any(|e| !matches!(e.stage(), Stage::Pixel(..)))),
+        ("colours", any(colours)),
+        ("sets of four and five", all.len() >= 4),
+    ];
+    groups.into_iter().filter(|g| g.1).map(|g| g.0).collect()
+}
+
 /// The table over all cases.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
@@ -205,6 +245,9 @@ pub struct Summary {
     pub found: BTreeMap<String, Tally>,
     /// How often an effect was named that was not hidden (cases with nothing left out).
     pub named_wrongly: BTreeMap<String, usize>,
+    /// By what was hidden (a set may be of several groups).
+    #[serde(default)]
+    pub groups: BTreeMap<String, Group>,
     /// By gap before (DN, upper edges 0.5, 1, 2, 4, 8, 16 and all above): single effects found.
     pub found_by_gap: BTreeMap<String, Tally>,
     /// By parameter: median relative error and number of values.
@@ -232,6 +275,9 @@ impl Summary {
                     let kind = if score.kind == Kind::Single { "single" } else { "several" };
                     s.first_named.entry(kind.to_owned()).or_default().add(score.first_right);
                     s.exact_set.entry(kind.to_owned()).or_default().add(score.exact);
+                    for name in groups(&score.hidden) {
+                        s.groups.entry(name.to_owned()).or_default().add(score);
+                    }
                     for name in &score.hidden {
                         s.found.entry(name.clone()).or_default().add(score.found.contains(name));
                     }

@@ -129,6 +129,7 @@ fn effects() -> Vec<EffectFound> {
         gap_alone: 2.0,
         gain_ci95: [4.1, 5.3],
         alternatives: Vec::new(),
+        footage: String::new(),
     };
     let map = |p: &[(&str, Parameter)]| p.iter().map(|(n, p)| ((*n).to_owned(), p.clone())).collect();
     vec![found("rolling_shutter", 0.83, map(&shutter)), found("pose_offset", 0.17, map(&pose))]

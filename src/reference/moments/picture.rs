@@ -162,6 +162,16 @@ fn clipped_mean(mean: f32, sigma: f32) -> f32 {
     mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
+/// A picture of mean delivered values, DN, shape `[height, width, 3]`, as its file delivers it; the same where the camera of
+/// `settings` compresses nothing.
+pub fn through_file(picture: &Plane<f32>, settings: &Settings, tone: &Tone) -> Plane<f32> {
+    let quality = switched_on(settings).find_map(|effect| match effect.moments() {
+        Moments::File(of) => Some(of(settings)),
+        _ => None,
+    });
+    quality.map_or_else(|| picture.clone(), |quality| filed(picture, tone, quality))
+}
+
 /// Through the file.
 fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
     if !tone.is_noisy() {

@@ -106,6 +106,7 @@ const SILENT: &[Given<'static>] = &[
         ("noise_reduction", "chroma_sigma_px", Value::Number(1.2)),
     ],
     &[("saturation", "factor", Value::Number(0.7))],
+    &[("split_toning", "amount", Value::Number(0.06))],
     &[("sharpening", "amount", Value::Number(0.8)), ("sharpening", "radius_px", Value::Number(1.1))],
     &[("chroma_subsampling", "scheme", Value::Choice("4:2:0"))],
     &[("chroma_subsampling", "scheme", Value::Choice("4:2:2"))],
