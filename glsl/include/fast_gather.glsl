@@ -103,8 +103,13 @@ vec4 blur_one_surface(Sources s) {
         float next = t + step_t;
         vec2 first = s.middle_px + t * (chord + t * bend);
         vec2 second = s.middle_px + next * (chord + next * bend);
-        sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
-               read_between(second - odd);
+        if (color_scale() == 2) {
+            sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
+                   read_between(second - odd);
+        } else {
+            // Both of two are at one place.
+            sum += 2.0 * (read_between(first) + read_between(second));
+        }
     }
     clamped = is_beyond(s.begin_px) || is_beyond(s.end_px);
     return result_of(sum / (2.0 * count), count, clamped, sharpness(s.middle_px, way));

@@ -150,10 +150,10 @@ vec4 blur_many_surfaces(uvec2 pixel) {
         vec2 centre_px = position - QUARTERS[i & 3];
         vec2 aside = 4.0 * spread_px() * QUARTERS[i & 3];
         clamped = clamped || is_beyond(centre_px);
-        if (blurs()) {
+        if (blurs() && color_scale() == 2) {
             sum = sum + 0.5 * (read_between(centre_px + aside) + read_between(centre_px - aside));
         } else {
-            sum = sum + read_between(color_scale() == 2 ? centre_px + aside : position);
+            sum = sum + read_between(color_scale() == 2 ? centre_px + aside : (blurs() ? centre_px : position));
         }
     }
     precise vec3 mean = sum / float(count);
