@@ -8,7 +8,10 @@ use std::path::Path;
 /// Files whose constants decide: what simulations may differ by, chance, the decision, and the checks that it reads.
 const FILES: [&str; 6] = ["discrepancy", "judge", "decide", "residue", "smear", "exchange"];
 /// Constants that say how something is worked out, and decide nothing.
-const ARITHMETIC: [&str; 12] = [
+const ARITHMETIC: [&str; 15] = [
+    "DRAWS",
+    "STREAM_COLOURS",
+    "STREAM_EDGES",
     "TABLE",
     "WIDE_DN",
     "RESAMPLES",

@@ -116,8 +116,8 @@ impl Forward {
         }
         let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
         let of = |dn: &Arc<Plane<f32>>| {
-            let spread = dn.data.iter().enumerate().map(|(i, v)| tone.spread(*v, i % 3));
-            let variance: Vec<f32> = spread.map(|v| v.free + v.fixed).collect();
+            let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
+            let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
             Flips::of(dn, &variance, theta.get(P::Quality) as u8)
         };
         Ok(before.par_iter().map(of).collect())

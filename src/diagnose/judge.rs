@@ -3,7 +3,7 @@
 //! A search looks at the frames to choose by; the frames to report by are scored once, at the end. Standard errors come
 //! from blocks of the picture (see [`super::score`]): each block, over all frames, is one draw.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -117,13 +117,31 @@ impl Scores {
     /// How far a family lies above what the discrepancy may make of it.
     pub(super) fn excess(&self, family: usize) -> Estimate {
         let blocks = self.blocks(Some(family));
-        let seen = blocks.iter().filter(|b| b[0] + b[2] > 0.0);
-        Estimate::of(&seen.map(|b| b[0] - b[2]).collect::<Vec<_>>())
+        let seen = |b: &&[f64; 3]| b[0] + b[2] > 0.0;
+        let all = Estimate::of(&blocks.iter().filter(seen).map(|b| b[0] - b[2]).collect::<Vec<_>>());
+        // What all blocks of a row have in common is one draw.
+        let Some(across) = self.0.first().and_then(|s| s.rows_of) else { return all };
+        let mut rows: BTreeMap<usize, f64> = BTreeMap::new();
+        for (i, b) in blocks.iter().enumerate().filter(|(_, b)| seen(b)) {
+            *rows.entry(row_of(i, across, blocks.len())).or_default() += b[0] - b[2];
+        }
+        let rows = Estimate::of(&rows.into_values().collect::<Vec<_>>());
+        Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
     }
 
     /// The mean with its standard error.
     pub(super) fn estimate(&self) -> Estimate {
         Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())
+    }
+}
+
+/// The row of blocks that a place in the list of a score's blocks belongs to, see [`FrameScore::blocks`]; columns stand for
+/// themselves.
+fn row_of(place: usize, across: usize, count: usize) -> usize {
+    let down = (count - across) / (across + 1);
+    match place.checked_sub(across * down) {
+        None => place / across,
+        Some(line) => line,
     }
 }
 
@@ -261,5 +279,12 @@ mod tests {
         assert!(Estimate::of(&even).is_above(1000));
         let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
         assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
+    }
+
+    #[test]
+    fn blocks_of_a_row_belong_together_with_its_line() {
+        // Three blocks across, two down, two groups of rows, three of columns.
+        let rows: Vec<usize> = (0..11).map(|i| row_of(i, 3, 11)).collect();
+        assert_eq!(rows, [0, 0, 0, 1, 1, 1, 0, 1, 2, 3, 4]);
     }
 }

@@ -76,7 +76,7 @@ pub(super) fn outliers(
         let flat = flat_map(mean);
         let open = |i: usize| masks.is_none_or(|m| m[at].data[i] > 0.5);
         for i in (0..flat.len()).filter(|&i| flat[i] && open(i)).flat_map(|i| 3 * i..3 * i + 3) {
-            let v = tone.spread(mean.data[i], i % 3);
+            let v = tone.spread_of(&mean.data[i - i % 3..i - i % 3 + 3], i % 3);
             let beyond = FAR[0].max(FAR[1] * (v.free + v.fixed + v.row).sqrt());
             far += f64::from(u8::from((evidence.frames[at].dn.data[i] - mean.data[i]).abs() > beyond));
             all += 1.0;
@@ -108,7 +108,7 @@ pub(super) fn solved(
         for i in (0..real.width * real.height).filter(|&i| masks[at].data[i] > 0.5) {
             let block = &mut blocks[i / real.width / BLOCK_PX * across + i % real.width / BLOCK_PX];
             for c in 3 * i..3 * i + 3 {
-                let v = tone.spread(pictures[1][f].data[c], c % 3);
+                let v = tone.spread_of(&pictures[1][f].data[3 * i..3 * i + 3], c % 3);
                 // Rounding and the mean size of the noise are no gap.
                 let chance = 0.5 + 0.8 * (v.free + v.row + v.fixed).sqrt();
                 for (sum, picture) in block.iter_mut().zip(pictures) {

@@ -51,6 +51,8 @@ pub(super) struct FrameScore {
     pub bound: f64,
     /// The same by family, in the order of [`FAMILIES`]; nothing where the frame has no such statistic.
     pub families: [Option<Family>; 7],
+    /// Blocks across the picture, where noise of rows makes those of a row one draw; else none.
+    pub rows_of: Option<usize>,
     /// By family: what each block of the picture, then each group of rows and of columns, adds to `score`, `expected` and
     /// `bound`.
     pub blocks: [Vec<[f32; 3]>; 7],
@@ -183,8 +185,8 @@ struct Seen {
 fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     let mean = frame.mean.data[i];
     let (noise, left) = if tone.is_noisy() {
-        let noise = tone.spread(mean, i % 3);
-        let left = tone.left(&frame.mean.data[i - i % 3..i - i % 3 + 3], i % 3);
+        let colour = &frame.mean.data[i - i % 3..i - i % 3 + 3];
+        let (noise, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
         let local = frame.flips.map(|f| f.left(frame.real.width, i, noise.free + noise.fixed));
         (noise, local.unwrap_or(left))
     } else {
@@ -251,7 +253,8 @@ pub(super) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
             sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
         }
     }
-    together(&sums)
+    let has_rows = values.iter().flatten().any(|v| v.noise.row > 0.0);
+    FrameScore { rows_of: has_rows.then_some(blocks.across), ..together(&sums) }
 }
 
 /// The families by their weights.

@@ -101,8 +101,9 @@ impl Weighing {
 /// Variance that noise gives a mean over a block, DN^2.
 fn noise_of(mean: &Plane<f32>, tone: &Tone, block: usize) -> Vec<f32> {
     let n = block as f32;
-    let variance = mean.data.iter().enumerate().map(|(i, m)| {
-        let (v, left) = (tone.spread(*m, i % 3), tone.left(&mean.data[i - i % 3..i - i % 3 + 3], i % 3));
+    let variance = (0..mean.data.len()).map(|i| {
+        let colour = &mean.data[i - i % 3..i - i % 3 + 3];
+        let (v, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
         let share = match block {
             1 => left.pixel,
             2 => left.bands[0],

@@ -31,6 +31,9 @@ const ALIKE_DN: f32 = 16.0;
 /// Noise before a compression over what is seen behind it, from which on the former is not known.
 const MOST_REMOVED: f64 = 12.0;
 
+/// Noise by which colours are compared with greys, a fraction of full scale.
+const LITTLE: f64 = 4e-3;
+
 /// Linear values, and their slope by DN, by whole DN and channel.
 struct Tables {
     linear: Vec<[f32; 3]>,
@@ -59,6 +62,8 @@ struct Compared<'a, M> {
     flats: Vec<Vec<bool>>,
     tables: Tables,
     tone: &'a Tone,
+    /// The same camera with a little noise, where colours are made of each other behind the encoding.
+    mixed: Option<Tone>,
     /// Whether noise is measured of brightness.
     luma: bool,
 }
@@ -74,7 +79,16 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
         let slope = self.tables.slopes[m as usize][i % 3];
         // Never out of the table: values at its ends were left out above.
         let r = r + dither(self.frames[f], i);
-        (slope > 20.0).then(|| [self.tables.decode(r, i % 3) - self.tables.decode(m, i % 3), m])
+        let as_grey = self.as_grey(&self.means[f].borrow().data[i - i % 3..i - i % 3 + 3], i % 3);
+        (slope > 20.0).then(|| [as_grey * (self.tables.decode(r, i % 3) - self.tables.decode(m, i % 3)), m])
+    }
+
+    /// What an error of a colour would be in a grey as bright: a colour of three has the noise of all of them.
+    fn as_grey(&self, colour: &[f32], channel: usize) -> f32 {
+        self.mixed.as_ref().map_or(1.0, |tone| {
+            let (own, grey) = (tone.spread_of(colour, channel), tone.spread(colour[channel], channel));
+            (grey.free / own.free.max(1e-9)).sqrt()
+        })
     }
 
     /// The same of a pixel's brightness. Where pixels share their chroma each still has its own brightness: that has the noise
@@ -151,7 +165,9 @@ impl NoiseData {
         };
         let flats = frames.par_iter().zip(means).map(flat).collect();
         let (luma, tables) = (is_luma(theta), Tables::of(&tone));
-        let compared = Compared { evidence, frames, means, flats, tables, tone: &tone, luma };
+        let a_little = Tone::new(&noiseless(theta).with(P::Read, LITTLE));
+        let mixed = a_little.mixes_colours().then_some(a_little);
+        let compared = Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
         let rows_apart = if mixed { APART[1] } else { 1 };
@@ -325,6 +341,12 @@ impl Values {
         }
         data
     }
+}
+
+/// A camera without noise.
+fn noiseless(theta: &Theta) -> Theta {
+    let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];
+    noises.into_iter().fold(theta.clone(), |theta, p| theta.with(p, 0.0))
 }
 
 /// Whether noise is measured of brightness: where pixels share their chroma and nothing is compressed.

@@ -57,7 +57,10 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
                 clip(&mut picture, &mut mixed);
                 picture = filed(&picture, tone, of(settings));
             }
-            (_, Work::Pointwise(twin)) => jobs.push(Job::Twin(twin, parameters, effect.variant(settings))),
+            (_, Work::Pointwise(twin)) => {
+                mixed |= is_behind_encoding(effect);
+                jobs.push(Job::Twin(twin, parameters, effect.variant(settings)));
+            }
             (_, Work::Neighbourhood { reference, .. }) => {
                 done(&mut picture, &mut jobs, view, tone, &mut unit);
                 let before = picture;
@@ -142,8 +145,8 @@ fn clipped(picture: &mut Plane<f32>, before: &Plane<f32>, tone: &Tone, lifts: bo
     if !tone.is_noisy() || !lifts {
         return;
     }
-    for (i, (v, before)) in picture.data.iter_mut().zip(&before.data).enumerate() {
-        let spread = tone.spread(*before, i % 3);
+    for (i, v) in picture.data.iter_mut().enumerate() {
+        let spread = tone.spread_of(&before.data[i - i % 3..i - i % 3 + 3], i % 3);
         *v = clipped_mean(*v, (spread.free + spread.fixed).sqrt());
     }
 }
@@ -177,10 +180,10 @@ fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
     if !tone.is_noisy() {
         return compressed(picture, quality);
     }
-    let variance = |(i, v): (usize, &f32)| {
-        let spread = tone.spread(*v, i % 3);
+    let variance = |i: usize| {
+        let spread = tone.spread_of(&picture.data[i - i % 3..i - i % 3 + 3], i % 3);
         spread.free + spread.row + spread.fixed
     };
-    let variance: Vec<f32> = picture.data.iter().enumerate().map(variance).collect();
+    let variance: Vec<f32> = (0..picture.data.len()).map(variance).collect();
     packed_mean(picture, &variance, quality)
 }

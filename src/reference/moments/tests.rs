@@ -159,11 +159,15 @@ fn effects_together_stand_in_the_chain_s_order() {
     assert!(off < 0.15, "off by {off} DN");
 }
 
-/// Mean and variance of every colour over frames of a grey, DN, and what is expected of it.
 fn of_grey(settings: &Settings, linear: f32) -> ([[f64; 2]; 3], [[f64; 2]; 3]) {
+    of_colour(settings, [linear; 3])
+}
+
+/// Mean and variance of every channel over frames of a colour, DN, and what is expected of it.
+fn of_colour(settings: &Settings, [r, g, b]: [f32; 3]) -> ([[f64; 2]; 3], [[f64; 2]; 3]) {
     const SIDE: usize = 48;
     const FRAMES: u32 = 8;
-    let flat = Plane::from_fn(SIDE, SIDE, |_, _| [linear, linear, linear, 1.0]);
+    let flat = Plane::from_fn(SIDE, SIDE, |_, _| [r, g, b, 1.0]);
     let mut sums = [[0.0f64; 3]; 3];
     for frame in 0..FRAMES {
         let picture = chain::picture(LIST, settings, &view(SIDE as u32, SIDE as u32, frame), &flat);
@@ -177,12 +181,26 @@ fn of_grey(settings: &Settings, linear: f32) -> ([[f64; 2]; 3], [[f64; 2]; 3]) {
     let mean = expected(&three(&flat), settings, &view(SIDE as u32, SIDE as u32, 0), &tone);
     let p = mean.pixel(SIDE / 2, SIDE / 2);
     let told = [0, 1, 2].map(|c| {
-        let v = tone.spread(p[c], c);
+        let v = tone.spread_of(p, c);
         let left = tone.left(p, c).pixel;
         // Rounding to whole DN.
         [f64::from(p[c]), f64::from(left * (v.free + v.fixed) + v.row) + 1.0 / 12.0]
     });
     (seen, told)
+}
+
+#[test]
+fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
+    let settings = settings(&[number("saturation", "factor", 1.4), number("read_noise", "sigma", 4e-3)]);
+    let colour = [0.55, 0.12, 0.2];
+    let (seen, told) = of_colour(&settings, colour);
+    let tone = Tone::new(&settings);
+    for c in 0..3 {
+        let (seen, [dn, told]) = (seen[c][1], told[c]);
+        assert!((told / seen - 1.0).abs() < 0.06, "channel {c}: {told} for {seen} DN^2");
+        let grey = f64::from(tone.spread(dn as f32, c).free) + 1.0 / 12.0;
+        assert!(c > 0 || (grey / seen - 1.0).abs() > 0.2, "control: {grey} for {seen} DN^2");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! What happens to a value on its own, under the noise that it has: mean and spread of the delivered value. Noise that is
 //! clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
+use glam::Mat3;
+
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
 use crate::chain::{Domain, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
 use crate::effects::jpeg::flips::rounded_variance;
@@ -17,6 +19,33 @@ const SPAN: f32 = 1.64;
 const POINTS: i32 = 12;
 /// See [`POINTS`].
 const STEP: f32 = 0.3;
+
+/// A matrix of colours behind the encoding: the spread of what it makes depends on the colours that it is made of.
+struct Behind {
+    /// `[of][from]`.
+    weights: [[f32; 3]; 3],
+    /// From delivered colours to those ahead of it.
+    back: [[f32; 3]; 3],
+    /// By channel and whole DN of the mean ahead of it.
+    ahead: [Vec<Variances>; 3],
+}
+
+impl Behind {
+    /// Nothing where colours cannot be told from what is made of them.
+    fn new(weights: [[f32; 3]; 3], ahead: [Vec<Variances>; 3]) -> Option<Self> {
+        let matrix = Mat3::from_cols_array_2d(&weights).transpose();
+        let back = matrix.inverse().transpose().to_cols_array_2d();
+        (matrix.determinant().abs() > 1e-3).then_some(Self { weights, back, ahead })
+    }
+
+    fn spread(&self, mean_dn: &[f32], channel: usize) -> Variances {
+        let ahead = |from: usize| -> Variances {
+            let dn: f32 = (0..3).map(|c| self.back[from][c] * mean_dn[c]).sum();
+            self.ahead[from][(dn + 0.5).clamp(0.0, 255.0) as usize]
+        };
+        mixed_colors((0..3).map(|from| (self.weights[channel][from], ahead(from))))
+    }
+}
 
 /// Everything that happens to a value on its own.
 pub struct Tone {
@@ -37,6 +66,8 @@ pub struct Tone {
     shift: Option<Box<[[f32; COARSE]; 3]>>,
     /// By channel and whole DN of the mean.
     by_dn: Option<[Vec<Variances>; 3]>,
+    /// What makes each colour of all three behind the encoding.
+    behind: Option<Behind>,
     /// By channel and whole DN of the mean: what compression leaves of that.
     packed: Option<[Vec<Left>; 3]>,
     /// What steps that mix pixels leave of it.
@@ -66,6 +97,7 @@ impl Tone {
             step: 0.0,
             shift: None,
             by_dn: None,
+            behind: None,
             packed: None,
             mixing: Mixing::NONE,
         };
@@ -107,10 +139,11 @@ impl Tone {
         for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
             if let Moments::Colors(of) = effect.moments() {
                 let weights = of(settings).map(|row| row.map(|w| w as f32));
-                let at = |c: usize, dn: usize| {
+                let grey = |c: usize, dn: usize| {
                     mixed_colors((0..3).map(|from| (weights[c][from], by_dn[from][dn])))
                 };
-                by_dn = [0, 1, 2].map(|c| (0..256).map(|dn| at(c, dn)).collect());
+                let mixed = [0, 1, 2].map(|c| (0..256).map(|dn| grey(c, dn)).collect());
+                self.behind = Behind::new(weights, std::mem::replace(&mut by_dn, mixed));
             }
             if let Moments::File(of) = effect.moments() {
                 let packing = Packing::of(of(settings));
@@ -174,7 +207,7 @@ impl Tone {
         }
         if let Some(shared) = &self.mixing.shared {
             let variance = |c: usize| {
-                let v = self.spread(mean_dn[c], c);
+                let v = self.spread_of(mean_dn, c);
                 v.free + v.fixed
             };
             let all: f32 = (0..3).map(|from| shared[channel][from] * variance(from)).sum();
@@ -184,11 +217,24 @@ impl Tone {
         left
     }
 
-    /// Spread about a mean of so many DN before compression.
+    /// Spread of a channel of a pixel of these mean DN before compression.
+    pub fn spread_of(&self, mean_dn: &[f32], channel: usize) -> Variances {
+        match &self.behind {
+            Some(behind) => behind.spread(mean_dn, channel),
+            None => self.spread(mean_dn[channel], channel),
+        }
+    }
+
+    /// The same of a grey of so many DN.
     pub fn spread(&self, mean_dn: f32, channel: usize) -> Variances {
         self.by_dn
             .as_ref()
             .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
+    }
+
+    /// Whether noise of one colour reaches others behind the encoding.
+    pub fn mixes_colours(&self) -> bool {
+        self.behind.is_some()
     }
 
     /// Whether there is any noise.
