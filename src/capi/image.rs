@@ -115,9 +115,9 @@ impl View {
     unsafe fn write(&self, mut row: impl FnMut(usize, &mut [u8])) {
         let width = self.size[0] as usize * self.format.bytes();
         for y in 0..self.size[1] as usize {
+            let place = if self.bottom_up { self.size[1] as usize - 1 - y } else { y };
             // SAFETY: row `y` lies inside the checked range; writable by the caller's promise. Rows never overlap, as
             // the stride is not below the width.
-            let place = if self.bottom_up { self.size[1] as usize - 1 - y } else { y };
             let bytes =
                 unsafe { std::slice::from_raw_parts_mut(self.pixels.add(place * self.stride), width) };
             row(y, bytes);

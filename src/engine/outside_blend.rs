@@ -3,11 +3,10 @@
 //! Twin: `reference/outside_blend.rs`.
 
 use super::Stage;
-use super::fast_pass::FastTiming;
+use super::fast_pass::{FastTiming, lines_between};
 use super::finish::prepare;
 use super::slots::FrameSlot;
 use crate::assert_push_layout;
-use crate::camera::{ScanOrder, ShutterTiming};
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
@@ -91,30 +90,6 @@ impl Blend {
             recorder.dispatch(&self.kernel, group, &push, size);
         }
     }
-}
-
-/// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each side.
-pub(super) fn lines_between(
-    shutter: &ShutterTiming,
-    size: [u32; 2],
-    [from_s, to_s]: [f64; 2],
-) -> ([u32; 2], [u32; 2]) {
-    let axis = usize::from(shutter.scan_order.lines_are_rows());
-    let count = size[axis];
-    let middle_s = shutter.start_s + 0.5 * shutter.exposure_time_s;
-    let line = |t: f64| (t - middle_s) / shutter.readout_time_s * f64::from(count);
-    let (mut low, mut high) = (0, count);
-    // Without a readout all lines are read at once.
-    if shutter.readout_time_s > 0.0 {
-        low = (line(from_s) - 1.0).clamp(0.0, f64::from(count - 1)) as u32;
-        high = (line(to_s) + 2.0).clamp(f64::from(low) + 1.0, f64::from(count)) as u32;
-    }
-    if matches!(shutter.scan_order, ScanOrder::BottomToTop | ScanOrder::RightToLeft) {
-        (low, high) = (count - high, count - low);
-    }
-    let (mut first, mut extent) = ([0; 2], size);
-    (first[axis], extent[axis]) = (low, high - low);
-    (first, extent)
 }
 
 /// From when to when the lines are made of the three pictures from each on; `times_s`: of all pictures, rising; `never_s`:
