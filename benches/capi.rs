@@ -130,6 +130,7 @@ impl Own {
     fn frame(&mut self, p: &Pictures, index: u32) {
         let pixels = |format: PixelFormat, bytes| OutsidePixels {
             format,
+            bottom_up: false,
             stride_bytes: W * format.bytes(),
             source: PixelSource::Host(bytes),
         };

@@ -31,16 +31,24 @@ layout(set = 0, binding = 6, std430) buffer Listed {
 #include "fast_claims.glsl"
 #include "sample.glsl"
 #include "fast_blur.glsl"
+#include "fast_weight.glsl"
+#include "cubic.glsl"
 #include "pixel_area.glsl"
 #include "fast_gather.glsl"
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+    uvec2 pixel = push.first + gl_GlobalInvocationID.xy;
     if (any(greaterThanEqual(pixel, push.size))) {
         return;
     }
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
     precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
+    // Another picture's lines.
+    float near = nearness_of(fraction);
+    if (near <= 0.0) {
+        imageStore(radiance, ivec2(pixel), vec4(0.0));
+        return;
+    }
     vec2 x_px = looks_at(ivec2(pixel));
     Sources sources;
     if (!sources_over_exposure(ivec2(pixel), x_px, from, sources)) {
@@ -52,5 +60,7 @@ void main() {
         }
         return;
     }
-    imageStore(radiance, ivec2(pixel), blur_one_surface(sources));
+    vec4 seen = blur_one_surface(sources);
+    seen.a *= near;
+    imageStore(radiance, ivec2(pixel), seen);
 }

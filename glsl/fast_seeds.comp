@@ -38,6 +38,9 @@ float fraction_at(vec2 position_px) {
     return fraction;
 }
 
+// Most that a step may take after the one before it.
+const float MOST_SLOWS = 0.7;
+
 // The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
 void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
     float reference = float(push.reference_knot);
@@ -52,6 +55,42 @@ void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
     }
     bend = b;
     slope = s;
+}
+
+// What a texel shows, and when the lines of a slot are read: time = begin + lines fraction.
+struct Traced {
+    ivec2 texel;
+    vec2 seen;
+    vec2 at_px;
+    float begin;
+    float lines;
+};
+
+// Where it lands by the time of the line through a place.
+vec2 next_place(Traced traced, vec2 place_px) {
+    precise float t = traced.begin + traced.lines * fraction_at(place_px) + float(push.reference_knot);
+    precise vec2 shown_px = traced.at_px + depth_displacement(traced.texel, traced.seen, t);
+    return on_sensor(shown_px);
+}
+
+// Where it lands. A step takes it a share `slows` as far as the one before it: what all further steps would bring follows from
+// the last one, as a geometric series. The path is read twice for the first slot and once for each of the others.
+vec2 lands_by_depth(Traced traced, bool first, vec2 from_px, inout float slows) {
+    precise vec2 before_px = from_px;
+    if (first) {
+        before_px = next_place(traced, from_px);
+    }
+    vec2 place_px = next_place(traced, before_px);
+    bool lines_are_rows = push.scan_order <= BOTTOM_TO_TOP;
+    precise vec2 step_px = place_px - before_px;
+    if (first) {
+        precise vec2 longer_px = before_px - from_px;
+        float of = lines_are_rows ? longer_px.y : longer_px.x;
+        precise float share = (lines_are_rows ? step_px.y : step_px.x) / (of == 0.0 ? 1.0 : of);
+        slows = clamp(share, -MOST_SLOWS, MOST_SLOWS);
+    }
+    precise vec2 lands_px = place_px + step_px * (slows / (1.0 - slows));
+    return lands_px;
 }
 
 void main() {
@@ -72,16 +111,20 @@ void main() {
     }
     vec2 seen = texel_of(inverse_depth, texel).rg;
     precise vec2 lands_px = on_sensor(at_px);
+    float slows = 0.0;
     for (uint slot = 0u; slot < push.slots; ++slot) {
         precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         precise float lines = push.readout_time_s / push.knot_step_s;
-        // The line moves with the point; later slots start from where the one before it landed.
-        int steps = slot == 0u ? 4 : 2;
-        for (int i = 0; i < steps; ++i) {
-            precise float t = begin + lines * fraction_at(lands_px);
-            precise vec2 moved_px = from_depth() ? depth_displacement(texel, seen, t + float(push.reference_knot))
-                                                 : t * (slope + t * bend);
-            lands_px = on_sensor(at_px + moved_px);
+        if (from_depth()) {
+            lands_px = lands_by_depth(Traced(texel, seen, at_px, begin, lines), slot == 0u, lands_px, slows);
+        } else {
+            // The line moves with the point; later slots start from where the one before it landed.
+            int steps = slot == 0u ? 4 : 2;
+            for (int i = 0; i < steps; ++i) {
+                precise float t = begin + lines * fraction_at(lands_px);
+                precise vec2 moved_px = t * (slope + t * bend);
+                lands_px = on_sensor(at_px + moved_px);
+            }
         }
         ivec2 pixel = ivec2(floor(lands_px));
         ivec2 offset = source - push.margin_px - pixel;

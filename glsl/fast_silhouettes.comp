@@ -25,12 +25,15 @@ layout(set = 0, binding = 7, std430) readonly buffer Listed {
 #include "fast_claims.glsl"
 #include "sample.glsl"
 #include "fast_blur.glsl"
+#include "fast_weight.glsl"
 #include "fast_silhouettes.glsl"
 
 void main() {
     uint stride = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
     for (uint i = gl_GlobalInvocationID.x; i < listed.count; i += stride) {
         uvec2 pixel = uvec2(listed.pixels[i] % push.size.x, listed.pixels[i] / push.size.x);
-        imageStore(radiance, ivec2(pixel), blur_many_surfaces(pixel));
+        vec4 seen = blur_many_surfaces(pixel);
+        seen.a *= nearness_of(readout_fraction(pixel, push.size, push.scan_order, 0u));
+        imageStore(radiance, ivec2(pixel), seen);
     }
 }

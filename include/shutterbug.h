@@ -41,6 +41,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+/* From here to "END OF PLAIN C" there is no preprocessor: Python's cffi parses it as it is. */
 
 /* ---- Status --------------------------------------------------------------------------------------------------------- */
 
@@ -59,7 +60,7 @@ enum {
     SHUTTERBUG_INPUT = 10,         /* a file or text holds something that cannot be used */
     SHUTTERBUG_IO = 11,            /* the operating system refused a file operation */
     SHUTTERBUG_TIME = 12,          /* the trajectory does not cover the frame: poses are never extrapolated */
-    SHUTTERBUG_FULL = 13,          /* all frames in flight are taken: wait for the oldest */
+    SHUTTERBUG_FULL = 13,          /* all frames in flight are taken: wait for any of them */
     SHUTTERBUG_NOT_READY = 14,     /* the frame has not been waited for */
     SHUTTERBUG_TIMEOUT = 15,       /* the time limit passed; the frame can be waited for again */
     SHUTTERBUG_NO_DEVICE = 16,     /* no Vulkan loader, or no device that can be used */
@@ -118,12 +119,12 @@ enum {                                /* shutterbug_engine_options.flags */
     SHUTTERBUG_ENGINE_VALIDATION = 1, /* load the Khronos validation layer; its absence is an error */
     SHUTTERBUG_ENGINE_PLANES = 2      /* frames may ask for sharp planes */
 };
-enum {                              /* shutterbug_engine_options.method: how frames of a scene are made (docs/methods.md) */
-    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice: exact in this version */
-    SHUTTERBUG_METHOD_ACCUMULATION = 1, /* many renders a frame: the reference */
-    SHUTTERBUG_METHOD_PAPER = 2,    /* one render, motion images, remap and blur as a gather */
-    SHUTTERBUG_METHOD_EXACT = 3,    /* one render with every line at its own time, blurred along true paths */
-    SHUTTERBUG_METHOD_FAST = 4      /* one render and a warp along true paths */
+enum {                              /* shutterbug_engine_options.method: how frames are made (docs/methods.md) */
+    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice: exact for scenes, and for frames from outside what they bring */
+    SHUTTERBUG_METHOD_ACCUMULATION = 1, /* many renders a frame: the reference; of scenes only */
+    SHUTTERBUG_METHOD_PAPER = 2,    /* one render, motion images, remap and blur as a gather; from outside: motion or two poses */
+    SHUTTERBUG_METHOD_EXACT = 3,    /* one render with every line at its own time, blurred along true paths; of scenes only */
+    SHUTTERBUG_METHOD_FAST = 4      /* one render and a warp along true paths; from outside: depth and pose_count poses */
 };
 
 typedef struct shutterbug_engine_options {
@@ -258,10 +259,13 @@ enum {                         /* shutterbug_image.format. Values of several byt
     SHUTTERBUG_RG32F = 8,
     SHUTTERBUG_R32U = 9,       /* ids */
     SHUTTERBUG_R16U = 10,
-    SHUTTERBUG_R8U = 11
+    SHUTTERBUG_R8U = 11,
+    SHUTTERBUG_NV12 = 12,      /* only of SHUTTERBUG_PICTURE read back: luma, below it interleaved chroma (blue, red) of 2x2 pixels;
+                                * BT.601, full range, as in JPEG. Even sides; capacity_bytes for height 3/2 rows */
+    SHUTTERBUG_BOTTOM_UP = 0x10000 /* added to one of the above but NV12: the last row comes first in memory */
 };
 
-/* A picture in memory of yours, top row first. Row y starts at pixels + y stride_bytes; bytes between rows are neither
+/* A picture in memory of yours, top row first unless SHUTTERBUG_BOTTOM_UP is added to its format. Row y starts at pixels + y stride_bytes; bytes between rows are neither
  * read nor written. */
 typedef struct shutterbug_image {
     uint32_t struct_size;
@@ -277,7 +281,10 @@ typedef struct shutterbug_image {
 
 /* ---- Frames of a scene ---------------------------------------------------------------------------------------------- */
 
-enum { SHUTTERBUG_REQUEST_PLANES = 1 }; /* shutterbug_request.flags: sharp planes too */
+enum {                               /* shutterbug_request.flags */
+    SHUTTERBUG_REQUEST_PLANES = 1,   /* sharp planes too */
+    SHUTTERBUG_REQUEST_RADIANCE = 2  /* SHUTTERBUG_RADIANCE too */
+};
 
 typedef struct shutterbug_request {
     uint32_t struct_size;
@@ -341,7 +348,9 @@ shutterbug_status shutterbug_motion_convert(const shutterbug_image *from, const 
 enum {                             /* shutterbug_depth_convention.kind */
     SHUTTERBUG_DEPTH_METRES = 0,   /* along the optical axis; infinite, NaN or <= 0: infinitely far */
     SHUTTERBUG_DEPTH_REVERSED = 1, /* near_m / depth: 1 at near_m, 0 at infinity */
-    SHUTTERBUG_DEPTH_BUFFER = 2    /* 0 at near_m, 1 at far_m (the usual perspective depth buffer) */
+    SHUTTERBUG_DEPTH_BUFFER = 2,   /* 0 at near_m, 1 at far_m (the usual perspective depth buffer) */
+    SHUTTERBUG_DEPTH_REVERSED_FINITE = 3, /* 1 at near_m, 0 at far_m */
+    SHUTTERBUG_DEPTH_NDC = 4       /* -1 at near_m, 1 at far_m (OpenGL's normalised device coordinates) */
 };
 typedef struct shutterbug_depth_convention {
     uint32_t struct_size;
@@ -351,7 +360,79 @@ typedef struct shutterbug_depth_convention {
 
 enum { SHUTTERBUG_ENCODING_SRGB = 0, SHUTTERBUG_ENCODING_LINEAR = 1 }; /* of 8-bit colour */
 
-enum { SHUTTERBUG_OUTSIDE_REPEAT_BORDER = 1 }; /* shutterbug_outside.flags: a margin that is too small is accepted */
+enum {                                    /* shutterbug_outside.flags */
+    SHUTTERBUG_OUTSIDE_REPEAT_BORDER = 1, /* with pose_count: a margin that is too small is accepted */
+    SHUTTERBUG_OUTSIDE_RADIANCE = 2       /* SHUTTERBUG_RADIANCE can be read of the frame */
+};
+
+/* How poses are meant. Zero: this library's own. */
+typedef struct shutterbug_pose_convention {
+    uint32_t struct_size;
+    uint32_t form;      /* SHUTTERBUG_POSE_*: what the values are */
+    uint32_t axes;      /* SHUTTERBUG_AXES_* of the camera */
+    uint32_t direction; /* SHUTTERBUG_WORLD_FROM_CAMERA or _CAMERA_FROM_WORLD */
+    double metres;      /* one unit of the translation; 0: 1 */
+} shutterbug_pose_convention;
+enum {                                /* .form */
+    SHUTTERBUG_POSE_XYZW = 0,         /* translation x y z, quaternion x y z w: 7 values */
+    SHUTTERBUG_POSE_WXYZ = 1,         /* translation x y z, quaternion w x y z: 7 values */
+    SHUTTERBUG_POSE_MATRIX_ROWS = 2,  /* 4x4, row by row (NumPy): 16 values */
+    SHUTTERBUG_POSE_MATRIX_COLUMNS = 3 /* 4x4, column by column (OpenGL): 16 values */
+};
+enum {
+    SHUTTERBUG_AXES_OPTICAL = 0, /* x right, y down, z forward */
+    SHUTTERBUG_AXES_OPENGL = 1,  /* x right, y up, z backward: OpenGL, MuJoCo, Blender, USD */
+    SHUTTERBUG_AXES_ROBOT = 2    /* x forward, y left, z up: ROS body frames */
+};
+enum { SHUTTERBUG_WORLD_FROM_CAMERA = 0, SHUTTERBUG_CAMERA_FROM_WORLD = 1 };
+
+/* Brings a pose into this library's own convention; values has 7 or 16 numbers. Needs no engine; any thread, at any time.
+ * error_text and error_capacity as of shutterbug_motion_preset. Errors: none but the common ones (ARGUMENT: values that are no
+ * pose, such as a matrix that scales or lies the other way round). */
+shutterbug_status shutterbug_pose_convert(const shutterbug_pose_convention *convention, const double *values,
+                                          shutterbug_pose *pose, char *error_text, uint64_t error_capacity);
+
+/* One of two frames that are compared. */
+typedef struct shutterbug_view {
+    uint32_t struct_size;
+    uint32_t reserved; /* 0 */
+    const shutterbug_image *color; /* the camera's size, no margin, in host memory */
+    const shutterbug_image *depth; /* R32F, as color */
+    const shutterbug_depth_convention *depth_convention;
+    shutterbug_pose world_from_camera; /* as you would hand it in */
+} shutterbug_view;
+
+enum { /* shutterbug_agreement.verdict */
+    SHUTTERBUG_AGREE = 0,        /* the frames agree as they are given */
+    SHUTTERBUG_AGREE_BETTER = 1, /* they agree much better with .change */
+    SHUTTERBUG_AGREE_UNKNOWN = 2, /* the camera hardly moves between them: nothing can be told */
+    SHUTTERBUG_AGREE_NEVER = 3   /* in none of the conventions that were tried */
+};
+enum { /* bits of shutterbug_agreement.change */
+    SHUTTERBUG_CHANGE_Y_UP = 1,        /* the poses are of a camera with y up and z backward */
+    SHUTTERBUG_CHANGE_INVERSE = 2,     /* they are camera from world */
+    SHUTTERBUG_CHANGE_W_FIRST = 4,     /* their quaternions have w first */
+    SHUTTERBUG_CHANGE_MILLIMETRES = 8, /* depth is in millimetres of the poses' metres */
+    SHUTTERBUG_CHANGE_ALONG_RAY = 16,  /* depth is along the ray */
+    SHUTTERBUG_CHANGE_BOTTOM_UP = 32   /* rows lie from bottom to top */
+};
+typedef struct shutterbug_agreement {
+    uint32_t struct_size;
+    uint32_t verdict;
+    uint32_t change;   /* with SHUTTERBUG_AGREE_BETTER */
+    uint32_t reserved; /* 0 */
+    double as_given;   /* mean difference of what both frames show (square root of radiance) at three quarters of the places, 0 to 0.25 */
+    double best;       /* the same in the best convention */
+} shutterbug_agreement;
+
+/* Says whether two frames of a scene at rest agree with what is said of their poses and depth, or would in another convention:
+ * each pixel of the second is looked for in the first. Wrong conventions give plausible pictures. The camera should move and turn
+ * by a few degrees about more than one axis between them. Whether colours are sRGB or linear cannot be told. text (text_capacity
+ * bytes, may be null) takes a sentence, on failure that of the error. Takes milliseconds; needs no engine; any thread, at any time.
+ * Errors: INPUT (camera), FORMAT, TOO_SMALL. */
+shutterbug_status shutterbug_check_conventions(const shutterbug_camera *camera, const shutterbug_view *first,
+                                               const shutterbug_view *second, shutterbug_agreement *agreement, char *text,
+                                               uint64_t text_capacity);
 
 /* What moves by itself in a frame from outside, as a rigid body. Its poses reach over the frame as the camera's do; what has an
  * id that no body has rests in the world. */
@@ -361,6 +442,14 @@ typedef struct shutterbug_body {
     const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that is */
 } shutterbug_body;
 
+/* A further picture of a frame from outside, of an instant of its own. Everything but the instant is as of the first one. */
+typedef struct shutterbug_picture {
+    double time_s;                /* when it was rendered; each picture at another time */
+    const shutterbug_image *color;
+    const shutterbug_image *depth;
+    const shutterbug_image *ids;  /* with body_count */
+} shutterbug_picture;
+
 /* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's size
  * plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is.
  *   depth, pose_count poses   Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame and color_time_s, else TIME: give those of
@@ -368,9 +457,14 @@ typedef struct shutterbug_body {
  *                             line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
  *                             and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with
  *                             nearest_m, for movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set.
- *   motion images             Of what moves anyhow, by one vector a pixel where it arrives.
+ *                             With further pictures of other instants each line is taken from the three that are nearest to it
+ *                             in time, read together where they show one surface; what one did not see is taken from the others.
+ *   motion images             Of what moves anyhow, by one vector a pixel where it arrives: its motion at the image's instant. What a
+ *                             line sees has come the way that they say from color_time_s on: their integral over time, linear
+ *                             between images, even before the first and after the last. Two or three images of a camera that
+ *                             shakes faster than they follow each other can be worse than one.
  *   depth, two poses          pose_count 0: motion is taken from one to the other and goes on evenly, also beyond them.
- * With the last two, what comes in from beyond the picture is its repeated border. options.method means scenes only. */
+ * With the last two, what comes in from beyond the picture is its repeated border. */
 typedef struct shutterbug_outside {
     uint32_t struct_size;
     uint32_t frame_index;
@@ -378,7 +472,7 @@ typedef struct shutterbug_outside {
     double color_time_s;        /* when colour (and depth) were rendered; the frame's middle halves the errors */
     double first_motion_time_s; /* time of the first motion image */
     double motion_step_s;       /* from one motion image to the next; unused with one */
-    uint32_t flags;             /* SHUTTERBUG_OUTSIDE_*, with pose_count */
+    uint32_t flags;             /* SHUTTERBUG_OUTSIDE_* */
     uint32_t encoding;          /* SHUTTERBUG_ENCODING_*, of 8-bit colour; floats are linear */
     uint32_t margin_x_px, margin_y_px; /* columns and rows beyond each side, at most the camera's own */
     uint32_t motion_count;      /* 1 to 6; 0: depth is given */
@@ -401,6 +495,9 @@ typedef struct shutterbug_outside {
     double nearest_m;                   /* with pose_count: nothing that comes in at the border is nearer; 0: not known */
     const shutterbug_image *ids;        /* with body_count: whose surface each pixel shows, R8U, R16U or R32U */
     const shutterbug_body *bodies;
+    uint32_t picture_count;             /* further pictures at pictures, with pose_count; at most 7 */
+    uint32_t reserved_more;             /* 0 */
+    const shutterbug_picture *pictures;
 } shutterbug_outside;
 
 /* How a camera moves at most. */
@@ -423,7 +520,7 @@ shutterbug_status shutterbug_engine_margin(shutterbug_engine *engine, const shut
  * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a camera, and
  * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the poses do not
  * cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times), UNSUPPORTED (effects of lens and mounting
- * without pose_count poses, jpeg with picture_memory), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
+ * without pose_count poses, jpeg with picture_memory, frames that options.method does not make), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
  * not before. */
 shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
                                                    shutterbug_frame **frame);
@@ -438,14 +535,16 @@ shutterbug_status shutterbug_frame_poll(shutterbug_frame *frame, uint32_t *ready
 shutterbug_status shutterbug_frame_wait(shutterbug_frame *frame, double limit_s);
 
 enum {                        /* plane of shutterbug_frame_read */
-    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, sRGB; alpha 255 */
+    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, NV12, sRGB; alpha 255 */
     SHUTTERBUG_COLOR = 2,     /* ideal camera at time_s, linear, alpha = coverage: RGBA32F, RGBA16F */
     SHUTTERBUG_MOTION = 3,    /* px from time_s to time_s + frame_period_s: RG32F, RG16F */
-    SHUTTERBUG_DEPTH = 4      /* m along the optical axis, infinite where nothing is: R32F */
+    SHUTTERBUG_DEPTH = 4,     /* m along the optical axis, infinite where nothing is: R32F */
+    SHUTTERBUG_RADIANCE = 5   /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before defocus, glare,
+                               * noise and encoding; alpha 1: RGBA32F, RGBA16F */
 };
 
-/* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES; frames from
- * outside have none. Can be repeated. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
+/* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES, of which frames from
+ * outside have none; 5 needs SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE. Can be repeated. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
  * FORMAT, TOO_SMALL; of a frame that failed, its failure. */
 shutterbug_status shutterbug_frame_read(shutterbug_frame *frame, uint32_t plane, const shutterbug_image *to);
 
@@ -563,6 +662,7 @@ shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint
  * ones. */
 shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);
 
+/* END OF PLAIN C */
 #ifdef __cplusplus
 }
 #endif

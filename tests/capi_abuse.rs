@@ -279,7 +279,7 @@ fn calls_in_the_wrong_order() {
 #[test]
 fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside() {
     let test = "effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside";
-    let Some(engine) = engine(test, options(3, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     let small = Small::new(32, 24);
     let camera = "width = 32\nheight = 24\nfx = 16\nfy = 16\ncx = 16\ncy = 12\nframe_period_s = 0.04\n";
     let with = |effect: &str| {

@@ -42,14 +42,14 @@ fn first_wrong(checks: &[bool]) -> i32 {
 }
 
 fn ready(flags: u32) -> Option<Handle> {
-    let engine = engine("capi_fork", options(4, flags))?;
+    let engine = engine("capi_fork", options(0, flags))?;
     must(unsafe { shutterbug_engine_set_camera(engine, &camera(64, 48)) }, engine);
     Some(engine)
 }
 
 /// An engine of one's own makes a frame.
 fn works() -> bool {
-    let Ok(engine) = create(options(4, 0)) else { return false };
+    let Ok(engine) = create(options(0, 0)) else { return false };
     let camera = unsafe { shutterbug_engine_set_camera(engine, &camera(64, 48)) };
     let frame = process(engine, &Small::new(64, 48).outside, [64, 48]);
     camera == 0 && frame.is_ok() && shutterbug_engine_destroy(engine) == 0
@@ -81,7 +81,7 @@ fn inherited(engine: Handle, frame: Handle) -> i32 {
 #[test]
 fn children_answer_at_once_and_leave_their_parent_alone() {
     // Nothing of the library has been used: the child is like any process.
-    let Ok(probe) = create(options(4, 0)) else {
+    let Ok(probe) = create(options(0, 0)) else {
         assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "no device");
         eprintln!("SKIPPED capi_fork: no device");
         return;
@@ -130,4 +130,68 @@ fn children_answer_at_once_and_leave_their_parent_alone() {
     });
     assert_eq!(shutterbug_engine_destroy(busy as Handle), 0);
     finish(engine);
+}
+
+/// A host in Python: the library, the header, and what a child finds.
+const HOST: &str = r#"
+import os, signal, sys, cffi
+text = open(sys.argv[2]).read()
+start = text.index('\n', text.index('"END OF PLAIN C"'))
+ffi = cffi.FFI()
+ffi.cdef(text[start:text.index('/* END OF PLAIN C */')])
+lib = ffi.dlopen(sys.argv[1])
+
+def sized(name):
+    made = ffi.new(name + ' *')
+    made.struct_size = ffi.sizeof(name)
+    return made
+
+def create():
+    engine = ffi.new('shutterbug_engine **')
+    return lib.shutterbug_engine_create(sized('shutterbug_engine_options'), engine), engine[0]
+
+def info(engine):
+    return lib.shutterbug_engine_get_info(engine, sized('shutterbug_engine_info'))
+
+signal.alarm(120)
+code, engine = create()
+if code == lib.SHUTTERBUG_NO_DEVICE:
+    sys.exit(77)
+assert code == 0 and info(engine) == 0
+# What the allocator of Python hands out before, between and after.
+junk = [bytes(range(256)) * i for i in range(200)]
+child = os.fork()
+if child == 0:
+    signal.alarm(100)
+    found = [info(engine), lib.shutterbug_engine_destroy(engine)]
+    junk.clear()
+    code, own = create()
+    found += [code, info(own), lib.shutterbug_engine_destroy(own)]
+    os._exit(0 if found == [lib.SHUTTERBUG_FORKED, 0, 0, 0, 0] else 1)
+status = os.waitpid(child, 0)[1]
+assert status == 0, status
+assert info(engine) == 0 and lib.shutterbug_engine_destroy(engine) == 0
+"#;
+
+#[test]
+fn a_forked_python_is_answered_at_once() {
+    let library = std::env::current_exe().unwrap().with_file_name("libshutterbug.so");
+    let ready = std::process::Command::new("python3").args(["-c", "import cffi"]).output();
+    if !ready.is_ok_and(|o| o.status.success()) || !library.exists() {
+        eprintln!(
+            "SKIPPED a_forked_python_is_answered_at_once: python3 with cffi, or the library, is absent"
+        );
+        return;
+    }
+    // Under Python's own allocator and under the system's.
+    for allocator in ["pymalloc", "malloc"] {
+        let mut python = std::process::Command::new("python3");
+        python.args(["-c", HOST]).arg(&library).arg("include/shutterbug.h").env("PYTHONMALLOC", allocator);
+        let out = python.output().unwrap();
+        if out.status.code() == Some(77) {
+            eprintln!("SKIPPED a_forked_python_is_answered_at_once: no device");
+            return;
+        }
+        assert!(out.status.success(), "{allocator}: {}", String::from_utf8_lossy(&out.stderr));
+    }
 }

@@ -156,3 +156,35 @@ fn every_function_says_what_it_may_answer() {
         ["shutterbug_version", "shutterbug_version_text", "shutterbug_status_text", "shutterbug_last_error"];
     assert_eq!(rest, want);
 }
+
+/// What of the header needs no preprocessor.
+fn plain() -> &'static str {
+    let from = HEADER.find("\"END OF PLAIN C\"").unwrap();
+    let from = from + HEADER[from..].find('\n').unwrap();
+    &HEADER[from..HEADER.find("/* END OF PLAIN C */").unwrap()]
+}
+
+#[test]
+fn pythons_cffi_parses_the_plain_part_as_it_is() {
+    let text = without_comments(plain());
+    assert!(text.contains("shutterbug_engine_create(") && text.contains("shutterbug_semaphore_destroy("));
+    assert!(!text.lines().any(|l| l.trim_start().starts_with('#')), "a line for the preprocessor");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plain.h");
+    let parse = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        let program = "import sys, cffi\nf = cffi.FFI()\nf.cdef(open(sys.argv[1]).read())\n\
+                       print(f.sizeof('shutterbug_outside'))";
+        Command::new("python3").args(["-c", program]).arg(&file).output()
+    };
+    let there = Command::new("python3").args(["-c", "import cffi"]).output();
+    if !there.is_ok_and(|o| o.status.success()) {
+        eprintln!("SKIPPED pythons_cffi_parses_the_plain_part_as_it_is: python3 with cffi is absent");
+        return;
+    }
+    let parsed = parse(plain()).unwrap();
+    assert!(parsed.status.success(), "{}", String::from_utf8_lossy(&parsed.stderr));
+    let size = LAYOUT.iter().find(|(name, ..)| *name == "shutterbug_outside").unwrap().1;
+    assert_eq!(String::from_utf8_lossy(&parsed.stdout).trim(), size.to_string());
+    assert!(!parse(HEADER).unwrap().status.success(), "control: all of the header parses");
+}

@@ -76,13 +76,14 @@ fn the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit()
     }
 }
 
-/// Size of `shutterbug_outside` before frames brought poses over all of the frame.
+/// Sizes of `shutterbug_outside` before frames brought poses over all of the frame, and before they brought several pictures.
 const SIZE_OF_BEFORE: u32 = std::mem::offset_of!(shutterbug_outside, pose_count) as u32;
+const SIZE_OF_ONE_PICTURE: u32 = std::mem::offset_of!(shutterbug_outside, picture_count) as u32;
 
 #[test]
 fn programs_built_against_the_header_of_before_are_served() {
     let test = "programs_built_against_the_header_of_before_are_served";
-    let Some(engine) = engine(test, options(2, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     must(unsafe { shutterbug_engine_set_camera(engine, &camera(32, 24)) }, engine);
     let small = Small::new(32, 24);
     let want = process(engine, &small.outside, [32, 24]).unwrap();
@@ -97,7 +98,12 @@ fn programs_built_against_the_header_of_before_are_served() {
         status("ARGUMENT"),
         "control: read where it is said"
     );
-    for wrong in [SIZE_OF_BEFORE - 8, SIZE_OF_BEFORE + 8] {
+    let own = SmallPath::new(32, 24);
+    let mut path = own.outside;
+    let want = process(engine, &path, [32, 24]).unwrap();
+    (path.struct_size, path.picture_count, path.pictures) = (SIZE_OF_ONE_PICTURE, 5, std::ptr::dangling());
+    assert_eq!(process(engine, &path, [32, 24]).unwrap(), want);
+    for wrong in [SIZE_OF_BEFORE - 8, SIZE_OF_BEFORE + 8, SIZE_OF_ONE_PICTURE + 4] {
         old.struct_size = wrong;
         assert_eq!(process(engine, &old, [32, 24]).unwrap_err().0, status("STRUCT_SIZE"));
     }
@@ -106,7 +112,7 @@ fn programs_built_against_the_header_of_before_are_served() {
 
 #[test]
 fn careless_hands() {
-    let Some(engine) = engine("careless_hands", options(4, 1)) else { return };
+    let Some(engine) = engine("careless_hands", options(0, 1)) else { return };
     must(unsafe { shutterbug_engine_set_camera(engine, &camera(32, 24)) }, engine);
     let small = SmallPath::new(32, 24);
     let submit = |change: &dyn Fn(&mut shutterbug_outside)| {
@@ -122,7 +128,29 @@ fn careless_hands() {
     let no_poses = [shutterbug_body { poses: null(), ..small.bodies[0] }];
     let late = [small.poses[1], shutterbug_stamped_pose { time_s: 9.0, ..small.poses[1] }];
     let late_body = [shutterbug_body { poses: late.as_ptr(), ..small.bodies[0] }];
-    let cases: [(&str, &str, Spoil<'_>); 19] = [
+    let (color, depth) = (small.outside.color, small.outside.depth);
+    let good = shutterbug_picture { time_s: 0.02, color, depth, ids: small.outside.ids };
+    let further = |p: shutterbug_picture| [p];
+    let same_time = further(shutterbug_picture { time_s: small.outside.color_time_s, ..good });
+    let no_time = further(shutterbug_picture { time_s: f64::NAN, ..good });
+    let late_picture = further(shutterbug_picture { time_s: 7.0, ..good });
+    let no_color = further(shutterbug_picture { color: null(), ..good });
+    let no_ids = further(shutterbug_picture { ids: null(), ..good });
+    let depth_for_color = further(shutterbug_picture { color: depth, ..good });
+    let cases: [(&str, &str, Spoil<'_>); 28] = [
+        ("ARGUMENT", "picture_count is 8", &|o| o.picture_count = 8),
+        ("ARGUMENT", "pictures is null", &|o| o.picture_count = 1),
+        ("ARGUMENT", "reserved", &|o| o.reserved_more = 1),
+        ("ARGUMENT", "two pictures", &|o| (o.pictures, o.picture_count) = (same_time.as_ptr(), 1)),
+        ("ARGUMENT", "pictures[0].time_s", &|o| (o.pictures, o.picture_count) = (no_time.as_ptr(), 1)),
+        ("TIME", "colour", &|o| (o.pictures, o.picture_count) = (late_picture.as_ptr(), 1)),
+        ("ARGUMENT", "pictures[0].color is null", &|o| {
+            (o.pictures, o.picture_count) = (no_color.as_ptr(), 1);
+        }),
+        ("ARGUMENT", "pictures[0].ids is null", &|o| (o.pictures, o.picture_count) = (no_ids.as_ptr(), 1)),
+        ("FORMAT", "pictures[0].color is RGB8", &|o| {
+            (o.pictures, o.picture_count) = (depth_for_color.as_ptr(), 1);
+        }),
         ("ARGUMENT", "pose_count is 1", &|o| o.pose_count = 1),
         ("ARGUMENT", "poses", &|o| o.poses = null()),
         ("ARGUMENT", "pose 1", &|o| o.poses = wrong_pose.as_ptr()),
@@ -132,7 +160,7 @@ fn careless_hands() {
         ("TIME", "colour", &|o| o.color_time_s = -1.0),
         ("ARGUMENT", "nearest_m", &|o| o.nearest_m = f64::NAN),
         ("ARGUMENT", "nearest_m", &|o| o.nearest_m = -1.0),
-        ("ARGUMENT", "flags", &|o| o.flags = 2),
+        ("ARGUMENT", "flags", &|o| o.flags = 4),
         ("ARGUMENT", "not with motion", &|o| (o.motion_count, o.depth) = (1, null())),
         ("ARGUMENT", "without", &|o| o.pose_count = 0),
         ("ARGUMENT", "256", &|o| o.body_count = 256),
@@ -150,7 +178,30 @@ fn careless_hands() {
     let (code, said) = submit(&|o| o.bodies = late_body.as_ptr()).unwrap_err();
     assert!(code == status("TIME") && said.contains("body 5"), "{said}");
     assert_eq!(submit(&|_| ()), Ok(()), "control");
+    let good = further(good);
+    let two = submit(&|o| (o.pictures, o.picture_count) = (good.as_ptr(), 1));
+    assert_eq!(two, Ok(()), "control: two pictures");
     finish(engine);
+}
+
+#[test]
+fn a_method_makes_its_own_frames_or_says_why_not() {
+    let test = "a_method_makes_its_own_frames_or_says_why_not";
+    let (path, motion) = (SmallPath::new(32, 24), Small::new(32, 24));
+    for (method, takes) in
+        [(0, [true, true]), (1, [false; 2]), (2, [false, true]), (3, [false; 2]), (4, [true, false])]
+    {
+        let Some(engine) = engine(test, options(method, 0)) else { return };
+        must(unsafe { shutterbug_engine_set_camera(engine, &camera(32, 24)) }, engine);
+        for (outside, taken) in [path.outside, motion.outside].iter().zip(takes) {
+            let got = process(engine, outside, [32, 24]);
+            assert_eq!(got.is_ok(), taken, "method {method}");
+            if let Err((code, said)) = got {
+                assert!(code == status("UNSUPPORTED") && said.contains("options.method"), "{said}");
+            }
+        }
+        finish(engine);
+    }
 }
 
 #[test]

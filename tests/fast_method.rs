@@ -41,6 +41,10 @@ fn push(order: ScanOrder, exposure_time_s: f32, knots: u32) -> Push {
         scan_order: scan_order_code(order),
         max_samples: 240,
         slots: if exposure_time_s > 0.0 { 3 } else { 1 },
+        picture_s: 0.0,
+        from_s: 0.0,
+        to_s: 0.0,
+        first: [0; 2],
     }
 }
 

@@ -38,6 +38,10 @@ fn push(order: ScanOrder, exposure_time_s: f32) -> Push {
         scan_order: scan_order_code(order),
         max_samples: 240,
         slots: if exposure_time_s > 0.0 { 3 } else { 1 },
+        picture_s: 0.0,
+        from_s: 0.0,
+        to_s: 0.0,
+        first: [0; 2],
     }
 }
 
@@ -189,12 +193,16 @@ fn unpack_color_half_rounds_what_its_twin_unpacks() {
         &bench.watched.0,
         "decode",
         size_of_val(table.as_slice()) as u64,
-        Usage::Storage,
+        Usage::Texels,
         Location::Upload,
     )
     .unwrap();
     decode.write(0, &table);
-    for format in [PixelFormat::Rgb8, PixelFormat::Bgra8, PixelFormat::Rgba32f] {
+    // Kernels that are made for a format, and the one of all of them.
+    let own = |format: PixelFormat| (format, format as u32);
+    let cases =
+        [own(PixelFormat::Rgb8), own(PixelFormat::Bgra8), own(PixelFormat::Rgba32f), (PixelFormat::Rgba8, 0)];
+    for (format, made_for) in cases {
         let stride = (size[0] * format.bytes()).next_multiple_of(4);
         let mut bytes: Vec<u8> = (0..stride * size[1]).map(|_| (scatter.number() * 255.0) as u8).collect();
         if format == PixelFormat::Rgba32f {
@@ -213,10 +221,10 @@ fn unpack_color_half_rounds_what_its_twin_unpacks() {
         let (from, to) = (source(&bench, &bytes), bench.empty(size, Format::Rgba16f, 1, false));
         let resources = [
             ("Source", Bound::Buffer(&from)),
-            ("Decode", Bound::Buffer(&decode)),
+            ("decode", Bound::Buffer(&decode)),
             ("color", Bound::Storage(&to)),
         ];
-        bench.run(const { kernel("unpack_color_half.comp") }, &[], &resources, &push, push.size);
+        bench.run(const { kernel("unpack_color_half.comp") }, &[made_for], &resources, &push, push.size);
         let got = bench.read(&to).remove(0);
         let want = unpack_color(&push, &bytes, &table);
         let half = |v: f32| exr::prelude::f16::from_f32(v.clamp(-65504.0, 65504.0)).to_f32();

@@ -9,9 +9,10 @@ use glam::{DQuat, DVec3};
 use gpu_support::bench::{Bench, Scatter, differing};
 use shutterbug::camera::{Intrinsics, Pose, ScanOrder};
 use shutterbug::gpu::{Bound, Format, Sampler};
-use shutterbug::kernels::kernel;
+use shutterbug::kernels::{Kernel, kernel};
 use shutterbug::plane::Plane;
 use shutterbug::reference::motion_from_depth::{self, motion_from_depth};
+use shutterbug::reference::outside_gather::outside_gather;
 use shutterbug::reference::paper_gather::{self, paper_gather};
 
 /// Share of outlying pixels on devices that round in their own way.
@@ -80,6 +81,10 @@ fn gather_case(size: [usize; 2], margin: usize, count: u32, scatter: &mut Scatte
 }
 
 fn run_gather(bench: &mut Bench, case: &GatherCase) -> Plane<f32> {
+    run_gather_by(bench, const { kernel("paper_gather.comp") }, case)
+}
+
+fn run_gather_by(bench: &mut Bench, by: &'static Kernel, case: &GatherCase) -> Plane<f32> {
     let color = bench.upload(std::slice::from_ref(&case.color), Format::Rgba32f, false);
     let motion = bench.upload(&case.motion, Format::Rg32f, true);
     let radiance = bench.empty(case.push.size.map(|s| s as usize), Format::Rgba32f, 1, false);
@@ -89,8 +94,24 @@ fn run_gather(bench: &mut Bench, case: &GatherCase) -> Plane<f32> {
         ("motion", Bound::Storage(&motion)),
         ("radiance", Bound::Storage(&radiance)),
     ];
-    bench.run(const { kernel("paper_gather.comp") }, &[], &resources, &case.push, case.push.size);
+    bench.run(by, &[], &resources, &case.push, case.push.size);
     bench.read(&radiance).remove(0)
+}
+
+#[test]
+fn outside_gather_is_its_twin() {
+    let Some(mut bench) = Bench::new("outside_gather_is_its_twin") else { return };
+    let mut scatter = Scatter(17);
+    for count in 1..=6u32 {
+        let mut case = gather_case([61, 33], 12, count, &mut scatter);
+        case.push.scan_order = count % 4;
+        let got = run_gather_by(&mut bench, const { kernel("outside_gather.comp") }, &case);
+        let want = outside_gather(&case.push, &case.color, &case.motion);
+        check(&bench, &format!("{count} images"), &got, &want);
+        // One image's motion is all of the way: what the paper says is the same then, and not with several.
+        let (_, outliers) = differing(&got, &paper_gather(&case.push, &case.color, &case.motion), 1e-3);
+        assert!(if count == 1 { outliers < 20 } else { outliers > 200 }, "{count} images: {outliers}");
+    }
 }
 
 #[test]

@@ -4,91 +4,18 @@
 mod capi_support;
 mod outside_support;
 
-use std::collections::BTreeMap;
-use std::sync::Mutex;
-
-use capi_support::{engine, error_of, finish, image, must, options, outside, process, sized, status, text};
-use outside_support::{
-    EXPOSURE_S, K, Looks, READOUT_S, Shot, World, camera_motion, psnr, shot, shutter, through, truth,
+use capi_support::{engine, error_of, finish, must, options, process, sized, status};
+use outside_support::host::{
+    POSES, Pictures, SIZE, deliver, flights, flying, margin_of, poses, set_camera, taken,
 };
+use outside_support::{EXPOSURE_S, K, Looks, World, camera_motion, psnr, shot, shutter, through, truth};
 use shutterbug::camera::{Distortion, Intrinsics, Lens, Pose};
 use shutterbug::capi::*;
-use shutterbug::plane::PixelFormat;
-
-const SIZE: [usize; 2] = [K.width as usize, K.height as usize];
-/// Poses of a frame: those of a host's physics steps.
-const POSES: u32 = 13;
-
-fn set_camera(engine: Handle, exposure_s: f64, more: &str) {
-    let camera = text(&format!(
-        "width = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\nframe_period_s = 0.04\n\
-         [rolling_shutter]\nreadout_time_s = {READOUT_S:?}\n[motion_blur]\nexposure_time_s = {exposure_s:?}\n{more}",
-        K.width, K.height, K.fx, K.fy, K.cx, K.cy
-    ));
-    must(unsafe { shutterbug_engine_set_camera_text(engine, camera.as_ptr()) }, engine);
-}
-
-fn stamped(time_s: f64, pose: &Pose) -> shutterbug_stamped_pose {
-    let (translation_m, rotation_xyzw) = (pose.translation_m.to_array(), pose.rotation.to_array());
-    shutterbug_stamped_pose { time_s, world_from_camera: shutterbug_pose { translation_m, rotation_xyzw } }
-}
-
-/// `count` poses of a motion over `[0, end_s]`.
-fn poses(name: &str, end_s: f64, count: u32) -> Vec<shutterbug_stamped_pose> {
-    let at = |i: u32| end_s * f64::from(i) / f64::from(count - 1);
-    (0..count).map(|i| stamped(at(i), &camera_motion(name, at(i)))).collect()
-}
-
-/// Pictures that were rendered, by motion, end of the frame and margin: several frames are made of each.
-type Shots = BTreeMap<(String, u64, [u32; 2]), Shot>;
-static SHOTS: Mutex<Shots> = Mutex::new(BTreeMap::new());
-
-/// The resting world at the frame's middle.
-fn taken(name: &str, end_s: f64, margin_px: [u32; 2]) -> Shot {
-    let motion = |t: f64| vec![camera_motion(name, t), Pose::IDENTITY];
-    let of = (name.to_owned(), end_s.to_bits(), margin_px);
-    let mut shots = SHOTS.lock().unwrap();
-    shots.entry(of).or_insert_with(|| shot(&World::new(false), &motion, 0.5 * end_s, margin_px)).clone()
-}
-
-/// A frame of one picture with depth and poses over the frame, or two.
-fn deliver(
-    engine: Handle,
-    name: &str,
-    (end_s, margin_px): (f64, [u32; 2]),
-    poses: &[shutterbug_stamped_pose],
-    with_path: bool,
-) -> Result<Vec<u8>, (Status, String)> {
-    let color_s = 0.5 * end_s;
-    let mut taken = taken(name, end_s, margin_px);
-    let [w, h] = taken.size;
-    let color = image(PixelFormat::Rgb8, w, h, &mut taken.rgb);
-    let depth = image(PixelFormat::R32f, w, h, bytemuck::cast_slice_mut(&mut taken.depth_m));
-    let convention: shutterbug_depth_convention = sized();
-    let mut o = outside();
-    (o.color_time_s, o.color, o.depth, o.depth_convention) = (color_s, &color, &depth, &convention);
-    (o.poses, o.pose_count) = (poses.as_ptr(), if with_path { poses.len() as u32 } else { 0 });
-    [o.margin_x_px, o.margin_y_px] = margin_px;
-    process(engine, &o, SIZE)
-}
-
-/// The margin that a motion needs, from the refusal of a frame without one.
-fn margin_of(engine: Handle, name: &str, end_s: f64, poses: &[shutterbug_stamped_pose]) -> [u32; 2] {
-    match deliver(engine, name, (end_s, [0, 0]), poses, true) {
-        Ok(_) => [0, 0],
-        Err((code, said)) => {
-            assert_eq!(code, status("TOO_SMALL"), "{said}");
-            let numbers: Vec<u32> =
-                said.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
-            [numbers[2], numbers[3]]
-        }
-    }
-}
 
 #[test]
 fn thirteen_poses_follow_a_camera_that_shakes() {
     let test = "thirteen_poses_follow_a_camera_that_shakes";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(false);
     eprintln!("| motion | effects | plain | two poses | {POSES} poses | least |");
     for (name, least) in [
@@ -126,40 +53,23 @@ fn thirteen_poses_follow_a_camera_that_shakes() {
     finish(engine);
 }
 
-/// A box that flies through and turns, at 2 m.
-fn flying(t: f64) -> Pose {
-    Pose {
-        rotation: glam::DQuat::from_euler(glam::EulerRot::YXZ, 3.0 * t + 0.4, 0.5, 6.0 * t),
-        translation_m: glam::DVec3::new(-0.2 + 6.0 * t, 0.1 - 1.5 * t + 20.0 * t * t, 2.0),
-    }
-}
-
 /// The picture of a frame with a flying box; whether it is told to move.
 fn with_body(engine: Handle, end_s: f64, body_count: u32) -> Vec<u8> {
     let motion = |t: f64| vec![camera_motion("pan 1.2", t), Pose::IDENTITY, flying(t)];
     let margin = [12, 4];
-    let mut taken = shot(&World::new(true), &motion, 0.5 * end_s, margin);
-    let [w, h] = taken.size;
-    let color = image(PixelFormat::Rgb8, w, h, &mut taken.rgb);
-    let depth = image(PixelFormat::R32f, w, h, bytemuck::cast_slice_mut(&mut taken.depth_m));
-    let mut ids: Vec<u16> = taken.body.iter().map(|b| 400 + *b as u16).collect();
-    let ids = image(PixelFormat::R16u, w, h, bytemuck::cast_slice_mut(&mut ids));
-    let convention: shutterbug_depth_convention = sized();
+    let mut one = Pictures::new([shot(&World::new(true), &motion, 0.5 * end_s, margin)], margin);
     let given = poses("pan 1.2", end_s, POSES);
-    let at = |i: u32| end_s * f64::from(i) / f64::from(POSES - 1);
-    let of_body: Vec<_> = (0..POSES).map(|i| stamped(at(i), &flying(at(i)))).collect();
+    let of_body = flights(end_s);
     let bodies = [shutterbug_body { id: 401, pose_count: POSES, poses: of_body.as_ptr() }];
-    let mut o = outside();
-    (o.color_time_s, o.color, o.depth, o.depth_convention) = (0.5 * end_s, &color, &depth, &convention);
+    let mut o = one.outside(&[0.5 * end_s]);
     (o.poses, o.pose_count) = (given.as_ptr(), POSES);
-    [o.margin_x_px, o.margin_y_px] = margin;
-    (o.ids, o.bodies, o.body_count) = (&ids, bodies.as_ptr(), body_count);
+    (o.bodies, o.body_count) = (bodies.as_ptr(), body_count);
     process(engine, &o, SIZE).unwrap()
 }
 
 #[test]
 fn bodies_move_by_their_own_poses() {
-    let Some(engine) = engine("bodies_move_by_their_own_poses", options(4, 1)) else { return };
+    let Some(engine) = engine("bodies_move_by_their_own_poses", options(0, 1)) else { return };
     for exposure_s in [0.0, EXPOSURE_S] {
         set_camera(engine, exposure_s, "");
         let shutter = shutter(exposure_s);
@@ -181,7 +91,7 @@ const SCALES: [f64; 3] = [1.004, 1.0, 0.996];
 #[test]
 fn a_lens_shutter_and_blur_read_the_colour_once() {
     let test = "a_lens_shutter_and_blur_read_the_colour_once";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(false);
     let brown = Distortion::BrownConrady { k: [-0.22, 0.05, 0.0], p: [0.001, -0.0008] };
     let askew = glam::DQuat::from_scaled_axis(glam::DVec3::new(0.01, -0.02, 0.03));
@@ -229,7 +139,7 @@ fn a_lens_shutter_and_blur_read_the_colour_once() {
 #[test]
 fn spans_and_margins_are_checked_and_told() {
     let test = "spans_and_margins_are_checked_and_told";
-    let Some(engine) = engine(test, options(4, 1)) else { return };
+    let Some(engine) = engine(test, options(0, 1)) else { return };
     set_camera(engine, EXPOSURE_S, "");
     let end_s = shutter(EXPOSURE_S).end_s();
     let name = "pan 4";

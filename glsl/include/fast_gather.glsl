@@ -1,5 +1,5 @@
 // Where one surface is seen all the exposure long. Twin: src/reference/fast_gather.rs. Needs fast_push, fast_claims, path,
-// pixel_area, fast_lens.
+// pixel_area, fast_lens, fast_weight.
 #ifndef FAST_GATHER_GLSL
 #define FAST_GATHER_GLSL
 
@@ -79,7 +79,12 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
 vec4 blur_one_surface(Sources s) {
     bool clamped = false;
     if (!blurs()) {
-        return vec4(read_pixel_area(s.middle_px, clamped), clamped ? -1.0 : 1.0);
+        // The pictures are read together.
+        if (one_of_several() && !is_beyond(s.middle_px)) {
+            return vec4(s.middle_px, 0.0, -1.0);
+        }
+        vec3 seen = read_pixel_area(s.middle_px, clamped);
+        return result_of(seen, 1.0, clamped, 1.0);
     }
     vec2 chord = s.end_px - s.begin_px;
     vec2 bend = 2.0 * (s.begin_px + s.end_px - 2.0 * s.middle_px);
@@ -98,11 +103,16 @@ vec4 blur_one_surface(Sources s) {
         float next = t + step_t;
         vec2 first = s.middle_px + t * (chord + t * bend);
         vec2 second = s.middle_px + next * (chord + next * bend);
-        sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
-               read_between(second - odd);
+        if (color_scale() == 2) {
+            sum += read_between(first + even) + read_between(first - even) + read_between(second + odd) +
+                   read_between(second - odd);
+        } else {
+            // Both of two are at one place.
+            sum += 2.0 * (read_between(first) + read_between(second));
+        }
     }
     clamped = is_beyond(s.begin_px) || is_beyond(s.end_px);
-    return vec4(sum / (2.0 * count), clamped ? -count : count);
+    return result_of(sum / (2.0 * count), count, clamped, sharpness(s.middle_px, way));
 }
 
 #endif

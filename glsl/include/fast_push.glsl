@@ -12,6 +12,12 @@ layout(push_constant) uniform Push {
     uint scan_order;
     uint max_samples;
     uint slots;
+    // One of several pictures of a frame: when it was rendered, and those before and after it.
+    float picture_s;
+    float from_s;
+    float to_s;
+    // The first pixel that fast_gather looks at: a software device runs through pixels that leave at once.
+    uvec2 first;
 } push;
 
 // Claims, four words a destination pixel: one for each slot (a moment of the exposure: its middle; or begin, middle and

@@ -1,5 +1,5 @@
 // Where several surfaces are seen during the exposure. Twin: src/reference/fast_silhouettes.rs. Needs fast_push,
-// fast_claims, path, sample, fast_lens.
+// fast_claims, path, sample, fast_lens, fast_weight.
 #ifndef FAST_SILHOUETTES_GLSL
 #define FAST_SILHOUETTES_GLSL
 
@@ -117,6 +117,7 @@ vec4 blur_many_surfaces(uvec2 pixel) {
     middle.nearest = gap ? seed_key(0.0, ivec2(floor(aside_px + 0.5))) : middle.nearest;
     precise vec3 sum = vec3(0.0);
     bool clamped = false;
+    int landed = 0;
     for (int i = 0; i < count; ++i) {
         precise float t = (float(i) + 0.5) / float(count);
         precise float at = from + t * span;
@@ -142,20 +143,22 @@ vec4 blur_many_surfaces(uvec2 pixel) {
                 }
             }
         }
+        landed += nearest >= 0.0 ? 1 : 0;
         precise vec2 position = clear_of_seams(nearest >= 0.0 ? source_px : beside_px, w);
         // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
         // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
         vec2 centre_px = position - QUARTERS[i & 3];
         vec2 aside = 4.0 * spread_px() * QUARTERS[i & 3];
         clamped = clamped || is_beyond(centre_px);
-        if (blurs()) {
+        if (blurs() && color_scale() == 2) {
             sum = sum + 0.5 * (read_between(centre_px + aside) + read_between(centre_px - aside));
         } else {
-            sum = sum + read_between(color_scale() == 2 ? centre_px + aside : position);
+            sum = sum + read_between(color_scale() == 2 ? centre_px + aside : (blurs() ? centre_px : position));
         }
     }
     precise vec3 mean = sum / float(count);
-    return vec4(mean, clamped ? -float(count) : float(count));
+    float seen = float(landed) / float(count);
+    return result_of(mean, float(count), clamped, seen * seen * seen * seen);
 }
 
 #endif

@@ -9,10 +9,11 @@ layout(local_size_x = 16, local_size_y = 8) in;
 #define COLOR_FORMAT rgba32f
 #endif
 layout(set = 0, binding = 1, COLOR_FORMAT) uniform writeonly image2D color;
-// Radiance of the 256 sRGB codes, then of the 256 linear ones.
-layout(set = 0, binding = 2, std430) readonly buffer Decode {
-    float decode[];
-};
+// Radiance of the 256 sRGB codes, then of the 256 linear ones, four a texel: a software device fetches a texel for all lanes at
+// once, and words of a storage buffer lane by lane.
+layout(set = 0, binding = 2) uniform usamplerBuffer decode;
+// The format where the kernel is made for one, else 0: a software device takes all branches that it does not know better of.
+layout(constant_id = 0) const uint FORMAT = 0u;
 
 layout(push_constant) uniform Push {
     uvec2 size;
@@ -30,8 +31,14 @@ const uint RGBA8 = 2u;
 const uint BGRA8 = 3u;
 const uint RGBA16F = 4u;
 
+// Behind a function, because the build's reflection does not evaluate comparisons of constants.
+uint format() { return FORMAT != 0u ? FORMAT : push.format; }
+
 float decoded(uint offset) {
-    return decode[push.codes_from + byte_at(offset)];
+    uint code = push.codes_from + byte_at(offset);
+    uvec4 four = texelFetch(decode, int(code >> 2u));
+    uvec2 two = (code & 2u) == 0u ? four.xy : four.zw;
+    return uintBitsToFloat((code & 1u) == 0u ? two.x : two.y);
 }
 
 // What is not a number is black: it must not spread over a blurred picture.
@@ -47,14 +54,14 @@ void main() {
     }
     uint row = push.first_byte + pixel.y * push.stride_bytes;
     vec4 value;
-    if (push.format == RGB8) {
+    if (format() == RGB8) {
         uint at = row + 3u * pixel.x;
         value = vec4(decoded(at), decoded(at + 1u), decoded(at + 2u), 1.0);
-    } else if (push.format == RGBA8 || push.format == BGRA8) {
+    } else if (format() == RGBA8 || format() == BGRA8) {
         uint at = row + 4u * pixel.x;
         value = vec4(decoded(at), decoded(at + 1u), decoded(at + 2u), float(byte_at(at + 3u)) / 255.0);
-        value = push.format == BGRA8 ? value.bgra : value;
-    } else if (push.format == RGBA16F) {
+        value = format() == BGRA8 ? value.bgra : value;
+    } else if (format() == RGBA16F) {
         uint at = row + 8u * pixel.x;
         value = numbers(vec4(half_at(at), half_at(at + 2u), half_at(at + 4u), half_at(at + 6u)));
     } else {

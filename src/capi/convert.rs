@@ -75,7 +75,16 @@ pub(super) fn depth_decode(d: &shutterbug_depth_convention) -> Outcome<Option<[f
         2 if near && far => {
             Ok(Some([(d.near_m * d.far_m) as f32, d.far_m as f32, (d.near_m - d.far_m) as f32]))
         }
-        1 | 2 => Err(Fault::argument(format!("depth convention: near {} m, far {} m", d.near_m, d.far_m))),
+        // Reversed with a far plane: 1 at near, 0 at far.
+        3 if near && far => {
+            Ok(Some([(d.near_m * d.far_m) as f32, d.near_m as f32, (d.far_m - d.near_m) as f32]))
+        }
+        // OpenGL's normalised device coordinates: -1 at near, 1 at far.
+        4 if near && far => {
+            let (middle, slope) = (0.5 * (d.near_m + d.far_m), 0.5 * (d.near_m - d.far_m));
+            Ok(Some([(d.near_m * d.far_m) as f32, middle as f32, slope as f32]))
+        }
+        1..=4 => Err(Fault::argument(format!("depth convention: near {} m, far {} m", d.near_m, d.far_m))),
         kind => Err(Fault::argument(format!("depth convention: there is no kind {kind}"))),
     }
 }
@@ -84,7 +93,7 @@ pub(super) fn depth_decode(d: &shutterbug_depth_convention) -> Outcome<Option<[f
 ///
 /// # Safety
 /// As for [`give_text`].
-unsafe fn explained(error: (*mut c_char, u64), f: impl FnOnce() -> Outcome<()>) -> Status {
+pub(super) unsafe fn explained(error: (*mut c_char, u64), f: impl FnOnce() -> Outcome<()>) -> Status {
     let done = guarded(f);
     if let Err(fault) = &done {
         // SAFETY: the caller's promise.
@@ -134,7 +143,7 @@ pub unsafe extern "C" fn shutterbug_motion_convert(
 ) -> Status {
     // SAFETY: the caller's promise, in all of it.
     let convert = || unsafe {
-        let (from, to) = (View::new(&read(from)?, "from")?, View::new(&read(to)?, "to")?);
+        let (from, to) = (View::new(&named(from, "from")?, "from")?, View::new(&named(to, "to")?, "to")?);
         if !(frame_interval_s > 0.0 && frame_interval_s.is_finite()) {
             return Err(Fault::argument(format!("frame_interval_s is {frame_interval_s}, not above 0")));
         }
@@ -147,7 +156,13 @@ pub unsafe extern "C" fn shutterbug_motion_convert(
         })?;
         let format = from.format as u32;
         let push = MotionPush { size: from.size, scale, first_byte: 0, stride_bytes, format, layer: 0 };
-        let converted: Plane<f32> = unpack_motion(&push, from.read());
+        let mut converted: Plane<f32> = unpack_motion(&push, from.read());
+        if from.bottom_up {
+            converted = Plane::from_fn(converted.width, converted.height, |x, y| {
+                let [u, v] = [0, 1].map(|c| converted.pixel(x, converted.height - 1 - y)[c]);
+                [u, v]
+            });
+        }
         to.put_floats(&converted, [PixelFormat::Rg32f, PixelFormat::Rg16f], "motion")
     };
     // SAFETY: the caller's promise.

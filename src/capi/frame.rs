@@ -8,16 +8,19 @@ use std::time::Duration;
 use super::Handle;
 use super::handle::{self, Cell, code, find, with};
 use super::image::View;
+use super::nv12::Nv12;
 use super::session::{Session, Submitted};
 use super::sharing;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::engine::{Delivery, Frame};
-use crate::plane::PixelFormat;
+use crate::plane::{PixelFormat, Plane};
 
 /// Flag of a request: the sharp planes are wanted too.
 pub const REQUEST_PLANES: u32 = 1;
+/// Flag of a request: the radiance before the sensor too.
+pub const REQUEST_RADIANCE: u32 = 2;
 
 /// What stands behind a frame's handle.
 pub struct FrameState {
@@ -143,6 +146,15 @@ impl FrameState {
             // SAFETY: the caller's promise.
             return unsafe { to.put_picture(&frame.picture) };
         }
+        if plane == 5 {
+            let Some(radiance) = &frame.radiance else {
+                let text = "the frame was submitted without SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE";
+                return Err(Fault::new(status::STATE, text));
+            };
+            let formats = [PixelFormat::Rgba32f, PixelFormat::Rgba16f];
+            // SAFETY: the caller's promise.
+            return unsafe { to.put_floats(&opaque(radiance), formats, "radiance") };
+        }
         if !(2..=4).contains(&plane) {
             return Err(Fault::argument(format!("there is no plane {plane}")));
         }
@@ -158,6 +170,13 @@ impl FrameState {
         // SAFETY: the caller's promise.
         unsafe { to.put_floats(values, formats, what) }
     }
+}
+
+/// With an alpha of 1: a method's own number means nothing to a host.
+fn opaque(radiance: &Plane<f32>) -> Plane<f32> {
+    let mut out = radiance.clone();
+    out.data.chunks_exact_mut(4).for_each(|p| p[3] = 1.0);
+    out
 }
 
 /// Gives a frame that was handed to the device its handle.
@@ -198,7 +217,7 @@ pub unsafe extern "C" fn shutterbug_engine_submit(
             if !request.time_s.is_finite() {
                 return Err(Fault::argument(format!("time_s is {}", request.time_s)));
             }
-            if request.flags & !REQUEST_PLANES != 0 || request.reserved != 0 {
+            if request.flags & !(REQUEST_PLANES | REQUEST_RADIANCE) != 0 || request.reserved != 0 {
                 return Err(Fault::argument("unknown flags, or reserved is not 0"));
             }
             let context = session.context().clone();
@@ -208,8 +227,8 @@ pub unsafe extern "C" fn shutterbug_engine_submit(
                 wait: sharing::semaphore(request.wait, request.wait_value, &context)?,
                 signal: sharing::semaphore(request.signal, request.signal_value, &context)?,
             };
-            let planes = request.flags & REQUEST_PLANES != 0;
-            session.submit(request.frame_index, request.time_s, planes, &delivery)
+            let wanted = [REQUEST_PLANES, REQUEST_RADIANCE].map(|flag| request.flags & flag != 0);
+            session.submit(request.frame_index, request.time_s, wanted, &delivery)
         })
     }
 }
@@ -260,8 +279,11 @@ pub unsafe extern "C" fn shutterbug_frame_read(
 ) -> Status {
     // SAFETY: the caller's promise, in all of it.
     on_frame(frame, |state| unsafe {
-        let view = View::new(&read(to)?, "image")?;
-        state.read(plane, &view)
+        let image = named(to, "image")?;
+        if plane == 1 && Nv12::wanted(&image) {
+            return Nv12::new(&image)?.put(&state.done()?.picture);
+        }
+        state.read(plane, &View::new(&image, "image")?)
     })
 }
 

@@ -6,10 +6,17 @@ use super::status::{self, Fault, Outcome};
 use super::types::shutterbug_image;
 use crate::plane::{PixelFormat, Plane};
 
+/// Added to a format: the last row comes first.
+pub const BOTTOM_UP: u32 = 0x1_0000;
+/// The format of a delivered picture that is not one of pixels: luma, then interleaved chroma of 2x2 pixels.
+pub(super) const NV12: u32 = 12;
+
 /// A checked picture of the caller. Its bytes are reached only while the call runs that it was given to.
 pub struct View {
     /// Layout of a pixel.
     pub format: PixelFormat,
+    /// Whether the last row comes first.
+    pub bottom_up: bool,
     /// Width and height, px.
     pub size: [u32; 2],
     /// From one row to the next, bytes.
@@ -26,7 +33,7 @@ pub struct View {
 impl View {
     /// Checks a picture's numbers against each other.
     pub fn new(image: &shutterbug_image, what: &str) -> Outcome<Self> {
-        let Some(format) = PixelFormat::from_code(image.format) else {
+        let Some(format) = PixelFormat::from_code(image.format & !BOTTOM_UP) else {
             return Err(Fault::new(status::FORMAT, format!("{what}: format {} is none", image.format)));
         };
         let size = [image.width, image.height];
@@ -60,6 +67,7 @@ impl View {
         }
         Ok(Self {
             format,
+            bottom_up: image.format & BOTTOM_UP != 0,
             size,
             stride: image.stride_bytes as usize,
             bytes: bytes as usize,
@@ -107,9 +115,11 @@ impl View {
     unsafe fn write(&self, mut row: impl FnMut(usize, &mut [u8])) {
         let width = self.size[0] as usize * self.format.bytes();
         for y in 0..self.size[1] as usize {
+            let place = if self.bottom_up { self.size[1] as usize - 1 - y } else { y };
             // SAFETY: row `y` lies inside the checked range; writable by the caller's promise. Rows never overlap, as
             // the stride is not below the width.
-            let bytes = unsafe { std::slice::from_raw_parts_mut(self.pixels.add(y * self.stride), width) };
+            let bytes =
+                unsafe { std::slice::from_raw_parts_mut(self.pixels.add(place * self.stride), width) };
             row(y, bytes);
         }
     }

@@ -4,8 +4,10 @@
 //! of the codes of `status.rs`. What is written to the caller's memory is written on success only.
 #![allow(unsafe_code)]
 
+mod agreement;
 mod camera;
 mod convert;
+mod depth;
 mod engine;
 mod exposure;
 mod frame;
@@ -14,14 +16,18 @@ mod handle;
 mod image;
 mod log;
 mod margin;
+mod nv12;
 mod options;
 mod outside;
+mod picture;
+mod pose;
 mod session;
 mod sharing;
 mod status;
 mod table;
 mod types;
 
+pub use agreement::shutterbug_check_conventions;
 pub use convert::*;
 pub use engine::*;
 pub use frame::*;
@@ -31,6 +37,7 @@ pub use gpu_image::{
 pub use log::LogFn;
 pub use margin::shutterbug_engine_margin;
 pub use outside::*;
+pub use pose::shutterbug_pose_convert;
 pub use sharing::{
     shutterbug_memory_destroy, shutterbug_memory_export_fd, shutterbug_memory_import_fd,
     shutterbug_memory_import_host, shutterbug_semaphore_destroy, shutterbug_semaphore_export_fd,

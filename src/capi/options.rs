@@ -12,6 +12,8 @@ use crate::engine::{AccumulationOptions, ExactOptions, FastOptions, Method, Pape
 pub struct Settings {
     /// How frames of scenes are made.
     pub method: Method,
+    /// Its number in the header; 0: the library's choice.
+    code: u32,
     /// Samples a pixel.
     pub samples: u32,
     /// Frames in flight.
@@ -26,6 +28,22 @@ pub struct Settings {
     pub time_limit: Duration,
     /// Seed of all noise.
     pub seed: u64,
+}
+
+impl Settings {
+    /// Whether the method that was asked for makes frames from outside of that kind; the library's choice makes all.
+    pub fn takes_outside(&self, with_path: bool) -> Outcome<()> {
+        let why = match (self.code, with_path) {
+            (0, _) | (2, false) | (4, true) => return Ok(()),
+            (2, true) => {
+                "PAPER takes frames from outside with motion images, or with depth and two poses (pose_count 0)"
+            }
+            (4, false) => "FAST takes frames from outside with depth and pose_count poses",
+            _ => "EXACT and ACCUMULATION need a scene, which frames from outside have not",
+        };
+        let text = format!("options.method: {why}; DEFAULT takes all frames from outside");
+        Err(Fault::new(status::UNSUPPORTED, text))
+    }
 }
 
 /// Method numbers of the header.
@@ -67,6 +85,7 @@ pub fn settings(o: &shutterbug_engine_options) -> Outcome<Settings> {
     let motion_images = within("motion_images", o.motion_images, 6)?;
     Ok(Settings {
         method: method_of(o.method, motion_images, max_samples)?,
+        code: o.method,
         samples,
         frames_in_flight: within("frames_in_flight", or(o.frames_in_flight, 2), 8)?,
         planes: o.flags & ENGINE_PLANES != 0,

@@ -7,22 +7,23 @@ use super::Handle;
 use super::convert::{depth_decode, motion_scale};
 use super::engine::stamped_poses;
 use super::frame::hand_out;
-use super::image::View;
+use super::picture::{Kind, Picture};
 use super::session::{Session, Submitted};
 use super::sharing;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{Pose, Trajectory};
 use crate::engine::{
-    Delivery, MAX_BODIES, MAX_OUTSIDE_MOTIONS, OutsideBodies, OutsideFrame, OutsideMotion, OutsidePixels,
-    PixelSource,
+    Delivery, MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
+    OutsidePicture, PixelSource,
 };
-use crate::gpu::{Context, Shared, SharedFormat, SharedImageSpec};
-use crate::plane::PixelFormat;
+use crate::gpu::Context;
 use crate::reference::unpack::Encoding;
 
 /// Flag of a frame: what lies beyond a margin that is too small is the picture's repeated border.
 pub const OUTSIDE_REPEAT_BORDER: u32 = 1;
+/// Flag of a frame: the radiance before the sensor can be read.
+pub const OUTSIDE_RADIANCE: u32 = 2;
 
 /// `shutterbug_engine_submit_outside`.
 ///
@@ -38,141 +39,12 @@ pub unsafe extern "C" fn shutterbug_engine_submit_outside(
     unsafe { hand_out(engine, frame, |session| submit(session, &read(outside)?)) }
 }
 
-/// A checked picture, with what it lies in if it is shared.
-struct Picture {
-    view: View,
-    shared: Option<Shared>,
-}
-
-impl Picture {
-    /// # Safety
-    /// The header's promise for the image.
-    unsafe fn new(
-        image: *const shutterbug_image,
-        (what, kind): (&str, Kind),
-        size: [u32; 2],
-        context: &Arc<Context>,
-    ) -> Outcome<Self> {
-        if image.is_null() {
-            return Err(Fault::argument(format!("{what} is null")));
-        }
-        // SAFETY: the caller's promise.
-        let mut image = unsafe { read(image) }?;
-        let shared = match image.memory.is_null() {
-            true => None,
-            false => Some(sharing::shared(image.memory as usize, context)?),
-        };
-        if let Some(Shared::Image(on_device)) = &shared {
-            as_if_packed(&mut image, what, (format_of(on_device.format()), on_device.spec()))?;
-        }
-        // Before its rows: their least size is that of its format.
-        if let Some(format) = PixelFormat::from_code(image.format).filter(|f| !kind.takes(*f)) {
-            let text = format!("{what} is {}, not {format:?}", kind.formats());
-            return Err(Fault::new(status::FORMAT, text));
-        }
-        let view = View::new(&image, what)?;
-        if view.size != size {
-            let [w, h] = view.size;
-            let text = format!("{what} is {w}x{h} px; the camera with its margin is {}x{}", size[0], size[1]);
-            return Err(Fault::argument(text));
-        }
-        if let Some(Shared::Buffer(buffer)) = &shared {
-            let end = view.memory_offset.checked_add(view.bytes as u64);
-            if end.is_none_or(|end| end > buffer.bytes()) {
-                let text =
-                    format!("{what}: the shared memory has {} bytes, fewer than the picture", buffer.bytes());
-                return Err(Fault::new(status::TOO_SMALL, text));
-            }
-        }
-        Ok(Self { view, shared })
-    }
-
-    /// # Safety
-    /// The header's promise for the image.
-    unsafe fn pixels(&self) -> OutsidePixels<'_> {
-        let source = match &self.shared {
-            Some(Shared::Buffer(buffer)) => PixelSource::Shared(buffer, self.view.memory_offset),
-            Some(Shared::Image(image)) => PixelSource::Image(image),
-            // SAFETY: the caller's promise.
-            None => PixelSource::Host(unsafe { self.view.read() }),
-        };
-        OutsidePixels { format: self.view.format, stride_bytes: self.view.stride, source }
-    }
-}
-
-/// What a picture is for.
-#[derive(Clone, Copy)]
-enum Kind {
-    Color,
-    Motion,
-    Depth,
-    Ids,
-}
-
-impl Kind {
-    fn takes(self, format: PixelFormat) -> bool {
-        match self {
-            Self::Color => format.is_color(),
-            Self::Motion => format.is_motion(),
-            Self::Depth => format == PixelFormat::R32f,
-            Self::Ids => format.is_ids(),
-        }
-    }
-
-    fn formats(self) -> &'static str {
-        match self {
-            Self::Color => "RGB8, RGBA8, BGRA8, RGBA16F or RGBA32F",
-            Self::Motion => "RG16F or RG32F",
-            Self::Depth => "R32F",
-            Self::Ids => "R8U, R16U or R32U",
-        }
-    }
-}
-
-fn format_of(format: SharedFormat) -> PixelFormat {
-    match format {
-        SharedFormat::Rgba8 => PixelFormat::Rgba8,
-        SharedFormat::Bgra8 => PixelFormat::Bgra8,
-        SharedFormat::Rgba16f => PixelFormat::Rgba16f,
-        SharedFormat::Rgba32f => PixelFormat::Rgba32f,
-        SharedFormat::R32f => PixelFormat::R32f,
-        SharedFormat::Rg16f => PixelFormat::Rg16f,
-        SharedFormat::Rg32f => PixelFormat::Rg32f,
-    }
-}
-
-/// A GPU image's picture, as it lies once the device has copied it: nothing but its size is the caller's to say.
-fn as_if_packed(
-    image: &mut shutterbug_image,
-    what: &str,
-    (format, on_device): (PixelFormat, &SharedImageSpec),
-) -> Outcome<()> {
-    if [image.width, image.height] != on_device.size {
-        let [w, h] = on_device.size;
-        let text = format!("{what} is {}x{} px, its GPU image {w}x{h}", image.width, image.height);
-        return Err(Fault::argument(text));
-    }
-    if image.format != 0 && image.format != format as u32 {
-        let text =
-            format!("{what}: the GPU image holds {format:?}; format is that or 0, not {}", image.format);
-        return Err(Fault::new(status::FORMAT, text));
-    }
-    if on_device.layout == 0 {
-        return Err(Fault::argument(format!("{what}: a GPU image in an undefined layout has no content")));
-    }
-    if image.memory_offset != 0 {
-        return Err(Fault::argument(format!("{what}: memory_offset is 0 with a GPU image")));
-    }
-    image.format = format as u32;
-    image.stride_bytes = u64::from(image.width) * format.bytes() as u64;
-    Ok(())
-}
-
 /// # Safety
 /// The header's promise for all that `o` points to.
 unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submitted> {
     check_numbers(o)?;
-    let request = session.outside_request(o.frame_index, o.time_s, o.pose_count > 0)?;
+    let mut request = session.outside_request(o.frame_index, o.time_s, o.pose_count > 0)?;
+    request.statistics = o.flags & OUTSIDE_RADIANCE != 0;
     let context = session.context().clone();
     let camera = session.camera().expect("the request has one").intrinsics;
     let margin_px = [o.margin_x_px, o.margin_y_px];
@@ -185,8 +57,10 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
     let color = unsafe { Picture::new(o.color, ("color", Kind::Color), size, &context) }?;
     // SAFETY: as above.
     let moving = unsafe { moving(o, size, &context, request.frame_interval_s) }?;
+    // SAFETY: as above.
+    session.hear_of_depth(|| unsafe { moving.complaint() });
     let path = moving.path(o)?;
-    let frame = OutsideFrame {
+    let mut frame = OutsideFrame {
         color_time_s: o.color_time_s,
         // SAFETY: as above.
         color: unsafe { color.pixels() },
@@ -202,6 +76,7 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
         },
         request,
     };
+    frame.sort_pictures();
     session.submit_outside(frame, path)
 }
 
@@ -215,7 +90,11 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
     if let Some((name, value)) = times.iter().find(|(_, v)| !v.is_finite()) {
         return Err(Fault::argument(format!("shutterbug_outside.{name} is {value}")));
     }
-    if o.flags & !OUTSIDE_REPEAT_BORDER != 0 || o.reserved != 0 || o.encoding > 1 {
+    if o.flags & !(OUTSIDE_REPEAT_BORDER | OUTSIDE_RADIANCE) != 0
+        || o.reserved != 0
+        || o.reserved_more != 0
+        || o.encoding > 1
+    {
         return Err(Fault::argument("shutterbug_outside: unknown flags or encoding, or reserved is not 0"));
     }
     check_poses(o)?;
@@ -242,8 +121,13 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
     if !(o.nearest_m >= 0.0 && o.nearest_m.is_finite()) {
         return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", o.nearest_m)));
     }
-    if o.pose_count == 0 && (o.flags != 0 || o.nearest_m != 0.0 || o.body_count != 0) {
-        let text = "flags, nearest_m and body_count are for frames with pose_count poses: 0 without";
+    let of_paths = [o.flags & OUTSIDE_REPEAT_BORDER, o.body_count, o.picture_count];
+    if o.pose_count == 0 && (of_paths != [0; 3] || o.nearest_m != 0.0) {
+        let text = "REPEAT_BORDER, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 without";
+        return Err(Fault::argument(text));
+    }
+    if o.picture_count as usize >= MAX_PICTURES {
+        let text = format!("picture_count is {}, at most {}", o.picture_count, MAX_PICTURES - 1);
         return Err(Fault::argument(text));
     }
     if o.body_count as usize > MAX_BODIES {
@@ -259,7 +143,74 @@ type Bodies = (Picture, Vec<(u32, Trajectory)>);
 enum Moving {
     Images(Vec<Picture>, [f32; 2]),
     Depth(Picture, Option<[f32; 3]>, [(f64, Pose); 2]),
-    Path(Picture, Option<[f32; 3]>, Arc<Trajectory>, Option<Bodies>),
+    Path(Seen),
+}
+
+/// Depth with the camera's path.
+struct Seen {
+    depth: Picture,
+    decode: Option<[f32; 3]>,
+    path: Arc<Trajectory>,
+    bodies: Option<Bodies>,
+    further: Vec<Further>,
+}
+
+/// A checked picture of another instant.
+struct Further {
+    time_s: f64,
+    color: Picture,
+    depth: Picture,
+    ids: Option<Picture>,
+}
+
+impl Further {
+    /// All of a frame.
+    ///
+    /// # Safety
+    /// The header's promise for all that `o` points to.
+    unsafe fn all(o: &shutterbug_outside, size: [u32; 2], context: &Arc<Context>) -> Outcome<Vec<Self>> {
+        if o.picture_count > 0 && (o.pictures.is_null() || !o.pictures.is_aligned()) {
+            return Err(Fault::argument("pictures is null or misaligned"));
+        }
+        let mut all = Vec::new();
+        for k in 0..o.picture_count as usize {
+            // SAFETY: the caller's promise: `picture_count` pictures.
+            let given = unsafe { o.pictures.add(k).read() };
+            if !given.time_s.is_finite() {
+                return Err(Fault::argument(format!("pictures[{k}].time_s is {}", given.time_s)));
+            }
+            // SAFETY: as above, for the images that they point to.
+            let one = |image, what: &str, kind| unsafe {
+                Picture::new(image, (&format!("pictures[{k}].{what}"), kind), size, context)
+            };
+            all.push(Self {
+                time_s: given.time_s,
+                color: one(given.color, "color", Kind::Color)?,
+                depth: one(given.depth, "depth", Kind::Depth)?,
+                ids: (o.body_count > 0).then(|| one(given.ids, "ids", Kind::Ids)).transpose()?,
+            });
+        }
+        let mut times_s: Vec<_> = all.iter().map(|p| p.time_s).chain([o.color_time_s]).collect();
+        times_s.sort_by(f64::total_cmp);
+        match times_s.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(Fault::argument(format!("two pictures are of {} s", pair[0]))),
+            None => Ok(all),
+        }
+    }
+
+    /// # Safety
+    /// The header's promise for its images.
+    unsafe fn picture(&self) -> OutsidePicture<'_> {
+        // SAFETY: the caller's promise.
+        unsafe {
+            OutsidePicture {
+                time_s: self.time_s,
+                color: self.color.pixels(),
+                depth: self.depth.pixels(),
+                ids: self.ids.as_ref().map(|i| i.pixels()),
+            }
+        }
+    }
 }
 
 /// The bodies of a frame, in rising order of their ids.
@@ -326,8 +277,8 @@ unsafe fn moving(
         let (times_s, poses) = unsafe { stamped_poses(o.poses, o.pose_count as usize) }?;
         let path = Trajectory::new(Path::new("poses"), times_s, poses)?.smoothed();
         // SAFETY: as above.
-        let bodies = unsafe { bodies(o, size, context) }?;
-        return Ok(Moving::Path(image, decode, Arc::new(path), bodies));
+        let (bodies, further) = unsafe { (bodies(o, size, context)?, Further::all(o, size, context)?) };
+        return Ok(Moving::Path(Seen { depth: image, decode, path: Arc::new(path), bodies, further }));
     }
     // SAFETY: as above: two poses.
     let (times_s, poses) = unsafe { stamped_poses(o.poses, 2) }?;
@@ -335,11 +286,29 @@ unsafe fn moving(
 }
 
 impl Moving {
+    /// What is odd about a depth in host memory.
+    ///
+    /// # Safety
+    /// The header's promise for the image.
+    unsafe fn complaint(&self) -> Option<String> {
+        let (depth, decode) = match self {
+            Self::Images(..) => return None,
+            Self::Depth(depth, decode, _) => (depth, decode),
+            Self::Path(seen) => (&seen.depth, &seen.decode),
+        };
+        // SAFETY: the caller's promise.
+        let pixels = unsafe { depth.pixels() };
+        match pixels.source {
+            PixelSource::Host(bytes) => super::depth::complaint(bytes, &pixels, depth.size(), *decode),
+            PixelSource::Shared(..) | PixelSource::Image(_) => None,
+        }
+    }
+
     /// Poses between those that were given; none where there is only motion.
     fn path(&self, o: &shutterbug_outside) -> Outcome<Option<Arc<Trajectory>>> {
         let [from, to] = match self {
             Self::Images(..) => return Ok(None),
-            Self::Path(_, _, path, _) => return Ok(Some(path.clone())),
+            Self::Path(seen) => return Ok(Some(seen.path.clone())),
             Self::Depth(_, _, poses) => poses,
         };
         let path = Trajectory::new(Path::new("the two poses"), vec![from.0, to.0], vec![from.1, to.1])?;
@@ -364,16 +333,18 @@ impl Moving {
                 decode: *decode,
                 poses: *poses,
             },
-            Self::Path(image, decode, path, bodies) => OutsideMotion::Path {
+            Self::Path(seen) => OutsideMotion::Path {
                 // SAFETY: the caller's promise.
-                image: unsafe { image.pixels() },
-                decode: *decode,
-                path: path.clone(),
-                bodies: bodies.as_ref().map(|(ids, paths)| OutsideBodies {
+                image: unsafe { seen.depth.pixels() },
+                decode: seen.decode,
+                path: seen.path.clone(),
+                bodies: seen.bodies.as_ref().map(|(ids, paths)| OutsideBodies {
                     // SAFETY: the caller's promise.
                     ids: unsafe { ids.pixels() },
                     paths: paths.clone(),
                 }),
+                // SAFETY: the caller's promise.
+                further: seen.further.iter().map(|f| unsafe { f.picture() }).collect(),
                 nearest_m: if o.nearest_m > 0.0 { o.nearest_m } else { f64::INFINITY },
                 repeat_border: o.flags & OUTSIDE_REPEAT_BORDER != 0,
             },

@@ -33,6 +33,8 @@ pub struct Session {
     exposure: Exposure,
     settings: Settings,
     lost: bool,
+    /// Whether an odd depth was spoken of.
+    depth_heard: bool,
     context: Arc<Context>,
 }
 
@@ -65,6 +67,7 @@ impl Session {
             exposure: Exposure::default(),
             settings,
             lost: false,
+            depth_heard: false,
             context,
         }
     }
@@ -236,11 +239,12 @@ impl Session {
         &mut self,
         index: u32,
         time_s: f64,
-        planes: bool,
+        [planes, radiance]: [bool; 2],
         delivery: &Delivery,
     ) -> Outcome<Submitted> {
         self.not_lost()?;
         let mut request = self.request(index, time_s, planes)?;
+        request.statistics = radiance;
         self.check_delivery(delivery)?;
         if planes && !self.settings.planes {
             return Err(Fault::new(status::STATE, "the engine was made without SHUTTERBUG_ENGINE_PLANES"));
@@ -288,6 +292,7 @@ impl Session {
     /// `with_path`: it brings depth and the camera's path, and goes through the warp, which knows lenses.
     pub fn outside_request(&self, index: u32, time_s: f64, with_path: bool) -> Outcome<FrameRequest> {
         self.not_lost()?;
+        self.settings.takes_outside(with_path)?;
         let request = self.request(index, time_s, false)?;
         match of_warps_only(&request.settings).filter(|_| !with_path) {
             None => Ok(request),
@@ -301,6 +306,17 @@ impl Session {
         }
     }
 
+    /// Warns of an odd depth, once: a host hands in one a frame.
+    pub fn hear_of_depth(&mut self, complaint: impl FnOnce() -> Option<String>) {
+        if self.depth_heard {
+            return;
+        }
+        if let Some(text) = complaint() {
+            self.depth_heard = true;
+            tracing::warn!("{text}");
+        }
+    }
+
     /// Hands a frame from outside to the device.
     pub fn submit_outside(
         &mut self,
@@ -311,11 +327,6 @@ impl Session {
         if self.outside.is_none() {
             let camera = self.camera.as_ref().expect("the request has one").intrinsics;
             let (count, limit) = (self.settings.frames_in_flight, self.settings.time_limit);
-            // Explicit, because a host may have asked for another one.
-            tracing::info!(
-                "frames from outside: depth with pose_count poses goes through the warp of `fast`, all others through the \
-                 gather of `paper`; options.method is for frames of a scene"
-            );
             let made = OutsideEngine::new(&self.context, camera, count, limit);
             self.outside = Some(self.watch(made)?);
         }
@@ -415,7 +426,7 @@ fn of_warps_only(effects: &Effects) -> Option<&'static str> {
 }
 
 fn full(count: usize) -> Fault {
-    Fault::new(status::FULL, format!("{count} frames are in flight: wait for the oldest first"))
+    Fault::new(status::FULL, format!("{count} frames are in flight: wait for any of them first"))
 }
 
 fn gone() -> Fault {

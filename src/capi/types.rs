@@ -182,9 +182,45 @@ structs! {
         nearest_m: f64,
         ids: *const shutterbug_image,
         bodies: *const shutterbug_body,
+        picture_count: u32,
+        reserved_more: u32,
+        pictures: *const shutterbug_picture,
     }
 
     shutterbug_body { id: u32, pose_count: u32, poses: *const shutterbug_stamped_pose, }
+
+    shutterbug_picture {
+        time_s: f64,
+        color: *const shutterbug_image,
+        depth: *const shutterbug_image,
+        ids: *const shutterbug_image,
+    }
+
+    shutterbug_pose_convention {
+        struct_size: u32,
+        form: u32,
+        axes: u32,
+        direction: u32,
+        metres: f64,
+    }
+
+    shutterbug_view {
+        struct_size: u32,
+        reserved: u32,
+        color: *const shutterbug_image,
+        depth: *const shutterbug_image,
+        depth_convention: *const shutterbug_depth_convention,
+        world_from_camera: shutterbug_pose,
+    }
+
+    shutterbug_agreement {
+        struct_size: u32,
+        verdict: u32,
+        change: u32,
+        reserved: u32,
+        as_given: f64,
+        best: f64,
+    }
 
     shutterbug_motion_bound {
         struct_size: u32,
@@ -234,13 +270,16 @@ macro_rules! sized {
 sized! {
     shutterbug_host_device shutterbug_engine_options shutterbug_camera shutterbug_engine_info shutterbug_image
     shutterbug_request shutterbug_motion_convention shutterbug_depth_convention shutterbug_motion_bound
-    shutterbug_frame_info shutterbug_gpu_image
+    shutterbug_frame_info shutterbug_gpu_image shutterbug_pose_convention shutterbug_view shutterbug_agreement
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for shutterbug_outside {
     const NAME: &'static str = "shutterbug_outside";
-    const OLD_SIZES: &'static [usize] = &[std::mem::offset_of!(shutterbug_outside, pose_count)];
+    const OLD_SIZES: &'static [usize] = &[
+        std::mem::offset_of!(shutterbug_outside, pose_count),
+        std::mem::offset_of!(shutterbug_outside, picture_count),
+    ];
 }
 
 /// Checks a pointer and the size that it says.
@@ -278,6 +317,18 @@ pub(super) unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
         value.as_mut_ptr().cast::<u8>().copy_from_nonoverlapping(pointer.cast(), bytes.min(size_of::<T>()));
         Ok(value.assume_init())
     }
+}
+
+/// An image of the caller, by the name of what points to it.
+///
+/// # Safety
+/// As for [`read`].
+pub(super) unsafe fn named(pointer: *const shutterbug_image, what: &str) -> Outcome<shutterbug_image> {
+    if pointer.is_null() {
+        return Err(Fault::argument(format!("{what} is null")));
+    }
+    // SAFETY: the caller's promise.
+    unsafe { read(pointer) }.map_err(|fault| Fault::new(fault.status, format!("{what}: {}", fault.text)))
 }
 
 /// A text of the caller.

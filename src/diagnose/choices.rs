@@ -19,11 +19,7 @@ const PIXELS: Level = Level { block: 1, iterations: 0, quality: Quality::Fit, fr
 impl Search<'_> {
     /// Whether there is evidence of an effect besides what it is worth.
     pub(super) fn is_known(&self, name: &str) -> bool {
-        match name {
-            "jpeg" => self.compression.is_some(),
-            "chroma_subsampling" => self.shared.is_some(),
-            _ => false,
-        }
+        self.shown.has(name)
     }
 
     /// Fits values and the quality of compression in turns: what sharpening adds, a compression that is taken for weaker
@@ -48,13 +44,8 @@ impl Search<'_> {
     /// Tries the values of a choice, or qualities from coarse to fine.
     pub(super) fn add_discrete(&mut self, candidate: &'static CandidateSpec, theta: &Theta) -> Result<Fit> {
         let p = candidate.parameters[0];
-        let shown = match p {
-            P::Quality => self.compression,
-            P::Chroma => self.shared,
-            _ => None,
-        };
-        if let Some(value) = shown {
-            let theta = theta.with(p, f64::from(value));
+        if let Some(value) = self.shown.value(p) {
+            let theta = theta.with(p, value);
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
         let without = theta.with(p, 0.0);

@@ -7,6 +7,7 @@ use super::hot::HotMap;
 use super::judge::Judge;
 use super::model::Theta;
 use super::search::{Search, Watch};
+use super::shown::Shown;
 use crate::error::Result;
 use crate::plane::Plane;
 
@@ -23,10 +24,8 @@ pub(super) struct Question<'a> {
     pub names: Vec<&'static str>,
     /// What of the description may be wrong.
     pub room: Vec<&'static str>,
-    /// Quality of the compression that the frames themselves show.
-    pub compression: Option<u8>,
-    /// Scheme by which the frames themselves show pixels to share their colour.
-    pub shared: Option<u8>,
+    /// What the frames themselves show.
+    pub shown: Shown,
 }
 
 /// What the simulation as given shows where frames are compared.
@@ -70,8 +69,7 @@ impl<'a> Question<'a> {
             base: self.base.clone(),
             names: self.names.clone(),
             room: self.room.clone(),
-            compression: self.compression,
-            shared: self.shared,
+            shown: self.shown.clone(),
         }
     }
 

@@ -12,7 +12,7 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::journal::{Journal, key};
 use super::light::lights;
-use super::model::{P, Theta, candidate_of};
+use super::model::candidate_of;
 use super::output::Shown;
 use super::places::{Compared, measures, places};
 use super::question::Question;
@@ -137,11 +137,9 @@ pub fn diagnose(
     let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
     forward.deadline = options.time_limit.and_then(|limit| clock.checked_add(limit));
     let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
-    let compression = compression(&evidence, &names, &base);
-    let shared = shared_colour(&evidence, &names, &base).filter(|_| compression.is_none());
     let room = options.description(capture.camera.static_camera);
-    let question =
-        Question { evidence: &evidence, base, seed: options.seed, names: tried, room, compression, shared };
+    let shown = super::shown::Shown::in_frames(&evidence, &names, &base);
+    let question = Question { evidence: &evidence, base, seed: options.seed, names: tried, room, shown };
     if forward.static_camera {
         let masks = cover.as_ref().map(|c| c.masks.as_slice());
         forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
@@ -188,18 +186,6 @@ pub fn diagnose(
     report.input.seconds = clock.elapsed().as_secs_f64();
     let description = search.description_parts(&found.fit.theta)?;
     Ok(Diagnosis { report, camera, frames, description, percepts })
-}
-
-/// The quality that the frames show to have been compressed with, if that is to be found.
-fn compression(evidence: &Evidence, names: &[&str], base: &Theta) -> Option<u8> {
-    let asked = names.contains(&"jpeg") && !base.is_on(P::Quality);
-    asked.then(|| super::comb::quality(evidence, &evidence.fit)).flatten()
-}
-
-/// The scheme by which the frames show pixels to share their colour, if that is to be found.
-fn shared_colour(evidence: &Evidence, names: &[&str], base: &Theta) -> Option<u8> {
-    let asked = names.contains(&"chroma_subsampling") && !base.is_on(P::Chroma) && !base.is_on(P::Quality);
-    asked.then(|| super::pairs::scheme(evidence, &evidence.fit)).flatten()
 }
 
 /// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,

@@ -16,6 +16,7 @@ use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::normal::screened;
 use super::residue::Residue;
+use super::shown::Shown;
 use super::starts::{best_starts, is_hopeful};
 use super::support::mixes_pixels;
 use super::weighing::Weighing;
@@ -101,10 +102,8 @@ pub(super) struct Search<'a> {
     pub names: Vec<&'static str>,
     /// What of the description may be wrong.
     pub room: Vec<&'static str>,
-    /// The quality of the compression that the frames show to have behind them, where that is a candidate.
-    pub compression: Option<u8>,
-    /// The scheme by which the frames show pixels to share their colour, where that is a candidate.
-    pub shared: Option<u8>,
+    /// What the frames themselves show.
+    pub shown: Shown,
     /// When to come to an end.
     pub deadline: Option<Instant>,
 }
@@ -280,17 +279,7 @@ impl<'a> Search<'a> {
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         let mut late = Vec::new();
-        // Compression and shared colour that the frames themselves show are carried along as noise is: all else is seen
-        // through them.
-        let shown = [("chroma_subsampling", P::Chroma, self.shared), ("jpeg", P::Quality, self.compression)];
-        let mut packed = self.base.clone();
-        let mut set: Vec<&'static str> = Vec::new();
-        for (name, p, value) in shown {
-            if let Some(value) = value {
-                packed.set(p, f64::from(value));
-                set.push(name);
-            }
-        }
+        let (packed, mut set) = self.shown.put(&self.base);
         let start = self.with_noise(&packed)?;
         let mut scores = self.judge.scores(self.forward, &start)?;
         let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
@@ -384,8 +373,7 @@ impl<'a> Search<'a> {
             self.log(name, &fit, &scores, clock);
             let against = match name {
                 _ if candidate.noise => self.base.clone(),
-                "jpeg" => self.with_noise(&self.base.clone())?,
-                "chroma_subsampling" if self.shared.is_some() => self.with_noise(&self.base.clone())?,
+                _ if self.is_known(name) => self.with_noise(&self.base.clone())?,
                 _ => start.clone(),
             };
             let against = self.judge.scores(self.forward, &against)?;

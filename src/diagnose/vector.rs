@@ -161,6 +161,7 @@ impl P {
     pub(super) const Hot: P = place("hot_pixels", "fraction", 0);
     pub(super) const Quality: P = place("jpeg", "quality", 0);
     pub(super) const Chroma: P = place("chroma_subsampling", "scheme", 0);
+    pub(super) const Bits: P = place("quantization", "bits", 0);
     pub(super) const Mosaic: P = place("bayer_mosaic", "pattern", 0);
 }
 

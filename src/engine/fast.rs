@@ -217,7 +217,9 @@ fn plan(request: &FrameRequest, motion_images: u32) -> (FastTiming, Vec<f64>) {
     let knots = (0..=motion_images).filter(|&k| k != reference_knot).map(time_s).collect();
     // A frame without duration has all its knots at once; any step places its only instant at the reference.
     let knot_step_s = if step_s > 0.0 { step_s } else { 1.0 };
-    let timing = FastTiming { shutter, reference_s, knot_step_s, reference_knot, last_knot: motion_images };
+    let last_knot = motion_images;
+    let pictures_s = [reference_s; 3];
+    let timing = FastTiming { shutter, reference_s, knot_step_s, reference_knot, last_knot, pictures_s };
     (timing, knots)
 }
 

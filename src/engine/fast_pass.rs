@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use crate::assert_push_layout;
-use crate::camera::ShutterTiming;
+use crate::camera::{ScanOrder, ShutterTiming};
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Recorder, Sampler, Usage,
@@ -29,7 +29,11 @@ macro_rules! assert_push_of {
                 last_knot,
                 scan_order,
                 max_samples,
-                slots
+                slots,
+                picture_s,
+                from_s,
+                to_s,
+                first
             }
         );)+
     };
@@ -83,7 +87,12 @@ pub struct FastTiming {
     pub reference_knot: u32,
     /// Number of knots less one.
     pub last_knot: u32,
+    /// When the picture was rendered, and those before and after it, on the same clock, s; where there are several.
+    pub pictures_s: [f64; 3],
 }
+
+/// Where there is no picture before, and none after, s from the frame's start.
+pub const NO_PICTURE_S: f64 = 1e9;
 
 /// Kernels and claims of the warp.
 pub struct FastGather {
@@ -124,6 +133,8 @@ pub struct FastKind {
     pub bodies: bool,
     /// The picture was rendered without the lens.
     pub lens: bool,
+    /// The picture is one of several of a frame: results hold what they are worth instead of their number of samples.
+    pub one_of_several: bool,
 }
 
 impl FastGather {
@@ -143,7 +154,7 @@ impl FastGather {
     ) -> Result<Self> {
         assert!((1..=MAX_PATH_IMAGES).contains(&path_images), "{path_images} path images");
         assert!([1, 2].contains(&color_scale) && path_scale > 0, "a colour scale of {color_scale}");
-        let FastKind { one_surface, from_depth, bodies, lens } = kind;
+        let FastKind { one_surface, from_depth, bodies, lens, one_of_several } = kind;
         let pixels = if one_surface { 0 } else { u64::from(size[0]) * u64::from(size[1]) };
         let buffer = |name: &str, words: u64, usage: Usage| {
             Buffer::new(context, name, 4 * words, usage, Location::Device)
@@ -151,7 +162,8 @@ impl FastGather {
         // One claim a pixel at each of up to three moments of the exposure, and one word that is not used.
         let claims = buffer("fast claims", 4 * pixels, Usage::StorageTexels)?;
         let blurring = |kernel, blur: u32| {
-            let own = [one_surface, from_depth, claims.has_texels(), bodies, lens].map(u32::from);
+            let texels = claims.has_texels();
+            let own = [one_surface, from_depth, texels, bodies, lens, one_of_several].map(u32::from);
             let flags = [&[blur][..], &own].concat();
             let scales = [path_images as u32, path_scale, color_scale];
             ComputePipeline::specialized(context, kernel, &[&scales[..], &flags[..]].concat())
@@ -232,13 +244,42 @@ impl FastGather {
             recorder.dispatch(&self.seeds, &binding.seeds, &push, full);
         }
         recorder.mark("fast_gather");
-        recorder.dispatch(&self.gather[blur], &binding.gather[blur], &push, self.size);
+        let (first, lines) = match self.kind.one_of_several {
+            true => lines_between(&timing.shutter, self.size, [timing.pictures_s[1], timing.pictures_s[2]]),
+            false => ([0; 2], self.size),
+        };
+        let of_lines = Push { first, ..push };
+        recorder.dispatch(&self.gather[blur], &binding.gather[blur], &of_lines, lines);
         if !self.kind.one_surface {
             recorder.mark("fast_silhouettes");
             let group = &binding.silhouettes[blur];
             recorder.dispatch_indirect(&self.silhouettes[blur], group, &push, &self.listed);
         }
     }
+}
+
+/// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each side.
+pub(super) fn lines_between(
+    shutter: &ShutterTiming,
+    size: [u32; 2],
+    [from_s, to_s]: [f64; 2],
+) -> ([u32; 2], [u32; 2]) {
+    let axis = usize::from(shutter.scan_order.lines_are_rows());
+    let count = size[axis];
+    let middle_s = shutter.start_s + 0.5 * shutter.exposure_time_s;
+    let line = |t: f64| (t - middle_s) / shutter.readout_time_s * f64::from(count);
+    let (mut low, mut high) = (0, count);
+    // Without a readout all lines are read at once.
+    if shutter.readout_time_s > 0.0 {
+        low = (line(from_s) - 1.0).clamp(0.0, f64::from(count - 1)) as u32;
+        high = (line(to_s) + 2.0).clamp(f64::from(low) + 1.0, f64::from(count)) as u32;
+    }
+    if matches!(shutter.scan_order, ScanOrder::BottomToTop | ScanOrder::RightToLeft) {
+        (low, high) = (count - high, count - low);
+    }
+    let (mut first, mut extent) = ([0; 2], size);
+    (first[axis], extent[axis]) = (low, high - low);
+    (first, extent)
 }
 
 impl FastTiming {
@@ -249,13 +290,20 @@ impl FastTiming {
         let step_s = (end_s - start_s) / f64::from(MOVED_STEPS);
         let times_s = std::array::from_fn(|k| (start_s + step_s * k as f64).min(end_s));
         let knot_step_s = if step_s > 0.0 { step_s } else { 1.0 };
-        let timing =
-            Self { shutter, reference_s: start_s, knot_step_s, reference_knot: 0, last_knot: MOVED_STEPS };
+        let timing = Self {
+            shutter,
+            reference_s: start_s,
+            knot_step_s,
+            reference_knot: 0,
+            last_knot: MOVED_STEPS,
+            pictures_s: [start_s; 3],
+        };
         (timing, times_s)
     }
 
     /// The kernels' parameters.
     pub fn push(&self, size: [u32; 2], margin_px: [u32; 2], max_samples: u32) -> Push {
+        let [picture_s, from_s, to_s] = self.pictures_s.map(|t| (t - self.reference_s) as f32);
         Push {
             size,
             margin_px: margin_px.map(|m| m as i32),
@@ -268,6 +316,10 @@ impl FastTiming {
             scan_order: self.shutter.scan_order as u32,
             max_samples: max_samples.max(1),
             slots: if self.shutter.exposure_time_s > 0.0 { 3 } else { 1 },
+            picture_s,
+            from_s,
+            to_s,
+            first: [0; 2],
         }
     }
 }

@@ -18,6 +18,7 @@ mod gather;
 mod lens;
 mod margin;
 mod outside;
+mod outside_blend;
 mod outside_fast;
 mod outside_frame;
 mod outside_kernels;
@@ -52,7 +53,8 @@ pub use gather::{ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, c
 pub use margin::{Reach, reach};
 pub use outside::OutsideEngine;
 pub use outside_frame::{
-    MAX_BODIES, MAX_OUTSIDE_MOTIONS, OutsideBodies, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
+    MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
+    OutsidePicture, OutsidePixels, PixelSource,
 };
 pub use outside_lens::{MarginNeed, OutsideLens};
 pub use paper::{MotionSource, PaperOptions, Shift};

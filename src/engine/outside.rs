@@ -8,9 +8,9 @@ use std::time::Duration;
 use super::delivery::Delivery;
 use super::finish::{Finish, prepare};
 use super::frame::{Frame, FrameInstants};
-use super::outside_fast::{OutsideWarp, WarpPlan};
+use super::outside_fast::{OutsideWarp, WarpKind, WarpPlan};
 use super::outside_frame::{
-    MAX_OUTSIDE_MOTIONS, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
+    MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
 };
 use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
 use super::outside_lens::OutsideLens;
@@ -23,7 +23,6 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Shared, Usage};
 use crate::raster::{SamplePlan, SceneBuffers};
 use crate::reference::motion_from_depth::Push as FromDepthPush;
-use crate::reference::unpack::{ColorPush, Encoding};
 use crate::scene::Scene;
 
 /// Processes frames from outside for one camera.
@@ -87,7 +86,7 @@ impl OutsideEngine {
         let size = [intrinsics.width, intrinsics.height];
         let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
         let kernels = Kernels::new(context)?;
-        let uploads = (0..count).map(|_| (0..=MAX_OUTSIDE_MOTIONS).map(|_| None).collect()).collect();
+        let uploads = (0..count).map(|_| (0..MAX_PLACES).map(|_| None).collect()).collect();
         let kept = (0..count).map(|_| Kept::default()).collect();
         Ok(Self { slots, uploads, kept, images: None, kernels, finish, next: 0, time_limit, stage })
     }
@@ -109,7 +108,7 @@ impl OutsideEngine {
     /// memory.
     ///
     /// # Panics
-    /// If there is no room, or a picture is shorter than its size and stride say.
+    /// If there is no room, a picture is shorter than its size and stride say, or pictures are not in order of time.
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
         let index = free_slot(&self.slots, self.next);
         let index = index.expect("collect a frame before submitting more than fit in flight");
@@ -120,12 +119,15 @@ impl OutsideEngine {
             return Err(Error::Contradiction { effect: "defocus", what });
         }
         self.slots[index].gpu.wait(self.time_limit)?;
+        assert!(frame.picture_times_s().is_sorted(), "pictures in order of time");
         let lens = OutsideLens::of(&frame.request.settings, &self.stage.intrinsics);
         let plan = self.plan(frame, lens.as_ref())?;
         self.kernels.fit(&frame.motion)?;
         self.fit(frame)?;
         if let Plan::Warp(plan) = &plan {
-            self.fit_warp(frame.margin_px, lens, plan.body_count() > 0)?.write(index, plan);
+            let pictures = frame.picture_times_s().len();
+            let kind = WarpKind { margin_px: frame.margin_px, lens, bodies: plan.body_count() > 0, pictures };
+            self.fit_warp(kind)?.write(index, plan);
         }
         let view = frame.request.view(self.stage.intrinsics);
         let slot = &mut self.slots[index];
@@ -185,15 +187,10 @@ impl OutsideEngine {
         }
     }
 
-    /// Makes what the warp needs for a margin and a lens.
-    fn fit_warp(
-        &mut self,
-        margin_px: [u32; 2],
-        lens: Option<OutsideLens>,
-        bodies: bool,
-    ) -> Result<&mut OutsideWarp> {
+    /// Makes what the warp needs for frames of a kind.
+    fn fit_warp(&mut self, kind: WarpKind) -> Result<&mut OutsideWarp> {
         let images = self.images.as_mut().expect("made by `fit`");
-        if !images.warp.as_ref().is_some_and(|w| w.fits(lens.as_ref(), bodies)) {
+        if !images.warp.as_ref().is_some_and(|w| w.fits(&kind)) {
             for slot in &mut self.slots {
                 slot.settle(self.time_limit)?;
             }
@@ -201,7 +198,6 @@ impl OutsideEngine {
             images.groups.forget_warp();
             images.warp = None;
             let to = (&images.color, self.finish.radiance());
-            let kind = (margin_px, lens, bodies);
             images.warp = Some(OutsideWarp::new(&self.stage, &mut self.slots, kind, to)?);
         }
         Ok(images.warp.as_mut().expect("just made"))
@@ -232,7 +228,7 @@ impl OutsideEngine {
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
         // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
         prepare(&mut self.slots[0].gpu, [&color, &motion, &depth])?;
-        let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None, numbers: &[] };
+        let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None };
         let groups = Groups::new(&self.kernels, to, self.finish.radiance(), self.slots.len())?;
         Ok(Images { margin_px, groups, color, motion, depth, warp: None })
     }
@@ -303,16 +299,24 @@ impl OutsideEngine {
         let size = [camera.width, camera.height];
         let pictures = pictures(frame);
         let Images { groups, color, motion, depth, warp, .. } = self.images.as_mut().expect("made by `fit`");
-        let of_warp = warp.as_ref().map(|w| [&w.half, &w.inverse_depth]);
-        let numbers = warp.as_ref().map_or(&[][..], |w| &w.numbers);
-        let to = Unpacked { color, motion, depth, warp: of_warp, numbers };
+        let to = Unpacked { color, motion, depth, warp: warp.as_ref() };
         let blurs = frame.request.shutter.exposure_time_s > 0.0;
         let role = |place: usize| Role::of(place, &frame.motion, blurs);
+        for (place, pixels) in pictures.iter().enumerate() {
+            match role(place).0 {
+                Role::Color => self.kernels.fit_color(pixels.format, false)?,
+                Role::HalfColor => self.kernels.fit_color(pixels.format, true)?,
+                _ => {}
+            }
+        }
         groups.bind_sources(&self.kernels, index, to, (&pictures, role), &self.uploads[index])?;
         if let Plan::Gather(Some(_)) = plan {
             groups.fit_depth(&self.kernels, to)?;
         }
-        let placed: Vec<_> = pictures.iter().map(|p| place(p, camera.width)).collect();
+        if let OutsideMotion::Images { .. } = frame.motion {
+            groups.fit_integrated(&self.kernels, to, self.finish.radiance())?;
+        }
+        let placed: Vec<_> = pictures.iter().map(|p| place(p, size)).collect();
         let slot = &mut self.slots[index];
         let mut recorder = slot.gpu.begin()?;
         recorder.mark("unpack");
@@ -321,25 +325,19 @@ impl OutsideEngine {
                 recorder.copy_shared_to_buffer(image, staging);
             }
         }
-        let (first_byte, stride_bytes) = placed[0];
-        let codes_from = if frame.encoding == Encoding::Linear { 256 } else { 0 };
-        let format = frame.color.format as u32;
-        let push = ColorPush { size, first_byte, stride_bytes, format, codes_from };
-        let of_color =
-            if role(0) == Role::HalfColor { &self.kernels.path().half } else { &self.kernels.color };
-        recorder.dispatch(of_color, groups.source(index, 0), &push, size);
-        let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed[1..] };
+        let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed };
+        motion.record_pictures(&mut recorder, frame, &pictures);
         match (plan, warp) {
             (Plan::Warp(plan), Some(warp)) => {
-                motion.record_inverse_depth(&mut recorder, &frame.motion, plan.body_count());
-                warp.record(&mut recorder, index, plan, (frame.margin_px, frame.max_samples));
+                warp.record(&mut recorder, index, plan, frame.max_samples);
             }
             (Plan::Warp(_), None) => unreachable!("made by `fit_warp`"),
             (Plan::Gather(from_depth), _) => {
                 motion.record(&mut recorder, &frame.motion, *from_depth);
-                recorder.mark("paper_gather");
                 let push = gather_push(&self.stage.intrinsics, frame);
-                recorder.dispatch(&self.kernels.gather, &groups.gather, &push, push.size);
+                let (name, gather, group) = groups.gather_of(&self.kernels, push.motion_count);
+                recorder.mark(name);
+                recorder.dispatch(gather, group, &push, push.size);
             }
         }
         finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));

@@ -1,15 +1,18 @@
-//! Frames from outside through the warp of `--method fast`: colour and depth of one instant, and the camera's poses over the
-//! frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by depth.
+//! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the camera's poses over
+//! the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by depth.
 
 use super::Stage;
 use super::fast_depth::turns_only;
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES};
+use super::fast_pass::{
+    FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, NO_PICTURE_S,
+};
 use super::finish::prepare;
 use super::lens::Merge;
+use super::outside_blend::{Blend, span_of, windows};
 use super::outside_frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
 use super::outside_lens::{MarginNeed, OutsideLens};
 use super::slots::FrameSlot;
-use crate::camera::{Intrinsics, Trajectory};
+use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Usage};
 use crate::raster::moved_row;
@@ -17,48 +20,57 @@ use std::sync::Arc;
 
 /// How the camera moves over one frame, and what it sees.
 pub(super) struct WarpPlan {
-    timing: FastTiming,
-    /// Whether it only turns, before what rests.
-    turns: bool,
-    /// Matrices over the frame, of what rests and then of each body.
-    rows: Vec<[[f32; 4]; 3]>,
+    /// In order of time.
+    pictures: Vec<PicturePlan>,
+    /// See [`windows`].
+    windows: Vec<[f64; 2]>,
     /// Ids in rising order, then the number of each.
     numbers: Vec<u32>,
 }
+
+/// One picture's share.
+struct PicturePlan {
+    timing: FastTiming,
+    /// Whether the camera only turns, before what rests.
+    turns: bool,
+    /// Matrices over the frame, of what rests and then of each body.
+    rows: Vec<[[f32; 4]; 3]>,
+}
+
+/// Paths of the camera and of bodies.
+type Paths<'a> = (&'a Trajectory, &'a [(u32, Trajectory)]);
 
 impl WarpPlan {
     /// `camera` has the frame's margin.
     ///
     /// # Errors
-    /// Poses that do not cover the frame and the colour's instant; a margin that is too small for them.
+    /// Poses that do not cover the frame and the instants of its pictures; a margin that is too small for them.
     pub(super) fn new(
         (nominal, lens): (&Intrinsics, Option<&OutsideLens>),
         frame: &OutsideFrame<'_>,
         (path, bodies): (&Trajectory, Option<&OutsideBodies<'_>>),
         (nearest_m, repeat_border): (f64, bool),
     ) -> Result<Self> {
-        let shutter = &frame.request.shutter;
-        check_spans(path, "", frame)?;
+        let times_s = frame.picture_times_s();
+        check_spans(path, "", frame, &times_s)?;
         let bodies = bodies.map_or(&[][..], |b| &b.paths);
-        bodies.iter().try_for_each(|(id, own)| check_spans(own, &format!(", body {id}"), frame))?;
-        let needed = MarginNeed { nominal, lens, nearest_m }.of_frame(path, frame.color_time_s, shutter)?;
+        let check = |(id, own): &(u32, _)| check_spans(own, &format!(", body {id}"), frame, &times_s);
+        bodies.iter().try_for_each(check)?;
+        let shutter = &frame.request.shutter;
+        let needed = MarginNeed { nominal, lens, nearest_m }.of_frame(path, &times_s, shutter)?;
         let given = frame.margin_px;
         if !repeat_border && (needed[0] > given[0] || needed[1] > given[1]) {
             return Err(Error::MarginTooSmall { needed_px: needed, given_px: given });
         }
         let camera = nominal.with_margin(given);
-        let (timing, times_s) = FastTiming::spaced(*shutter);
-        let now = path.pose_at(frame.color_time_s);
-        let mut rows = Vec::with_capacity(times_s.len() * (bodies.len() + 1));
-        rows.extend(times_s.iter().map(|&t| moved_row(&camera, &path.pose_at(t).relative(&now))));
-        for (_, own) in bodies {
-            let body_from_camera = own.pose_at(frame.color_time_s).relative(&now);
-            let moved = |&t: &f64| path.pose_at(t).relative(&own.pose_at(t)).then_from(&body_from_camera);
-            rows.extend(times_s.iter().map(|t| moved_row(&camera, &moved(t))));
-        }
-        let turns = bodies.is_empty() && turns_only(&camera, path, frame.color_time_s, &times_s);
+        let never_s = [shutter.start_s - NO_PICTURE_S, shutter.start_s + NO_PICTURE_S];
+        let windows = windows(&times_s, never_s);
+        let picture = |(k, &at_s): (usize, &f64)| {
+            PicturePlan::new(&camera, shutter, (path, bodies), (at_s, span_of(&windows, k)))
+        };
         let numbers = bodies.iter().map(|(id, _)| *id).chain(1..=bodies.len() as u32).collect();
-        Ok(Self { timing, turns, rows, numbers })
+        let pictures = times_s.iter().enumerate().map(picture).collect();
+        Ok(Self { pictures, windows, numbers })
     }
 
     /// How many bodies move by themselves.
@@ -67,30 +79,83 @@ impl WarpPlan {
     }
 }
 
-fn check_spans(path: &Trajectory, whose: &str, frame: &OutsideFrame<'_>) -> Result<()> {
+impl PicturePlan {
+    /// `at_s`: its instant, and when it is needed, s.
+    fn new(
+        camera: &Intrinsics,
+        shutter: &ShutterTiming,
+        (path, bodies): Paths<'_>,
+        (at_s, [from_s, to_s]): (f64, [f64; 2]),
+    ) -> Self {
+        let (mut timing, times_s) = FastTiming::spaced(*shutter);
+        timing.pictures_s = [at_s, from_s, to_s];
+        let now = path.pose_at(at_s);
+        let mut rows = Vec::with_capacity(times_s.len() * (bodies.len() + 1));
+        rows.extend(times_s.iter().map(|&t| moved_row(camera, &path.pose_at(t).relative(&now))));
+        for (_, own) in bodies {
+            let body_from_camera = own.pose_at(at_s).relative(&now);
+            let moved = |&t: &f64| path.pose_at(t).relative(&own.pose_at(t)).then_from(&body_from_camera);
+            rows.extend(times_s.iter().map(|t| moved_row(camera, &moved(t))));
+        }
+        let turns = bodies.is_empty() && turns_only(camera, path, at_s, &times_s);
+        Self { timing, turns, rows }
+    }
+}
+
+fn check_spans(path: &Trajectory, whose: &str, frame: &OutsideFrame<'_>, times_s: &[f64]) -> Result<()> {
     let (index, shutter) = (frame.request.index, &frame.request.shutter);
     path.require(shutter.start_s, shutter.end_s(), &format!("frame {index}{whose}"))?;
-    path.require(frame.color_time_s, frame.color_time_s, &format!("the colour of frame {index}{whose}"))
+    times_s.iter().try_for_each(|&t| path.require(t, t, &format!("the colour of frame {index}{whose}")))
+}
+
+/// What frames are made by one warp.
+#[derive(Clone, PartialEq)]
+pub(super) struct WarpKind {
+    pub(super) margin_px: [u32; 2],
+    pub(super) lens: Option<OutsideLens>,
+    /// Whether there may be bodies.
+    pub(super) bodies: bool,
+    /// How many pictures a frame has.
+    pub(super) pictures: usize,
+}
+
+/// A picture on the device.
+pub(super) struct PictureImages {
+    /// As floats, for frames without exposure; `None` of the first, whose colour all frames from outside have.
+    pub(super) color: Option<Image>,
+    /// Colour that is filtered, for frames with an exposure.
+    pub(super) half: Image,
+    pub(super) inverse_depth: Image,
+}
+
+impl PictureImages {
+    fn new(context: &Arc<Context>, slot: &mut FrameSlot, wider: [u32; 2], first: bool) -> Result<Self> {
+        let image = |name, format| Image::new(context, name, ImageSpec::storage(wider, format));
+        let color = (!first).then(|| image("outside color", Format::Rgba32f)).transpose()?;
+        let half = image("outside half color", Format::Rgba16f)?;
+        let inverse_depth = image("outside inverse depth", Format::Rg32f)?;
+        prepare(&mut slot.gpu, [&half, &inverse_depth].into_iter().chain(&color))?;
+        Ok(Self { color, half, inverse_depth })
+    }
 }
 
 /// Everything that such frames need beside what all frames from outside need.
 pub(super) struct OutsideWarp {
-    lens: Option<OutsideLens>,
+    kind: WarpKind,
     size: [u32; 2],
-    /// Colour that is filtered, for frames with an exposure.
-    pub(super) half: Image,
-    pub(super) inverse_depth: Image,
+    pub(super) pictures: Vec<PictureImages>,
     /// Bound by the warps, kept alive here; by colour.
     _tables: Vec<[Image; 2]>,
-    moved: Vec<Buffer>,
+    /// By frame in flight and picture.
+    moved: Vec<Vec<Buffer>>,
     /// Ids and numbers of bodies, by frame in flight.
     pub(super) numbers: Vec<Buffer>,
-    /// Whether there may be bodies.
-    bodies: bool,
     /// Of a camera that passes what it sees, and of one that only turns.
     warps: [FastGather; 2],
-    /// By frame in flight, warp and colour.
-    bindings: Vec<[Vec<FastBinding>; 2]>,
+    /// By frame in flight, warp, picture and colour.
+    bindings: Vec<[Vec<Vec<FastBinding>>; 2]>,
+    /// Of several pictures.
+    blend: Option<Blend>,
     merge: Option<Merge>,
 }
 
@@ -99,92 +164,114 @@ impl OutsideWarp {
     pub(super) fn new(
         stage: &Stage,
         slots: &mut [FrameSlot],
-        (margin_px, lens, bodies): ([u32; 2], Option<OutsideLens>, bool),
+        kind: WarpKind,
         (color, radiance): (&Image, &Image),
     ) -> Result<Self> {
         let context = &stage.context;
         let wider = color.spec().size;
-        let half = Image::new(context, "outside half color", ImageSpec::storage(wider, Format::Rgba16f))?;
-        let spec = ImageSpec::storage(wider, Format::Rg32f);
-        let inverse_depth = Image::new(context, "outside inverse depth", spec)?;
-        prepare(&mut slots[0].gpu, [&half, &inverse_depth])?;
-        let tables = match &lens {
-            Some(lens) => tables(stage, &mut slots[0], lens, margin_px)?,
+        let picture = |k: usize, slot: &mut FrameSlot| PictureImages::new(context, slot, wider, k == 0);
+        let pictures = (0..kind.pictures).map(|k| picture(k, &mut slots[0])).collect::<Result<Vec<_>>>()?;
+        let tables = match &kind.lens {
+            Some(lens) => tables(stage, &mut slots[0], lens, kind.margin_px)?,
             None => Vec::new(),
         };
+        let colors: Vec<_> = pictures.iter().map(|p| p.color.as_ref().unwrap_or(color)).collect();
+        let blend = (kind.pictures > 1).then(|| Blend::new(stage, slots, (&colors, radiance))).transpose()?;
         let size = [stage.intrinsics.width, stage.intrinsics.height];
-        let warp = |one_surface: bool| {
-            let lens = lens.is_some();
-            let kind = FastKind { one_surface, from_depth: true, bodies: bodies && !one_surface, lens };
-            FastGather::new(context, size, (1, 1), 1, kind)
-        };
-        let warps = [warp(false)?, warp(true)?];
-        let moved = slots.iter().map(|_| moved_buffer(context, bodies)).collect::<Result<Vec<_>>>()?;
+        let warps = [warp(context, size, &kind, false)?, warp(context, size, &kind, true)?];
+        let buffers = || (0..kind.pictures).map(|_| moved_buffer(context, kind.bodies)).collect();
+        let moved = slots.iter().map(|_| buffers()).collect::<Result<Vec<Vec<_>>>>()?;
         let numbers = slots.iter().map(|_| numbers_buffer(context)).collect::<Result<Vec<_>>>()?;
-        let bind = |warp: &FastGather, moved: &Buffer, lens: Option<[&Image; 2]>| {
-            warp.bind(&FastImages {
-                color,
-                filtered: &half,
-                paths: Vec::new(),
-                moved: Some(moved),
-                inverse_depth: &inverse_depth,
-                lens,
-                radiance,
-            })
+        let to = |k: usize| blend.as_ref().map_or(radiance, |b| &b.warped[k]);
+        let images: Vec<_> = (0..kind.pictures).map(|k| (&pictures[k], colors[k], to(k))).collect();
+        let both = |moved: &Vec<Buffer>| -> Result<_> {
+            Ok([bind(&warps[0], moved, &images, &tables)?, bind(&warps[1], moved, &images, &tables)?])
         };
-        let bind_all = |warp: &FastGather, moved: &Buffer| match tables.is_empty() {
-            true => Ok(vec![bind(warp, moved, None)?]),
-            false => tables.iter().map(|t| bind(warp, moved, Some(t.each_ref()))).collect(),
-        };
-        let both = |moved| Ok([bind_all(&warps[0], moved)?, bind_all(&warps[1], moved)?]);
         let bindings = moved.iter().map(both).collect::<Result<Vec<_>>>()?;
         let merge = (tables.len() > 1).then(|| Merge::new(stage, slots, radiance)).transpose()?;
-        Ok(Self {
-            lens,
-            size,
-            half,
-            inverse_depth,
-            _tables: tables,
-            moved,
-            numbers,
-            bodies,
-            warps,
-            bindings,
-            merge,
-        })
+        let _tables = tables;
+        Ok(Self { kind, size, pictures, _tables, moved, numbers, warps, bindings, blend, merge })
     }
 
-    /// Whether frames with this lens, and with bodies or without, are made by it.
-    pub(super) fn fits(&self, lens: Option<&OutsideLens>, bodies: bool) -> bool {
-        self.lens.as_ref() == lens && self.bodies == bodies
+    /// Whether frames of this kind are made by it.
+    pub(super) fn fits(&self, kind: &WarpKind) -> bool {
+        self.kind == *kind
     }
 
     /// Says how the camera moves in a frame whose slot is not in flight.
     pub(super) fn write(&mut self, slot: usize, plan: &WarpPlan) {
-        self.moved[slot].write(0, plan.rows.as_slice());
+        for (moved, picture) in self.moved[slot].iter_mut().zip(&plan.pictures) {
+            moved.write(0, picture.rows.as_slice());
+        }
         if !plan.numbers.is_empty() {
             self.numbers[slot].write(0, plan.numbers.as_slice());
         }
     }
 
-    pub(super) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        slot: usize,
-        plan: &WarpPlan,
-        (margin_px, max_samples): ([u32; 2], u32),
-    ) {
-        let turns = usize::from(plan.turns);
-        let (warp, bindings) = (&self.warps[turns], &self.bindings[slot][turns]);
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, slot: usize, plan: &WarpPlan, max_samples: u32) {
         let Some(merge) = &self.merge else {
-            warp.record(recorder, &bindings[0], margin_px, &plan.timing, max_samples);
+            self.record_color(recorder, (slot, 0), plan, max_samples);
             return;
         };
         for channel in [0, 2, 1] {
-            warp.record(recorder, &bindings[channel], margin_px, &plan.timing, max_samples);
+            self.record_color(recorder, (slot, channel), plan, max_samples);
             merge.record(recorder, self.size, channel as u32);
         }
     }
+
+    /// One colour, or all of them, from all pictures.
+    fn record_color(
+        &self,
+        recorder: &mut Recorder<'_>,
+        (slot, channel): (usize, usize),
+        plan: &WarpPlan,
+        max_samples: u32,
+    ) {
+        for (k, picture) in plan.pictures.iter().enumerate() {
+            let turns = usize::from(picture.turns);
+            let binding = &self.bindings[slot][turns][k][channel];
+            self.warps[turns].record(recorder, binding, self.kind.margin_px, &picture.timing, max_samples);
+        }
+        if let Some(blend) = &self.blend {
+            blend.record(recorder, &plan.pictures[0].timing, &plan.windows);
+        }
+    }
+}
+
+fn warp(context: &Arc<Context>, size: [u32; 2], of: &WarpKind, one_surface: bool) -> Result<FastGather> {
+    let kind = FastKind {
+        one_surface,
+        from_depth: true,
+        bodies: of.bodies && !one_surface,
+        lens: of.lens.is_some(),
+        one_of_several: of.pictures > 1,
+    };
+    FastGather::new(context, size, (1, 1), 1, kind)
+}
+
+/// By picture and colour; `moved`: by picture; `images`: each picture, its colour, and where its warp goes.
+fn bind(
+    warp: &FastGather,
+    moved: &[Buffer],
+    images: &[(&PictureImages, &Image, &Image)],
+    tables: &[[Image; 2]],
+) -> Result<Vec<Vec<FastBinding>>> {
+    let bind = |(picture, color, to): &(&PictureImages, &Image, &Image), moved, lens| {
+        warp.bind(&FastImages {
+            color,
+            filtered: &picture.half,
+            paths: Vec::new(),
+            moved: Some(moved),
+            inverse_depth: &picture.inverse_depth,
+            lens,
+            radiance: to,
+        })
+    };
+    let colours = |(images, moved)| match tables.is_empty() {
+        true => Ok(vec![bind(images, moved, None)?]),
+        false => tables.iter().map(|t| bind(images, moved, Some(t.each_ref()))).collect(),
+    };
+    images.iter().zip(moved).map(colours).collect()
 }
 
 fn moved_buffer(context: &Arc<Context>, bodies: bool) -> Result<Buffer> {

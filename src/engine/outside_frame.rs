@@ -32,7 +32,9 @@ pub struct OutsidePixels<'a> {
     pub format: PixelFormat,
     /// From one row to the next, bytes.
     pub stride_bytes: usize,
-    /// The bytes: the first row starts at the first.
+    /// Whether the last row comes first in memory.
+    pub bottom_up: bool,
+    /// The bytes: the first row in memory starts at the first.
     pub source: PixelSource<'a>,
 }
 
@@ -69,11 +71,29 @@ pub enum OutsideMotion<'a> {
         path: Arc<Trajectory>,
         /// What moves by itself.
         bodies: Option<OutsideBodies<'a>>,
+        /// The same scene at later instants, in order of time; fewer than [`MAX_PICTURES`].
+        further: Vec<OutsidePicture<'a>>,
         /// Nothing that comes in at the border is nearer, m: what the margin is reckoned with. Infinite: not known.
         nearest_m: f64,
         /// A margin that is too small is no error: what lies beyond is the picture's repeated border.
         repeat_border: bool,
     },
+}
+
+/// Most pictures of a frame.
+pub const MAX_PICTURES: usize = 8;
+
+/// Another picture of a frame, at an instant of its own: size, margin, encoding and conventions are those of the first.
+#[derive(Clone, Copy)]
+pub struct OutsidePicture<'a> {
+    /// When it was rendered, s.
+    pub time_s: f64,
+    /// Its colour.
+    pub color: OutsidePixels<'a>,
+    /// Its depth ([`PixelFormat::R32f`]).
+    pub depth: OutsidePixels<'a>,
+    /// Whose surface each pixel shows, with bodies.
+    pub ids: Option<OutsidePixels<'a>>,
 }
 
 /// Most bodies of a frame.
@@ -107,27 +127,66 @@ pub struct OutsideFrame<'a> {
     pub delivery: Delivery,
 }
 
-/// Colour first, then motion or depth: the order of the staging buffers.
+impl OutsideFrame<'_> {
+    /// Puts its pictures in order of time.
+    pub fn sort_pictures(&mut self) {
+        let OutsideMotion::Path { image, bodies, further, .. } = &mut self.motion else { return };
+        let ids = bodies.as_ref().map(|b| b.ids);
+        further.push(OutsidePicture { time_s: self.color_time_s, color: self.color, depth: *image, ids });
+        further.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        let first = further.remove(0);
+        (self.color_time_s, self.color, *image) = (first.time_s, first.color, first.depth);
+        if let (Some(bodies), Some(ids)) = (bodies, first.ids) {
+            bodies.ids = ids;
+        }
+    }
+
+    /// When its pictures were rendered, the first one first, s.
+    pub(super) fn picture_times_s(&self) -> Vec<f64> {
+        let further = match &self.motion {
+            OutsideMotion::Path { further, .. } => further.as_slice(),
+            OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } => &[],
+        };
+        let all = std::iter::once(self.color_time_s).chain(further.iter().map(|p| p.time_s));
+        all.take(MAX_PICTURES).collect()
+    }
+}
+
+/// Most pictures, motion and depth images of a frame together: colour, depth and ids of each instant.
+pub(super) const MAX_PLACES: usize = 3 * MAX_PICTURES;
+
+/// Colour first, then motion or depth, then what other instants bring: the order of the staging buffers.
 pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     let mut all = vec![frame.color];
     match &frame.motion {
         OutsideMotion::Images { images, .. } => all.extend(images.iter().take(MAX_OUTSIDE_MOTIONS)),
         OutsideMotion::Depth { image, .. } => all.push(*image),
-        OutsideMotion::Path { image, bodies, .. } => {
+        OutsideMotion::Path { image, bodies, further, .. } => {
             all.push(*image);
             all.extend(bodies.as_ref().map(|b| b.ids));
+            for picture in further.iter().take(MAX_PICTURES - 1) {
+                all.extend([picture.color, picture.depth]);
+                all.extend(bodies.as_ref().and(picture.ids));
+            }
         }
     }
     all
 }
 
-/// First byte and stride of a picture where the kernel reads it.
-pub(super) fn place(pixels: &OutsidePixels<'_>, width: u32) -> (u32, u32) {
-    match pixels.source {
+/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in words of 32
+/// bits that wrap, so a stride may be below 0.
+pub(super) fn place(pixels: &OutsidePixels<'_>, size: [u32; 2]) -> (u32, u32) {
+    let (first_byte, stride_bytes) = match pixels.source {
         PixelSource::Host(_) | PixelSource::Image(_) => {
-            (0, (width as usize * pixels.format.bytes()).next_multiple_of(4) as u32)
+            (0, (size[0] as usize * pixels.format.bytes()).next_multiple_of(4) as u32)
         }
         PixelSource::Shared(_, first_byte) => (first_byte as u32, pixels.stride_bytes as u32),
+    };
+    match pixels.bottom_up {
+        true => {
+            (first_byte.wrapping_add(stride_bytes.wrapping_mul(size[1] - 1)), stride_bytes.wrapping_neg())
+        }
+        false => (first_byte, stride_bytes),
     }
 }
 

@@ -2,11 +2,14 @@
 
 use std::sync::{Arc, Weak};
 
-use super::outside_frame::{MAX_OUTSIDE_MOTIONS, OutsideMotion, OutsidePixels, PixelSource};
+use super::outside_fast::OutsideWarp;
+use super::outside_frame::{MAX_PLACES, OutsideMotion, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
 use crate::kernels::kernel;
+use crate::plane::PixelFormat;
+use crate::reference::paper_gather::Push as GatherPush;
 use crate::reference::unpack::{BodyPush, ColorPush, DepthPush, InverseDepthPush, MotionPush, decode_table};
 
 assert_push_layout!("unpack_color.comp", ColorPush { size, first_byte, stride_bytes, format, codes_from });
@@ -22,17 +25,39 @@ assert_push_layout!(
     "unpack_color_half.comp",
     ColorPush { size, first_byte, stride_bytes, format, codes_from }
 );
+assert_push_layout!(
+    "outside_gather.comp",
+    GatherPush {
+        size,
+        margin_px,
+        start_s,
+        readout_time_s,
+        exposure_time_s,
+        frame_interval_s,
+        first_motion_s,
+        motion_step_s,
+        motion_count,
+        scan_order,
+        max_samples,
+        pixel_time
+    }
+);
 assert_push_layout!("unpack_body.comp", BodyPush { size, first_byte, stride_bytes, id_bytes, count });
 assert_push_layout!(
     "unpack_inverse_depth.comp",
     InverseDepthPush { size, first_byte, stride_bytes, numerator, constant, slope }
 );
 
+/// Colour formats, the first of all formats.
+const COLOR_FORMATS: usize = PixelFormat::Rgba32f as usize;
+
 /// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first frame.
 pub(super) struct Kernels {
-    pub(super) color: ComputePipeline,
+    /// By format, as floats and as halves: made with the first picture of a format.
+    colors: [[Option<ComputePipeline>; 2]; COLOR_FORMATS],
     pub(super) gather: ComputePipeline,
-    motion: Option<ComputePipeline>,
+    /// Unpacks motion; gathers from several motion images.
+    motion: Option<[ComputePipeline; 2]>,
     depth: Option<DepthKernels>,
     path: Option<PathKernels>,
     sampler: Sampler,
@@ -42,7 +67,6 @@ pub(super) struct Kernels {
 
 /// Pipelines of frames with depth and the camera's path.
 pub(super) struct PathKernels {
-    pub(super) half: ComputePipeline,
     pub(super) inverse_depth: ComputePipeline,
     pub(super) body: ComputePipeline,
 }
@@ -57,10 +81,10 @@ impl Kernels {
     pub(super) fn new(context: &Arc<Context>) -> Result<Self> {
         let table = decode_table();
         let bytes = size_of_val(table.as_slice()) as u64;
-        let mut decode = Buffer::new(context, "decode", bytes, Usage::Storage, Location::Upload)?;
+        let mut decode = Buffer::new(context, "decode", bytes, Usage::Texels, Location::Upload)?;
         decode.write(0, &table);
         Ok(Self {
-            color: ComputePipeline::new(context, const { kernel("unpack_color.comp") })?,
+            colors: Default::default(),
             gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
             motion: None,
             depth: None,
@@ -76,7 +100,8 @@ impl Kernels {
         let make = |kernel| ComputePipeline::new(&self.context, kernel);
         match motion {
             OutsideMotion::Images { .. } if self.motion.is_none() => {
-                self.motion = Some(make(const { kernel("unpack_motion.comp") })?);
+                let unpack = make(const { kernel("unpack_motion.comp") })?;
+                self.motion = Some([unpack, make(const { kernel("outside_gather.comp") })?]);
             }
             OutsideMotion::Depth { .. } if self.depth.is_none() => {
                 let unpack = make(const { kernel("unpack_depth.comp") })?;
@@ -84,19 +109,41 @@ impl Kernels {
                 self.depth = Some(DepthKernels { unpack, motion });
             }
             OutsideMotion::Path { .. } if self.path.is_none() => {
-                let half = make(const { kernel("unpack_color_half.comp") })?;
                 let inverse_depth = make(const { kernel("unpack_inverse_depth.comp") })?;
                 let body = make(const { kernel("unpack_body.comp") })?;
-                self.path = Some(PathKernels { half, inverse_depth, body });
+                self.path = Some(PathKernels { inverse_depth, body });
             }
             OutsideMotion::Images { .. } | OutsideMotion::Depth { .. } | OutsideMotion::Path { .. } => {}
         }
         Ok(())
     }
 
+    /// Makes what unpacks colours of a format.
+    pub(super) fn fit_color(&mut self, format: PixelFormat, half: bool) -> Result<()> {
+        let made = &mut self.colors[format as usize - 1][usize::from(half)];
+        if made.is_none() {
+            let kernel = match half {
+                false => const { kernel("unpack_color.comp") },
+                true => const { kernel("unpack_color_half.comp") },
+            };
+            *made = Some(ComputePipeline::specialized(&self.context, kernel, &[format as u32])?);
+        }
+        Ok(())
+    }
+
+    /// What unpacks them.
+    pub(super) fn color(&self, format: PixelFormat, half: bool) -> &ComputePipeline {
+        self.colors[format as usize - 1][usize::from(half)].as_ref().expect("made by `fit_color`")
+    }
+
     /// Of frames with motion images.
     pub(super) fn motion(&self) -> &ComputePipeline {
-        self.motion.as_ref().expect("made by `fit`")
+        &self.motion.as_ref().expect("made by `fit`")[0]
+    }
+
+    /// Of frames with several.
+    pub(super) fn integrated(&self) -> &ComputePipeline {
+        &self.motion.as_ref().expect("made by `fit`")[1]
     }
 
     /// Of frames with depth.
@@ -114,15 +161,31 @@ impl Kernels {
 pub(super) struct Groups {
     /// Made with the first frame with depth.
     from_depth: Option<BindGroup>,
-    pub(super) gather: BindGroup,
-    /// By slot and place (colour, then motion or depth).
-    sources: Vec<[Option<Source>; MAX_OUTSIDE_MOTIONS + 1]>,
+    gather: BindGroup,
+    /// Made with the first frame with several motion images.
+    integrated: Option<BindGroup>,
+    /// By slot and place (colour, then motion or depth, then those of other pictures).
+    sources: Vec<[Option<Source>; MAX_PLACES]>,
+}
+
+fn gather_group(
+    gather: &ComputePipeline,
+    kernels: &Kernels,
+    to: Unpacked<'_>,
+    radiance: &Image,
+) -> Result<BindGroup> {
+    gather.bind(&[
+        ("color", Bound::Sampled(to.color, &kernels.sampler)),
+        ("motion", Bound::Storage(to.motion)),
+        ("radiance", Bound::Storage(radiance)),
+    ])
 }
 
 /// A group that reads a caller's picture.
 struct Source {
-    /// Which kernel it is for.
-    role: Role,
+    /// Which kernel and which picture it is for.
+    role: (Role, usize),
+    format: PixelFormat,
     /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it back
     /// once its frames are collected.
     shared: Option<Weak<Buffer>>,
@@ -141,15 +204,17 @@ pub(super) enum Role {
 }
 
 impl Role {
-    /// Of the picture at a place.
-    pub(super) fn of(place: usize, motion: &OutsideMotion<'_>, blurs: bool) -> Self {
-        match (place, motion) {
-            (0, OutsideMotion::Path { .. }) if blurs => Self::HalfColor,
-            (0, _) => Self::Color,
-            (_, OutsideMotion::Images { .. }) => Self::Motion,
-            (_, OutsideMotion::Depth { .. }) => Self::Depth,
-            (1, OutsideMotion::Path { .. }) => Self::InverseDepth,
-            (_, OutsideMotion::Path { .. }) => Self::Body,
+    /// Of what lies at a place, and the number of the picture that it belongs to.
+    pub(super) fn of(place: usize, motion: &OutsideMotion<'_>, blurs: bool) -> (Self, usize) {
+        match motion {
+            OutsideMotion::Path { bodies, .. } => {
+                let each = 2 + usize::from(bodies.is_some());
+                let color = if blurs { Self::HalfColor } else { Self::Color };
+                ([color, Self::InverseDepth, Self::Body][place % each], place / each)
+            }
+            _ if place == 0 => (Self::Color, 0),
+            OutsideMotion::Images { .. } => (Self::Motion, 0),
+            OutsideMotion::Depth { .. } => (Self::Depth, 0),
         }
     }
 }
@@ -160,28 +225,25 @@ pub(super) struct Unpacked<'a> {
     pub(super) color: &'a Image,
     pub(super) motion: &'a Image,
     pub(super) depth: &'a Image,
-    /// Half colour and inverse depth of the warp.
-    pub(super) warp: Option<[&'a Image; 2]>,
-    /// Numbers of the bodies, by slot.
-    pub(super) numbers: &'a [Buffer],
+    /// With the images of each picture, and the numbers of the bodies.
+    pub(super) warp: Option<&'a OutsideWarp>,
 }
 
 impl Groups {
     pub(super) fn new(kernels: &Kernels, to: Unpacked<'_>, radiance: &Image, slots: usize) -> Result<Self> {
         Ok(Self {
             from_depth: None,
-            gather: kernels.gather.bind(&[
-                ("color", Bound::Sampled(to.color, &kernels.sampler)),
-                ("motion", Bound::Storage(to.motion)),
-                ("radiance", Bound::Storage(radiance)),
-            ])?,
+            gather: gather_group(&kernels.gather, kernels, to, radiance)?,
+            integrated: None,
             sources: (0..slots).map(|_| Default::default()).collect(),
         })
     }
 
     /// The warp's images are made anew.
     pub(super) fn forget_warp(&mut self) {
-        let of_warp = |s: &Source| matches!(s.role, Role::HalfColor | Role::InverseDepth | Role::Body);
+        let of_warp = |s: &Source| {
+            matches!(s.role.0, Role::HalfColor | Role::InverseDepth | Role::Body) || s.role.1 > 0
+        };
         let all = self.sources.iter_mut().flatten();
         all.filter(|s| s.as_ref().is_some_and(of_warp)).for_each(|s| *s = None);
     }
@@ -197,7 +259,7 @@ impl Groups {
         kernels: &Kernels,
         slot: usize,
         to: Unpacked<'_>,
-        (pictures, role_of): (&[OutsidePixels<'_>], impl Fn(usize) -> Role),
+        (pictures, role_of): (&[OutsidePixels<'_>], impl Fn(usize) -> (Role, usize)),
         uploads: &[Option<Buffer>],
     ) -> Result<()> {
         for (place, pixels) in pictures.iter().enumerate() {
@@ -209,29 +271,45 @@ impl Groups {
                 PixelSource::Shared(buffer, _) => (&**buffer, Some(buffer)),
             };
             // A weak reference keeps its address from being used again.
-            let same =
-                |s: &Source| s.role == role && s.shared.as_ref().map(Weak::as_ptr) == shared.map(Arc::as_ptr);
+            let same = |s: &Source| {
+                (s.role, s.format) == (role, pixels.format)
+                    && s.shared.as_ref().map(Weak::as_ptr) == shared.map(Arc::as_ptr)
+            };
             if self.sources[slot][place].as_ref().is_some_and(same) {
                 continue;
             }
             let source = ("Source", Bound::Buffer(buffer));
-            let decode = ("Decode", Bound::Buffer(&kernels.decode));
-            let warp = |i: usize| Bound::Storage(to.warp.expect("made by `fit_warp`")[i]);
-            let group = match role {
-                Role::Color => kernels.color.bind(&[source, ("color", Bound::Storage(to.color)), decode]),
-                Role::HalfColor => kernels.path().half.bind(&[source, ("color", warp(0)), decode]),
+            let decode = ("decode", Bound::Buffer(&kernels.decode));
+            let warp = || to.warp.expect("made by `fit_warp`");
+            let picture = || &warp().pictures[role.1];
+            let group = match role.0 {
+                Role::Color => {
+                    let own = (role.1 > 0).then(|| picture().color.as_ref()).flatten();
+                    let color = ("color", Bound::Storage(own.unwrap_or(to.color)));
+                    kernels.color(pixels.format, false).bind(&[source, color, decode])
+                }
+                Role::HalfColor => {
+                    let color = ("color", Bound::Storage(&picture().half));
+                    kernels.color(pixels.format, true).bind(&[source, color, decode])
+                }
                 Role::InverseDepth => {
-                    kernels.path().inverse_depth.bind(&[source, ("inverse_depth", warp(1))])
+                    let depth = ("inverse_depth", Bound::Storage(&picture().inverse_depth));
+                    kernels.path().inverse_depth.bind(&[source, depth])
                 }
                 Role::Body => {
-                    let numbers = ("BodyIds", Bound::Buffer(&to.numbers[slot]));
-                    kernels.path().body.bind(&[source, ("inverse_depth", warp(1)), numbers])
+                    let numbers = ("BodyIds", Bound::Buffer(&warp().numbers[slot]));
+                    let depth = ("inverse_depth", Bound::Storage(&picture().inverse_depth));
+                    kernels.path().body.bind(&[source, depth, numbers])
                 }
                 Role::Motion => kernels.motion().bind(&[source, ("motion", Bound::Storage(to.motion))]),
                 Role::Depth => kernels.depth().unpack.bind(&[source, ("depth", Bound::Storage(to.depth))]),
             };
-            self.sources[slot][place] =
-                Some(Source { role, shared: shared.map(Arc::downgrade), group: group? });
+            self.sources[slot][place] = Some(Source {
+                role,
+                format: pixels.format,
+                shared: shared.map(Arc::downgrade),
+                group: group?,
+            });
         }
         Ok(())
     }
@@ -243,6 +321,31 @@ impl Groups {
             self.from_depth = Some(kernels.depth().motion.bind(&[("depth", depth), ("motion", motion)])?);
         }
         Ok(())
+    }
+
+    /// Binds the gather from several motion images, if it is not bound.
+    pub(super) fn fit_integrated(
+        &mut self,
+        kernels: &Kernels,
+        to: Unpacked<'_>,
+        radiance: &Image,
+    ) -> Result<()> {
+        if self.integrated.is_none() {
+            self.integrated = Some(gather_group(kernels.integrated(), kernels, to, radiance)?);
+        }
+        Ok(())
+    }
+
+    /// Name, kernel and group of the gather from so many motion images.
+    pub(super) fn gather_of<'a>(
+        &'a self,
+        kernels: &'a Kernels,
+        images: u32,
+    ) -> (&'static str, &'a ComputePipeline, &'a BindGroup) {
+        match self.integrated.as_ref().filter(|_| images > 1) {
+            Some(group) => ("outside_gather", kernels.integrated(), group),
+            None => ("paper_gather", &kernels.gather, &self.gather),
+        }
     }
 
     /// Its group.

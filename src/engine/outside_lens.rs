@@ -164,20 +164,21 @@ impl MarginNeed<'_> {
         most.to_array().map(|px| (px - 1e-3).ceil().clamp(0.0, 1e6) as u32)
     }
 
-    /// For a frame whose poses are known.
+    /// For a frame whose poses are known, from pictures of these instants.
     ///
     /// # Errors
     /// [`crate::Error::LensFolds`].
     ///
     /// # Panics
-    /// If the poses do not cover the frame.
+    /// If there is no picture, or the poses do not cover the frame and all of them.
     pub fn of_frame(
         &self,
         path: &Trajectory,
-        color_time_s: f64,
+        pictures_s: &[f64],
         shutter: &ShutterTiming,
     ) -> Result<[u32; 2]> {
-        let ((rays, scales), color) = (self.rays()?, path.pose_at(color_time_s));
+        let (rays, scales) = self.rays()?;
+        let colors: Vec<_> = pictures_s.iter().map(|&t| (t, path.pose_at(t))).collect();
         let order = shutter.scan_order;
         let (w, h) = (self.nominal.width, self.nominal.height);
         let count = f64::from(order.line_count(w, h));
@@ -187,6 +188,10 @@ impl MarginNeed<'_> {
             let start_s = shutter.start_s + shutter.readout_time_s * line / count;
             for share in [0.0, 0.5, 1.0] {
                 let time_s = (start_s + share * shutter.exposure_time_s).min(shutter.end_s());
+                // Every line has the border of the picture that is nearest in time.
+                let away = |t: &f64| (t - time_s).abs();
+                let nearest = colors.iter().min_by(|a, b| away(&a.0).total_cmp(&away(&b.0)));
+                let (_, color) = nearest.expect("a picture");
                 let moved = color.relative(&path.pose_at(time_s));
                 scales.iter().for_each(|&scale| self.beyond(&moved, rays.ray(px, scale), &mut most));
             }

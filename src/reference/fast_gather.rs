@@ -5,10 +5,12 @@
 use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::cubic::read_cubic;
 use super::fast_claims::slot_claims;
 use super::fast_push::{Inputs, Push, seed_offset};
 use super::fast_seeds::fast_seeds;
 use super::fast_silhouettes::blur_many_surfaces;
+use super::fast_weight::{nearness_of, sharpness, worth};
 use super::sample::sample_bilinear;
 use super::timing::readout_fraction;
 use crate::plane::Plane;
@@ -90,16 +92,21 @@ pub fn fast_gather(push: &Push, inputs: &Inputs<'_>) -> Plane<f32> {
 fn gather_pixel(task: &Task<'_>, at: IVec2) -> [f32; 4] {
     let push = task.push;
     let fraction = readout_fraction(at.as_uvec2().to_array(), push.size, push.scan_order, false);
+    let near = nearness_of(push, task.inputs, fraction);
+    if near <= 0.0 {
+        return [0.0; 4];
+    }
     let pixel = Pixel {
         at,
         x_px: task.inputs.looks_at(push, at),
         from: (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + push.reference_knot as f32,
         span: push.exposure_time_s / push.knot_step_s,
     };
-    match sources_over_exposure(task, &pixel) {
+    let [r, g, b, worth] = match sources_over_exposure(task, &pixel) {
         Some(sources) => blur_one_surface(task, sources),
         None => blur_many_surfaces(task, &pixel),
-    }
+    };
+    [r, g, b, worth * near]
 }
 
 /// Whether a claim's whole px, and the px by which its parabola may be off, explain where a source lies.
@@ -143,46 +150,6 @@ fn sources_over_exposure(task: &Task<'_>, pixel: &Pixel) -> Option<[Vec2; 3]> {
     (begin.agree && end.agree && claimed).then_some(found)
 }
 
-/// Weights of four texels in a row for a place `f` behind the second: the cubic of Keys with slope -1/2, the only one that
-/// leaves a ramp where it is.
-fn cubic_weights(f: f32) -> [f32; 4] {
-    let square = f * f;
-    [
-        f * (-0.5 + f * (1.0 - 0.5 * f)),
-        1.0 + square * (-2.5 + 1.5 * f),
-        f * (0.5 + f * (2.0 - 1.5 * f)),
-        square * (-0.5 + 0.5 * f),
-    ]
-}
-
-/// One texel a px: a cubic through 4x4 texels, which keeps edges that a bilinear reading would widen by a px. It goes beyond
-/// none of the four texels around the place, so that nothing rings. At a texel's centre its bits.
-fn read_cubic(color: &Plane<f32>, position_px: Vec2, clamped: &mut bool) -> Vec3 {
-    let last = IVec2::new(color.width as i32 - 1, color.height as i32 - 1);
-    let wanted = position_px - 0.5;
-    let inside = wanted.clamp(Vec2::ZERO, last.as_vec2());
-    *clamped |= inside != wanted;
-    let near = inside.as_ivec2().clamp(IVec2::ZERO, last);
-    let f = inside - near.as_vec2();
-    let (across, down) = (cubic_weights(f.x), cubic_weights(f.y));
-    let texel = |x: i32, y: i32| {
-        let at = IVec2::new(near.x + x - 1, near.y + y - 1).clamp(IVec2::ZERO, last);
-        Vec3::from_slice(color.pixel(at.x as usize, at.y as usize))
-    };
-    let (mut least, mut most) = (Vec3::splat(3e38), Vec3::splat(-3e38));
-    let mut sum = Vec3::ZERO;
-    for y in 0..4 {
-        let row = [0, 1, 2, 3].map(|x| texel(x, y));
-        let along = across[0] * row[0] + across[1] * row[1] + across[2] * row[2] + across[3] * row[3];
-        sum += down[y as usize] * along;
-        if y == 1 || y == 2 {
-            least = least.min(row[1].min(row[2]));
-            most = most.max(row[1].max(row[2]));
-        }
-    }
-    sum.clamp(least, most)
-}
-
 /// Mean of the picture over one px around a position: three texels an axis with the position as their mean. At a pixel's
 /// centre the mean of its texels, to the bit.
 fn read_pixel_area(task: &Task<'_>, position_px: Vec2, clamped: &mut bool) -> Vec3 {
@@ -217,9 +184,13 @@ pub(super) fn blur_pairs(push: &Push, path_px: f32) -> u32 {
 /// opposite each other.
 fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -> [f32; 4] {
     if task.push.slots == 1 {
+        // The pictures are read together.
+        if task.inputs.one_of_several && !task.is_beyond(middle_px) {
+            return [middle_px.x, middle_px.y, 0.0, -1.0];
+        }
         let mut clamped = false;
         let [r, g, b] = read_pixel_area(task, middle_px, &mut clamped).to_array();
-        return [r, g, b, if clamped { -1.0 } else { 1.0 }];
+        return [r, g, b, worth(task.inputs, (1.0, clamped), 1.0)];
     }
     let chord = end_px - begin_px;
     let bend = 2.0 * (begin_px + end_px - 2.0 * middle_px);
@@ -240,5 +211,5 @@ fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -
     }
     let clamped = task.is_beyond(begin_px) || task.is_beyond(end_px);
     let [r, g, b] = (sum / (2.0 * count)).to_array();
-    [r, g, b, if clamped { -count } else { count }]
+    [r, g, b, worth(task.inputs, (count, clamped), sharpness(middle_px, way))]
 }

@@ -33,6 +33,14 @@ pub struct Push {
     pub max_samples: u32,
     /// Moments of the exposure at which claims are made: 1 (its middle) or 3 (begin, middle, end).
     pub slots: u32,
+    /// One of several pictures of a frame: when it was rendered, s.
+    pub picture_s: f32,
+    /// When the one before it was.
+    pub from_s: f32,
+    /// When the one after it was.
+    pub to_s: f32,
+    /// The first pixel that the kernel of `fast_gather` looks at.
+    pub first: [u32; 2],
 }
 
 /// Farthest that a source may lie from its destination to make a claim, px a side.
@@ -80,6 +88,8 @@ pub struct Inputs<'a> {
     pub inverse_depth: &'a Plane<f32>,
     /// Whether all of the picture moves as one surface does: nothing is claimed then.
     pub one_surface: bool,
+    /// Whether it is one of several pictures of a frame: results then hold what they are worth.
+    pub one_of_several: bool,
     /// A lens that the picture was rendered without.
     pub lens: Option<FastLens<'a>>,
 }

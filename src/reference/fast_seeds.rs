@@ -43,6 +43,29 @@ fn parabola_of(push: &Push, inputs: &Inputs<'_>, texel: IVec2) -> [Vec2; 2] {
     [Vec2::ZERO, slope]
 }
 
+/// Most that a step may take after the one before it.
+const MOST_SLOWS: f32 = 0.7;
+
+/// Where a texel lands. A step takes it a share `slows` as far as the one before it: what all further steps would bring follows
+/// from the last one, as a geometric series.
+fn lands_by_depth(
+    push: &Push,
+    next: impl Fn(Vec2) -> Vec2,
+    first: bool,
+    from_px: Vec2,
+    slows: &mut f32,
+) -> Vec2 {
+    let before_px = if first { next(from_px) } else { from_px };
+    let place_px = next(before_px);
+    let step_px = place_px - before_px;
+    if first {
+        let axis = usize::from(ScanOrder::ALL[push.scan_order as usize].lines_are_rows());
+        let of = (before_px - from_px)[axis];
+        *slows = (step_px[axis] / if of == 0.0 { 1.0 } else { of }).clamp(-MOST_SLOWS, MOST_SLOWS);
+    }
+    place_px + step_px * (*slows / (1.0 - *slows))
+}
+
 fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
     let paths = &inputs.paths;
     let texel = source * paths.scale as i32;
@@ -58,13 +81,19 @@ fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
     };
     let depth = inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
     let mut lands_px = inputs.on_sensor(push, at_px);
+    let mut slows = 0.0;
     for slot in 0..push.slots {
         let begin = (push.start_s + push.slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         let lines = push.readout_time_s / push.knot_step_s;
-        // The line moves with the point; later slots start from where the one before it landed.
-        for _ in 0..if slot == 0 { 4 } else { 2 } {
-            let t = begin + lines * fraction_at(push, lands_px);
-            lands_px = inputs.on_sensor(push, at_px + moved_px(t));
+        let next = |place_px: Vec2| {
+            let t = begin + lines * fraction_at(push, place_px);
+            inputs.on_sensor(push, at_px + moved_px(t))
+        };
+        if paths.from_depth.is_some() {
+            lands_px = lands_by_depth(push, next, slot == 0, lands_px, &mut slows);
+        } else {
+            // The line moves with the point; later slots start from where the one before it landed.
+            lands_px = (0..if slot == 0 { 4 } else { 2 }).fold(lands_px, |px, _| next(px));
         }
         let size = Vec2::new(push.size[0] as f32, push.size[1] as f32);
         if lands_px.cmplt(Vec2::ZERO).any() || !lands_px.cmplt(size).all() {

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
 use super::fast_gather::{Pixel, Task, blur_pairs};
 use super::fast_push::{seed_key, seed_offset};
+use super::fast_weight::worth;
 use super::path::PathWeights;
 
 /// Steps that lead from a claim to what it shows, and the last one's length, px, if it really lands there.
@@ -95,13 +96,13 @@ fn clear_of_seams(task: &Task<'_>, position_px: Vec2, w: &PathWeights) -> Vec2 {
         + Vec2::new(give_way(-1.0, 0.0) - give_way(1.0, 0.0), give_way(0.0, -1.0) - give_way(0.0, 1.0))
 }
 
-/// The nearest claimed surface that lands on a place, else the farthest that almost does.
+/// The nearest claimed surface that lands on a place, else the farthest that almost does; and whether one lands.
 fn source_of(
     task: &Task<'_>,
     (at_px, aside_px): (Vec2, Vec2),
     w: &PathWeights,
     [middle, around]: [&SlotClaims; 2],
-) -> Vec2 {
+) -> (Vec2, bool) {
     let (mut nearest, mut farthest) = (-1.0, 3e38);
     let (mut source_px, mut beside_px) = (at_px, at_px);
     for key in [middle.nearest, middle.farthest, around.nearest, around.farthest] {
@@ -116,7 +117,8 @@ fn source_of(
             (farthest, beside_px) = (f.inverse_depth, f.source_px);
         }
     }
-    clear_of_seams(task, if nearest >= 0.0 { source_px } else { beside_px }, w)
+    let lands = nearest >= 0.0;
+    (clear_of_seams(task, if lands { source_px } else { beside_px }, w), lands)
 }
 
 /// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
@@ -137,14 +139,15 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     if middle.nearest.max(begin.nearest).max(end.nearest) == 0 {
         middle.nearest = seed_key(0.0, (aside_px + 0.5).floor().as_ivec2());
     }
-    let (mut sum, mut clamped) = (Vec3::ZERO, false);
+    let (mut sum, mut clamped, mut landed) = (Vec3::ZERO, false, 0);
     for i in 0..count {
         let t = (i as f32 + 0.5) / count as f32;
         let at = pixel.from + t * pixel.span;
         let w = task.inputs.paths.weights(at, push.reference_knot, push.last_knot);
         let quarter = QUARTERS[i as usize % 4];
         let around = if t < 0.5 { &begin } else { &end };
-        let position = source_of(task, (pixel.x_px + quarter, aside_px), &w, [&middle, around]);
+        let (position, lands) = source_of(task, (pixel.x_px + quarter, aside_px), &w, [&middle, around]);
+        landed += u32::from(lands);
         // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
         // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
         let centre_px = position - quarter;
@@ -157,5 +160,6 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
         };
     }
     let [r, g, b] = (sum / count as f32).to_array();
-    [r, g, b, if clamped { -(count as f32) } else { count as f32 }]
+    let seen = landed as f32 / count as f32;
+    [r, g, b, worth(task.inputs, (count as f32, clamped), seen * seen * seen * seen)]
 }

@@ -12,6 +12,7 @@
 
 pub mod accumulate;
 pub mod chain;
+mod cubic;
 pub mod develop;
 pub mod exact_gather;
 pub mod exact_neighbours;
@@ -26,11 +27,15 @@ pub mod fast_gather;
 pub mod fast_push;
 pub mod fast_seeds;
 pub mod fast_silhouettes;
+mod fast_weight;
+pub mod fused;
 pub mod lens;
 pub mod moments;
 pub mod motion;
 pub mod motion_blur;
 pub mod motion_from_depth;
+pub mod outside_blend;
+pub mod outside_gather;
 pub mod paper_fast;
 pub mod paper_gather;
 pub mod path;

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::motion::{MAX_MOTION_IMAGES, motion_at, motion_texel};
+use super::motion::{MAX_MOTION_IMAGES, motion_at, motion_history, motion_integral, motion_texel};
 use super::motion_blur::{Exposure, motion_blur};
 use super::rolling_shutter::rolling_shutter;
 use super::timing::readout_fraction;
@@ -49,6 +49,11 @@ pub struct Push {
 /// # Panics
 /// If a shape does not fit, or `motion` does not hold `push.motion_count` images.
 pub fn paper_gather(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>]) -> Plane<f32> {
+    gather(push, color, motion, false)
+}
+
+/// As [`paper_gather`]; `integrated`: what a line sees has come the way that the motion says from the picture's instant on.
+pub(super) fn gather(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>], integrated: bool) -> Plane<f32> {
     let count = (push.motion_count as usize).clamp(1, MAX_MOTION_IMAGES);
     assert!(motion.len() >= count, "{} motion images for a count of {count}", motion.len());
     let motion = &motion[..count];
@@ -64,13 +69,18 @@ pub fn paper_gather(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>]) -> P
     let mut radiance = Plane::new(width, height, 4);
     radiance.data.par_chunks_mut((width * 4).max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.chunks_exact_mut(4).enumerate() {
-            pixel.copy_from_slice(&gather_pixel(push, color, motion, [x as u32, y as u32]));
+            pixel.copy_from_slice(&gather_pixel(push, color, motion, ([x as u32, y as u32], integrated)));
         }
     });
     radiance
 }
 
-fn gather_pixel(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>], pixel: [u32; 2]) -> [f32; 4] {
+fn gather_pixel(
+    push: &Push,
+    color: &Plane<f32>,
+    motion: &[Plane<f32>],
+    (pixel, integrated): ([u32; 2], bool),
+) -> [f32; 4] {
     // A single image has no step; any unit of time does.
     let step_s = if motion.len() > 1 { push.motion_step_s } else { push.frame_interval_s };
     let fraction = readout_fraction(pixel, push.size, push.scan_order, push.pixel_time != 0);
@@ -81,7 +91,14 @@ fn gather_pixel(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>], pixel: [
 
     let margin = Vec2::new(push.margin_px[0] as f32, push.margin_px[1] as f32);
     let x_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + 0.5 + margin;
-    let motion_px = motion_at(motion, motion_texel(x_px, [color.width, color.height]), from);
-    let remapped_px = rolling_shutter(x_px, line_start_s, push.frame_interval_s, motion_px);
+    let texel = motion_texel(x_px, [color.width, color.height]);
+    let remapped_px = if integrated {
+        let history = motion_history(motion, texel);
+        let at = |knot: f32| motion_integral(&history, knot, motion.len());
+        x_px - (at(from) - at(-push.first_motion_s / step_s)) * exposure.knot_frames
+    } else {
+        let motion_px = motion_at(motion, texel, from);
+        rolling_shutter(x_px, line_start_s, push.frame_interval_s, motion_px)
+    };
     motion_blur(color, motion, remapped_px, exposure, push.max_samples)
 }

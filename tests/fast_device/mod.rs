@@ -21,6 +21,7 @@ pub struct Field {
     pub path_scale: usize,
     pub inverse_depth: Plane<f32>,
     pub one_surface: bool,
+    pub one_of_several: bool,
     /// Matrices to the knots, body by body, where displacements follow from depth; else empty.
     pub moved: Vec<[Vec4; 3]>,
     pub last_knot: u32,
@@ -64,6 +65,7 @@ impl Field {
                 [path(place(x, path_scale, 0), place(y, path_scale, 1), 0.0).1]
             }),
             one_surface: false,
+            one_of_several: false,
             moved: Vec::new(),
             last_knot: p.last_knot,
             lens: None,
@@ -80,6 +82,7 @@ impl Field {
             paths: Paths { images: &self.paths, scale: self.path_scale, from_depth },
             inverse_depth: &self.inverse_depth,
             one_surface: self.one_surface,
+            one_of_several: self.one_of_several,
             lens: self.lens.as_ref().map(|[ideal, sensed]| FastLens { ideal, sensed }),
         }
     }
@@ -148,7 +151,13 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
     let readback = Buffer::new(context, "radiance", bytes, Usage::Transfer, Location::Readback).unwrap();
 
     let from_depth = !field.moved.is_empty();
-    let kind = FastKind { one_surface: field.one_surface, from_depth, bodies, lens: lens.is_some() };
+    let kind = FastKind {
+        one_surface: field.one_surface,
+        from_depth,
+        bodies,
+        lens: lens.is_some(),
+        one_of_several: field.one_of_several,
+    };
     let shape = (field.paths.len().max(1), field.path_scale as u32);
     let warp = FastGather::new(context, p.size, shape, field.color_scale as u32, kind).unwrap();
     let binding = warp
@@ -176,6 +185,7 @@ pub fn on_device(context: &Arc<Context>, p: &Push, field: &Field) -> Plane<f32> 
         knot_step_s: f64::from(p.knot_step_s),
         reference_knot: p.reference_knot,
         last_knot: p.last_knot,
+        pictures_s: [p.picture_s, p.from_s, p.to_s].map(f64::from),
     };
     let margin_px = p.margin_px.map(|m| m as u32);
     assert_eq!(timing.push(p.size, margin_px, p.max_samples), *p);

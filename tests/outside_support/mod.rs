@@ -2,6 +2,8 @@
 //! the library, and what the camera would have seen row by row.
 #![allow(dead_code, unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
+pub mod host;
+
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec2, DVec3, EulerRot};
@@ -15,8 +17,11 @@ pub const EXPOSURE_S: f64 = 0.008;
 /// Instants of a line with blur.
 pub const INSTANTS: u32 = 96;
 
-/// Rays a pixel and side: of one instant, and of each of many that are averaged.
-const SIDES: [u32; 2] = [4, 2];
+/// Rays a pixel and side of a host's picture.
+const HOST_SIDE: u32 = 4;
+/// Those of the truth: of one instant, and of each of many that are averaged. With 4 of one instant the edges' steps of a quarter
+/// of a px were most of what pictures that are read together differed by (37.0 dB instead of 39.2).
+const SIDES: [u32; 2] = [8, 2];
 
 /// A box, its colour, and what it moves with.
 struct Cuboid {
@@ -117,7 +122,7 @@ pub fn shot(world: &World, motion: Motion<'_>, time_s: f64, margin_px: [u32; 2])
         .into_par_iter()
         .map(|i| {
             let (x, y) = ((i % size[0]) as f64, (i / size[0]) as f64);
-            let color = pixel(|px| k.ray(px), world, &poses, (DVec2::new(x, y), SIDES[0]));
+            let color = pixel(|px| k.ray(px), world, &poses, (DVec2::new(x, y), HOST_SIDE));
             let way = poses[0].rotation * k.ray(DVec2::new(x + 0.5, y + 0.5));
             let (_, depth_m, body) = world.cast(poses[0].translation_m, way, &poses[1..]);
             (color.map(|c| srgb8(c as f32)), depth_m as f32, body as u32)

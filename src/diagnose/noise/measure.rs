@@ -316,7 +316,7 @@ impl Values {
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
             let seen = (robust_variance(v) / HIGH_PASS - quantum(bin)).max(0.0);
             whole[bin] = removed(bin, seen);
-            let variance = seen * whole[bin] / gain;
+            let variance = tone.unrounded(seen * whole[bin] / gain);
             // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
             if whole[bin] < MOST_REMOVED {
                 data.total.push([linear(bin), variance, v.len() as f64]);

@@ -190,6 +190,23 @@ fn of_colour(settings: &Settings, [r, g, b]: [f32; 3]) -> ([[f64; 2]; 3], [[f64;
 }
 
 #[test]
+fn noise_ahead_of_the_converter_follows_from_what_is_behind_it() {
+    let settings = settings(&[number("quantization", "bits", 5.0), number("read_noise", "sigma", 0.012)]);
+    let tone = Tone::new(&settings);
+    // Over a whole step of mean values: what rounding adds depends on the place within it.
+    let step = 1.0 / 31.0f64;
+    let values = (0..40_000u32).map(|i| {
+        let bits = crate::chain::rng::random_normal([i, 3], 1, 9, [4, 5]);
+        let mean = 0.4 + step * f64::from(i % 200) / 200.0;
+        ((mean + 0.012 * f64::from(bits[0])) / step).round() * step - mean
+    });
+    let variance = values.map(|v| v * v).sum::<f64>() / 40_000.0;
+    let ahead = tone.unrounded(variance).sqrt();
+    // A mean value's own rounding error counts as noise here, as it does where a scene shows all places within a step.
+    assert!((ahead / 0.012 - 1.0).abs() < 0.15, "{ahead} for 0.012, behind {}", variance.sqrt());
+}
+
+#[test]
 fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
     let settings = settings(&[number("saturation", "factor", 1.4), number("read_noise", "sigma", 4e-3)]);
     let colour = [0.55, 0.12, 0.2];

@@ -267,6 +267,22 @@ impl Tone {
         (encoded - term) / factor.max(1e-6)
     }
 
+    /// Variance of noise ahead of the converter whose variance behind it is that, both in squares of the linear value before the
+    /// noise.
+    pub fn unrounded(&self, variance: f64) -> f64 {
+        if self.step == 0.0 {
+            return variance;
+        }
+        let step = f64::from(self.step / self.sensor[1][0].abs().max(1e-6));
+        let behind = |ahead: f64| ahead + step * step * f64::from(rounding((ahead.sqrt() / step) as f32));
+        let (mut low, mut high) = (0.0, variance);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if behind(middle) < variance { low = middle } else { high = middle }
+        }
+        low
+    }
+
     /// DN of green of a linear value before the noise, without it.
     pub fn dn_of(&self, linear: f32) -> f32 {
         let [factor, term] = self.to_value(1);
