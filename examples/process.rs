@@ -20,6 +20,7 @@ fn main() -> shutterbug::Result<()> {
     let pixels = |format: PixelFormat, bytes| OutsidePixels {
         format,
         stride_bytes: width as usize * format.bytes(),
+        bottom_up: false,
         source: PixelSource::Host(bytes),
     };
     let shutter = ShutterTiming {

@@ -54,7 +54,7 @@ fn frame(
     exposure_s: f64,
     (pictures, body): (usize, bool),
 ) -> Vec<u8> {
-    let color: Vec<u8> = (0..W * H * 3).map(|i| (i * 7919 >> 5) as u8).collect();
+    let color: Vec<u8> = (0..W * H * 3).map(|i| ((i * 7919) >> 5) as u8).collect();
     let depth: Vec<f32> = (0..W * H).map(|i| 1.0 + (i % 7) as f32).collect();
     let ids: Vec<u8> = (0..W * H).map(|i| u8::from(i % W > 20)).collect();
     let pixels = |format: PixelFormat, bytes| OutsidePixels {
