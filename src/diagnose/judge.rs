@@ -130,6 +130,11 @@ impl Scores {
         Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
     }
 
+    /// Whether a family of statistics lies above what the discrepancy may make of it, beyond chance.
+    pub(super) fn is_beyond_bounds(&self) -> bool {
+        (0..FAMILIES.len()).any(|f| self.excess(f).is_above(FAMILIES.len()))
+    }
+
     /// The mean with its standard error.
     pub(super) fn estimate(&self) -> Estimate {
         Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())

@@ -324,6 +324,20 @@ impl<'a> Search<'a> {
         Ok(found)
     }
 
+    /// As before a search, of which that much of the description may be wrong.
+    pub(super) fn begin_anew(&mut self, room: Vec<&'static str>) {
+        self.room = room;
+        (self.judge.quality, self.forward.native) = (Quality::Fit, false);
+        self.judge.kind = self.base.room.kind();
+    }
+
+    /// As behind the search that found this.
+    pub(super) fn end_as(&mut self, found: &Found) {
+        self.room.clear();
+        (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        self.judge.kind = found.fit.theta.room.kind();
+    }
+
     /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of what
     /// the best of them closes; the best first.
     pub(super) fn promising(&mut self, watch: &mut dyn Watch, share: f64) -> Result<Vec<Theta>> {

@@ -7,7 +7,6 @@ use super::super::fit::{FINE, Fit, VALUES};
 use super::super::forward::Forward;
 use super::super::judge::{Scores, quantile_of_length};
 use super::super::model::{P, Theta, candidate_of};
-use super::super::score::FAMILIES;
 use super::super::search::{Search, Tried, Watch, is_discrete, moves};
 use super::is_description;
 use crate::error::Result;
@@ -52,8 +51,7 @@ impl Search<'_> {
         now: &Scores,
     ) -> Result<Vec<Tried>> {
         let mut out = Vec::new();
-        let left = |f: usize| now.excess(f).is_above(FAMILIES.len());
-        if !(0..FAMILIES.len()).any(left) {
+        if !now.is_beyond_bounds() {
             return Ok(out);
         }
         for name in self.room.clone().into_iter().filter(|n| !set.contains(n)) {
