@@ -42,6 +42,8 @@ pub(super) struct Facts {
     pub bounded: bool,
     /// Whether the frames show another scene.
     pub elsewhere: bool,
+    /// Whether nothing is named but factors of surfaces: an effect on values that is on no list looks the same.
+    pub surfaces_alone: bool,
 }
 
 /// A verdict, and whether the effects found are named.
@@ -63,6 +65,8 @@ pub(super) fn decide(facts: &Facts) -> Decision {
         say(Verdict::UnknownEffect, false)
     } else if !facts.any {
         say(if failed.is_empty() { Verdict::NoGap } else { Verdict::UnknownEffect }, false)
+    } else if facts.surfaces_alone {
+        say(Verdict::UnknownEffect, named)
     } else if failed.is_empty() && !facts.bounded {
         say(Verdict::Explained, true)
     } else if named && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded)) {
@@ -85,6 +89,8 @@ impl Facts {
             placed: search.forward.static_camera && moves && found.residue.placed >= PLACED,
             bounded: ends_at_a_bound(found),
             elsewhere: found.residue.shows_another_scene(),
+            surfaces_alone: !found.set.is_empty()
+                && found.set.iter().all(|n| super::description::is_of_surfaces(n)),
         }
     }
 }
@@ -139,6 +145,7 @@ mod tests {
             placed: false,
             bounded: false,
             elsewhere: false,
+            surfaces_alone: false,
         }
     }
 
@@ -154,6 +161,8 @@ mod tests {
                     .names
         );
         assert_eq!(decide(&Facts { bounded: true, ..facts() }).verdict, Verdict::UnknownEffect);
+        let surfaces = decide(&Facts { surfaces_alone: true, ..facts() });
+        assert!(surfaces.verdict == Verdict::UnknownEffect && surfaces.names, "{surfaces:?}");
     }
 
     #[test]

@@ -172,6 +172,12 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             "The frames differ by {:.2} DN, and no known effect of the camera explains it{left}.",
             gap.before
         ),
+        Verdict::UnknownEffect if camera.is_empty() && failed.is_empty() => format!(
+            "The frames differ by {:.2} DN. Surfaces that are brighter, darker or of other colours than the scene says would \
+             close {percent:.0} % of that, and so would an effect of the camera that is not among the candidates: these frames \
+             do not tell which.",
+            gap.before
+        ),
         Verdict::UnknownEffect => format!(
             "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but leaves what none of the \
              candidates explains{left}: there is an effect that is not among them.{parts}",
@@ -187,7 +193,7 @@ fn parts(gap: &Gap, effects: &[EffectFound]) -> String {
     }
     let of = |camera: bool| {
         let share: f64 = effects.iter().filter(|e| e.camera == camera).map(|e| e.share).sum();
-        100.0 * share * gap.closed_fraction
+        (100.0 * share * gap.closed_fraction).max(0.0)
     };
     format!(" Of the gap, {:.0} % is the camera's and {:.0} % the description's.", of(true), of(false))
 }

@@ -57,6 +57,11 @@ pub(super) fn is_description(name: &str) -> bool {
     NAMES.contains(&name)
 }
 
+/// Whether a name is that of the surfaces' factors.
+pub(super) fn is_of_surfaces(name: &str) -> bool {
+    name == NAMES[0]
+}
+
 /// What of the description is taken to be wrong: part of every point of a search.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Room {
