@@ -1,9 +1,8 @@
 //! The decision: what was measured goes in, a verdict comes out. Nothing is rendered, fitted or scored here.
 
-use super::judge::{Scores, quantile};
+use super::judge::quantile;
 use super::model::{P, candidate_of};
 use super::report::Verdict;
-use super::score::FAMILIES;
 use super::search::{Found, Search};
 
 /// Share of flat places in which single values may be far off.
@@ -98,7 +97,7 @@ impl Facts {
 /// Checks of what the model leaves: each asks for more than chance and the discrepancy can make.
 fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
     let left = &found.residue;
-    let mut failed = beyond_bounds(&found.after);
+    let mut failed = found.after.beyond_bounds();
     if left.smear.is_clear() {
         failed.push("slopes along the motion");
     }
@@ -110,16 +109,6 @@ fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
     failed.extend(left.noise.iter().zip(noise).filter_map(beyond));
     tracing::info!("checks that failed: {failed:?} of {} candidates' set {:?}", search.tests(), found.set);
     failed
-}
-
-/// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may.
-fn beyond_bounds(scores: &Scores) -> Vec<&'static str> {
-    let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
-        let excess = scores.excess(f);
-        tracing::info!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
-        excess.is_above(FAMILIES.len()).then_some(*name)
-    };
-    FAMILIES.iter().enumerate().filter_map(beyond).collect()
 }
 
 /// Whether a fit has run to the end of what a parameter may be.

@@ -191,7 +191,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    fn noisy(&self, data: &NoiseData, theta: &Theta, names: &[&str]) -> Theta {
+    /// `theta` with these kinds of noise as they were measured.
+    pub(super) fn noisy(&self, data: &NoiseData, theta: &Theta, names: &[&str]) -> Theta {
         let mut noisy = data.fit(theta, &self.base, names);
         if names.contains(&"hot_pixels") {
             noisy.set(P::Hot, self.judge.hot.fraction());

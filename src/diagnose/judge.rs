@@ -130,9 +130,14 @@ impl Scores {
         Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
     }
 
-    /// Whether a family of statistics lies above what the discrepancy may make of it, beyond chance.
-    pub(super) fn is_beyond_bounds(&self) -> bool {
-        (0..FAMILIES.len()).any(|f| self.excess(f).is_above(FAMILIES.len()))
+    /// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may, beyond chance.
+    pub(super) fn beyond_bounds(&self) -> Vec<&'static str> {
+        let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
+            let excess = self.excess(f);
+            tracing::debug!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
+            excess.is_above(FAMILIES.len()).then_some(*name)
+        };
+        FAMILIES.iter().enumerate().filter_map(beyond).collect()
     }
 
     /// The mean with its standard error.

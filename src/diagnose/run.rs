@@ -194,7 +194,7 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<Found> {
     let room = std::mem::take(&mut search.room);
     let exact = search.run(watch)?;
     let left = search.judge.scores(search.forward, &exact.fit.theta)?;
-    if room.is_empty() || search.late() || !left.is_beyond_bounds() {
+    if room.is_empty() || search.late() || left.beyond_bounds().is_empty() {
         return Ok(exact);
     }
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);

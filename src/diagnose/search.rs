@@ -183,10 +183,7 @@ impl<'a> Search<'a> {
     pub(super) fn with_noise(&mut self, theta: &Theta) -> Result<Theta> {
         let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let data = self.noise_data(theta, self.fit_frames())?;
-        let mut noisy = data.fit(theta, &self.base, &names);
-        if names.contains(&"hot_pixels") {
-            noisy.set(P::Hot, self.judge.hot.fraction());
-        }
+        let noisy = self.noisy(&data, theta, &names);
         // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise that
         // compression has weakened: it is some only if the score says so.
         let silent = data.fit(theta, &self.base, &[]);
@@ -375,10 +372,7 @@ impl<'a> Search<'a> {
             let candidate = candidate_of(name);
             let fit = if candidate.noise {
                 let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
-                let mut theta = data.fit(&self.base.clone(), &self.base.clone(), &[name]);
-                if name == "hot_pixels" {
-                    theta.set(P::Hot, self.judge.hot.fraction());
-                }
+                let theta = self.noisy(&data, &self.base, &[name]);
                 Fit { theta, half: BTreeMap::new() }
             } else {
                 self.add(candidate, &[], start)?

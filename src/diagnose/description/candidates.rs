@@ -51,7 +51,7 @@ impl Search<'_> {
         now: &Scores,
     ) -> Result<Vec<Tried>> {
         let mut out = Vec::new();
-        if !now.is_beyond_bounds() {
+        if now.beyond_bounds().is_empty() {
             return Ok(out);
         }
         for name in self.room.clone().into_iter().filter(|n| !set.contains(n)) {
