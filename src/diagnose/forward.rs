@@ -151,6 +151,7 @@ impl Forward {
         };
         if let Some(outside) = &forward.outside {
             forward.sharp = (0..evidence.frames.len()).map(|at| outside.sharp(at)).collect();
+            forward.add_camera_velocity();
             return Ok(forward);
         }
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
@@ -169,6 +170,21 @@ impl Forward {
         }
         let after_s = (0.4 * self.period_s).min((self.reach_s[1] - 2.0 * SPEED_STEP_S).max(0.0));
         self.starts_s[at] + after_s + SPEED_STEP_S
+    }
+
+    /// The speed of the content of given frames where poses say it, and with it that of what moves by itself.
+    fn add_camera_velocity(&mut self) {
+        if self.is_unposed() {
+            return;
+        }
+        for at in 0..self.sharp.len() {
+            let time_s = self.sharp_time_s(at);
+            let mut velocity = self.camera_velocity(&self.sharp[at].depth, &Theta::neutral(), |_| time_s);
+            if let Some(own) = &self.sharp[at].own {
+                velocity.data.iter_mut().zip(&own.data).for_each(|(v, o)| *v += o);
+            }
+            self.sharp[at].velocity = velocity;
+        }
     }
 
     fn measure(&self, at: usize, engine: &mut Engine) -> Result<Sharp> {

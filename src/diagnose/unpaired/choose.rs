@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::fingerprint::{Fingerprint, Known, apart, squares};
+use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, bin_dn};
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::View;
@@ -62,8 +62,18 @@ impl Simulated {
     }
 
     fn fingerprint(&self, theta: &Theta) -> Fingerprint {
-        Fingerprint::of(&self.delivered(theta, 1))
+        Fingerprint::of(&self.delivered(theta, 1), packed_dn2(theta))
     }
+}
+
+/// Variance that the compression of `theta` may leave of a flat place, or take from its noise, DN^2: its finest step, rounded.
+pub(super) fn packed_dn2(theta: &Theta) -> f64 {
+    if !theta.is_on(P::Quality) {
+        return 0.0;
+    }
+    let steps = crate::diagnose::dct::steps(theta.get(P::Quality) as u8, false);
+    let finest = steps.iter().copied().fold(f32::INFINITY, f32::min);
+    f64::from(finest * finest) / 12.0
 }
 
 /// Red and blue at their own magnification, which the chain leaves to the engine.
@@ -105,7 +115,9 @@ pub(super) fn choose(
 ) -> Result<Chosen> {
     let mut chosen =
         Chosen { theta: base.clone(), set: Vec::new(), half: BTreeMap::new(), alone: BTreeMap::new() };
-    let mut left = squares(&apart(real, &simulated.fingerprint(base)));
+    let plain = simulated.fingerprint(base);
+    let counted = common(real, &plain);
+    let mut left = squares(&apart(real, &plain), &counted);
     loop {
         let mut best: Option<(f64, &'static str, Theta)> = None;
         for (name, starts) in NAMES.into_iter().filter(|(n, _)| names.contains(n) && !chosen.set.contains(n))
@@ -113,7 +125,7 @@ pub(super) fn choose(
             step(name)?;
             let mut free = parameters(&chosen.set);
             free.extend(parameters(&[name]));
-            let (theta, cost) = fit(real, simulated, &chosen.theta, &free, (name, starts));
+            let (theta, cost) = fit(real, (simulated, &counted), &chosen.theta, &free, (name, starts));
             if chosen.set.is_empty() {
                 chosen.alone.insert(name, cost);
             }
@@ -172,12 +184,12 @@ pub(super) fn parameters(set: &[&'static str]) -> Vec<P> {
 /// Fits `free` from the best of some values of a candidate; parameters and the sum of squares that is left.
 fn fit(
     real: &Fingerprint,
-    simulated: &Simulated,
+    (simulated, counted): (&Simulated, &[bool]),
     base: &Theta,
     free: &[P],
     (name, starts): (&'static str, &[f64]),
 ) -> (Theta, f64) {
-    let cost = |theta: &Theta| squares(&apart(real, &simulated.fingerprint(theta)));
+    let cost = |theta: &Theta| squares(&apart(real, &simulated.fingerprint(theta)), counted);
     let own = parameters(&[name]);
     let begin = |v: &f64| {
         let mut theta = base.clone();
@@ -270,7 +282,8 @@ fn half_widths(real: &Fingerprint, simulated: &Simulated, chosen: &Chosen) -> BT
     let Some((a, _)) = equations(real, simulated, &chosen.theta, &free) else { return BTreeMap::new() };
     let off = apart(real, &simulated.fingerprint(&chosen.theta));
     let count = off.iter().flatten().count().saturating_sub(free.len()).max(1) as f64;
-    let wider = (squares(&off) / count).max(1.0).sqrt();
+    let there: Vec<bool> = off.iter().map(Option::is_some).collect();
+    let wider = (squares(&off, &there) / count).max(1.0).sqrt();
     let unit = |i: usize| (0..free.len()).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
     let half = |i: usize| Some(1.96 * wider * solve(&a, &unit(i), 1e-9)?[i].max(0.0).sqrt());
     free.iter().enumerate().filter_map(|(i, &p)| Some((p, half(i)?))).collect()

@@ -2,8 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::marks::{BINS, Block, EDGES, LATERAL, MARKS, Mark, NEIGHBOURS, blocks, flat, marks};
-use crate::plane::Plane;
+use super::marks::{
+    BINS, Block, EDGES, LATERAL, LINEAR, LINES, MARKS, Mark, NEIGHBOURS, bin_dn, blocks, flat, marks,
+};
+use crate::plane::{Plane, srgb_decode};
 
 /// What the sharpest edges of two rooms differ by, as a part of their width: five rooms of one renderer, nothing hidden, had 5 to
 /// 24 % between them.
@@ -16,6 +18,8 @@ const LATERAL_ERROR: f64 = 5e-4;
 const VARIANCE_ERROR: f64 = 0.035;
 /// What fine texture makes of the noise of neighbours: the same room with and without motion blur differed by as much.
 const NEIGHBOUR_ERROR: f64 = 0.03;
+/// What a mark counts that is not there any more: ten standard errors.
+const LOST: f64 = 100.0;
 /// What rounding leaves unknown of a linear variance, squares of 1/255: values on a whole DN are not rounded at random.
 const ROUNDING: f64 = 0.02;
 
@@ -31,8 +35,8 @@ pub(super) struct Known {
 }
 
 impl Fingerprint {
-    /// Of some pictures (DN, shape `[height, width, 3]`).
-    pub(super) fn of(frames: &[Plane<f32>]) -> Self {
+    /// Of some pictures (DN, shape `[height, width, 3]`). `packed_dn2`: variance that a compression may leave or take, DN^2.
+    pub(super) fn of(frames: &[Plane<f32>], packed_dn2: f64) -> Self {
         let all: Vec<Vec<Block>> = frames.par_iter().map(blocks).collect();
         let flat = flat(&all);
         let one = |i: usize| {
@@ -41,12 +45,13 @@ impl Fingerprint {
             marks(&frames[i], &own)
         };
         let all: Vec<Vec<Mark>> = (0..frames.len()).into_par_iter().map(one).collect();
-        Self((0..MARKS).map(|k| pooled(&all.iter().filter_map(|f| f[k]).collect::<Vec<_>>(), k)).collect())
+        let one = |k: usize| pooled(&all.iter().filter_map(|f| f[k]).collect::<Vec<_>>(), k, packed_dn2);
+        Self((0..MARKS).map(one).collect())
     }
 }
 
 /// Mean by what each frame saw, and its standard error from the frames' own scatter.
-fn pooled(seen: &[[f64; 2]], mark: usize) -> Option<Known> {
+fn pooled(seen: &[[f64; 2]], mark: usize, packed_dn2: f64) -> Option<Known> {
     // From two frames nobody knows how much frames differ.
     if seen.len() < 3 {
         return None;
@@ -59,20 +64,31 @@ fn pooled(seen: &[[f64; 2]], mark: usize) -> Option<Known> {
     if EDGES.contains(&mark) {
         error2 += (EDGE_ERROR * value).powi(2);
     }
+    if LINES.contains(&mark) {
+        error2 += (ROUNDING + packed_dn2).powi(2);
+    }
     if NEIGHBOURS.contains(&mark) {
-        error2 += NEIGHBOUR_ERROR * NEIGHBOUR_ERROR;
+        // A compression makes neighbours alike by itself.
+        let error = if packed_dn2 > 0.0 { 1.0 } else { NEIGHBOUR_ERROR };
+        error2 += error * error;
     }
     if LATERAL.contains(&mark) {
         error2 += LATERAL_ERROR * LATERAL_ERROR;
     }
     if mark < BINS {
-        error2 += (VARIANCE_ERROR * value).powi(2) + ROUNDING * ROUNDING;
+        let packed = LINEAR * packed_dn2 * slope_at(bin_dn(mark)).powi(2);
+        error2 += (VARIANCE_ERROR * value).powi(2) + ROUNDING * ROUNDING + packed * packed;
     }
     Some(Known { value, error: error2.sqrt() })
 }
 
-/// By mark: how far the second folder lies from the first, in standard errors of the difference. `scale` is whose scatter counts
-/// for the second: that of its pictures as they came, so that a better model does not make itself look worse known.
+/// Linear value by DN in the middle of a bin.
+fn slope_at([from, to]: [f64; 2]) -> f64 {
+    let linear = |dn: f64| f64::from(srgb_decode((dn / 255.0) as f32));
+    (linear(to) - linear(from)) / (to - from)
+}
+
+/// By mark: how far the second folder lies from the first, in standard errors of the difference.
 pub(super) fn apart(real: &Fingerprint, sim: &Fingerprint) -> Vec<Option<f64>> {
     real.0
         .iter()
@@ -85,9 +101,15 @@ pub(super) fn apart(real: &Fingerprint, sim: &Fingerprint) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// Sum of squares of what marks differ by.
-pub(super) fn squares(apart: &[Option<f64>]) -> f64 {
-    apart.iter().flatten().map(|z| z * z).sum()
+/// Sum of squares of what the marks in `counted` differ by. One that an effect has wiped out counts as far off.
+pub(super) fn squares(apart: &[Option<f64>], counted: &[bool]) -> f64 {
+    let one = |(z, counts): (&Option<f64>, &bool)| if *counts { z.map_or(LOST, |z| z * z) } else { 0.0 };
+    apart.iter().zip(counted).map(one).sum()
+}
+
+/// Which marks two folders have in common.
+pub(super) fn common(a: &Fingerprint, b: &Fingerprint) -> Vec<bool> {
+    a.0.iter().zip(&b.0).map(|(a, b)| a.is_some() && b.is_some()).collect()
 }
 
 /// Mean size of what marks differ by, standard errors.
@@ -102,10 +124,10 @@ mod tests {
 
     #[test]
     fn a_mark_is_known_as_well_as_frames_agree() {
-        let agree = pooled(&[[4.0, 10.0], [4.0, 10.0], [4.0, 10.0]], 0).expect("three frames");
+        let agree = pooled(&[[4.0, 10.0], [4.0, 10.0], [4.0, 10.0]], 0, 0.0).expect("three frames");
         assert!((agree.value - 4.0).abs() < 1e-12 && (agree.error - 0.2).abs() < 0.01, "{agree:?}");
-        let differ = pooled(&[[2.0, 10.0], [4.0, 10.0], [6.0, 10.0]], 0).expect("three frames");
+        let differ = pooled(&[[2.0, 10.0], [4.0, 10.0], [6.0, 10.0]], 0, 0.0).expect("three frames");
         assert!(differ.error > 1.0, "control: {differ:?}");
-        assert!(pooled(&[[2.0, 10.0]; 2], 0).is_none());
+        assert!(pooled(&[[2.0, 10.0]; 2], 0, 0.0).is_none());
     }
 }

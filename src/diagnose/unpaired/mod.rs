@@ -99,7 +99,7 @@ pub fn diagnose_unpaired(
     let all: Vec<&Plane<f32>> = fit.real.iter().chain(&held.real).collect();
     let shown = super::shown::Shown::in_frames(&evidence(&all), &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
-    let marks = Fingerprint::of(&fit.real);
+    let marks = Fingerprint::of(&fit.real, choose::packed_dn2(&base));
     let steps = choose::NAMES.len();
     let mut step = 0;
     let chosen = choose(&marks, &fit.simulated, &base, &names, |name| {

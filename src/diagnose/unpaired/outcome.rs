@@ -7,8 +7,8 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::choose::{NAMES, parameters};
-use super::fingerprint::{Fingerprint, apart, distance, squares};
+use super::choose::{NAMES, packed_dn2, parameters};
+use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::{Chosen, Folder, Frames, Unpaired};
 use crate::diagnose::describe::undetermined;
@@ -30,6 +30,10 @@ const MOST_SHOWN: usize = 8;
 const NEEDS_PAIRS: &str = "cannot be known from frames that are not paired";
 /// What may be content.
 const MAY_BE_CONTENT: &str = "what it does to brightness or colours may be what the frames show";
+
+/// What compression hides.
+const HIDDEN_BY_COMPRESSION: [&str; 5] =
+    ["shot_noise", "row_noise", "read_noise", "chroma_subsampling", "quantization"];
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
@@ -61,10 +65,11 @@ pub(super) fn report(
     folders: (&Folder, &Folder),
     notes: Vec<String>,
 ) -> (Report, Vec<Shown>) {
-    let real = Fingerprint::of(&what.held.real);
+    let packed = packed_dn2(&what.chosen.theta);
+    let real = Fingerprint::of(&what.held.real, packed);
     let seen = |theta: &Theta| {
         let frames = what.held.simulated.delivered(theta, 2);
-        (apart(&real, &Fingerprint::of(&frames)), frames)
+        (apart(&real, &Fingerprint::of(&frames, packed)), frames)
     };
     let (before, plain) = seen(&Theta::neutral());
     let (after, made) = seen(&what.chosen.theta);
@@ -98,7 +103,7 @@ pub(super) fn report(
         verdict,
         sentence: sentence(verdict, &gap, &effects, &left),
         waterfall: Vec::new(),
-        candidates: candidates(what, &real),
+        candidates: candidates(what, &gap),
         places: places(&before, &after, &real),
         measures: Vec::new(),
         percepts: Percepts::default(),
@@ -149,8 +154,11 @@ fn left(after: &[Option<f64>]) -> Vec<String> {
 fn effects(what: &What<'_>, real: &Fingerprint, gap: &Gap) -> Vec<EffectFound> {
     let set = what.set();
     let theta = &what.chosen.theta;
-    let distance_of =
-        |theta: &Theta| distance(&apart(real, &Fingerprint::of(&what.held.simulated.delivered(theta, 2))));
+    let packed = packed_dn2(&what.chosen.theta);
+    let distance_of = |theta: &Theta| {
+        let frames = what.held.simulated.delivered(theta, 2);
+        distance(&apart(real, &Fingerprint::of(&frames, packed)))
+    };
     let without: Vec<f64> = set.iter().map(|n| distance_of(&theta.without(candidate_of(n)))).collect();
     let gains: Vec<f64> = without.iter().map(|w| (w - gap.after).max(1e-3)).collect();
     let total: f64 = gains.iter().sum();
@@ -176,21 +184,23 @@ fn effects(what: &What<'_>, real: &Fingerprint, gap: &Gap) -> Vec<EffectFound> {
 }
 
 /// What became of the candidates that were not found.
-fn candidates(what: &What<'_>, real: &Fingerprint) -> Vec<Candidate> {
-    let set = what.set();
-    let now = squares(&apart(real, &Fingerprint::of(&what.held.simulated.delivered(&what.chosen.theta, 2))));
+fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
+    let (set, packed) = (what.set(), packed_dn2(&what.chosen.theta) > 0.0);
     let left_out = what.names.iter().filter(|n| !set.contains(n));
     let one = |n: &&'static str| {
         let spec = candidate_of(n);
+        if packed && HIDDEN_BY_COMPRESSION.contains(n) {
+            return undetermined(n, "compression hides it in the real frames", "frames without compression");
+        }
         if NAMES.iter().any(|(tried, _)| tried == n) {
             return rejected(
                 n,
                 "put on the simulated frames it does not bring their marks nearer to the real ones",
-                now,
+                gap.after,
             );
         }
         if ["jpeg", "chroma_subsampling", "quantization"].contains(n) {
-            return rejected(n, "the real frames do not show it", now);
+            return rejected(n, "the real frames do not show it", gap.after);
         }
         let geometry = parameters(&[n]).iter().any(|p| p.is_time() || p.is_remap());
         if geometry || spec.needs_motion {
