@@ -47,6 +47,12 @@ fn of_capture(args: &Diagnose, folder: &Path) -> Result<()> {
 
 fn of_pair(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
     let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref())?;
+    if !pair.shows_one_place()? {
+        say(
+            "the frames that go together do not show the same place: the folders are compared as with --unpaired",
+        );
+        return of_unpaired(args, sim, real);
+    }
     let out = open(args, &[sim, real])?;
     out.working(JOURNAL_FILE)?;
     let mut lines = Lines::new();

@@ -33,6 +33,9 @@ pub(super) use warp::{Outside, channel_at, depth_at};
 /// Frame period that is taken where nobody states one, s.
 const ASSUMED_PERIOD_S: f64 = 1.0 / 30.0;
 
+/// Frames that are looked at to see whether both folders show the same place.
+const LOOKED_AT: usize = 6;
+
 /// What the simulated frames tell of geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Geometry {
@@ -126,6 +129,27 @@ impl Pair {
 }
 
 impl Pair {
+    /// Whether real and simulated frames show the same place, so that they can be compared as pairs. Depth or motion beside the
+    /// simulated frames says that they are meant to.
+    ///
+    /// # Errors
+    /// Real frames that cannot be read.
+    pub fn shows_one_place(&self) -> Result<bool> {
+        if self.sim.geometry != Geometry::None {
+            return Ok(true);
+        }
+        let count = self.sim.frames.len();
+        let some: Vec<usize> = (0..count.min(LOOKED_AT)).map(|k| k * count / count.min(LOOKED_AT)).collect();
+        let mut alike = 0;
+        for &i in &some {
+            let picture = read_rgb8(&self.real.join(&self.capture.frames[i].filename))?;
+            let data = picture.data.iter().map(|v| f32::from(*v)).collect();
+            let real = Plane { width: picture.width, height: picture.height, channels: 3, data };
+            alike += usize::from(lies(&real, &encoded(&self.sim.frames[i].radiance)).rms_px.is_some());
+        }
+        Ok(2 * alike >= some.len())
+    }
+
     /// The camera of the simulator; a guess without a file, which is enough for effects on values.
     pub(super) fn camera_of(
         sim: &Path,
@@ -241,6 +265,11 @@ impl SimFrames {
         let step_s = self.times_s[i] - self.times_s[i - 1];
         (step_s / self.period_s - 1.0).abs() < 0.5
     }
+}
+
+/// Values of linear radiance, DN.
+fn encoded(plane: &Plane<f32>) -> Plane<f32> {
+    Plane { data: plane.data.iter().map(|v| 255.0 * srgb_encode(*v)).collect(), ..*plane }
 }
 
 /// Linear radiance of a picture.
