@@ -1,0 +1,34 @@
+"""The program `shutterbug`, as `pip` installs it: the same command line as the Rust program's."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from . import _core
+from ._device import bundled_driver
+from .errors import NoDeviceError
+
+_VARIABLE = "SHUTTERBUG_VULKAN_LIBRARY"
+
+
+def _take_bundled_driver_where_nothing_else_is() -> None:
+    driver = bundled_driver()
+    if driver is None or os.environ.get(_VARIABLE):
+        return
+    try:
+        if _core.devices():
+            return
+    except NoDeviceError:
+        pass
+    os.environ[_VARIABLE] = driver
+
+
+def main() -> int:
+    """Run the command line of this process and give its exit code: 0 done, 1 input or machine at fault, 2 usage."""
+    _take_bundled_driver_where_nothing_else_is()
+    return _core.run_command_line(["shutterbug", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
