@@ -7,14 +7,18 @@ each is imported by its name, and needs what its name says.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from . import errors
 from ._core import VERSION as __version__
 from ._device import devices
 from .camera import Camera
-from .check import Agreement, check_conventions
 from .errors import ShutterbugError
-from .folders import Diagnosis, calibrate, diagnose, presets, simulate
 from .frame import Frame
+
+if TYPE_CHECKING:
+    from .check import Agreement, check_conventions
+    from .folders import Diagnosis, calibrate, diagnose, presets, simulate
 
 __all__ = [
     "Agreement",
@@ -31,3 +35,16 @@ __all__ = [
     "presets",
     "simulate",
 ]
+
+# Imported when they are first asked for: a worker that only makes frames starts sooner.
+_LATER = {"Agreement": "check", "check_conventions": "check"} | dict.fromkeys(
+    ("Diagnosis", "calibrate", "diagnose", "presets", "simulate"), "folders"
+)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module(f".{_LATER[name]}", __name__), name)

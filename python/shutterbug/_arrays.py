@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -131,3 +131,32 @@ def poses_of(
     numbers = numbers.reshape(len(stamps), -1)
     where = one_of(AXES, axes, "axes"), one_of(DIRECTIONS, direction, "direction")
     return _core.Poses(stamps, numbers, form, *where, 1.0)
+
+
+_ID_DTYPES = [np.int32, np.uint32, np.uint16, np.uint8]
+
+
+def depth_in(given: Any) -> Array | None:
+    """Give depth as the library reads it. ArgumentError: it is not (height, width)."""
+    if given is None:
+        return None
+    depth = to_numpy(given, "depth")
+    if depth.ndim == 3 and depth.shape[2] == 1:
+        depth = depth[..., 0]
+    if depth.ndim != 2:
+        raise ArgumentError(f"depth has the shape {depth.shape}: (height, width) is expected")
+    return pixels(depth, [np.float32], np.float32)
+
+
+def ids_in(given: Any, bodies: Mapping[int, Any] | None) -> Array | None:
+    """Give ids as the library reads them, where there are bodies. ArgumentError: they are missing, or not (height, width)."""
+    if not bodies:
+        return None
+    if given is None:
+        raise ArgumentError("bodies are given, and no ids: say which pixel shows which body, in each picture")
+    ids = to_numpy(given, "ids")
+    if ids.ndim == 3 and ids.shape[2] == 1:
+        ids = ids[..., 0]
+    if ids.ndim != 2 or ids.dtype.kind not in "iu":
+        raise ArgumentError(f"ids are {ids.dtype} of the shape {ids.shape}: integers of (height, width) are expected")
+    return pixels(ids, _ID_DTYPES, np.int32)

@@ -2,7 +2,8 @@
 
 from typing import Any, SupportsIndex
 
-from typing_extensions import Buffer
+import numpy as np
+import numpy.typing as npt
 
 VERSION: str
 
@@ -11,8 +12,8 @@ class Poses:
 
     def __new__(
         cls,
-        times_s: Buffer,
-        values: Buffer,
+        times_s: npt.NDArray[np.float64],
+        values: npt.NDArray[np.float64],
         form: int,
         axes: int,
         direction: int,
@@ -72,7 +73,7 @@ class Frame:
     def ready(self) -> bool:
         """Whether `wait` would return at once."""
 
-    def read_into(self, plane: int, to: Buffer) -> None:
+    def read_into(self, plane: int, to: npt.NDArray[Any]) -> None:
         """Copy a plane (1 the picture, 5 the radiance) into an array."""
 
     def info(self) -> dict[str, Any]:

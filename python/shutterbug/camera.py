@@ -14,16 +14,15 @@ from typing import Any
 import numpy as np
 
 from . import _core, _toml
-from ._arrays import DEPTHS, MOTIONS, Array, color_in, like, one_of, pixels, poses_of, to_numpy
+from ._arrays import DEPTHS, MOTIONS, Array, color_in, depth_in, ids_in, like, one_of, pixels, poses_of, to_numpy
 from ._device import open_engine
-from ._lens_profile import camera_of_profile
+from ._lens_profile import camera_of_profile, text_of_camera_info
 from .errors import ArgumentError, MissingMotionError
 from .frame import Frame
 
 _REPEAT_BORDER, _RADIANCE = 1, 2
 _METHODS = {"default": 0, "paper": 2, "fast": 4}
 _LENS = ("lens_distortion", "chromatic_aberration", "focal_length_error", "pose_offset")
-_ID_DTYPES = [np.int32, np.uint32, np.uint16, np.uint8]
 
 
 class Camera:
@@ -154,7 +153,7 @@ class Camera:
         if isinstance(info, str | os.PathLike):
             text, name = Path(info).read_text("utf-8"), os.fspath(info)
         else:
-            text, name = _toml_like_yaml(info), "camera_info"
+            text, name = text_of_camera_info(info), "camera_info"
         toml, notes = _core.import_camera(text, name, None, camera, rate_hz)
         tables = {effect: dict(values) for effect, values in (effects or {}).items()}
         return cls._of_text(_toml.dumps(tomllib.loads(toml) | tables), name, options, notes)
@@ -202,6 +201,16 @@ class Camera:
             else:
                 tables[name] = {**tables.get(name, {}), **values}
         return self._of_text(_toml.dumps(tables), "camera", self._options | options)
+
+    def become(self, other: Camera) -> None:
+        """Take the size, pinhole and effects of another camera and keep the device, where opening one would take a tenth of a second.
+
+        StateError: frames are in flight, and size or pinhole change; then nothing has changed.
+        """
+        with self._held():
+            if self._engine is not None and self._text != other._text:
+                self._engine.set_camera(other._text)
+            self._text, self._description, self.notes = other._text, other._description, list(other.notes)
 
     # ---- What it is ------------------------------------------------------------------------------------------------------
 
@@ -341,11 +350,11 @@ class Camera:
         if still or (depth is None and motion is None):
             depth, motion, poses, shot_time = self._at_rest(color.shape, still, time)
             axes, direction, bodies = "optical", "world_from_camera", None
-        shots = [(float(shot_time), color, _depth(depth), _ids(ids, bodies))]
+        shots = [(float(shot_time), color, depth_in(depth), ids_in(ids, bodies))]
         for further in pictures:
             when, more, z, *rest = further
             seen, _ = color_in(to_numpy(more, "a further picture"), encoding)
-            shots.append((float(when), seen, _depth(z), _ids(rest[0] if rest else None, bodies)))
+            shots.append((float(when), seen, depth_in(z), ids_in(rest[0] if rest else None, bodies)))
         motions = [] if motion is None else motion if isinstance(motion, list | tuple) else [motion]
         if len(motions) > 1 and motion_times is None:
             raise ArgumentError("several motion images need motion_times: time of the first and step, s")
@@ -462,40 +471,3 @@ class Camera:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self._begin(state["text"], "camera", state["options"])
         self.notes = state["notes"]
-
-
-def _depth(given: Any) -> Array | None:
-    if given is None:
-        return None
-    depth = to_numpy(given, "depth")
-    if depth.ndim == 3 and depth.shape[2] == 1:
-        depth = depth[..., 0]
-    if depth.ndim != 2:
-        raise ArgumentError(f"depth has the shape {depth.shape}: (height, width) is expected")
-    return pixels(depth, [np.float32], np.float32)
-
-
-def _ids(given: Any, bodies: Mapping[int, Any] | None) -> Array | None:
-    if given is None or not bodies:
-        return None
-    ids = to_numpy(given, "ids")
-    if ids.ndim == 3 and ids.shape[2] == 1:
-        ids = ids[..., 0]
-    if ids.ndim != 2 or ids.dtype.kind not in "iu":
-        raise ArgumentError(f"ids are {ids.dtype} of the shape {ids.shape}: integers of (height, width) are expected")
-    return pixels(ids, _ID_DTYPES, np.int32)
-
-
-def _toml_like_yaml(info: Any) -> str:
-    """A message or dictionary of CameraInfo as the YAML that its file would be: JSON is YAML."""
-    import json
-
-    names = ("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P", "image_width", "image_height",
-             "camera_matrix", "distortion_coefficients", "camera_name", "binning_x", "binning_y")  # fmt: skip
-    get = info.get if isinstance(info, Mapping) else lambda name: getattr(info, name, None)
-    plain = {}
-    for name in names:
-        value = get(name)
-        if value is not None:
-            plain[name] = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, tuple) else value
-    return json.dumps(plain, indent=1, default=list)

@@ -13,7 +13,14 @@ from .camera import Camera
 from .errors import ArgumentError
 
 _VERDICTS = ("agree", "agree_better", "unknown", "never")
-_CHANGES = ("axes_opengl", "camera_from_world", "quaternion_wxyz", "depth_millimetres", "depth_along_ray", "bottom_up")
+_CHANGES = (
+    "axes_opengl",
+    "camera_from_world",
+    "quaternion_wxyz",
+    "depth_millimetres",
+    "depth_along_ray",
+    "bottom_up",
+)
 
 
 @dataclass(frozen=True)

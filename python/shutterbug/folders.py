@@ -52,7 +52,13 @@ def simulate(
     ProgramError: a file or the machine is at fault; its sentence names file and line. ArgumentError: an option that is not there.
     """
     with tempfile.TemporaryDirectory() as folder:
-        chosen = {"out": out, "camera": _camera_file(camera, folder), "preset": preset, "method": method, "seed": seed}
+        chosen = {
+            "out": out,
+            "camera": _camera_file(camera, folder),
+            "preset": preset,
+            "method": method,
+            "seed": seed,
+        }
         run(["simulate", os.fspath(capture), *arguments(chosen | options)], progress)
     return sorted(p for p in Path(out).iterdir() if p.suffix == ".png" and p.stem.isdigit())
 
@@ -152,7 +158,12 @@ def diagnose(
     to: PathLike = out if keep is None else keep.name  # type: ignore[assignment]
     limit = None if time_limit_s is None else max(1, round(time_limit_s))
     with tempfile.TemporaryDirectory() as folder:
-        chosen = {"out": to, "camera": _camera_file(camera, folder), "without": without or None, "time_limit_s": limit}
+        chosen = {
+            "out": to,
+            "camera": _camera_file(camera, folder),
+            "without": without or None,
+            "time_limit_s": limit,
+        }
         place = [os.fspath(capture)] if capture is not None else arguments({"real": real, "sim": sim})
         run(["diagnose", *place, *arguments(chosen | options)], progress)
     return Diagnosis(to, capture, keep)
