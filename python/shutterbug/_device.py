@@ -55,8 +55,8 @@ def _say(about: dict[str, Any]) -> None:
     _said.add(line)
     slower = ", a software driver: far slower than a GPU" if about["kind"] == "software" else ""
     if slower and "SwiftShader" in line:
-        slower += ", and about 6 times slower than lavapipe (apt-get install mesa-vulkan-drivers)"
-    _log.info("shutterbug %s%s", line, slower)
+        slower += ", and about 7 times slower than lavapipe (apt-get install mesa-vulkan-drivers)"
+    _log.log(logging.WARNING if "SwiftShader" in line else logging.INFO, "shutterbug %s%s", line, slower)
 
 
 def devices() -> list[dict[str, Any]]:
