@@ -1,6 +1,6 @@
 """Makes the wheel shutterbug-driver out of SwiftShader as tools/drivers unpacks it. Standard library alone.
 
-    python3 python/driver/build.py ROOT OUT        ROOT: the unpacked Debian package
+python3 python/driver/build.py ROOT OUT        ROOT: the unpacked Debian package
 """
 
 import base64

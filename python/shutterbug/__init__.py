@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from . import errors
 from ._core import VERSION as __version__
 from ._device import devices
+from ._given import Given
 from .camera import Camera
 from .errors import ShutterbugError
 from .frame import Frame
@@ -25,6 +26,7 @@ __all__ = [
     "Camera",
     "Diagnosis",
     "Frame",
+    "Given",
     "ShutterbugError",
     "__version__",
     "calibrate",

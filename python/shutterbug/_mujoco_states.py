@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import copy
+import importlib
 from bisect import bisect_right
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from ._arrays import Array
+
+# It states no types that checkers know.
+mujoco: Any = importlib.import_module("mujoco")
 
 
 class History:

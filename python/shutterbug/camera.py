@@ -9,20 +9,19 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from . import _core, _toml
-from ._arrays import DEPTHS, MOTIONS, Array, color_in, depth_in, ids_in, like, one_of, pixels, poses_of, to_numpy
+from ._arrays import Array, like, one_of, to_numpy
 from ._device import open_engine
+from ._given import Given, outside_of
 from ._lens_profile import camera_of_profile, text_of_camera_info
-from .errors import ArgumentError, MissingMotionError
+from .errors import ArgumentError
 from .frame import Frame
 
-_REPEAT_BORDER, _RADIANCE = 1, 2
 _METHODS = {"default": 0, "paper": 2, "fast": 4}
-_LENS = ("lens_distortion", "chromatic_aberration", "focal_length_error", "pose_offset")
 
 
 class Camera:
@@ -114,6 +113,7 @@ class Camera:
         self._description: dict[str, Any] = tomllib.loads(self._text)
         self._engine: _core.Engine | None = None
         self._lock, self._pid = threading.Lock(), os.getpid()
+        self._free = threading.Semaphore(max(1, self._options["frames_in_flight"]))
 
     # ---- Other ways to make one ------------------------------------------------------------------------------------------
 
@@ -284,103 +284,31 @@ class Camera:
 
     # ---- Frames ----------------------------------------------------------------------------------------------------------
 
-    def __call__(self, rgb: Any, *, out: Array | None = None, **given: Any) -> Any:
+    def __call__(self, rgb: Any, *, out: Array | None = None, **given: Unpack[Given]) -> Any:
         """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`."""
-        with self.submit(rgb, **given) as frame:
+        with self._held():
+            free = self._free
+        # More threads than frames in flight: they wait here.
+        with free, self.submit(rgb, **given) as frame:
             return frame.result(out)
 
-    def submit(
-        self,
-        rgb: Any,
-        *,
-        depth: Any = None,
-        poses: Any = None,
-        ids: Any = None,
-        bodies: Mapping[int, Any] | None = None,
-        motion: Any = None,
-        pictures: Sequence[tuple[Any, ...]] = (),
-        still: bool = False,
-        time: float = 0.0,
-        color_time: float | None = None,
-        frame: int = 0,
-        seed: int | None = None,
-        encoding: str | None = None,
-        border: str = "refuse",
-        nearest_m: float = 0.0,
-        radiance: bool = False,
-        axes: str = "optical",
-        direction: str = "world_from_camera",
-        quaternion: str = "xyzw",
-        depth_is: str | tuple[str, float, float] = "metres",
-        motion_is: str = "own",
-        motion_times: tuple[float, float] | None = None,
-    ) -> Frame:
+    def submit(self, rgb: Any, **given: Unpack[Given]) -> Frame:
         """Hand a frame to the device and return at once; its `result` is what the camera would have delivered.
 
         `rgb`: (height, width, 3 or 4) of uint8 (sRGB) or floats (linear, 1 = white), numpy's or anything with DLPack in host memory. It
         may be larger than the camera by a margin, the same on opposite sides: what lens and motion bring in from beyond the picture.
-        `encoding`: ``"srgb"`` or ``"linear"`` where it is otherwise.
-
-        How it moves is one of three things. `depth`, (height, width) of float32, m along the optical axis (or as `depth_is` says: see
-        below), with `poses`, two or more pairs (time in s, world from camera as a 4x4 matrix, or x y z and quaternion) over all of the
-        frame and `color_time`; with `ids`, (height, width) of int32, and `bodies`, ``{id: pairs of time and world from body}``, for
-        what moves by itself. Or `motion`, (height, width, 2) of float32, px a frame period as `motion_is` says, or a list of up to six
-        with `motion_times` (time of the first, step; s). Or ``still=True``: nothing moves.
-
-        `pictures`: further instants, tuples (time in s, rgb, depth) or (time, rgb, depth, ids), at most 7.
-        `time`: start of exposure of the first line, s. `color_time`: when `rgb` was rendered, s; None: at `time`; best at
-        `middle(time)`. `frame`: number for which noise is drawn. `seed`: another than the camera's from now on (opens the device
-        anew). `border`: ``"refuse"`` or ``"repeat"`` a margin that is too small. `nearest_m`: nothing that comes in at the border is
-        nearer, m; 0: not known. `radiance`: `Frame.radiance` will be asked for.
-        `axes` of the poses' camera: ``"optical"`` (x right, y down, z forward), ``"opengl"`` (MuJoCo, Blender, USD) or ``"robot"``;
-        `direction`: ``"world_from_camera"`` or ``"camera_from_world"``; `quaternion`: ``"xyzw"`` or ``"wxyz"``.
-        `depth_is`: ``"metres"``, or ``("buffer" | "ndc" | "reversed" | "reversed_finite", near in m, far in m)``.
-        `motion_is`: ``"own"`` (px from the previous frame to this, y down), ``"optical_flow"``, ``"fsr2"``, ``"fsr2_uv"``, ``"unity"``
-        or ``"streamline"``.
+        `given`: what else is known of it; `shutterbug.Given` says what that can be. How it moves is one of three things: `depth` with
+        `poses` (and `ids` with `bodies`), or `motion`, or ``still=True``.
 
         Errors: MissingMotionError (shutter or blur, and none of the three), TooSmallError (the margin, and how large it has to be),
         TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError, UnsupportedError (lens
         effects with motion), FullError (`frames_in_flight` frames have not been waited for), NoDeviceError, and those of the device.
         """
         made = to_numpy(rgb, "rgb")
-        color, code = color_in(made, encoding)
-        size = (self.height, self.width)
-        margin = self._margin_of(color.shape)
-        shot_time = time if color_time is None else color_time
-        if still or (depth is None and motion is None):
-            depth, motion, poses, shot_time = self._at_rest(color.shape, still, time)
-            axes, direction, bodies = "optical", "world_from_camera", None
-        shots = [(float(shot_time), color, depth_in(depth), ids_in(ids, bodies))]
-        for further in pictures:
-            when, more, z, *rest = further
-            seen, _ = color_in(to_numpy(more, "a further picture"), encoding)
-            shots.append((float(when), seen, depth_in(z), ids_in(rest[0] if rest else None, bodies)))
-        motions = [] if motion is None else motion if isinstance(motion, list | tuple) else [motion]
-        if len(motions) > 1 and motion_times is None:
-            raise ArgumentError("several motion images need motion_times: time of the first and step, s")
-        first, step = motion_times or (float(shot_time), self.frame_period_s)
-        kind, near_m, far_m = (depth_is, 0.0, 0.0) if isinstance(depth_is, str) else depth_is
-        if border not in ("refuse", "repeat"):
-            raise ArgumentError(f"border is {border!r}: 'refuse' or 'repeat' is expected")
-        stamped = None if poses is None else poses_of(poses, "poses", axes, direction, quaternion)
-        given = {
-            "frame_index": frame,
-            "time_s": float(time),
-            "pictures": shots,
-            "motions": [pixels(to_numpy(m, "motion"), [np.float32], np.float32) for m in motions],
-            "first_motion_time_s": float(first),
-            "motion_step_s": float(step),
-            "motion_convention": _core.motion_preset(one_of(MOTIONS, motion_is, "motion_is")),
-            "depth_convention": (one_of(DEPTHS, kind, "depth_is"), float(near_m), float(far_m)),
-            "poses": stamped,
-            "bodies": [(i, poses_of(p, f"poses of body {i}", quaternion=quaternion)) for i, p in (bodies or {}).items()],
-            "nearest_m": float(nearest_m),
-            "flags": (_REPEAT_BORDER if border == "repeat" and stamped is not None else 0) | (_RADIANCE if radiance else 0),
-            "encoding": code,
-            "margin_px": margin,
-        }
-        core = self._open(seed).submit(given)
-        return Frame(core, (*size, made.shape[2]), (made.dtype, encoding), like(rgb))
+        outside = outside_of(self, made, given)
+        core = self._open(given.get("seed")).submit(outside)
+        kind = (made.dtype, given.get("encoding"))
+        return Frame(core, (self.height, self.width, made.shape[2]), kind, like(rgb))
 
     def margin(
         self,
@@ -421,6 +349,7 @@ class Camera:
         # leaves the parent's engine alone.
         if self._pid != os.getpid():
             self._lock, self._pid, self._engine = threading.Lock(), os.getpid(), None
+            self._free = threading.Semaphore(max(1, self._options["frames_in_flight"]))
         return self._lock
 
     def _open(self, seed: int | None) -> _core.Engine:
@@ -435,24 +364,6 @@ class Camera:
                 engine.set_camera(self._text)
                 self._engine = engine
             return self._engine
-
-    def _margin_of(self, shape: tuple[int, ...]) -> tuple[int, int]:
-        extra = (shape[1] - self.width, shape[0] - self.height)
-        if any(e < 0 or e % 2 for e in extra):
-            own = f"the camera's {self.width}x{self.height} px, with the same margin on opposite sides, is expected"
-            raise ArgumentError(f"rgb is {shape[1]}x{shape[0]} px: {own}")
-        return extra[0] // 2, extra[1] // 2
-
-    def _at_rest(self, shape: tuple[int, ...], still: bool, time: float) -> tuple[Any, Any, Any, float]:
-        if not still and (self.readout_time_s or self.exposure_time_s):
-            shutter = " and ".join(e for e in ("rolling_shutter", "motion_blur") if e in self._description)
-            raise MissingMotionError(f"the camera has {shutter}: give depth and poses, or motion, or still=True where nothing moves")
-        if any(effect in self._description for effect in _LENS):
-            begin, end = self.span(time)
-            one = np.eye(4)
-            around = [(min(begin, time) - 1.0, one), (max(end, time) + 1.0, one)]
-            return np.ones(shape[:2], np.float32), None, around, time
-        return None, np.zeros((*shape[:2], 2), np.float32), None, time
 
     def __enter__(self) -> Camera:
         return self

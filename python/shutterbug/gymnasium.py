@@ -10,11 +10,11 @@ What happens between two observations is in the picture: the wrapper keeps the s
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Callable
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 from gymnasium import spaces
 
@@ -23,6 +23,9 @@ from .camera import Camera
 from .errors import ArgumentError
 from .frame import Frame
 from .mujoco import Renderer
+
+# It states no types that checkers know.
+mujoco: Any = importlib.import_module("mujoco")
 
 __all__ = ["CameraVectorWrapper", "CameraWrapper"]
 

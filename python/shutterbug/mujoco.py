@@ -10,12 +10,12 @@ Colours of MuJoCo are taken for sRGB, and shadows and reflections are part of su
 
 from __future__ import annotations
 
+import importlib
 import logging
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from ._arrays import Array
@@ -23,6 +23,9 @@ from ._mujoco_states import History, SeenCamera, widen
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
 from .frame import Frame
+
+# It states no types that checkers know.
+mujoco: Any = importlib.import_module("mujoco")
 
 __all__ = ["Renderer"]
 
@@ -151,16 +154,15 @@ class Renderer:
             raise RuntimeError("render cannot be called after close, or before update_scene")
         camera, time_s = self._fitted(), self.frame_time_s
         states = self._history.over(*camera.span(time_s))
-        for _ in range(8):
+        while True:
             try:
                 frame = self._deliver(camera, time_s, states)
+            except TooSmallError:
+                if not self._grow_margin():
+                    raise
+            else:
                 self.next_frame = (self.next_frame + 1) % 2**32
                 return frame
-            except TooSmallError as error:
-                reason = error
-                grown = [m + max(_MARGIN_STEP_PX, m // 2) for m in self._margin]
-                self._make_inner((min(grown[0], self.width), min(grown[1], self.height)))
-        raise reason
 
     def close(self) -> None:
         """Free what it has."""
@@ -219,10 +221,9 @@ class Renderer:
         """MuJoCo's own renderer, wider by a margin (columns, rows). The model's largest size is put back as it was."""
         if self._inner is not None:
             self._inner.close()
-        self._margin = (
-            -(-margin[0] // _MARGIN_STEP_PX) * _MARGIN_STEP_PX,
-            -(-margin[1] // _MARGIN_STEP_PX) * _MARGIN_STEP_PX,
-        )
+        # The library takes no margin wider than the camera.
+        x, y = (-(-m // _MARGIN_STEP_PX) * _MARGIN_STEP_PX for m in margin)
+        self._margin = (min(x, self.width), min(y, self.height))
         height, width = self._size[0] + 2 * self._margin[1], self._size[1] + 2 * self._margin[0]
         room = self._model.vis.global_
         own = room.offwidth, room.offheight
@@ -231,6 +232,13 @@ class Renderer:
             self._inner = mujoco.Renderer(self._model, height, width, self._max_geom)
         finally:
             room.offwidth, room.offheight = own
+
+    def _grow_margin(self) -> bool:
+        """Half as much again on each side; False where it is as wide as the picture already."""
+        before = self._margin
+        x, y = (m + max(_MARGIN_STEP_PX, m // 2) for m in before)
+        self._make_inner((min(x, self.width), min(y, self.height)))
+        return self._margin != before
 
     def _fitted(self) -> Camera:
         if self._inner is None or self._view is None:

@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+
 import shutterbug
 
 # Without a window: llvmpipe draws MuJoCo where there is no GPU.

@@ -4,9 +4,11 @@ import tracemalloc
 
 import array_api_strict
 import numpy as np
-import oracle
 import pytest
+
 from shutterbug import Camera, _arrays, errors
+
+import oracle
 
 
 @pytest.fixture

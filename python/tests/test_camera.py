@@ -4,10 +4,12 @@ import json
 import tomllib
 
 import numpy as np
-import oracle
 import pytest
+
 import shutterbug
 from shutterbug import Camera, errors
+
+import oracle
 
 RATE, READOUT = 1.5, 0.03
 
@@ -45,7 +47,10 @@ def test_poses_come_in_every_convention(device, picture):
     flip = np.diag([1.0, -1, -1, 1])
     others = [
         ((list(zip(times, numbers, strict=True))), {}),
-        ((times, np.roll(numbers, 1, axis=1) * 0 + np.column_stack([numbers[:, :3], numbers[:, 6], numbers[:, 3:6]])), {"quaternion": "wxyz"}),
+        (
+            (times, np.roll(numbers, 1, axis=1) * 0 + np.column_stack([numbers[:, :3], numbers[:, 6], numbers[:, 3:6]])),
+            {"quaternion": "wxyz"},
+        ),
         ((times, matrices @ flip), {"axes": "opengl"}),
         ((times, np.linalg.inv(matrices)), {"direction": "camera_from_world"}),
     ]
@@ -136,7 +141,13 @@ def test_cameras_come_from_files_and_messages(tmp_path):
     assert tomllib.loads(cam.toml)["rolling_shutter"]["scan_order"] == "top_to_bottom"
     small = cam.with_pinhole(640, 360)
     assert small.matrix[0, 0] == pytest.approx(cam.matrix[0, 0] / 2) and small.effects == cam.effects
-    info = {"width": 64, "height": 48, "K": [50.0, 0, 31.5, 0, 51, 23.5, 0, 0, 1], "D": [-0.1, 0.01, 0, 0, 0], "distortion_model": "plumb_bob"}
+    info = {
+        "width": 64,
+        "height": 48,
+        "K": [50.0, 0, 31.5, 0, 51, 23.5, 0, 0, 1],
+        "D": [-0.1, 0.01, 0, 0, 0],
+        "distortion_model": "plumb_bob",
+    }
     ros = Camera.from_camera_info(info, rate_hz=20)
     # Pixel centres: whole numbers there, halves here.
     assert ros.matrix.tolist() == [[50, 0, 32], [0, 51, 24], [0, 0, 1]]
@@ -200,6 +211,8 @@ def test_wrong_cameras_are_refused_with_a_sentence(make, error, text):
         ({"bodies": {1: [(0.0, np.eye(4)), (0.1, np.eye(4))]}}, errors.ArgumentError),
         ({"time": float("nan")}, errors.ArgumentError),
         ({"border": "mirror"}, errors.ArgumentError),
+        ({"deep": 3}, TypeError),
+        ({"pictures": [(0.0, 1)]}, errors.ArgumentError),
         ({"motion": np.zeros((96, 128, 2), np.float32)}, errors.ArgumentError),
     ],
 )
@@ -215,16 +228,14 @@ def test_wrong_frames_are_refused_with_a_sentence(device, picture, given, error)
 
 def test_conventions_are_checked(picture):
     """Two views of a slanted far wall agree, and are told apart with their poses taken the other way round."""
-    y, x = np.mgrid[0:96, 0:128]
     cam = Camera(128, 96, fx=100)
     size, k = (96, 128), cam.matrix
     views = []
-    for i, angle in enumerate((0.0, 0.08)):
+    for angle in (0.0, 0.08):
         seen = oracle.rolling(picture, k, size, (0, 0), 1.0, 0.0, -angle).astype(np.uint8)
         nod = np.eye(4)
         nod[:3, :3] = oracle.turn_y(angle)
         views.append((seen, np.full(size, 50.0, np.float32), nod))
-    del x, y, i
     found = shutterbug.check_conventions(cam, *views)
     assert found.verdict in ("agree", "unknown") and found.sentence
     wrong = shutterbug.check_conventions(cam, *views, direction="camera_from_world")

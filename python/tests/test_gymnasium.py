@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+
 from shutterbug import Camera, errors
 
+import needs
+
+needs.mujoco()
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not installed")
-pytest.importorskip("mujoco", reason="mujoco is not installed")
 pytest.importorskip("imageio", reason="gymnasium[mujoco] is not installed")
-sg = pytest.importorskip("shutterbug.gymnasium")
+
+import shutterbug.gymnasium as sg  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("device")
 SIZE = {"height": 72, "width": 96}

@@ -2,14 +2,21 @@
 
 import numpy as np
 import pytest
+
 from shutterbug import Camera, errors
 
-mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-truth = pytest.importorskip("mujoco_truth", reason="MuJoCo cannot draw here")
-sm = pytest.importorskip("shutterbug.mujoco")
+import needs
+
+needs.mujoco()
+
+import mujoco  # noqa: E402
+
+import shutterbug.mujoco as sm  # noqa: E402
+
+import mujoco_truth as truth  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("device")
-ROWS = range(0, truth.HEIGHT, 4)
+ROWS = range(3, truth.HEIGHT, 8)
 START = 0.1 - truth.READOUT_S / 2
 END = START + truth.READOUT_S
 

@@ -10,9 +10,11 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
+
 from shutterbug import Camera, errors
 
 NOISE = {"read_noise": {"sigma": 0.02}}
@@ -21,7 +23,7 @@ NOISE = {"read_noise": {"sigma": 0.02}}
 def test_threads_take_turns_and_get_their_own_frames(device, picture):
     cam = Camera(128, 96, fovy=50, effects=NOISE)
     expected = [cam(picture, frame=i) for i in range(8)]
-    with ThreadPoolExecutor(4) as pool:
+    with ThreadPoolExecutor(8) as pool:
         found = list(pool.map(lambda i: cam(picture, frame=i % 8), range(64)))
     assert all(np.array_equal(f, expected[i % 8]) for i, f in enumerate(found))
 
@@ -143,15 +145,13 @@ def test_an_interrupted_run_of_the_program_ends_it(tmp_path, device):
     capture = os.environ.get("SHUTTERBUG_DEMO_CAPTURE", "")
     if not capture:
         pytest.skip("SHUTTERBUG_DEMO_CAPTURE names no capture")
-    run = subprocess.Popen(
-        [sys.executable, "-c", script.format(capture, str(tmp_path / "out"))], stderr=subprocess.PIPE, text=True
-    )
-    children = f"/proc/{run.pid}/task/{run.pid}/children"
+    run = subprocess.Popen([sys.executable, "-c", script.format(capture, str(tmp_path / "out"))], stderr=subprocess.PIPE, text=True)
+    children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
     for _ in range(200):
-        if open(children).read().strip():
+        if children.read_text().strip():
             break
         time.sleep(0.05)
-    child = int(open(children).read().split()[0])
+    child = int(children.read_text().split()[0])
     time.sleep(0.5)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=60)
@@ -160,7 +160,7 @@ def test_an_interrupted_run_of_the_program_ends_it(tmp_path, device):
 
 
 def resident_bytes():
-    return int(open("/proc/self/statm").read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def test_memory_is_flat_over_many_frames(device):

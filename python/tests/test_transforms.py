@@ -5,6 +5,7 @@ import pickle
 import array_api_strict
 import numpy as np
 import pytest
+
 from shutterbug import Camera, errors, transforms
 
 pytestmark = pytest.mark.usefixtures("device")

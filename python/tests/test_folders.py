@@ -1,0 +1,79 @@
+"""Folders: simulate, diagnose, calibrate, by the program that comes along."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import shutterbug
+from shutterbug import errors, transforms
+
+pytestmark = pytest.mark.usefixtures("device")
+DEMO = Path(os.environ.get("SHUTTERBUG_DEMO_CAPTURE", Path(__file__).parents[2] / "demo/capture"))
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    """The demo, smaller."""
+    to = tmp_path_factory.mktemp("captures") / "capture"
+    shutil.copytree(DEMO, to)
+    shutterbug.Camera.from_toml(DEMO / "camera.toml").with_pinhole(160, 120).save(to / "camera.toml")
+    return to
+
+
+def test_simulate_is_the_program(capture, tmp_path):
+    heard = []
+    cam = shutterbug.Camera.from_toml(capture / "camera.toml").with_effects({"read_noise": {"sigma": 0.02}})
+    files = shutterbug.simulate(capture, tmp_path / "a", camera=cam, seed=3, progress=lambda *a: heard.append(a))
+    assert len(files) == len((capture / "frames.csv").read_text().splitlines()) - 1
+    cam.save(tmp_path / "camera.toml")
+    words = ["simulate", capture, "--out", tmp_path / "b", "--camera", tmp_path / "camera.toml", "--seed", "3"]
+    subprocess.run([sys.executable, "-m", "shutterbug", *words], check=True, capture_output=True)
+    for file in files:
+        assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
+    with pytest.raises(errors.ProgramError, match="nowhere") as caught:
+        shutterbug.simulate("/nowhere", tmp_path / "c")
+    assert caught.value.code == 1
+    with pytest.raises(errors.ArgumentError, match="--colour"):
+        shutterbug.simulate(capture, tmp_path / "c", colour=3)
+
+
+def test_diagnose_finds_what_was_hidden(capture, tmp_path, capsys):
+    real = tmp_path / "capture"
+    shutil.copytree(capture, real)
+    hidden = shutterbug.Camera.from_toml(capture / "camera.toml").with_effects({"gamma": {"exponent": 1.3}})
+    shutterbug.simulate(capture, real / "real", camera=hidden)
+    found = shutterbug.diagnose(capture=real, out=tmp_path / "report", time_limit_s=60)
+    assert capsys.readouterr().err.strip()
+    assert found.effects[0]["effect"] == "gamma" and found.effects[0]["parameter"] == "exponent"
+    assert found.effects[0]["low"] <= 1.3 <= found.effects[0]["high"] + 0.02
+    assert found.camera.effects["gamma"]["exponent"] == pytest.approx(1.3, abs=0.02)
+    assert "gamma" in repr(found) and "<table>" in found._repr_html_() and found.page.exists()
+    ranges = transforms.Ranges.of_diagnosis(found)
+    assert ranges.values["gamma.exponent"][0] <= ranges.values["gamma.exponent"][1]
+    frames = found.simulate(tmp_path / "again")
+    difference = np.asarray(Image.open(frames[0]), int) - np.asarray(Image.open(real / "real" / frames[0].name), int)
+    assert np.abs(difference).mean() < 1
+    with pytest.raises(errors.ArgumentError, match="capture"):
+        shutterbug.diagnose(real=real / "real")
+
+
+def test_calibrate_measures_noise(device, tmp_path):
+    """Against the camera that made the frames."""
+    cam = shutterbug.Camera(160, 120, fovy=50, effects={"read_noise": {"sigma": 0.02}}, seed=3)
+    steps = np.repeat(np.linspace(40, 200, 16).astype(np.uint8), 10)
+    scene = np.ascontiguousarray(np.broadcast_to(steps[None, :, None], (120, 160, 3)))
+    files = []
+    for i in range(6):
+        files.append(tmp_path / f"{i}.png")
+        Image.fromarray(cam(scene, frame=i)).save(files[-1])
+    report = shutterbug.calibrate(files, tmp_path / "out")
+    measured = shutterbug.Camera.from_toml(tmp_path / "out/camera.toml").effects
+    assert report and measured["read_noise"]["sigma"] == pytest.approx(0.02, rel=0.35)
+    with pytest.raises(errors.ProgramError, match=r"none\.png"):
+        shutterbug.calibrate([tmp_path / "none.png", tmp_path / "none.png"], tmp_path / "out2")
