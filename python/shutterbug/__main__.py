@@ -26,6 +26,14 @@ def _take_bundled_driver_where_nothing_else_is() -> None:
 
 def main() -> int:
     """Run the command line of this process and give its exit code: 0 done, 1 input or machine at fault, 2 usage."""
+    if sys.argv[1:2] == ["bag"]:
+        # Of the package alone: it stands on readers that are written in Python.
+        try:
+            from . import bag
+        except ImportError as error:
+            print(f"shutterbug: error: {error}: pip install shutterbug[bag]", file=sys.stderr)
+            return 1
+        return bag.main(sys.argv[2:])
     _take_bundled_driver_where_nothing_else_is()
     return _core.run_command_line(["shutterbug", *sys.argv[1:]])
 
