@@ -59,6 +59,13 @@ class Frame:
         self._core.read_into(_PICTURE, picture)
         return picture if out is not None else self._like(color_out(picture, dtype, encoding))
 
+    def picture(self, timeout_s: float | None = None) -> Array:
+        """Give the delivered picture as it left the camera, uint8 and sRGB, in numpy, whatever came in. Errors as of `wait`."""
+        self.wait(timeout_s)
+        picture = np.empty(self._size, np.uint8)
+        self._core.read_into(_PICTURE, picture)
+        return picture
+
     def radiance(self, timeout_s: float | None = None) -> Any:
         """Give what reached the sensor: linear, 1 = white, float32 (height, width, 3), with lens, shutter and blur, before noise and
         encoding. Only of frames submitted with ``radiance=True`` (else StateError). Errors as of `wait`.

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ._arrays import Array
+from ._margins import needed
 from ._mujoco_states import History, SeenCamera, widen
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
@@ -76,7 +77,6 @@ class Renderer:
         self._history = History(model)
         self._view: SeenCamera | None = None
         self._option: Any = None
-        self._nearest_m = 0.0
         # Number of the next frame, for which noise is drawn: 0 to 2**32 - 1.
         self.next_frame = 0
         self._told = False
@@ -314,8 +314,9 @@ class Renderer:
         instants = [begin + (end - begin) * (k + 0.5) / count for k in range(count)]
         shots = [self._shot(t) for t in instants]
         poses, bodies = self._motion(states, {int(i) for s in shots for i in np.unique(s[3])})
-        self._grow(camera, poses, shots[0][2], instants[0] - time_s)
-        if shots[0][1].shape[:2] != (self.height + 2 * self._margin[1], self.width + 2 * self._margin[0]):
+        wanted, nearest_m = needed(camera, poses, shots[0][2], self._margin, instants[0] - time_s)
+        if wanted[0] > self._margin[0] or wanted[1] > self._margin[1]:
+            self._make_inner((max(wanted[0], self._margin[0]), max(wanted[1], self._margin[1])))
             shots = [self._shot(t) for t in instants]
         (when, rgb, depth, ids), *further = shots
         return camera.submit(
@@ -330,7 +331,7 @@ class Renderer:
             time=time_s,
             color_time=when,
             frame=self.next_frame,
-            nearest_m=self._nearest_m,
+            nearest_m=nearest_m,
         )
 
     def _motion(self, states: list[float], seen: set[int]) -> tuple[Any, dict[int, Any]]:
@@ -349,23 +350,3 @@ class Renderer:
             _log.warning("%d bodies move in this frame: the %d that move most are followed", len(bodies), _MAX_BODIES)
         times = np.array(states)
         return (times, np.array(poses)), {b: (times, where[:, b]) for b in bodies[:_MAX_BODIES]}
-
-    def _grow(self, camera: Camera, poses: tuple[Array, Array], depth: Array, delay_s: float) -> None:
-        """Make the margin as wide as this frame's motion and what is near at its border need."""
-        times, matrices = poses
-        steps = np.diff(times)
-        speed = float((np.linalg.norm(np.diff(matrices[:, :3, 3], axis=0), axis=1) / steps).max())
-        between = np.einsum("nij,nik->njk", matrices[:-1, :3, :3], matrices[1:, :3, :3])
-        cosine = np.clip((np.trace(between, axis1=1, axis2=2) - 1) / 2, -1, 1)
-        turn = float((np.arccos(cosine) / steps).max())
-        x, y = (max(1, m) for m in self._margin)
-        inside = np.zeros(depth.shape, bool)
-        inside[y:-y, x:-x] = True
-        self._nearest_m = float(np.where(inside, np.inf, depth).min()) if speed > 0 else 0.0
-        if not np.isfinite(self._nearest_m):
-            self._nearest_m = 0.0
-        # A little more than the bound, which is of what lies between states.
-        wide, high = camera.margin(1.1 * turn + 1e-6, 1.1 * speed, self._nearest_m, delay_s)
-        wide, high = min(wide, self.width), min(high, self.height)
-        if wide > self._margin[0] or high > self._margin[1]:
-            self._make_inner((max(wide, self._margin[0]), max(high, self._margin[1])))
