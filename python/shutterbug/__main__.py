@@ -34,6 +34,11 @@ def main() -> int:
             print(f"shutterbug: error: {error}: pip install shutterbug[bag]", file=sys.stderr)
             return 1
         return bag.main(sys.argv[2:])
+    if sys.argv[1:2] == ["simulate"] and any(os.path.isfile(word) for word in sys.argv[2:3]):
+        # A capture is a folder: a file is a list of them.
+        from . import fleet
+
+        return fleet.main(sys.argv[2:])
     _take_bundled_driver_where_nothing_else_is()
     return _core.run_command_line(["shutterbug", *sys.argv[1:]])
 
