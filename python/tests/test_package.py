@@ -19,7 +19,8 @@ import shutterbug
 import needs
 
 SOURCES = Path(os.environ.get("SHUTTERBUG_SOURCES", Path(__file__).parents[2]))
-MODULES = ["", ".mujoco", ".gymnasium", ".transforms", ".errors"]
+MODULES = ["", ".mujoco", ".gymnasium", ".newton", ".blender", ".transforms", ".bag", ".fleet", ".ray", ".errors"]
+NEEDS = {".mujoco": "mujoco", ".gymnasium": "gymnasium", ".newton": "newton", ".blender": "bpy", ".bag": "mcap_ros2", ".ray": "ray"}
 PAGES = [SOURCES / "python/README.md", *sorted((SOURCES / "docs/python").glob("*.md"))]
 
 
@@ -82,9 +83,7 @@ def test_import_is_quick():
 
 def public_things():
     for name in MODULES:
-        if name == ".gymnasium" and not importlib.util.find_spec("gymnasium"):
-            continue
-        if name in (".mujoco", ".gymnasium") and not importlib.util.find_spec("mujoco"):
+        if name in NEEDS and not importlib.util.find_spec(NEEDS[name]):
             continue
         module = importlib.import_module("shutterbug" + name)
         yield module.__name__, module
