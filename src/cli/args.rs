@@ -274,7 +274,21 @@ pub struct Devices {
 #[derive(Debug, clap::Args)]
 pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
-    pub capture: PathBuf,
+    #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
+    pub capture: Option<PathBuf>,
+    /// Folder with the frames of any simulator; beside them, where there are such, depth/, motion/, mask/ (NNNNNN.exr or .png),
+    /// camera.toml, trajectory.tum, frames.csv
+    #[arg(long, requires = "real")]
+    pub sim: Option<PathBuf>,
+    /// Folder with the real frames, of equal names or matched by --match or frames.csv
+    #[arg(long, requires = "sim")]
+    pub real: Option<PathBuf>,
+    /// Which frames go together: a file with lines `sim,real`
+    #[arg(long = "match", requires = "sim")]
+    pub matches: Option<PathBuf>,
+    /// The folders show different moments: compare what the camera leaves in every picture, whatever it shows
+    #[arg(long, requires = "sim", conflicts_with = "matches")]
+    pub unpaired: bool,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,

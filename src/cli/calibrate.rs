@@ -114,16 +114,7 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
 fn placeholder(path: &Path, done: &Calibration) -> CameraFile {
     let [width, height] = done.size_px.map(|side| side as u32);
     let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
-    CameraFile {
-        path: path.to_owned(),
-        intrinsics: Intrinsics { width, height, fx, fy: fx, cx, cy },
-        frame_period_s: 1.0 / 30.0,
-        background_ignored: false,
-        static_camera: false,
-        lit: false,
-        settings: Settings::default(),
-        warnings: Vec::new(),
-    }
+    CameraFile::pinhole(path.to_owned(), Intrinsics { width, height, fx, fy: fx, cx, cy }, 1.0 / 30.0)
 }
 
 /// What was found, a few lines.
