@@ -136,6 +136,7 @@ def diagnose(
     capture: PathLike | None = None,
     real: PathLike | None = None,
     sim: PathLike | None = None,
+    unpaired: bool = False,
     out: PathLike | None = None,
     camera: Camera | PathLike | None = None,
     without: Sequence[str] = (),
@@ -146,9 +147,9 @@ def diagnose(
     """Say which effects explain the gap between real frames and a simulation.
 
     `capture`: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/; or `real` and `sim`: two folders of frames
-    (where this version of the program knows them: ``shutterbug diagnose --help``). `out`: folder of report.json, report.html and
-    camera.toml; None: one that lives as long as the result. `camera`: another camera than the capture's. `without`: effects to leave
-    out. `time_limit_s`: s. `progress` as of `simulate`. `options`: further ones of ``shutterbug diagnose --help``.
+    of equal names, sizes and moments, or `unpaired` ones of other moments, of which less can be told. `out`: folder of report.json,
+    report.html and camera.toml; None: one that lives as long as the result. `camera`: another camera than the capture's. `without`:
+    effects to leave out. `time_limit_s`: s. `progress` as of `simulate`. `options`: further ones of ``shutterbug diagnose --help``.
 
     Ctrl-C: what was worked out is kept in `out`, and another run with the same `out` goes on from there. Errors as of `simulate`.
     """
@@ -164,7 +165,7 @@ def diagnose(
             "without": without or None,
             "time_limit_s": limit,
         }
-        place = [os.fspath(capture)] if capture is not None else arguments({"real": real, "sim": sim})
+        place = [os.fspath(capture)] if capture is not None else arguments({"real": real, "sim": sim, "unpaired": unpaired})
         run(["diagnose", *place, *arguments(chosen | options)], progress)
     return Diagnosis(to, capture, keep)
 

@@ -63,6 +63,19 @@ def test_diagnose_finds_what_was_hidden(capture, tmp_path, capsys):
         shutterbug.diagnose(real=real / "real")
 
 
+@pytest.mark.parametrize("unpaired", [False, True])
+def test_two_folders_are_diagnosed(capture, tmp_path, unpaired):
+    cam = shutterbug.Camera.from_toml(capture / "camera.toml")
+    shutterbug.simulate(capture, tmp_path / "sim")
+    shutterbug.simulate(capture, tmp_path / "real", camera=cam.with_effects({"read_noise": {"sigma": 0.04}}))
+    found = shutterbug.diagnose(
+        real=tmp_path / "real", sim=tmp_path / "sim", unpaired=unpaired, out=tmp_path / "report", time_limit_s=60, progress=False
+    )
+    noise = {"read_noise", "shot_noise", "paper_noise", "row_noise", "dark_current", "fixed_pattern_noise", "film_grain", "quantization"}
+    assert found.effects and found.effects[0]["effect"] in noise, found.effects
+    assert found.gap["before"] > found.gap["after"] and found.page.exists()
+
+
 def test_calibrate_measures_noise(device, tmp_path):
     """Against the camera that made the frames."""
     cam = shutterbug.Camera(160, 120, fovy=50, effects={"read_noise": {"sigma": 0.02}}, seed=3)
