@@ -18,14 +18,14 @@ from shutterbug import errors, fleet
 
 pytestmark = pytest.mark.usefixtures("device")
 DEMO = Path(os.environ.get("SHUTTERBUG_DEMO_CAPTURE", Path(__file__).parents[2] / "demo/capture"))
-COUNT = 5
+COUNT = 3
 
 
 @pytest.fixture(scope="module")
 def captures(tmp_path_factory):
-    """Five small captures of two frames with noise, and a list of them."""
+    """Small captures of two frames with noise, and a list of them."""
     folder = tmp_path_factory.mktemp("dataset")
-    noisy = shutterbug.Camera.from_toml(DEMO / "camera.toml").with_pinhole(96, 72).with_effects({"read_noise": {"sigma": 0.05}})
+    noisy = shutterbug.Camera.from_toml(DEMO / "camera.toml").with_pinhole(64, 48).with_effects({"read_noise": {"sigma": 0.05}})
     for i in range(COUNT):
         shutil.copytree(DEMO, folder / f"drive-{i}")
         noisy.save(folder / f"drive-{i}/camera.toml")
@@ -58,8 +58,8 @@ def test_rows_say_what_was_made(expected, captures):
 
 
 def test_shares_make_the_same_bytes(captures, expected, tmp_path):
-    for i in (2, 0, 1):
-        run = program("simulate", captures / "list.txt", "--out", tmp_path, "--seed", "7", "--shard", f"{i}/3")
+    for i in (1, 0):
+        run = program("simulate", captures / "list.txt", "--out", tmp_path, "--seed", "7", "--shard", f"{i}/2")
         assert run.returncode == 0, run.stderr
     assert manifest(tmp_path) == expected
     # The control: another seed of the data set gives others.
