@@ -367,6 +367,9 @@ pub struct Withhold {
     /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
     #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
     pub imperfect: Vec<String>,
+    /// What the diagnosis is given
+    #[arg(long, value_enum, default_value_t = FormName::Capture, conflicts_with = "curve")]
+    pub form: FormName,
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,
@@ -376,6 +379,20 @@ pub struct Withhold {
     /// Device of the diagnosis, by index, UUID or (part of its) name
     #[arg(long)]
     pub device: Option<String>,
+}
+
+/// `--form`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// A scene and a path
+    #[default]
+    Capture,
+    /// Simulated frames of the same moments, with depth and the path
+    Pairs,
+    /// Simulated frames at poses that are a little off, and nothing else
+    Rough,
+    /// Simulated frames of the same room from another path
+    Unpaired,
 }
 
 /// `--method`.

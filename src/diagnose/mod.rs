@@ -67,5 +67,5 @@ pub use report::{
     LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict,
     WaterfallStep, Where,
 };
-pub use run::{DiagnoseOptions, Diagnosis, Progress, diagnose, diagnose_pair, effect_names};
+pub use run::{DiagnoseOptions, Diagnosis, Progress, changes_places, diagnose, diagnose_pair, effect_names};
 pub use unpaired::{Unpaired, diagnose_unpaired};

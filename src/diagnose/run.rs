@@ -84,6 +84,14 @@ pub fn effect_names() -> Vec<&'static str> {
     all_names()
 }
 
+/// Whether a candidate changes where or when things are seen, and not only their values.
+///
+/// # Panics
+/// If there is no such candidate.
+pub fn changes_places(name: &str) -> bool {
+    candidate_of(name).parameters.iter().any(|p| p.is_time() || p.is_remap())
+}
+
 struct Relay<'a> {
     progress: &'a mut dyn Progress,
     journal: Arc<Mutex<Journal>>,
@@ -287,8 +295,7 @@ impl Told {
 
     /// What the report says of a candidate that these frames cannot tell of.
     fn why_not(&self, name: &str) -> Option<Candidate> {
-        let candidate = candidate_of(name);
-        let moves = candidate.parameters.iter().any(|p| p.is_time() || p.is_remap());
+        let (candidate, moves) = (candidate_of(name), changes_places(name));
         if self.geometry == Some(Geometry::None) && candidate.needs_motion {
             return Some(undetermined(name, NO_MOTION[0], NO_MOTION[1]));
         }

@@ -13,6 +13,8 @@ mod warp;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::evidence::Evidence;
 use super::forward::Forward;
 use super::report::Alignment;
@@ -54,6 +56,8 @@ pub(super) struct SimFrame {
     pub own: Option<Plane<f32>>,
     /// 1 where it may be compared, shape `[height, width, 1]`.
     pub open: Plane<f32>,
+    /// Where one thing ends before another; nothing without geometry.
+    pub jumps: Option<warp::Jumps>,
 }
 
 /// All frames of the simulator, in the order of the capture that stands for the pair.
@@ -101,6 +105,8 @@ impl Pair {
         }
         let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes)?;
+        let geometry = sim_frames.geometry;
+        sim_frames.frames.par_iter_mut().for_each(|f| f.jumps = warp::Jumps::of(f, geometry));
         let entry = |(m, &start_s): (&Matched, &f64)| FrameEntry {
             timestamp_ns: (start_s * 1e9).round() as i64,
             start_s,

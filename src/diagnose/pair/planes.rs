@@ -49,7 +49,7 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
         motion.data.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
     }
     let open = open(sim, stem, size, &radiance)?;
-    Ok(SimFrame { radiance: Arc::new(radiance), depth, motion: [motion, None], own: None, open })
+    Ok(SimFrame { radiance: Arc::new(radiance), depth, motion: [motion, None], own: None, open, jumps: None })
 }
 
 /// Where the frame may be compared: where its mask is not 0, and where it is not clipped, so that its radiance is known.

@@ -166,6 +166,7 @@ mod tests {
             motion: [Some(motion.clone()), None],
             own: None,
             open: Plane::new(160, 120, 1),
+            jumps: None,
         };
         let mut sim = SimFrames {
             frames: vec![frame(), frame()],

@@ -29,6 +29,10 @@ const MOST_PERIODS: f64 = 1.6;
 /// Most places that an exposure is the mean of.
 const MOST_PARTS: f32 = 48.0;
 
+/// Sides of an edge that part by less are one thing, px.
+const SEEN_PX: f32 = 0.25;
+/// Furthest from an edge that is looked at, px.
+const MOST_EDGE_PX: f32 = 12.0;
 /// Error of a value read half way between two pixels, over the slope there, px: root mean square of what the cubic misses of a
 /// step that lies anywhere in a pixel (0.285; 0.205 a quarter of the way, 0 on a pixel).
 const BETWEEN_PX: f32 = 0.285;
@@ -391,10 +395,69 @@ impl<'a> Reader<'a> {
                 let (x, y) = (s.x.clamp(0.0, width as f32 - 1.0), s.y.clamp(0.0, height as f32 - 1.0));
                 plane.pixel(x as usize, y as usize)[0] > 0.5
             };
-            f32::from(u8::from(known && places.iter().all(at)))
+            let line = &self.lines[self.line_of(i)];
+            let movers = line.iter().find(|l| l.0 == j).map(|l| &l.1);
+            let whole = |movers: &[Mover; 3]| {
+                movers.iter().zip(&places).all(|(mover, s)| !self.is_uncovered(j, mover, *s))
+            };
+            f32::from(u8::from(known && places.iter().all(at) && movers.is_none_or(whole)))
         };
         let data = (0..width * height).into_par_iter().map(is_open).collect();
         Plane { width, height, channels: 1, data }
+    }
+
+    /// Whether a place lies so near the edge of something that what is behind it may have come into sight, or gone out of it.
+    fn is_uncovered(&self, j: usize, mover: &Mover, s: Vec2) -> bool {
+        let frame = &self.outside.sim.frames[j];
+        // Px by which a jump of one unit parts the two sides of an edge.
+        let (per_jump, jumps) = match (mover, &frame.jumps) {
+            (Mover::Depth(_, step, _), Some(jumps)) => (self.f.x.max(self.f.y) * step.length(), jumps),
+            (Mover::Motion(part), Some(jumps)) => (part.abs(), jumps),
+            _ => return false,
+        };
+        let reach = (per_jump * jumps.most + 1.0).min(MOST_EDGE_PX);
+        if per_jump * jumps.most < SEEN_PX {
+            return false;
+        }
+        let (w, h) = (jumps.plane.width as isize, jumps.plane.height as isize);
+        let (x, y, n) = (s.x as isize, s.y as isize, reach.ceil() as isize);
+        let parted = |(u, v): (isize, isize)| {
+            let part = per_jump * jumps.plane.data[(v * w + u) as usize];
+            let (dx, dy) = (u as f32 + 0.5 - s.x, v as f32 + 0.5 - s.y);
+            part > SEEN_PX && dx * dx + dy * dy < (part + 1.0).powi(2)
+        };
+        let rows = (y - n).max(0)..=(y + n).min(h - 1);
+        let mut around = rows.flat_map(|v| ((x - n).max(0)..=(x + n).min(w - 1)).map(move |u| (u, v)));
+        around.any(parted)
+    }
+}
+
+/// How much nearer one side of an edge is, or how much further it goes, pixel by pixel.
+pub(in crate::diagnose) struct Jumps {
+    /// Jump of the inverse distance, 1/m, or of the motion, px a period, to the next pixels.
+    plane: Plane<f32>,
+    most: f32,
+}
+
+impl Jumps {
+    pub(super) fn of(frame: &SimFrame, geometry: Geometry) -> Option<Self> {
+        let (w, h) = (frame.radiance.width, frame.radiance.height);
+        let value = |i: usize| -> Option<Vec2> {
+            match geometry {
+                Geometry::Depth => Some(Vec2::new(1.0 / frame.depth.as_ref()?.data[i], 0.0)),
+                Geometry::Motion => Some(Vec2::from(frame.speed(i))),
+                Geometry::None => None,
+            }
+        };
+        value(0)?;
+        let jump = |x: usize, y: usize| {
+            let here = value(y * w + x).unwrap_or_default();
+            let there = [(x + 1).min(w - 1) + y * w, (y + 1).min(h - 1) * w + x];
+            there.iter().filter_map(|&i| value(i)).map(|v| (v - here).length()).fold(0.0, f32::max)
+        };
+        let plane = Plane::from_fn(w, h, |x, y| [jump(x, y)]);
+        let most = plane.data.iter().copied().fold(0.0, f32::max);
+        Some(Self { plane, most })
     }
 }
 
