@@ -16,6 +16,7 @@ mod terminal;
 mod timings;
 mod withhold;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -32,9 +33,15 @@ fn exit_code(error: &Error) -> u8 {
     if error.is_usage() { 2 } else { 1 }
 }
 
-/// Runs the command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
+/// Runs the process's own command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
 pub fn run() -> ExitCode {
-    let args = Args::parse();
+    ExitCode::from(run_from(std::env::args_os()))
+}
+
+/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. Ends the process where the
+/// arguments ask for help or are wrong. For a process that has nothing else to do: it takes over signals.
+pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let args = Args::parse_from(args);
     if let Command::Simulate(simulate) = &args.command
         && let Err(problem) = simulate.check()
     {
@@ -46,10 +53,10 @@ pub fn run() -> ExitCode {
     let done = run_command(&args.command);
     end_log();
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             say(format_args!("shutterbug: error: {error}"));
-            ExitCode::from(exit_code(&error))
+            exit_code(&error)
         }
     }
 }

@@ -154,10 +154,15 @@ pub(super) fn create_instance(entry: &Entry, info: &vk::InstanceCreateInfo<'_>) 
 const NO_DRIVER: &str = "none: the Vulkan loader finds no driver (Debian: apt-get install mesa-vulkan-drivers; a GPU \
                          needs its vendor's driver; VK_DRIVER_FILES may point elsewhere)";
 
-/// The Vulkan loader of this machine.
+/// Names a file that stands in for the Vulkan loader: another loader, or a driver that can be asked without one.
+pub const LIBRARY_VARIABLE: &str = "SHUTTERBUG_VULKAN_LIBRARY";
+
+/// The Vulkan loader of this machine, or the one of [`LIBRARY_VARIABLE`].
 pub(super) fn load() -> Result<Entry> {
-    // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
-    unsafe { Entry::load() }.map_err(|e| Error::NoVulkanLoader { reason: e.to_string() })
+    let named = std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty());
+    // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it is for.
+    let loaded = unsafe { named.as_ref().map_or_else(|| Entry::load(), |file| Entry::load_from(file)) };
+    loaded.map_err(|e| Error::NoVulkanLoader { reason: e.to_string() })
 }
 
 pub(super) fn enumerate(instance: &Instance) -> Result<Vec<DeviceInfo>> {

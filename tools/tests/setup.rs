@@ -8,7 +8,7 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-const PACKAGES: [&str; 7] = [
+const PACKAGES: [&str; 8] = [
     "libvulkan1",
     "mesa-vulkan-drivers",
     "vulkan-validationlayers",
@@ -16,6 +16,7 @@ const PACKAGES: [&str; 7] = [
     "pkg-config",
     "libshaderc-dev",
     "spirv-tools",
+    "python3-venv",
 ];
 
 /// A pretended machine.

@@ -1,0 +1,160 @@
+"""The package as it is installed: what it says of itself, its types, its pages, and life without a loader or a compiler."""
+
+import importlib
+import importlib.util
+import inspect
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import shutterbug
+
+import needs
+
+SOURCES = Path(os.environ.get("SHUTTERBUG_SOURCES", Path(__file__).parents[2]))
+MODULES = ["", ".mujoco", ".gymnasium", ".newton", ".blender", ".transforms", ".bag", ".fleet", ".ray", ".errors"]
+NEEDS = {".mujoco": "mujoco", ".gymnasium": "gymnasium", ".newton": "newton", ".blender": "bpy", ".bag": "mcap_ros2", ".ray": "ray"}
+PAGES = [SOURCES / "python/README.md", *sorted((SOURCES / "docs/python").glob("*.md"))]
+
+
+def code_of(page):
+    return re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+
+
+def bare_python():
+    found = os.environ.get("SHUTTERBUG_BARE_PYTHON")
+    if not found:
+        pytest.skip("SHUTTERBUG_BARE_PYTHON names no environment with the wheels alone")
+    return found
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if code_of(p)], ids=lambda p: p.name)
+def test_the_code_of_each_page_runs(page, device, tmp_path, monkeypatch):
+    named = re.search(r"<!-- needs: (.*?) -->", page.read_text("utf-8"))
+    for name in named[1].split() if named else []:
+        needs.mujoco() if name == "mujoco" else pytest.importorskip(name, reason=f"{name} is not installed")
+    monkeypatch.chdir(tmp_path)
+    names = {"DEMO_CAPTURE": SOURCES / "demo/capture"}
+    for code in code_of(page):
+        exec(compile(code, str(page), "exec"), names)
+
+
+def test_the_first_page_runs_where_nothing_else_is(tmp_path):
+    """In an environment of the wheels alone, without a compiler on the way, and without a Vulkan driver of the machine's own."""
+    script = "\n".join(code_of(SOURCES / "python/README.md")) + "\nprint(picture.shape, cam.device['name'])"
+    nowhere = str(tmp_path / "none.json")
+    alone = {"PATH": "/nowhere", "HOME": str(tmp_path), "VK_DRIVER_FILES": nowhere, "VK_ICD_FILENAMES": nowhere}
+    run = subprocess.run([bare_python(), "-c", script], env=alone, capture_output=True, text=True, cwd=tmp_path)
+    if "pip install shutterbug-driver" in run.stderr:
+        pytest.skip("shutterbug-driver could not be made here: no SwiftShader from Debian")
+    assert run.returncode == 0, run.stderr
+    assert "(480, 640, 3) SwiftShader" in run.stdout and "runs on SwiftShader" in run.stderr
+
+
+def test_it_needs_no_loader(tmp_path):
+    """The loader is hidden in a mount namespace, where that is allowed."""
+    loaders = {str(p.resolve()) for d in ("/usr/lib", "/lib", "/usr/local/lib") for p in Path(d).glob("**/libvulkan.so.1")}
+    hide = "".join(f"mount --bind /dev/null {loader} && " for loader in loaders)
+    unshare = shutil.which("unshare")
+    probe = [unshare or "", "-m", "sh", "-c", f"{hide}true"]
+    if unshare is None or subprocess.run(probe, capture_output=True).returncode:
+        pytest.skip("the loader cannot be hidden here: no unshare, or no right to mount")
+    program = Path(bare_python()).parent / "shutterbug"
+    run = subprocess.run([unshare, "-m", "sh", "-c", f"{hide}exec {program} devices"], capture_output=True, text=True)
+    if run.returncode and "libvulkan" in run.stderr:
+        pytest.skip("shutterbug-driver could not be made here: no SwiftShader from Debian")
+    assert run.returncode == 0 and "SwiftShader" in run.stdout, run.stderr
+
+
+def test_import_is_quick():
+    """Under 150 ms of work with NumPy: time of the processor, because other programs run too."""
+    line = "import time; t = time.process_time(); import shutterbug; print(time.process_time() - t)"
+    spent = [float(subprocess.run([sys.executable, "-c", line], capture_output=True, text=True).stdout) for _ in range(9)]
+    print(f"import: best {min(spent):.3f} s, median {statistics.median(spent):.3f} s")
+    assert min(spent) < 0.15
+
+
+def public_things():
+    for name in MODULES:
+        if name in NEEDS and not importlib.util.find_spec(NEEDS[name]):
+            continue
+        module = importlib.import_module("shutterbug" + name)
+        yield module.__name__, module
+        for public in module.__all__:
+            thing = getattr(module, public)
+            yield f"{module.__name__}.{public}", thing
+            if inspect.isclass(thing) and thing.__module__.startswith("shutterbug"):
+                for member, value in vars(thing).items():
+                    callable_ = inspect.isfunction(value) or isinstance(value, property | classmethod | staticmethod)
+                    if callable_ and not member.startswith("_"):
+                        yield f"{module.__name__}.{public}.{member}", getattr(value, "__func__", value)
+
+
+def test_every_public_name_says_what_it_is():
+    told = dict(public_things())
+    silent = [n for n, t in told.items() if not isinstance(t, str) and len(inspect.getdoc(t) or "") < 12]
+    assert len(told) > 90 and silent == []
+
+
+def test_statuses_are_those_of_the_library():
+    from shutterbug import _core, errors
+
+    names = [name for name, _ in _core.statuses()]
+    header = (SOURCES / "include/shutterbug.h").read_text("utf-8")
+    assert names == re.findall(r"^    SHUTTERBUG_(\w+) = \d+,?\s+/\*|^    SHUTTERBUG_(OK) = 0", header, re.M) or len(names) == 23
+    for number, name in enumerate(names[1:], 1):
+        error = errors.of_status(number, "said")
+        assert error.status == name and isinstance(error, shutterbug.ShutterbugError) and str(error) == "said"
+        assert type(error) is not shutterbug.ShutterbugError
+    assert str(errors.of_status(1, "")) and errors.of_status(99, "x").status == "VULKAN"
+
+
+def checked(*words):
+    run = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True, cwd=SOURCES / "python")
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_types_are_sound_for_mypy():
+    pytest.importorskip("mypy")
+    checked("mypy", "--strict", "--cache-dir", os.devnull, "-p", "shutterbug")
+
+
+def test_types_are_sound_for_pyright():
+    pytest.importorskip("pyright")
+    checked("pyright", "--pythonpath", sys.executable, "shutterbug")
+
+
+def test_a_wrong_call_is_seen_by_mypy(tmp_path):
+    """The control: types that say nothing would let this through."""
+    pytest.importorskip("mypy")
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text("import shutterbug\nshutterbug.Camera('640', 480).middel()\nx: int = shutterbug.devices()\n")
+    run = subprocess.run([sys.executable, "-m", "mypy", "--cache-dir", os.devnull, wrong], capture_output=True, text=True)
+    assert run.stdout.count("error:") == 3, run.stdout
+
+
+def test_style():
+    pytest.importorskip("ruff")
+    checked("ruff", "check", "--no-cache", ".")
+    checked("ruff", "format", "--no-cache", "--check", ".")
+
+
+def test_wheels_hold_their_licences():
+    wheels = sorted((SOURCES / "target/python/dist").glob("*.whl"))
+    if not wheels:
+        pytest.skip("no wheels were made: tools/python-tests makes them")
+    for wheel in wheels:
+        names = zipfile.ZipFile(wheel).namelist()
+        licences = [n for n in names if "/licenses/" in n]
+        assert len(licences) >= 2 and all(zipfile.ZipFile(wheel).read(n) for n in licences)
+        assert any(n.endswith("py.typed") for n in names)
+    own = next(w for w in wheels if not w.name.startswith("shutterbug_driver"))
+    record = zipfile.ZipFile(own).read(next(n for n in zipfile.ZipFile(own).namelist() if n.endswith("RUST-PACKAGES.txt"))).decode()
+    assert "pyo3 0.29" in record and "ash 0.38" in record
