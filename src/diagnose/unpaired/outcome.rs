@@ -98,7 +98,7 @@ pub(super) fn report(
         alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
         ..Input::default()
     };
-    let shown = shown(what, folders.1, (plain, made), [gap.before, gap.after]);
+    let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
     let report = Report {
         verdict,
         sentence: sentence(verdict, &gap, &effects, &left),
@@ -279,24 +279,22 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String
     }
 }
 
+/// Pictures of the held-out frames; `plain` and `made` are the simulated ones without and with what was found.
 fn shown(
     what: &What<'_>,
     reals: &Folder,
-    (plain, made): (Vec<Plane<f32>>, Vec<Plane<f32>>),
+    plain: Vec<Plane<f32>>,
+    made: Vec<Plane<f32>>,
     apart: [f64; 2],
 ) -> Vec<Shown> {
-    let held = reals.held.iter().zip(&what.held.real).zip(plain.into_iter().zip(made));
-    let one = |((&index, real), (plain, made)): ((&usize, &Plane<f32>), (Plane<f32>, Plane<f32>))| {
-        let grain_of = [grain(real), grain(&made)];
-        let [a, b] = grain_of;
-        Shown {
-            index,
-            filename: reals.names[index].clone(),
-            pictures: [real.clone(), plain, made, a, b],
-            apart,
-        }
-    };
-    held.take(MOST_SHOWN).map(one).collect()
+    let mut out = Vec::new();
+    let held = reals.held.iter().zip(&what.held.real).take(MOST_SHOWN);
+    for (((&index, real), plain), made) in held.zip(plain).zip(made) {
+        let (of_real, of_made) = (grain(real), grain(&made));
+        let filename = reals.names[index].clone();
+        out.push(Shown { index, filename, pictures: [real.clone(), plain, made, of_real, of_made], apart });
+    }
+    out
 }
 
 /// What single values differ by from their neighbours, on middle grey.
