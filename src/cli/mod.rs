@@ -1,7 +1,9 @@
 //! The command line: parsing, progress, files. Everything it can do, the library can.
 
 mod args;
+mod args_board;
 mod begin;
+mod board;
 mod calibrate;
 mod camera;
 mod description;
@@ -74,7 +76,11 @@ fn start_threads() -> Result<()> {
 fn run_command(command: &Command) -> Result<()> {
     if matches!(
         command,
-        Command::Simulate(_) | Command::Diagnose(_) | Command::Withhold(_) | Command::Calibrate(_)
+        Command::Simulate(_)
+            | Command::Diagnose(_)
+            | Command::Withhold(_)
+            | Command::Board(_)
+            | Command::Calibrate(_)
     ) {
         start_threads()?;
     }
@@ -87,6 +93,7 @@ fn run_command(command: &Command) -> Result<()> {
         Command::Presets { name } => presets::run(name.as_deref()),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),
+        Command::Board(args) => board::run(args),
         Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     }
 }
