@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use glam::DQuat;
+
 use crate::camera::{Pose, Trajectory};
 use crate::error::Result;
 
@@ -33,15 +35,33 @@ impl BoardPath {
     /// What takes the pose at a frame's start to the pose a moment later, and how that changes by time (per s): the pose a little
     /// later over the pose.
     pub(super) fn since(&self, view: usize, late_s: f64) -> (Pose, Pose, f64) {
-        let (first_s, last_s) = self.trajectory.span_s();
         let step_s = STEP * self.period_s;
-        let at = |t: f64| self.trajectory.pose_at(t.clamp(first_s, last_s)).inverse();
         let start_s = self.starts_s[view];
-        let from = at(start_s).inverse();
-        let late_s = (start_s + late_s).clamp(first_s, last_s) - start_s;
-        let late_s = late_s.min(last_s - step_s - start_s).max(first_s - start_s);
-        let (now, then) = (at(start_s + late_s), at(start_s + late_s + step_s));
+        let from = self.camera_from_board(start_s).inverse();
+        let now = self.camera_from_board(start_s + late_s);
+        let then = self.camera_from_board(start_s + late_s + step_s);
         (now.then_from(&from), then.then_from(&now.inverse()), step_s)
+    }
+
+    /// The pose at a time; beyond the first and last frames' starts with the speed that it has there. That is for fits alone: what is
+    /// written is never extrapolated.
+    fn camera_from_board(&self, time_s: f64) -> Pose {
+        let (first_s, last_s) = self.trajectory.span_s();
+        let inside_s = time_s.clamp(first_s, last_s);
+        let at = self.trajectory.pose_at(inside_s);
+        if time_s == inside_s {
+            return at.inverse();
+        }
+        let step_s = (STEP * self.period_s).min(last_s - first_s);
+        let inward_s = if time_s > last_s { inside_s - step_s } else { inside_s + step_s };
+        let before = self.trajectory.pose_at(inward_s);
+        let steps = (time_s - inside_s) / (inside_s - inward_s);
+        let turn = (before.rotation.conjugate() * at.rotation).to_scaled_axis() * steps;
+        let beyond = Pose {
+            rotation: (at.rotation * DQuat::from_scaled_axis(turn)).normalize(),
+            translation_m: at.translation_m + (at.translation_m - before.translation_m) * steps,
+        };
+        beyond.inverse()
     }
 
     /// The trajectory as the contract's straight lines, `late_s` later, over what frames with neighbours on both sides need; and
@@ -74,7 +94,7 @@ pub(super) fn usual_interval_s(starts_s: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DQuat, DVec3};
+    use glam::DVec3;
 
     use super::*;
 
@@ -90,6 +110,9 @@ mod tests {
         let (since, _, _) = path.since(3, 0.04);
         let (is, should) = (since.then_from(&poses[3]), pose(starts_s[3] + 0.04));
         assert!((is.translation_m - should.translation_m).length() < 1e-4, "{is:?} {should:?}");
+        let (beyond, _, _) = path.since(10, 0.02);
+        let (is, should) = (beyond.then_from(&poses[10]), pose(1.12));
+        assert!((is.translation_m - should.translation_m).length() < 2e-3, "{is:?} {should:?}");
         // Control: a straight line between the frames is off by more.
         let line = poses[3].interpolate(&poses[4], 0.4);
         assert!((line.translation_m - should.translation_m).length() > 2e-4);

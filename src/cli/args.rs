@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 
 use super::args_board::Board;
+use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout};
 use crate::engine::{
     AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
     MotionSource, PaperOptions, Shift,
@@ -133,6 +134,12 @@ impl From<FormatName> for Format {
 pub enum Calibrate {
     /// Noise, from two or more frames of one static scene
     Noise(CalibrateNoise),
+    /// Fall-off, the sensor's pattern and noise, from pictures of an evenly lit surface and with the cap on
+    Flat(CalibrateFlat),
+    /// Sharpness, from a slanted edge (ISO 12233)
+    Edge(CalibrateEdge),
+    /// Readout, from the stripes that a blinking light makes
+    Readout(CalibrateReadout),
 }
 
 /// Arguments of `calibrate noise`.

@@ -2,9 +2,11 @@
 
 mod args;
 mod args_board;
+mod args_calibrate;
 mod begin;
 mod board;
 mod calibrate;
+mod calibrate_chart;
 mod camera;
 mod description;
 mod devices;
@@ -94,6 +96,9 @@ fn run_command(command: &Command) -> Result<()> {
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),
         Command::Board(args) => board::run(args),
+        Command::Calibrate(Calibrate::Flat(args)) => calibrate_chart::flat(args),
+        Command::Calibrate(Calibrate::Edge(args)) => calibrate_chart::edge(args),
+        Command::Calibrate(Calibrate::Readout(args)) => calibrate_chart::readout(args),
         Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     }
 }
