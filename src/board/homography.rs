@@ -69,8 +69,9 @@ pub(super) fn focal_lengths(homographies: &[DMat3], size: [u32; 2]) -> Option<[f
     };
     for h in homographies {
         let h = to_centre * *h;
-        let (u, v) = (h.x_axis / h.x_axis.length(), h.y_axis / h.y_axis.length());
-        let (sum, difference) = ((u + v).normalize(), (u - v).normalize());
+        // Right angles of the axes and of their diagonals: the axes are equally long, as they stand.
+        let (u, v) = (h.x_axis.normalize(), h.y_axis.normalize());
+        let (sum, difference) = ((h.x_axis + h.y_axis).normalize(), (h.x_axis - h.y_axis).normalize());
         add([u.x * v.x, u.y * v.y], -u.z * v.z);
         add([sum.x * difference.x, sum.y * difference.y], -sum.z * difference.z);
     }

@@ -171,7 +171,9 @@ impl FlatSums {
         clean(&mut sum);
         let pixels = sum.data.len() as f64;
         let of_sum = mean_square(&sum);
-        let of_each: f64 = self.squares.iter().sum();
+        // What cleaning took from the sum it would have taken from each.
+        let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
+        let of_each: f64 = kept * self.squares.iter().sum::<f64>();
         // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
         let variance = (of_sum - of_each) / (n * (n - 1.0));
         let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
@@ -325,7 +327,7 @@ mod tests {
         let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + prnu * dice.normal()).collect();
         let mut sums = FlatSums::new(w, h, Encoding::Linear);
         for frame in 0..frames {
-            let mut dice = Dice(1000 * seed + frame);
+            let mut dice = Dice((seed << 32) + (frame << 16));
             let half = 0.5 * (w as f32).hypot(h as f32);
             let picture = Plane::from_fn(w, h, |x, y| {
                 let (dx, dy) = ((x as f32 + 0.5 - 160.0) / half, (y as f32 + 0.5 - 128.0) / half);

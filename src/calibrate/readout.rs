@@ -314,7 +314,7 @@ mod tests {
         for (open, duty) in [(0.4, 0.5), (0.2, 0.1), (1.3, 0.5)] {
             let striped = photograph([320, 480], delay, open, duty, 0.05, false);
             let found = find_stripes(&[striped], Encoding::Linear, 500.0);
-            let readout = found.readout.unwrap_or_else(|| panic!("{open} {duty}: {found:?}"));
+            let readout = found.readout.clone().unwrap_or_else(|| panic!("{open} {duty}: {found:?}"));
             assert!(readout.lines_are_rows);
             assert!((readout.readout_time_s / 0.02 - 1.0).abs() < 0.01, "{open} {duty}: {readout:?}");
         }
