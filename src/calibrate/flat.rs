@@ -312,10 +312,12 @@ mod tests {
 
     impl Dice {
         fn normal(&mut self) -> f32 {
+            // Splitmix64: neighbouring seeds have nothing to do with each other.
             let mut roll = || {
-                self.0 =
-                    self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (self.0 >> 40) as f32 / (1 << 24) as f32
+                self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+                let a = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+                let b = (a ^ (a >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+                ((b ^ (b >> 31)) >> 40) as f32 / (1 << 24) as f32
             };
             (0..12).map(|_| roll()).sum::<f32>() - 6.0
         }
