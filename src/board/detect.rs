@@ -60,7 +60,7 @@ pub(super) fn find(grey: &Plane<u8>, size: [usize; 2]) -> Found {
 }
 
 /// How many times to shrink, in the order in which it is tried.
-fn sizes(grey: &Plane<u8>) -> Vec<usize> {
+pub(super) fn sizes(grey: &Plane<u8>) -> Vec<usize> {
     let longest = grey.width.max(grey.height);
     let mut first = 1;
     while longest / first > LONGEST_PX {
@@ -94,7 +94,7 @@ pub(super) fn grid_in(grey: &Plane<u8>, shrunk: usize) -> Option<Grid> {
 }
 
 /// Means over blocks of `times` px.
-fn shrink(grey: &Plane<u8>, times: usize) -> Plane<u8> {
+pub(super) fn shrink(grey: &Plane<u8>, times: usize) -> Plane<u8> {
     if times == 1 {
         return grey.clone();
     }
@@ -142,7 +142,7 @@ fn place(grid: &Grid, size: [usize; 2]) -> Option<Vec<Seen>> {
 }
 
 /// Each point refined in the picture at its full size; points that cannot be are left out.
-fn to_the_fraction(grey: &Plane<u8>, seen: Vec<Seen>, shrunk: usize) -> Vec<Seen> {
+pub(super) fn to_the_fraction(grey: &Plane<u8>, seen: Vec<Seen>, shrunk: usize) -> Vec<Seen> {
     let refine = |s: &Seen| {
         let free_px = nearest_px(&seen, s);
         refined(grey, s.px, free_px, shrunk).map(|px| Seen { px, ..*s })

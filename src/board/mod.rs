@@ -10,6 +10,7 @@
 //! effect explains. So the lens (and, of a moving board, the readout) is fitted with them, and left out of what is written.
 
 mod bundle;
+mod charuco;
 mod corners;
 mod detect;
 mod homography;
@@ -30,6 +31,6 @@ pub use corners::{read_corners, write_corners};
 pub use input::{Picture, pictures, times_of};
 pub use observe::{LeftOut, Observed, Source, observe};
 pub use select::{BoardFit, Timing, fit_board};
-pub use target::{Pattern, Seen, Target, View};
+pub use target::{Marker, Pattern, Seen, Target, View};
 pub use tone::{Tone, measure_tone};
 pub use write::{Written, write_capture};

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::DVec2;
 
+use super::charuco;
 use super::detect::{Found, find, nearest_px};
 use super::input::Picture;
 use super::orient::{align, even_is_dark};
@@ -141,6 +142,9 @@ fn read_grey(picture: &Picture, size: &mut Option<[u32; 2]>, first: &Picture) ->
 
 /// Points of the target in a picture, or what is there instead.
 fn look(grey: &Plane<u8>, target: &Target) -> std::result::Result<Vec<Seen>, String> {
+    if target.pattern == Pattern::Charuco {
+        return charuco::find(grey, target).ok_or_else(|| "no board".to_owned());
+    }
     match find(grey, target.size) {
         Found::Board(seen) => Ok(seen),
         Found::Other([c, r]) => {

@@ -93,12 +93,12 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_is_found_to_hundredths_of_a_pixel() {
+    fn a_corner_is_found_to_less_than_a_tenth_of_a_pixel() {
         for (centre, turn) in [((20.3, 19.1), 0.2), ((18.77, 21.5), 1.0), ((20.0, 20.0), 2.9)] {
             let centre = DVec2::from(centre);
             let grey = corner(centre, turn);
             let found = refined(&grey, centre + DVec2::new(1.2, -0.9), 20.0, 1).expect("a corner");
-            assert!((found - centre).length() < 0.04, "{found} for {centre}");
+            assert!((found - centre).length() < 0.08, "{found} for {centre}");
             // Control: the centre of the nearest pixel is far worse.
             let nearest = centre.floor() + 0.5;
             assert!((nearest - centre).length() > 0.1);

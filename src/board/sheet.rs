@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::target::{Pattern, Target};
+use super::target::Target;
 
 /// What is printed in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,6 @@ pub(super) struct Sheet {
 impl Sheet {
     /// A checkerboard, with so much of the squares around its inner corners as `reach` says: left, right, above, below, in squares.
     pub(super) fn checkerboard(target: &Target, even_is_dark: bool, reach: [f64; 4]) -> Self {
-        debug_assert!(target.pattern != Pattern::Aprilgrid);
         let borders = |axis: usize| {
             let [before, behind] = [reach[2 * axis], reach[2 * axis + 1]];
             let inner = (0..target.size[axis]).map(|i| target.at_m(axis, i));
@@ -78,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_checkerboard_keeps_its_colours_whatever_of_its_border_is_there() {
-        let target = Target::checkerboard([3, 3], 0.1);
+        let target = Target::checkerboard([3, 3], [0.1; 2]);
         let whole = Sheet::checkerboard(&target, true, [1.0, 1.0, 1.0, 1.0]);
         assert_eq!((whole.x_m.len(), whole.cells.len()), (5, 16));
         // The square right of and below the first inner corner.

@@ -9,8 +9,6 @@ pub enum Pattern {
     Checkerboard,
     /// A checkerboard with ArUco markers in its white squares; points are the inner corners.
     Charuco,
-    /// Kalibr's AprilGrid: tags with small squares where their corners meet; points are the corners of the tags.
-    Aprilgrid,
 }
 
 impl Pattern {
@@ -19,30 +17,36 @@ impl Pattern {
         match self {
             Self::Checkerboard => "checkerboard",
             Self::Charuco => "charuco",
-            Self::Aprilgrid => "aprilgrid",
         }
     }
 }
 
-/// A target: points on a plane, counted along columns (x) and rows (y).
+/// Markers of a ChArUco board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Marker {
+    /// Side of a marker over that of a square.
+    pub share: f64,
+    /// OpenCV's name of its dictionary.
+    pub dictionary: &'static str,
+}
+
+/// A target: points on a plane, counted along columns (x) and rows (y) from the first inner corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its kind.
     pub pattern: Pattern,
-    /// Columns and rows of points (checkerboard, charuco: inner corners; aprilgrid: two of each a tag).
+    /// Columns and rows of points: inner corners.
     pub size: [usize; 2],
-    /// Side of a square along x and y, or of a tag, m.
+    /// Side of a square along x and y, m.
     pub square_m: [f64; 2],
-    /// Aprilgrid: gap between two tags over the side of one.
-    pub spacing: f64,
-    /// Charuco: side of a marker over that of a square; dictionary, by OpenCV's name.
-    pub marker: Option<(f64, String)>,
+    /// Of a ChArUco board.
+    pub marker: Option<Marker>,
 }
 
 impl Target {
-    /// A checkerboard of so many inner corners.
-    pub fn checkerboard(size: [usize; 2], square_m: f64) -> Self {
-        Self { pattern: Pattern::Checkerboard, size, square_m: [square_m; 2], spacing: 0.0, marker: None }
+    /// A checkerboard of so many inner corners, with squares of these sides, m.
+    pub fn checkerboard(size: [usize; 2], square_m: [f64; 2]) -> Self {
+        Self { pattern: Pattern::Checkerboard, size, square_m, marker: None }
     }
 
     /// How many points it has.
@@ -52,14 +56,7 @@ impl Target {
 
     /// Place of a column (axis 0) or row (axis 1) of points, m.
     pub fn at_m(&self, axis: usize, index: usize) -> f64 {
-        let side_m = self.square_m[axis];
-        match self.pattern {
-            Pattern::Checkerboard | Pattern::Charuco => index as f64 * side_m,
-            Pattern::Aprilgrid => {
-                let (tag, far) = (index / 2, index % 2);
-                side_m * (tag as f64 * (1.0 + self.spacing) + far as f64)
-            }
-        }
+        index as f64 * self.square_m[axis]
     }
 
     /// Place of a point on the board's plane, m.
@@ -70,10 +67,7 @@ impl Target {
     /// The name with its size, for messages.
     pub fn describe(&self) -> String {
         let [columns, rows] = self.size;
-        match self.pattern {
-            Pattern::Aprilgrid => format!("aprilgrid of {}x{} tags", columns / 2, rows / 2),
-            pattern => format!("{} of {columns}x{rows} inner corners", pattern.name()),
-        }
+        format!("{} of {columns}x{rows} inner corners", self.pattern.name())
     }
 }
 
@@ -99,29 +93,5 @@ impl View {
     /// Where a point is, if it was seen.
     pub fn px(&self, point: [usize; 2]) -> Option<DVec2> {
         self.seen.iter().find(|s| s.point == point).map(|s| s.px)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_of_an_aprilgrid_lie_at_both_ends_of_each_tag() {
-        let target = Target {
-            pattern: Pattern::Aprilgrid,
-            size: [4, 2],
-            square_m: [0.05; 2],
-            spacing: 0.3,
-            marker: None,
-        };
-        let x: Vec<f64> = (0..4).map(|i| target.at_m(0, i)).collect();
-        for (is, should) in x.iter().zip([0.0, 0.05, 0.065, 0.115]) {
-            assert!((is - should).abs() < 1e-12, "{x:?}");
-        }
-        assert_eq!(target.describe(), "aprilgrid of 2x1 tags");
-        // Control: of a checkerboard they are evenly spaced.
-        let even = Target::checkerboard([4, 2], 0.05);
-        assert!((even.at_m(0, 3) - 0.15).abs() < 1e-12);
     }
 }

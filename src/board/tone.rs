@@ -61,7 +61,11 @@ impl Look<'_> {
         let mut all: [[Vec<f64>; 3]; 2] = Default::default();
         for (i, j) in (0..columns as i64 - 1).flat_map(|i| (0..rows as i64 - 1).map(move |j| (i, j))) {
             let kind = usize::from(!self.is_dark(i, j));
-            for [dx, dy] in INSIDE {
+            let bright = kind == 1;
+            // Beside a marker, half way to the square's edge.
+            let beside = self.target.marker.as_ref().filter(|_| bright).map(|m| 0.25 * (1.0 + m.share));
+            let margin = |away: f64| [[away, 0.0], [-away, 0.0], [0.0, away], [0.0, -away], [away, away]];
+            for [dx, dy] in beside.map_or(INSIDE, margin) {
                 if let Some(rgb) = self.at(i as f64 + 0.5 + dx, j as f64 + 0.5 + dy) {
                     (0..3).for_each(|c| all[kind][c].push(rgb[c]));
                 }

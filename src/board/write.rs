@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::charuco;
 use super::corners::write_corners;
 use super::input::Picture;
 use super::observe::Observed;
@@ -46,7 +47,8 @@ pub fn write_capture(
         let found = "no picture with the board whose neighbours in time show it too";
         return Err(Error::input(out, None, found, "frames that follow each other, or stills without times"));
     }
-    let sheet = Sheet::checkerboard(target, observed.even_is_dark, tone.reach);
+    let sheet = charuco::sheet(target)
+        .unwrap_or_else(|| Sheet::checkerboard(target, observed.even_is_dark, tone.reach));
     let put = |name: &str, text: &str| write_atomic(&out.join(name), text.as_bytes());
     put("camera.toml", &camera_toml(out, target, observed, fit, times_ns.is_none(), period_s))?;
     put("scene.obj", &sheet.to_obj())?;

@@ -168,12 +168,15 @@ impl FlatSums {
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
+        let raw = mean_square(&sum);
         clean(&mut sum);
         let pixels = sum.data.len() as f64;
         let of_sum = mean_square(&sum);
-        // What cleaning took from the sum it would have taken from each.
+        // What cleaning took from the sum, the same in every picture, it would have taken from each; and so much of the rest as it has
+        // means.
+        let common = (raw - of_sum) / (n * n);
         let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
-        let of_each: f64 = kept * self.squares.iter().sum::<f64>();
+        let of_each: f64 = kept * (self.squares.iter().sum::<f64>() - n * common);
         // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
         let variance = (of_sum - of_each) / (n * (n - 1.0));
         let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);

@@ -13,12 +13,21 @@ pub struct Board {
     /// What is printed on the board
     #[arg(long, value_enum, default_value_t)]
     pub pattern: PatternName,
-    /// Its columns and rows: inner corners of a checkerboard
+    /// Its columns and rows: inner corners of a checkerboard, squares of a ChArUco board (as OpenCV counts them)
     #[arg(long, value_parser = size)]
     pub size: Option<[usize; 2]>,
     /// Side of a square, m (1: squares are the unit of length)
     #[arg(long, default_value_t = 1.0, value_parser = side_m)]
     pub square_m: f64,
+    /// ChArUco: side of a marker over that of a square
+    #[arg(long, default_value_t = 0.75, value_parser = share)]
+    pub marker_share: f64,
+    /// ChArUco: OpenCV's name of the dictionary
+    #[arg(long, default_value = "DICT_5X5_100")]
+    pub dictionary: String,
+    /// Kalibr's target.yaml of a checkerboard, in place of --pattern, --size and --square-m
+    #[arg(long, conflicts_with_all = ["size", "square_m", "pattern"])]
+    pub target: Option<PathBuf>,
     /// Corners that another tool has found, lines of file,col,row,u_px,v_px, instead of looking for them
     #[arg(long)]
     pub corners: Option<PathBuf>,
@@ -39,6 +48,8 @@ pub enum PatternName {
     /// Squares, dark and bright in turns
     #[default]
     Checkerboard,
+    /// A checkerboard with ArUco markers in its bright squares, laid out as by OpenCV since 4.6
+    Charuco,
 }
 
 fn size(text: &str) -> Result<[usize; 2], String> {
@@ -51,5 +62,12 @@ fn side_m(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(side) if (1e-6..=1e3).contains(&side) => Ok(side),
         _ => Err("a length in m, 1e-6 to 1000".to_owned()),
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(share) if (0.2..=0.95).contains(&share) => Ok(share),
+        _ => Err("a share of a square's side, 0.2 to 0.95".to_owned()),
     }
 }

@@ -12,6 +12,7 @@ use crate::board::{
 };
 use crate::error::{Error, Result, one_line};
 use crate::files::{Out, OutRules};
+use crate::formats::read_target;
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
@@ -58,14 +59,27 @@ pub fn run(args: &Board) -> Result<()> {
 }
 
 fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<Target> {
-    let PatternName::Checkerboard = args.pattern;
+    if let Some(path) = &args.target {
+        let t = read_target(path)?;
+        return Ok(Target::checkerboard(t.inner_corners, t.square_m));
+    }
     let last = |axis: usize| table.and_then(|t| t.values().flatten().map(|s| s.point[axis] + 1).max());
-    let size = args.size.or_else(|| Some([last(0)?, last(1)?]));
-    let Some(size) = size else {
-        let expected = "--size COLUMNSxROWS, the inner corners of the board";
-        return Err(Error::input(Path::new("--pattern"), None, "no --size", expected));
-    };
-    Ok(Target::checkerboard(size, args.square_m))
+    let usage = |found: String, expected: &str| Error::input(Path::new("--pattern"), None, found, expected);
+    match args.pattern {
+        PatternName::Checkerboard => {
+            let size = args.size.or_else(|| Some([last(0)?, last(1)?]));
+            let expected = "--size COLUMNSxROWS, the inner corners of the board, or --target";
+            let size = size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
+            Ok(Target::checkerboard(size, [args.square_m; 2]))
+        }
+        PatternName::Charuco => {
+            let expected = "--size COLUMNSxROWS, the squares of the board";
+            let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
+            let expected = "a dictionary of OpenCV with a marker for every bright square, as DICT_5X5_100";
+            Target::charuco(size, args.square_m, args.marker_share, &args.dictionary)
+                .ok_or_else(|| usage(format!("the dictionary `{}`", args.dictionary), expected))
+        }
+    }
 }
 
 /// An error that tells what the pictures show in place of the board.
