@@ -65,7 +65,7 @@ fn the_camera_comes_back_from_photographs() {
         assert!(half < narrow && (found - truth).abs() < 1.6 * half, "{name} {found} +- {half} for {truth}");
     }
     let rms = |name: &str| report["rms_px"][name].as_f64().unwrap();
-    assert!(rms("with_lens_and_readout") < 0.08, "{}", rms("with_lens_and_readout"));
+    assert!(rms("with_lens_and_readout") < 0.15, "{}", rms("with_lens_and_readout"));
     assert!(rms("pinhole_alone") > 5.0 * rms("with_lens_and_readout"), "control: a pinhole does not do");
     // The capture can be read, is a pinhole, and the pictures are in it as they were.
     let capture = Capture::read(&out, None).unwrap();
@@ -81,6 +81,16 @@ fn the_camera_comes_back_from_photographs() {
     let second = fitted(&frames, &again, &["--corners", table.to_str().unwrap(), "--square-m", "0.03"]);
     assert!((value(&second, "k1") - value(&report, "k1")).abs() < 1e-6);
     assert!((value(&second, "cx") - value(&report, "cx")).abs() < 1e-3);
+    // Smaller frames have the same camera, in their own px.
+    let small = folder.path().join("small");
+    fitted(&frames, &small, &["--size", "7x4", "--square-m", "0.03", "--shrink", "2"]);
+    let small = Capture::read(&small, None).unwrap();
+    let (k, whole) = (small.camera.intrinsics, capture.camera.intrinsics);
+    assert_eq!((k.width, k.height), (160, 120));
+    assert!((2.0 * k.fx - whole.fx).abs() < 1e-9 && (2.0 * k.cx - whole.cx).abs() < 1e-9);
+    let frame =
+        shutterbug::plane::read_rgb8(&small.root.join("real").join(&small.frames[0].filename)).unwrap();
+    assert_eq!((frame.width, frame.height), (160, 120));
 }
 
 /// Frames of a camera in motion, with frames.csv.
@@ -204,6 +214,13 @@ fn board_gopro_needs_three_coefficients() {
     let left_out = report["left_out"].as_array().unwrap();
     assert_eq!(left_out.len(), 1, "{left_out:?}");
     assert_eq!(left_out[0]["file"], "11.jpg", "a part of the board, which may be any");
+    // In the corners that lens turns back; the frames are without, so that it can be simulated.
+    assert!(report["cut_px"][0].as_u64().unwrap() > 0, "{}", report["cut_px"]);
+    let capture = Capture::read(&folder.path().join("capture"), None).unwrap();
+    let k = capture.camera.intrinsics;
+    let [a, b, c] = ["k1", "k2", "k3"].map(|n| value(&report, n));
+    let lens = shutterbug::camera::Distortion::BrownConrady { k: [a, b, c], p: [0.0; 2] };
+    assert!(shutterbug::camera::Lens::new(k, lens).is_ok(), "{k:?}");
 }
 
 #[test]

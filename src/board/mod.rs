@@ -12,6 +12,7 @@
 mod bundle;
 mod charuco;
 mod corners;
+mod crop;
 mod detect;
 mod homography;
 mod input;
@@ -33,4 +34,4 @@ pub use observe::{LeftOut, Observed, Source, observe};
 pub use select::{BoardFit, Timing, fit_board};
 pub use target::{Marker, Pattern, Seen, Target, View};
 pub use tone::{Tone, measure_tone};
-pub use write::{Written, write_capture};
+pub use write::{Real, Written, write_capture};

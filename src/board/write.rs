@@ -7,17 +7,19 @@ use serde_json::json;
 
 use super::charuco;
 use super::corners::write_corners;
+use super::crop::{cropped, cut};
 use super::input::Picture;
 use super::observe::Observed;
 use super::select::BoardFit;
 use super::sheet::Sheet;
 use super::target::Target;
 use super::tone::Tone;
-use crate::camera::{Pose, Trajectory};
+use crate::camera::{Intrinsics, Pose, Trajectory};
 use crate::capture::CameraFile;
 use crate::chain::Settings;
 use crate::error::{Error, Result, one_line};
 use crate::files::{Limit, read, write_atomic};
+use crate::plane::{Plane, read_rgb8, srgb_decode, srgb8, write_png_atomic};
 
 /// Time between stills, s: none is known, and nothing depends on it.
 const STILL_S: f64 = 1.0;
@@ -27,9 +29,20 @@ const STILL_S: f64 = 1.0;
 pub struct Written {
     /// Real frames.
     pub frames: usize,
+    /// Columns and rows that were cut on each side, px of the pictures: no ray of the fitted lens reaches what lies there.
+    pub cut_px: [u32; 2],
 }
 
-/// Writes the capture into `out`, which is open; `times_ns`: when each picture began, of frames that follow each other.
+/// How the pictures come into the capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Real<'a> {
+    /// When each picture began, ns, of frames that follow each other.
+    pub times_ns: Option<&'a [i64]>,
+    /// 1: as they are; else means over so many px by so many.
+    pub shrink: usize,
+}
+
+/// Writes the capture into `out`, which is open.
 ///
 /// # Errors
 /// Files that cannot be read or written; frames that follow each other of which none has a neighbour on both sides.
@@ -40,8 +53,10 @@ pub fn write_capture(
     observed: &Observed,
     fit: &BoardFit,
     tone: &Tone,
-    times_ns: Option<&[i64]>,
+    real: Real<'_>,
 ) -> Result<Written> {
+    let Real { times_ns, shrink } = real;
+    let cut_px = cut(&fit.camera.intrinsics(), fit.camera.lens());
     let (trajectory, frames, period_s) = motion(observed, fit, times_ns)?;
     if frames.is_empty() {
         let found = "no picture with the board whose neighbours in time show it too";
@@ -50,22 +65,73 @@ pub fn write_capture(
     let sheet = charuco::sheet(target)
         .unwrap_or_else(|| Sheet::checkerboard(target, observed.even_is_dark, tone.reach));
     let put = |name: &str, text: &str| write_atomic(&out.join(name), text.as_bytes());
-    put("camera.toml", &camera_toml(out, target, observed, fit, times_ns.is_none(), period_s))?;
+    put("camera.toml", &camera_toml(out, target, observed, fit, real, period_s))?;
     put("scene.obj", &sheet.to_obj())?;
     put("scene.mtl", &materials(tone))?;
     put("trajectory.tum", &trajectory)?;
     let mut list = String::from("#timestamp [ns],filename\n");
-    let real = out.join("real");
-    std::fs::create_dir_all(&real).map_err(|e| Error::io(&real, "create the folder", e))?;
+    let folder = out.join("real");
+    std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create the folder", e))?;
     for (time_ns, view) in &frames {
         let picture = &pictures[observed.views[*view].picture];
-        let _ = writeln!(list, "{time_ns},{}", picture.name);
-        write_atomic(&real.join(&picture.name), &read(&picture.path, Limit::PICTURE)?)?;
+        let changed = shrink > 1 || cut_px != [0; 2];
+        let name = if changed { png_name(picture) } else { picture.name.clone() };
+        let _ = writeln!(list, "{time_ns},{name}");
+        let path = folder.join(&name);
+        if changed {
+            let whole = read_rgb8(&picture.path)?;
+            write_png_atomic(&path, &shrunk(&part(&whole, cut_px), shrink))?;
+        } else {
+            write_atomic(&path, &read(&picture.path, Limit::PICTURE)?)?;
+        }
     }
     put("frames.csv", &list)?;
     put("corners.csv", &write_corners(pictures, &observed.views))?;
     put("board.json", &report(pictures, target, observed, fit, tone))?;
-    Ok(Written { frames: frames.len() })
+    Ok(Written { frames: frames.len(), cut_px })
+}
+
+fn png_name(picture: &Picture) -> String {
+    let stem = picture.path.file_stem().unwrap_or_default();
+    format!("{}.png", stem.to_string_lossy())
+}
+
+/// A picture without columns and rows at its sides.
+fn part(picture: &Plane<u8>, cut_px: [u32; 2]) -> Plane<u8> {
+    let [across, down] = cut_px.map(|c| c as usize);
+    let (width, height) = (picture.width - 2 * across, picture.height - 2 * down);
+    Plane::from_fn(width, height, |x, y| {
+        let p = picture.pixel(x + across, y + down);
+        [p[0], p[1], p[2]]
+    })
+}
+
+/// Means of linear light over blocks; what does not fill one at the right and below is left out.
+fn shrunk(picture: &Plane<u8>, times: usize) -> Plane<u8> {
+    let linear: Vec<f32> = (0..=255u8).map(|v| srgb_decode(f32::from(v) / 255.0)).collect();
+    Plane::from_fn(picture.width / times, picture.height / times, |x, y| {
+        let mut sum = [0.0f32; 3];
+        for (i, j) in (0..times).flat_map(|j| (0..times).map(move |i| (i, j))) {
+            let p = picture.pixel(x * times + i, y * times + j);
+            (0..3).for_each(|c| sum[c] += linear[usize::from(p[c])]);
+        }
+        sum.map(|s| srgb8(s / (times * times) as f32))
+    })
+}
+
+/// The fitted pinhole in pictures that were cut and shrunk so many times: places count from the first pixel's corner.
+fn pinhole(fit: &BoardFit, times: usize) -> Intrinsics {
+    let whole = fit.camera.intrinsics();
+    let (k, n) = (cropped(&whole, cut(&whole, fit.camera.lens())), times as f64);
+    let side = |px: u32| px / times as u32;
+    Intrinsics {
+        width: side(k.width),
+        height: side(k.height),
+        fx: k.fx / n,
+        fy: k.fy / n,
+        cx: k.cx / n,
+        cy: k.cy / n,
+    }
 }
 
 /// Text of the trajectory; time (ns) and view of each frame; time between frames, s.
@@ -93,15 +159,15 @@ fn camera_toml(
     target: &Target,
     observed: &Observed,
     fit: &BoardFit,
-    stills: bool,
+    real: Real<'_>,
     period_s: f64,
 ) -> String {
     let camera = CameraFile {
         path: out.join("camera.toml"),
-        intrinsics: fit.camera.intrinsics(),
+        intrinsics: pinhole(fit, real.shrink),
         frame_period_s: period_s,
         background_ignored: true,
-        static_camera: stills,
+        static_camera: real.times_ns.is_none(),
         lit: false,
         settings: Settings::default(),
         warnings: Vec::new(),
@@ -147,7 +213,23 @@ fn report(pictures: &[Picture], target: &Target, observed: &Observed, fit: &Boar
         "rms_px": { "pinhole_alone": fit.rms_px[0], "with_lens_and_readout": fit.rms_px[1] },
         "views": views,
         "left_out": left_out,
+        "cut_px": cut(&fit.camera.intrinsics(), fit.camera.lens()),
         "print": { "dark": tone.dark, "bright": tone.bright, "reach_squares": tone.reach },
     });
     serde_json::to_string_pretty(&all).expect("numbers and names") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shrunk_picture_has_the_light_of_the_whole_one() {
+        let fine = Plane::from_fn(7, 4, |x, y| [if (x + y) % 2 == 0 { 255u8 } else { 0 }; 3]);
+        let small = shrunk(&fine, 2);
+        assert_eq!((small.width, small.height), (3, 2));
+        // Half of the light, which is not half of the value.
+        assert_eq!(small.data[0], srgb8(0.5));
+        assert_ne!(small.data[0], 128, "control");
+    }
 }

@@ -34,6 +34,10 @@ pub struct Board {
     /// The frames follow each other at this rate, Hz (a frames.csv beside them says it too); without both they are stills
     #[arg(long, value_parser = super::args::rate_hz)]
     pub fps: Option<f64>,
+    /// Write frames of means over so many px by so many: large stills are more than a diagnosis can hold. Corners are found in the
+    /// pictures as they are
+    #[arg(long, default_value_t = 1, value_parser = times)]
+    pub shrink: usize,
     /// Folder for the capture; made if absent
     #[arg(long)]
     pub out: PathBuf,
@@ -69,5 +73,12 @@ fn share(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if (0.2..=0.95).contains(&share) => Ok(share),
         _ => Err("a share of a square's side, 0.2 to 0.95".to_owned()),
+    }
+}
+
+fn times(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(times @ 1..=64) => Ok(times),
+        _ => Err("a whole number, 1 to 64".to_owned()),
     }
 }

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use super::args_board::{Board, PatternName};
 use super::terminal::{print, say};
 use crate::board::{
-    BoardFit, Observed, Picture, Seen, Source, Target, Timing, fit_board, measure_tone, observe, pictures,
-    read_corners, times_of, write_capture,
+    BoardFit, Observed, Picture, Real, Seen, Source, Target, Timing, fit_board, measure_tone, observe,
+    pictures, read_corners, times_of, write_capture,
 };
 use crate::error::{Error, Result, one_line};
 use crate::files::{Out, OutRules};
@@ -16,6 +16,10 @@ use crate::formats::read_target;
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
+/// Memory of a diagnosis for each pixel of each frame, bytes: measured on 17 frames of 1280x960 px (docs/board.md).
+const BYTES_OF_A_PIXEL: usize = 250;
+/// From so much on it is worth a word: what small machines have.
+const MUCH_GB: f64 = 8.0;
 /// Most pictures without a board that an error names.
 const MOST_NAMED: usize = 5;
 
@@ -48,13 +52,27 @@ pub fn run(args: &Board) -> Result<()> {
         .map_err(|e| with_left_out(e, &observed))?;
     let tone = measure_tone(&pictures, &target, &observed.views, &fit, observed.even_is_dark)?;
     out.start()?;
-    let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, times_ns.as_deref())?;
+    let real = Real { times_ns: times_ns.as_deref(), shrink: args.shrink };
+    let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, real)?;
     print(summary(&pictures, &observed, &fit, times_ns.is_some()))?;
+    if written.cut_px != [0; 2] {
+        let [across, down] = written.cut_px;
+        say(format_args!(
+            "the frames lack {across} columns and {down} rows on each side: no ray of the fitted lens reaches the corners there"
+        ));
+    }
     let to = args.out.display();
     say(format_args!(
         "{} frames written to {to}: `shutterbug diagnose` names what the pinhole lacks",
         written.frames
     ));
+    let pixels = observed.size.iter().map(|s| *s as usize / args.shrink).product::<usize>() * written.frames;
+    let needed_gb = (pixels * BYTES_OF_A_PIXEL) as f64 / 1e9;
+    if needed_gb > MUCH_GB {
+        say(format_args!(
+            "`diagnose` takes about {needed_gb:.0} GB for frames of this size; --shrink 2 or more writes smaller ones"
+        ));
+    }
     Ok(())
 }
 
