@@ -39,7 +39,7 @@ impl Sheet {
         let (columns, rows) = (x_m.len() - 1, y_m.len() - 1);
         let ink = |i: usize, j: usize| {
             // The first square between inner corners is number 0 along both.
-            let even = (i + left + j + above) % 2 == 0;
+            let even = (i + left + j + above).is_multiple_of(2);
             if even == even_is_dark { Ink::Dark } else { Ink::Bright }
         };
         let cells =

@@ -135,11 +135,9 @@ fn pinhole(fit: &BoardFit, times: usize) -> Intrinsics {
 }
 
 /// Text of the trajectory; time (ns) and view of each frame; time between frames, s.
-fn motion(
-    observed: &Observed,
-    fit: &BoardFit,
-    times_ns: Option<&[i64]>,
-) -> Result<(String, Vec<(i64, usize)>, f64)> {
+type Motion = (String, Vec<(i64, usize)>, f64);
+
+fn motion(observed: &Observed, fit: &BoardFit, times_ns: Option<&[i64]>) -> Result<Motion> {
     if let (Some((trajectory, kept)), Some(times_ns)) = (&fit.path, times_ns) {
         let at = |view: usize| times_ns[observed.views[view].picture];
         let frames: Vec<(i64, usize)> = kept.iter().map(|v| (at(*v), *v)).collect();

@@ -211,20 +211,26 @@ impl FlatSums {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;
         let half = 0.5 * w.hypot(h);
-        let columns = |k: usize| {
+        let columns = |k: usize, [a1, a2]: [f64; 2]| {
             let middle = |i: usize| (i as f64 + 0.5) * BLOCK_PX as f64;
             let x = (middle(k % across) - 0.5 * w) / half;
             let y = (middle(k / across) - 0.5 * h) / half;
             let q = x * x + y * y;
-            [1.0, q, q * q, x, y]
+            // The light's tilt falls off with the rest of it.
+            let fall = 1.0 + a1 * q + a2 * q * q;
+            [1.0, q, q * q, x * fall, y * fall]
         };
         let rows = self.blocks.len();
-        let a = DMatrix::from_fn(rows, 5, |k, c| columns(k)[c]);
         let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / frames));
-        let normal = a.transpose() * &a;
-        let Some(inverse) = normal.try_inverse() else { return [[0.0; 2]; 5] };
-        let x = &inverse * a.transpose() * &b;
-        let left = (&b - &a * &x).norm_squared();
+        let solved = |known: [f64; 2]| {
+            let a = DMatrix::from_fn(rows, 5, |k, c| columns(k, known)[c]);
+            let inverse = (a.transpose() * &a).try_inverse()?;
+            let x = &inverse * a.transpose() * &b;
+            let left = (&b - &a * &x).norm_squared();
+            Some((x, inverse, left))
+        };
+        let first = solved([0.0; 2]).map(|(x, _, _)| [x[1] / x[0], x[2] / x[0]]);
+        let Some((x, inverse, left)) = first.and_then(solved) else { return [[0.0; 2]; 5] };
         let variance = left / (rows as f64 - 5.0).max(1.0);
         let by = |i: usize| [x[i] / x[0], (variance * inverse[(i, i)]).sqrt() / x[0]];
         let corner = (x[0] + x[1] + x[2]) / x[0];

@@ -35,13 +35,6 @@ impl Oracle {
         }
     }
 
-    /// Where a point in front of the camera falls, px.
-    pub fn project(&self, p: DVec3) -> DVec2 {
-        let at = p.truncate() / p.z;
-        let s = at.length_squared();
-        at * (1.0 + s * (self.k[0] + s * self.k[1])) * self.focal_px + self.centre_px
-    }
-
     fn ray(&self, px: DVec2) -> DVec3 {
         let distorted = (px - self.centre_px) / self.focal_px;
         let mut at = distorted;
