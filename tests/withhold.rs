@@ -48,6 +48,7 @@ fn options(folder: &Path, program: &Path) -> WithholdOptions {
         device: None,
         keep_frames: false,
         only: Vec::new(),
+        form: shutterbug::withhold::Form::Capture,
     }
 }
 

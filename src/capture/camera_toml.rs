@@ -30,14 +30,27 @@ pub struct CameraFile {
     pub static_camera: bool,
     /// Whether the scene is lit by `lights.toml` (else `kd` is radiance).
     pub lit: bool,
+    /// Whether pictures of the simulator beside the file hold linear radiance (else sRGB).
+    pub linear: bool,
     /// The modelled effects.
     pub settings: Settings,
     /// What is allowed but worth saying: "readout longer than the frame period".
     pub warnings: Vec<String>,
 }
 
-pub(super) const KEYS: [&str; 10] =
-    ["width", "height", "fx", "fy", "cx", "cy", "frame_period_s", "background", "static", "shading"];
+pub(super) const KEYS: [&str; 11] = [
+    "width",
+    "height",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "frame_period_s",
+    "background",
+    "static",
+    "shading",
+    "linear",
+];
 
 /// Focal lengths outside this are no camera's, px; inside it every ray stays finite in an `f32`.
 const FOCAL_RANGE_PX: (f64, f64) = (1e-3, 1e7);
@@ -59,6 +72,21 @@ impl CameraFile {
             tracing::warn!("{}: {warning}", path.display());
         }
         Ok(camera)
+    }
+
+    /// A camera without effects.
+    pub fn pinhole(path: PathBuf, intrinsics: Intrinsics, frame_period_s: f64) -> Self {
+        Self {
+            path,
+            intrinsics,
+            frame_period_s,
+            background_ignored: false,
+            static_camera: false,
+            lit: false,
+            linear: false,
+            settings: Settings::default(),
+            warnings: Vec::new(),
+        }
     }
 
     /// Reads the file's text; `path` is what errors name.
@@ -89,6 +117,7 @@ impl CameraFile {
             background_ignored: keys.choice("background", ["black", "ignore"])?,
             static_camera: keys.flag("static")?,
             lit: keys.choice("shading", ["unlit", "lit"])?,
+            linear: keys.flag("linear")?,
             settings,
             warnings,
         })
@@ -107,6 +136,7 @@ impl CameraFile {
             (self.background_ignored, "background = \"ignore\"\n"),
             (self.static_camera, "static = true\n"),
             (self.lit, "shading = \"lit\"\n"),
+            (self.linear, "linear = true\n"),
         ];
         text.extend(stated.into_iter().filter(|(on, _)| *on).map(|(_, line)| line));
         for effect in effects::LIST.iter().filter(|e| self.settings.has(e.id())) {

@@ -284,7 +284,21 @@ pub struct Devices {
 #[derive(Debug, clap::Args)]
 pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
-    pub capture: PathBuf,
+    #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
+    pub capture: Option<PathBuf>,
+    /// Folder with the frames of any simulator; beside them, where there are such, depth/, motion/, mask/ (NNNNNN.exr or .png),
+    /// camera.toml, trajectory.tum, frames.csv
+    #[arg(long, requires = "real")]
+    pub sim: Option<PathBuf>,
+    /// Folder with the real frames, of equal names or matched by --match or frames.csv
+    #[arg(long, requires = "sim")]
+    pub real: Option<PathBuf>,
+    /// Which frames go together: a file with lines `sim,real`
+    #[arg(long = "match", requires = "sim")]
+    pub matches: Option<PathBuf>,
+    /// The folders show different moments: compare what the camera leaves in every picture, whatever it shows
+    #[arg(long, requires = "sim", conflicts_with = "matches")]
+    pub unpaired: bool,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,
@@ -363,6 +377,9 @@ pub struct Withhold {
     /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
     #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
     pub imperfect: Vec<String>,
+    /// What the diagnosis is given
+    #[arg(long, value_enum, default_value_t = FormName::Capture, conflicts_with = "curve")]
+    pub form: FormName,
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,
@@ -372,6 +389,20 @@ pub struct Withhold {
     /// Device of the diagnosis, by index, UUID or (part of its) name
     #[arg(long)]
     pub device: Option<String>,
+}
+
+/// `--form`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// A scene and a path
+    #[default]
+    Capture,
+    /// Simulated frames of the same moments, with depth and the path
+    Pairs,
+    /// Simulated frames at poses that are a little off, and nothing else
+    Rough,
+    /// Simulated frames of the same room from another path
+    Unpaired,
 }
 
 /// `--method`.

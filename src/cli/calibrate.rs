@@ -115,16 +115,7 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
 pub(super) fn placeholder(path: &Path, size_px: [usize; 2]) -> CameraFile {
     let [width, height] = size_px.map(|side| side as u32);
     let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
-    CameraFile {
-        path: path.to_owned(),
-        intrinsics: Intrinsics { width, height, fx, fy: fx, cx, cy },
-        frame_period_s: 1.0 / 30.0,
-        background_ignored: false,
-        static_camera: false,
-        lit: false,
-        settings: Settings::default(),
-        warnings: Vec::new(),
-    }
+    CameraFile::pinhole(path.to_owned(), Intrinsics { width, height, fx, fy: fx, cx, cy }, 1.0 / 30.0)
 }
 
 /// What was found, a few lines.

@@ -1,6 +1,7 @@
 //! `shutterbug diagnose CAPTURE --out DIR`.
 
 use std::fs;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -9,7 +10,9 @@ use super::args::{Described, Diagnose};
 use super::interrupt::Interrupt;
 use super::terminal::say;
 use crate::capture::Capture;
-use crate::diagnose::{DiagnoseOptions, Progress, diagnose};
+use crate::diagnose::{
+    DiagnoseOptions, Diagnosis, Pair, Progress, diagnose, diagnose_pair, diagnose_unpaired,
+};
 use crate::error::{Error, Result};
 use crate::files::{Out, OutRules};
 use crate::gpu::{Context, ContextOptions, DeviceChoice, Validation};
@@ -22,19 +25,57 @@ const JOURNAL_FILE: &str = "progress.jsonl";
 
 /// Runs the command.
 pub fn run(args: &Diagnose) -> Result<()> {
-    let capture = Capture::read(&args.capture, args.camera.as_deref())?;
-    let real = args.capture.join("real");
-    let rules = OutRules {
-        command: "diagnose",
-        inputs: &[&args.capture, &real],
-        overwrite: args.overwrite,
-        goes_on: false,
-    };
-    let out = Out::open(&args.out, &rules)?;
+    match (&args.capture, &args.sim, &args.real) {
+        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, sim, real),
+        (_, Some(sim), Some(real)) => of_pair(args, sim, real),
+        (Some(capture), ..) => of_capture(args, capture),
+        _ => unreachable!("clap asks for a capture or for both folders"),
+    }
+}
+
+fn of_capture(args: &Diagnose, folder: &Path) -> Result<()> {
+    let capture = Capture::read(folder, args.camera.as_deref())?;
+    let out = open(args, &[folder, &folder.join("real")])?;
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
     out.working(JOURNAL_FILE)?;
-    let options = DiagnoseOptions {
+    let mut lines = Lines::new();
+    let diagnosis = diagnose(&context, &capture, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    write(args, &out, diagnosis?, &capture)
+}
+
+fn of_pair(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+    let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref())?;
+    let out = open(args, &[sim, real])?;
+    out.working(JOURNAL_FILE)?;
+    let mut lines = Lines::new();
+    let diagnosis = diagnose_pair(&pair, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    write(args, &out, diagnosis?, &pair.capture)
+}
+
+fn of_unpaired(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+    let out = open(args, &[sim, real])?;
+    let mut lines = Lines::new();
+    let found = diagnose_unpaired(sim, real, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    let found = found?;
+    out.start()?;
+    let report = found.write(&args.out)?;
+    crate::report::write_html(&report, &args.out)?;
+    say(&report.sentence);
+    say(args.out.join(crate::report::PAGE_FILE).display());
+    Ok(())
+}
+
+fn open(args: &Diagnose, inputs: &[&Path]) -> Result<Out> {
+    let rules = OutRules { command: "diagnose", inputs, overwrite: args.overwrite, goes_on: false };
+    Out::open(&args.out, &rules)
+}
+
+fn options(args: &Diagnose) -> DiagnoseOptions {
+    DiagnoseOptions {
         seed: args.seed,
         without: args.without.clone(),
         scene_exact: args.scene == Described::Exact,
@@ -42,13 +83,12 @@ pub fn run(args: &Diagnose) -> Result<()> {
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
         journal: Some(args.out.join(JOURNAL_FILE)),
         stop: Some(Interrupt::listen().flag()),
-    };
-    let mut lines = Lines::new();
-    let diagnosis = diagnose(&context, &capture, &options, &mut lines);
-    lines.bar.finish_and_clear();
-    let diagnosis = diagnosis?;
+    }
+}
+
+fn write(args: &Diagnose, out: &Out, diagnosis: Diagnosis, capture: &Capture) -> Result<()> {
     out.start()?;
-    let report = diagnosis.write(&args.out, &capture)?;
+    let report = diagnosis.write(&args.out, capture)?;
     crate::report::write_html(&report, &args.out)?;
     // It is done: there is nothing to go on with.
     let journal = args.out.join(JOURNAL_FILE);

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::args::Withhold;
+use super::args::{FormName, Withhold};
 use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use crate::error::{Error, Result};
 use crate::files::{Out, OutRules};
-use crate::withhold::{CurveOptions, Falsified, WithholdOptions, curves, graded_effects, withhold};
+use crate::withhold::{CurveOptions, Falsified, Form, WithholdOptions, curves, graded_effects, withhold};
 
 /// Runs the command.
 pub fn run(args: &Withhold) -> Result<()> {
@@ -33,6 +33,12 @@ pub fn run(args: &Withhold) -> Result<()> {
         keep_frames: args.keep_frames,
         only: args.only.clone(),
         falsified: falsified(&args.imperfect)?,
+        form: match args.form {
+            FormName::Capture => Form::Capture,
+            FormName::Pairs => Form::Pairs,
+            FormName::Rough => Form::Rough,
+            FormName::Unpaired => Form::Unpaired,
+        },
     };
     let interrupt = Interrupt::listen();
     if !args.curve.is_empty() {

@@ -91,6 +91,9 @@ fn eroded(coverage: &Plane<f32>, room: usize) -> Plane<f32> {
 
 /// Which pixels show what is `open` in the sharp planes, from the first to the last instant of their exposure.
 fn seen(forward: &Forward, at: usize, theta: &Theta, open: &Plane<f32>) -> Plane<f32> {
+    if let Some(outside) = &forward.outside {
+        return forward.shown_by_sim(outside, at, theta, open);
+    }
     let k = &forward.intrinsics;
     let (w, h) = (open.width, open.height);
     let shutter = forward.shutter(at, theta);

@@ -103,6 +103,18 @@ pub(super) fn describe(
     })
 }
 
+/// A candidate that these frames cannot tell of, and what would.
+pub(super) fn undetermined(name: &str, why: &str, footage: &str) -> Candidate {
+    Candidate {
+        name: name.to_owned(),
+        state: CandidateState::Undetermined,
+        why: why.to_owned(),
+        gap_with: None,
+        parameters: BTreeMap::new(),
+        footage: footage.to_owned(),
+    }
+}
+
 pub(super) fn without_time(name: &str) -> Candidate {
     Candidate {
         name: name.to_owned(),

@@ -182,14 +182,15 @@ impl Search<'_> {
         let judged = self.forward.masked(self.judge.masks, theta.room.kind());
         // What is stuck is far off for a model that has none, and no sign of anything else.
         let bare = theta.get(P::Hot) == 0.0;
-        let far = bare.then(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta));
+        let given = self.forward.outside.is_some();
+        let far = bare.then(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
         means.iter_mut().for_each(|m| self.judge.hot.put(m));
         let left = self.noise_data(theta, frames)?;
         found.residue = residue(self.evidence, frames, &means, masks, &left, theta);
         let before = self.forward.simulate(frames, &self.base.clone(), Quality::Fine)?;
         found.residue.smear = self.smear(frames, &means, theta).unwrap_or_default();
         found.residue.outliers =
-            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta));
+            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
         found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
         found.residue.placed = placed(self.evidence, frames, [&before, &means], masks);
         tracing::info!("left: {:?}", found.residue);

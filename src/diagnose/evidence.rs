@@ -1,6 +1,7 @@
 //! What there is to judge by: the real frames of a capture, checked, and split into those that fits see, those that a
 //! search chooses by, and those that are scored once, for the report.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::capture::Capture;
@@ -53,15 +54,14 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// Reads the real frames of a capture.
+    /// Reads the real frames of a capture from a folder.
     ///
     /// # Errors
     /// A missing folder, pictures that cannot be read or have another size, fewer than four usable frames.
-    pub(super) fn read(capture: &Capture) -> Result<Self> {
-        let folder = capture.root.join("real");
+    pub(super) fn read(capture: &Capture, folder: &Path) -> Result<Self> {
         let expected = "the real frames that frames.csv names, as PNG or JPEG";
         if !folder.is_dir() {
-            return Err(Error::input(&folder, None, "no such folder", expected));
+            return Err(Error::input(folder, None, "no such folder", expected));
         }
         let k = &capture.camera.intrinsics;
         if k.width.min(k.height) < LEAST_SIDE_PX {
@@ -99,7 +99,7 @@ impl Evidence {
             let why: Vec<_> = left_out.iter().take(3).map(|l| format!("{}: {}", l.filename, l.why)).collect();
             let found = format!("{} usable frames ({})", frames.len(), why.join(", "));
             let expected = format!("at least {FEWEST_FRAMES}: some to fit, others to judge");
-            return Err(Error::input(&folder, None, found, expected));
+            return Err(Error::input(folder, None, found, expected));
         }
         let mut warnings = capture.camera.warnings.clone();
         if !left_out.is_empty() {

@@ -19,7 +19,7 @@ impl Forward {
     /// Velocity of the content at the time at which each pixel is exposed, px/s, shape `[height, width, 2]`.
     pub(super) fn velocity(&self, at: usize, theta: &Theta) -> Plane<f32> {
         let sharp = &self.sharp[at];
-        if self.static_camera {
+        if self.static_camera || self.is_unposed() {
             return sharp.velocity.clone();
         }
         let shutter = self.shutter(at, theta);
@@ -155,7 +155,7 @@ pub(super) fn displaced(radiance: &Plane<f32>, flow: &Flow) -> Plane<f32> {
 
 /// Undistorted point of a distorted one (both over the focal length), by Newton's method on the radius and the
 /// tangential part.
-fn undistort(distorted: DVec2, theta: &Theta) -> DVec2 {
+pub(super) fn undistort(distorted: DVec2, theta: &Theta) -> DVec2 {
     let [k1, k2, p1, p2, k3] = [P::K1, P::K2, P::P1, P::P2, P::K3].map(|p| theta.get(p));
     if [k1, k2, p1, p2, k3] == [0.0; 5] {
         return distorted;

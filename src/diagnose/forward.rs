@@ -15,6 +15,7 @@ use super::developed::Developed;
 use super::evidence::Evidence;
 use super::journal::Journal;
 use super::model::{P, Theta};
+use super::pair::{Geometry, Outside, SimFrames};
 use super::settings::lens;
 use super::wide::Wide;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
@@ -64,7 +65,10 @@ pub(super) struct Forward {
     pub(super) aside: Bench,
     /// Whether something is tried.
     pub(super) trying: bool,
-    pub(super) context: Arc<Context>,
+    /// Renders; frames of another simulator need none.
+    pub(super) context: Option<Arc<Context>>,
+    /// The frames of another simulator, in the place of a scene.
+    pub(super) outside: Option<Arc<Outside>>,
     /// Whether the engine draws through a lens, as in what is reported; else fits' quicker way is taken.
     pub(super) native: bool,
     pub(super) scene: Arc<Scene>,
@@ -116,12 +120,19 @@ const LENS: [P; 5] = [P::K1, P::K2, P::P1, P::P2, P::K3];
 const GEOMETRY: [P; 9] = [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::P1, P::P2, P::K3];
 
 impl Forward {
-    pub(super) fn new(context: &Arc<Context>, capture: &Capture, evidence: &Evidence) -> Result<Self> {
+    /// With `sim` its frames are read; else the scene of the capture is rendered, which needs a device.
+    pub(super) fn new(
+        context: Option<&Arc<Context>>,
+        capture: &Capture,
+        evidence: &Evidence,
+        sim: Option<&Arc<SimFrames>>,
+    ) -> Result<Self> {
         let mut forward = Self {
             bench: Bench::default(),
             aside: Bench::default(),
             trying: false,
-            context: context.clone(),
+            context: context.cloned(),
+            outside: sim.map(|sim| Arc::new(Outside::new(sim, evidence))),
             native: false,
             scene: Arc::new(capture.scene.clone()),
             trajectory: Arc::new(capture.trajectory.clone()),
@@ -138,9 +149,13 @@ impl Forward {
             journal: Arc::default(),
             description: Description::new(evidence),
         };
+        if let Some(outside) = &forward.outside {
+            forward.sharp = (0..evidence.frames.len()).map(|at| outside.sharp(at)).collect();
+            return Ok(forward);
+        }
         let options = EngineOptions { planes: true, ..options(Quality::Fit) };
         let (scene, path) = (forward.scene.clone(), forward.trajectory.clone());
-        let mut engine = Engine::new(context, scene, path, forward.intrinsics, options, &[])?;
+        let mut engine = Engine::new(forward.device(), scene, path, forward.intrinsics, options, &[])?;
         forward.sharp =
             (0..evidence.frames.len()).map(|at| forward.measure(at, &mut engine)).collect::<Result<_>>()?;
         Ok(forward)
@@ -149,7 +164,7 @@ impl Forward {
     /// The instant of the sharp planes: in the middle of where exposures lie; the timestamp for a camera at rest, which is
     /// elsewhere a moment later.
     pub(super) fn sharp_time_s(&self, at: usize) -> f64 {
-        if self.static_camera {
+        if self.static_camera || self.outside.is_some() {
             return self.starts_s[at];
         }
         let after_s = (0.4 * self.period_s).min((self.reach_s[1] - 2.0 * SPEED_STEP_S).max(0.0));
@@ -178,6 +193,16 @@ impl Forward {
             sharp.own = Some(Plane { width: w, height: h, channels: 2, data });
         }
         Ok(sharp)
+    }
+
+    /// What scenes are rendered on.
+    pub(super) fn device(&self) -> &Arc<Context> {
+        self.context.as_ref().expect("a scene comes with a device")
+    }
+
+    /// Whether the content's motion is known by pictures alone, without poses.
+    pub(super) fn is_unposed(&self) -> bool {
+        self.outside.as_ref().is_some_and(|o| o.sim.geometry != Geometry::Depth)
     }
 
     /// The middle of the footage, s.
@@ -273,7 +298,8 @@ impl Forward {
     ) -> Result<Vec<Arc<Plane<f32>>>> {
         let mut geometry: Vec<u64> = GEOMETRY.iter().map(|&p| theta.get(p).to_bits()).collect();
         geometry.push(scale.to_bits());
-        let reads = LENS.iter().any(|&p| theta.is_on(p)) && !self.native && self.has_room(theta);
+        let lens = LENS.iter().any(|&p| theta.is_on(p)) && self.outside.is_none();
+        let reads = lens && !self.native && self.has_room(theta);
         geometry.push(if reads { READ } else { 0 });
         let key = |at: usize| -> Key {
             let s = self.shutter(at, theta);
@@ -292,8 +318,10 @@ impl Forward {
             self.journal().go_on()?;
             let requests: Vec<_> = missing.iter().map(|&i| self.request(frames[i], theta)).collect();
             let clock = Instant::now();
-            let done = if reads {
-                let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
+            let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
+            let done = if let Some(outside) = &self.outside {
+                self.warped(outside, &places, theta, scale, quality)
+            } else if reads {
                 self.read(&places, &requests, theta, scale, quality)?
             } else {
                 self.rendered(&requests, theta, scale, quality)?
@@ -477,13 +505,13 @@ impl Forward {
         quality: Quality,
     ) -> Result<Vec<Plane<f32>>> {
         let path = self.path(theta);
-        let slot = &mut self.bench.engines[quality as usize];
-        if slot.is_none() {
+        if self.bench.engines[quality as usize].is_none() {
             let (scene, trajectory) = (self.scene.clone(), self.trajectory.clone());
-            *slot =
-                Some(Engine::new(&self.context, scene, trajectory, self.intrinsics, options(quality), &[])?);
+            let engine =
+                Engine::new(self.device(), scene, trajectory, self.intrinsics, options(quality), &[])?;
+            self.bench.engines[quality as usize] = Some(engine);
         }
-        let engine = slot.as_mut().expect("just made");
+        let engine = self.bench.engines[quality as usize].as_mut().expect("just made");
         engine.aim(k, path);
         in_flight(engine, requests)
     }

@@ -23,7 +23,6 @@ use super::run::DiagnoseOptions;
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::files::{self, Limit};
-use crate::gpu::Context;
 
 /// One line of the file.
 #[derive(Serialize, Deserialize)]
@@ -154,17 +153,12 @@ impl Journal {
 }
 
 /// Everything that the results depend on, as SHA-256: the program, the device, options, camera, scene, paths, frames.
-pub(super) fn key(
-    context: &Context,
-    capture: &Capture,
-    evidence: &Evidence,
-    options: &DiagnoseOptions,
-) -> String {
+pub(super) fn key(device: &str, capture: &Capture, evidence: &Evidence, options: &DiagnoseOptions) -> String {
     let mut hash = Hash(Sha256::new());
     let mut without = options.without.clone();
     without.sort();
     let said = "a hash takes any text";
-    write!(hash, "{} {} {} ", program(), context.info().name, options.seed).expect(said);
+    write!(hash, "{} {} {} ", program(), device, options.seed).expect(said);
     write!(hash, "{} {} ", options.scene_exact, options.poses_exact).expect(said);
     write!(hash, "{without:?} {:?} {:?} {:?} ", capture.camera, capture.frames, capture.trajectory)
         .expect(said);

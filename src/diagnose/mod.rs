@@ -32,6 +32,7 @@ mod model;
 mod noise;
 mod normal;
 mod output;
+mod pair;
 mod pairs;
 mod parts;
 pub mod percepts;
@@ -52,6 +53,7 @@ mod starts;
 mod support;
 mod task;
 mod tone;
+mod unpaired;
 mod vector;
 mod weighing;
 mod wide;
@@ -59,9 +61,11 @@ mod wide;
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
 use crate::effects::jpeg::{dct, flips, packing};
 
+pub use pair::Pair;
 pub use report::{
-    Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
-    Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict, WaterfallStep,
-    Where,
+    Alignment, Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input,
+    LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict,
+    WaterfallStep, Where,
 };
-pub use run::{DiagnoseOptions, Diagnosis, Progress, diagnose, effect_names};
+pub use run::{DiagnoseOptions, Diagnosis, Progress, changes_places, diagnose, diagnose_pair, effect_names};
+pub use unpaired::{Unpaired, diagnose_unpaired};

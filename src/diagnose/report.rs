@@ -392,6 +392,19 @@ pub struct Input {
     pub render_seconds: f64,
     /// Version of this program.
     pub version: String,
+    /// How real and simulated frames lie on each other; of pairs of folders.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub alignment: Option<Alignment>,
+}
+
+/// How real and simulated frames lie on each other.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Alignment {
+    /// "exact": they are compared as they lie. "rough": each simulated frame was warped first. "none": they show other moments.
+    pub kind: String,
+    /// Root mean square of the displacement, px; absent where none could be measured.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub rms_px: Option<f64>,
 }
 
 /// A frame that is not used.

@@ -63,22 +63,30 @@ pub(super) fn residue(
 }
 
 /// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among it.
+/// `alone`: only values whose neighbours are not far off count, since what pictures do not show comes in patches.
 pub(super) fn outliers(
     evidence: &Evidence,
     frames: &[usize],
     means: &[Plane<f32>],
     masks: Option<&[Plane<f32>]>,
     theta: &Theta,
+    alone: bool,
 ) -> f64 {
     let tone = Tone::new(theta);
     let (mut far, mut all) = (0.0, 0.0);
     for (&at, mean) in frames.iter().zip(means).filter(|_| !theta.is_on(P::Quality)) {
         let flat = flat_map(mean);
         let open = |i: usize| masks.is_none_or(|m| m[at].data[i] > 0.5);
-        for i in (0..flat.len()).filter(|&i| flat[i] && open(i)).flat_map(|i| 3 * i..3 * i + 3) {
+        let is_far = |i: usize| {
             let v = tone.spread_of(&mean.data[i - i % 3..i - i % 3 + 3], i % 3);
             let beyond = FAR[0].max(FAR[1] * (v.free + v.fixed + v.row).sqrt());
-            far += f64::from(u8::from((evidence.frames[at].dn.data[i] - mean.data[i]).abs() > beyond));
+            (evidence.frames[at].dn.data[i] - mean.data[i]).abs() > beyond
+        };
+        // Flat places are not at the picture's border.
+        let row = 3 * mean.width;
+        let is_single = |i: usize| [i - 3, i + 3, i - row, i + row].iter().all(|&n| !is_far(n));
+        for i in (0..flat.len()).filter(|&i| flat[i] && open(i)).flat_map(|i| 3 * i..3 * i + 3) {
+            far += f64::from(u8::from(is_far(i) && (!alone || is_single(i))));
             all += 1.0;
         }
     }
@@ -219,7 +227,7 @@ mod tests {
         let theta = Theta::neutral().with(P::Read, sigma);
         let seen = |stuck: bool, theta: &Theta| {
             let evidence = Evidence::of_one(real(stuck));
-            outliers(&evidence, &[0], std::slice::from_ref(&mean), None, theta)
+            outliers(&evidence, &[0], std::slice::from_ref(&mean), None, theta, false)
         };
         let share = seen(true, &theta);
         assert!((share * 92.0 * 60.0 - 16.0).abs() < 0.5, "16 of the pixels 2 px off the border: {share}");

@@ -6,14 +6,15 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::cover::Cover;
-use super::describe::{describe, without_motion, without_time};
+use super::describe::{describe, undetermined, without_motion, without_time};
 use super::description::Parts;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::journal::{Journal, key};
 use super::light::lights;
-use super::model::candidate_of;
+use super::model::{Theta, candidate_of};
 use super::output::Shown;
+use super::pair::{Aligned, Geometry, Pair};
 use super::places::{Compared, measures, places};
 use super::question::Question;
 use super::report::*;
@@ -22,6 +23,7 @@ use super::settings::{apply, theta_of};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
 use crate::capture::{CameraFile, Capture};
+use crate::chain::Settings;
 use crate::error::{Error, Result};
 use crate::gpu::Context;
 
@@ -82,6 +84,14 @@ pub fn effect_names() -> Vec<&'static str> {
     all_names()
 }
 
+/// Whether a candidate changes where or when things are seen, and not only their values.
+///
+/// # Panics
+/// If there is no such candidate.
+pub fn changes_places(name: &str) -> bool {
+    candidate_of(name).parameters.iter().any(|p| p.is_time() || p.is_remap())
+}
+
 struct Relay<'a> {
     progress: &'a mut dyn Progress,
     journal: Arc<Mutex<Journal>>,
@@ -106,6 +116,43 @@ impl Watch for Relay<'_> {
     }
 }
 
+/// What is diagnosed: a capture, rendered on a device, or what stands for one where another simulator made the frames.
+struct Given<'a> {
+    capture: &'a Capture,
+    /// Folder of the real frames.
+    real: PathBuf,
+    context: Option<&'a Arc<Context>>,
+    pair: Option<&'a Pair>,
+}
+
+impl Given<'_> {
+    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own; pictures without
+    /// depth say neither.
+    fn room(&self, options: &DiagnoseOptions) -> Vec<&'static str> {
+        let posed = self.pair.is_none_or(|p| p.sim.geometry == Geometry::Depth);
+        if posed { options.description(self.capture.camera.static_camera) } else { Vec::new() }
+    }
+
+    fn device(&self) -> String {
+        self.context.map_or_else(|| "none: frames are given".to_owned(), |c| c.info().name.clone())
+    }
+
+    fn key(&self, evidence: &Evidence, options: &DiagnoseOptions) -> String {
+        let sim = self.pair.map(|p| p.sim.sha256()).unwrap_or_default();
+        key(&format!("{} {sim}", self.device()), self.capture, evidence, options)
+    }
+
+    /// What the simulation shows before the diagnosis.
+    fn settings(&self) -> Settings {
+        if self.pair.is_some() { Settings::default() } else { self.capture.camera.settings.clone() }
+    }
+
+    /// The camera that the simulation is compared as: what the frames of another simulator show is in them.
+    fn base(&self) -> Theta {
+        if self.pair.is_some() { Theta::neutral() } else { theta_of(&self.capture.camera.settings) }
+    }
+}
+
 /// Diagnoses a capture with real frames.
 ///
 /// # Errors
@@ -117,29 +164,59 @@ pub fn diagnose(
     options: &DiagnoseOptions,
     progress: &mut dyn Progress,
 ) -> Result<Diagnosis> {
+    let real = capture.root.join("real");
+    diagnose_given(&Given { capture, real, context: Some(context), pair: None }, options, progress)
+}
+
+/// Diagnoses real frames beside those of another simulator. No device is needed.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_pair(
+    pair: &Pair,
+    options: &DiagnoseOptions,
+    progress: &mut dyn Progress,
+) -> Result<Diagnosis> {
+    let given = Given { capture: &pair.capture, real: pair.real.clone(), context: None, pair: Some(pair) };
+    diagnose_given(&given, options, progress)
+}
+
+fn diagnose_given(
+    given: &Given<'_>,
+    options: &DiagnoseOptions,
+    progress: &mut dyn Progress,
+) -> Result<Diagnosis> {
     let clock = Instant::now();
+    let capture = given.capture;
     let names = candidates(options)?;
-    let evidence = Evidence::read(capture)?;
-    let journal = Journal::open(options, || key(context, capture, &evidence, options))?;
+    let mut evidence = Evidence::read(capture, &given.real)?;
+    evidence.warnings.extend(given.pair.iter().flat_map(|p| p.notes.clone()));
+    let journal = Journal::open(options, || given.key(&evidence, options))?;
     if journal.found > 0 {
         progress.step("going on", &format!("{} results of an earlier run are there", journal.found), 1, 1);
     }
-    let mut forward = Forward::new(context, capture, &evidence)?;
+    let mut forward = Forward::new(given.context, capture, &evidence, given.pair.map(|p| &p.sim))?;
     let journal = Arc::new(Mutex::new(journal));
     forward.journal = journal.clone();
-    let base = theta_of(&capture.camera.settings);
-    let ignored = capture.camera.background_ignored;
-    let mut cover = ignored.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
+    forward.deadline = options.time_limit.and_then(|limit| clock.checked_add(limit));
+    let base = given.base();
+    let aligned = given.pair.map(|_| super::pair::align(&mut forward, &evidence));
+    let compared = capture.camera.background_ignored || given.pair.is_some();
+    let mut cover = compared.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
     let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
     set_up.iter().for_each(|what| progress.step("set-up", what, 1, 1));
-    let motion_px = typical_motion_px(&forward, &evidence);
-    let moving = motion_px >= LEAST_MOTION_PX && !capture.camera.static_camera;
+    let told = Told::new(&forward, &evidence, given, aligned.as_ref());
     let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
-    forward.deadline = options.time_limit.and_then(|limit| clock.checked_add(limit));
-    let tried = names.iter().copied().filter(|n| moving || !candidate_of(n).needs_motion).collect();
-    let room = options.description(capture.camera.static_camera);
+    let tried: Vec<&'static str> = names.iter().copied().filter(|n| told.why_not(n).is_none()).collect();
     let shown = super::shown::Shown::in_frames(&evidence, &names, &base);
-    let question = Question { evidence: &evidence, base, seed: options.seed, names: tried, room, shown };
+    let question = Question {
+        evidence: &evidence,
+        base,
+        seed: options.seed,
+        names: tried,
+        room: given.room(options),
+        shown,
+    };
     if forward.static_camera {
         let masks = cover.as_ref().map(|c| c.masks.as_slice());
         forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
@@ -155,38 +232,91 @@ pub fn diagnose(
     let mut search = question.search(&mut forward, &seen, masks);
     let mut found = searched(&mut search, &mut relay)?;
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
-    for name in names.iter().filter(|n| candidate_of(n).needs_motion && !moving) {
-        report.candidates.push(without_motion(name, motion_px));
-    }
-    for name in &found.late {
-        report.candidates.retain(|c| c.name != *name);
-        if !found.set.contains(name) {
-            report.candidates.push(without_time(name));
-        }
-    }
+    report.candidates.extend(names.iter().filter_map(|n| told.why_not(n)));
+    add_late(&mut report, &found);
     setup_checks::begin(&mut report, &set_up, &evidence, &found.late);
     report.warnings.extend(super::light::said(&search.forward.light));
-    report.warnings.extend(not_simulated(capture));
-    report.input.device = context.info().name.clone();
+    if given.pair.is_none() {
+        report.warnings.extend(not_simulated(capture));
+        report.warnings.extend(uncontrolled(&capture.camera.settings));
+    }
+    report.input.device = given.device();
     report.input.seed = options.seed;
-    report.warnings.extend(uncontrolled(&capture.camera.settings));
     let frames = show(&mut search, &found, &evidence, &mut report)?;
+    if let Some(aligned) = aligned {
+        report.input.kind = "pair".to_owned();
+        report.input.method = aligned.method.to_owned();
+        report.input.alignment = Some(aligned.of(&frames));
+    }
     let mut camera = capture.camera.clone();
     for name in apply(&mut camera.settings, &found.fit.theta, &found.set)? {
         report
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
-    let before = Drawn { theta: &search.base.clone(), settings: &capture.camera.settings };
+    let before = Drawn { theta: &search.base.clone(), settings: &given.settings() };
     let after = Drawn { theta: &found.fit.theta, settings: &camera.settings };
     let percepts = percepts(search.forward, &frames, &before, &after)?;
     report.percepts = figures(&frames, &percepts);
-    report.next = next(&report, capture);
+    report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, capture) };
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
     let description = search.description_parts(&found.fit.theta)?;
     Ok(Diagnosis { report, camera, frames, description, percepts })
 }
+
+/// Candidates for which there was no time.
+fn add_late(report: &mut Report, found: &Found) {
+    for name in &found.late {
+        report.candidates.retain(|c| c.name != *name);
+        if !found.set.contains(name) {
+            report.candidates.push(without_time(name));
+        }
+    }
+}
+
+/// Why some candidates are not tried.
+struct Told {
+    /// See [`typical_motion_px`]; nothing where a camera rests.
+    motion_px: Option<f64>,
+    geometry: Option<Geometry>,
+    aligned: bool,
+}
+
+impl Told {
+    fn new(forward: &Forward, evidence: &Evidence, given: &Given<'_>, aligned: Option<&Aligned>) -> Self {
+        let motion_px = typical_motion_px(forward, evidence);
+        Self {
+            motion_px: (!given.capture.camera.static_camera).then_some(motion_px),
+            geometry: given.pair.map(|p| p.sim.geometry),
+            aligned: aligned.is_some_and(|a| a.is_rough()),
+        }
+    }
+
+    /// What the report says of a candidate that these frames cannot tell of.
+    fn why_not(&self, name: &str) -> Option<Candidate> {
+        let (candidate, moves) = (candidate_of(name), changes_places(name));
+        if self.geometry == Some(Geometry::None) && candidate.needs_motion {
+            return Some(undetermined(name, NO_MOTION[0], NO_MOTION[1]));
+        }
+        if self.aligned && moves && name != "chromatic_aberration" {
+            return Some(undetermined(name, ROUGH[0], ROUGH[1]));
+        }
+        let rests = self.motion_px.is_none_or(|px| px < LEAST_MOTION_PX);
+        (candidate.needs_motion && rests).then(|| without_motion(name, self.motion_px.unwrap_or(0.0)))
+    }
+}
+
+/// Why time is not told of by pictures alone, and what to give.
+const NO_MOTION: [&str; 2] = [
+    "pictures alone do not say how the content moves while a frame is taken",
+    "depth/ with trajectory.tum, or motion/, beside the simulated frames",
+];
+/// Why geometry is not told of by frames that had to be warped, and what to give.
+const ROUGH: [&str; 2] = [
+    "each simulated frame was warped to lie on the real one, which hides what moves places",
+    "simulated frames at the poses of the real ones, or depth/ with trajectory.tum beside them",
+];
 
 /// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the frames to
 /// choose by than the discrepancy can make: a description is questioned only where no camera explains the frames.
@@ -264,6 +394,19 @@ fn show(
     Ok(shown.collect())
 }
 
+fn next_of_pair(report: &Report) -> Vec<NextStep> {
+    let undetermined = report.candidates.iter().filter(|c| c.state == CandidateState::Undetermined);
+    let mut steps: Vec<NextStep> = Vec::new();
+    for candidate in undetermined.filter(|c| !c.footage.is_empty()) {
+        let purpose = format!("decide {}: supply {}", candidate.name, candidate.footage);
+        if steps.len() < 3 {
+            let command = "shutterbug diagnose --sim SIM --real REAL --out DIR".to_owned();
+            steps.push(NextStep { purpose, command });
+        }
+    }
+    steps
+}
+
 fn next(report: &Report, capture: &Capture) -> Vec<NextStep> {
     let root = capture.root.display();
     let mut steps = Vec::new();
@@ -308,7 +451,7 @@ fn not_simulated(capture: &Capture) -> Vec<String> {
     left_out.map(said).collect()
 }
 
-fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {
+pub(super) fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {
     let all = all_names();
     for name in &options.without {
         if !all.contains(&name.as_str()) {

@@ -68,6 +68,8 @@ pub(super) struct Scored<'a> {
     pub flips: Option<&'a Flips>,
     /// Draws of how far another correct simulation is from this one behind the compression, DN; nothing without compression.
     pub flipped: &'a [Arc<Plane<f32>>],
+    /// Variance of single values because the simulation is read from pictures, DN^2.
+    pub given: Option<&'a [f32]>,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -193,7 +195,7 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
         (Variances::default(), Left::ALL)
     };
     // Behind a compression draws say what else there is.
-    let single = if frame.flipped.is_empty() { edges[i] } else { 0.0 };
+    let single = if frame.flipped.is_empty() { edges[i] } else { 0.0 } + frame.given.map_or(0.0, |g| g[i]);
     let drawn = frame.flipped.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
     let variance = left.pixel * (noise.free + noise.fixed) + single + drawn;
     let whole = rounded(mean, variance + noise.row);
@@ -451,7 +453,8 @@ mod tests {
             let flat = Plane::from_fn(64, 64, |_, _| [mean; 3]);
             let gain = |sigma_dn: f64| {
                 let real = delivered(mean, sigma_dn);
-                let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[] };
+                let scored =
+                    Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[], given: None };
                 let [none, noisy] =
                     [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
                 1.0 - noisy / none
@@ -465,7 +468,8 @@ mod tests {
     fn frames_of_the_model_itself_score_what_it_expects() {
         for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
             let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
-            let scored = Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[] };
+            let scored =
+                Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[], given: None };
             let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
                 .expect("pixels are there");
             assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
@@ -480,7 +484,7 @@ mod tests {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, flipped: &[] };
+        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, flipped: &[], given: None };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));

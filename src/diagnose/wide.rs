@@ -138,7 +138,7 @@ impl Forward {
             // Four pixels are one, but for the coarse: a sample in each is four.
             let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::forward::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics, quality);
-            self.bench.wide.engines[place] = Some(Engine::new(&self.context, scene, path, k, options, &[])?);
+            self.bench.wide.engines[place] = Some(Engine::new(self.device(), scene, path, k, options, &[])?);
         }
         Ok(self.bench.wide.engines[place].as_mut().expect("just made"))
     }

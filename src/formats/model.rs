@@ -112,16 +112,8 @@ impl CameraModel {
                     .to_owned(),
             );
         }
-        let camera = CameraFile {
-            path: path.to_owned(),
-            intrinsics: self.intrinsics,
-            frame_period_s: 1.0 / rate_hz,
-            background_ignored: false,
-            static_camera: false,
-            lit: false,
-            settings,
-            warnings: Vec::new(),
-        };
+        let pinhole = CameraFile::pinhole(path.to_owned(), self.intrinsics, 1.0 / rate_hz);
+        let camera = CameraFile { settings, ..pinhole };
         Ok((camera, notes))
     }
 

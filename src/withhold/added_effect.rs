@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use super::WithholdOptions;
 use super::hidden::{Hidden, Kind};
 use super::make::Case;
+use super::{Form, WithholdOptions};
 use crate::capture::Capture;
 use crate::chain::{Settings, Value};
 use crate::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
@@ -35,6 +35,7 @@ fn capture(folder: &Path) -> Capture {
         device: None,
         keep_frames: true,
         only: Vec::new(),
+        form: Form::Capture,
     };
     let hide = |known: &Settings| {
         let mut settings = known.clone();

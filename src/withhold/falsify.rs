@@ -85,7 +85,7 @@ pub(super) fn falsify(folder: &Path, what: &[Falsified], draw: &mut Draw) -> Res
 }
 
 /// Normal variable (Box and Muller 1958).
-fn normal(draw: &mut Draw) -> f64 {
+pub(super) fn normal(draw: &mut Draw) -> f64 {
     (-2.0 * draw.unit().max(1e-300).ln()).sqrt() * (TAU * draw.unit()).cos()
 }
 

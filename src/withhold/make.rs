@@ -232,14 +232,6 @@ fn camera(options: &WithholdOptions, draw: &mut Draw, lit: bool, folder: &Path) 
         let sigma = Value::Number(draw.log_between(0.002, 0.01));
         settings.set(effect, "sigma", sigma).expect("in the range of every noise");
     }
-    CameraFile {
-        path: PathBuf::from(folder).join("camera.toml"),
-        intrinsics,
-        frame_period_s: FRAME_PERIOD_S,
-        background_ignored: false,
-        static_camera: false,
-        lit,
-        settings,
-        warnings: Vec::new(),
-    }
+    let pinhole = CameraFile::pinhole(PathBuf::from(folder).join("camera.toml"), intrinsics, FRAME_PERIOD_S);
+    CameraFile { lit, settings, ..pinhole }
 }

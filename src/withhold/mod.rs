@@ -14,6 +14,7 @@ mod curve;
 mod curve_page;
 mod draw;
 mod falsify;
+mod form;
 mod hidden;
 mod make;
 mod motion;
@@ -29,6 +30,7 @@ use std::time::Instant;
 
 pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
 pub use falsify::Falsified;
+pub use form::Form;
 pub use hidden::Kind;
 pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
@@ -67,6 +69,8 @@ pub struct WithholdOptions {
     pub only: Vec<usize>,
     /// What of the descriptions is falsified, in every capture.
     pub falsified: Vec<Falsified>,
+    /// What a diagnosis is given.
+    pub form: Form,
 }
 
 /// All scores and the table over them, as in `withhold.json`.
@@ -93,7 +97,7 @@ pub fn withhold(
     fs::create_dir_all(&options.out).map_err(|e| Error::io(&options.out, "create the folder", e))?;
     let manifest = begin(options)?;
     let candidates = crate::diagnose::effect_names();
-    let available = hidden::available(&candidates);
+    let available = options.form.tells(&hidden::available(&candidates));
     say(&format!("{} effects can be hidden: {}", available.len(), available.join(", ")));
     let (clock, mut fresh) = (Instant::now(), 0usize);
     let mut result = WithholdResult { options: manifest, summary: Summary::default(), cases: Vec::new() };
@@ -142,13 +146,19 @@ fn one_case(
 ) -> Result<CaseScore> {
     let capture = folder.join("capture");
     let hide = |known: &crate::chain::Settings| hidden::draw(options.seed, index, available, known);
-    let case = Case::make(options, index, &capture, false, &hide)?;
+    // Simulated frames show what their camera models: an ideal one shows nothing.
+    let plain = options.form != Form::Capture;
+    let case = Case::make(options, index, &capture, plain, &hide)?;
     let answer = case.answer();
     let seal = sha256_hex(answer.as_bytes());
     say(&format!("case {}/{}: sealed answer {seal}", index + 1, options.count));
     append(&options.out.join("seals.txt"), &format!("{seal}  case-{index:03}/answer.json\n"))?;
     case.render(stop)?;
     let left_out = if case.hidden.kind == Kind::LeftOut { &case.hidden.names[..] } else { &[] };
+    let sim = folder.join("sim");
+    if options.form != Form::Capture {
+        options.form.make(options, index, &capture, &sim)?;
+    }
     let blind = diagnose(options, &capture, &folder.join("diagnosis"), None, left_out);
     // What stops this process stops the other one too, which then fails.
     if stop() {
@@ -159,7 +169,8 @@ fn one_case(
     write_atomic(&folder.join("answer.json"), answer.as_bytes())?;
     let opened = serde_json::from_str(&answer).expect("just written as JSON");
     let mut score = CaseScore::new(&opened, case.hidden.kind, &case.motion, Ok(&blind));
-    if let Kind::Single | Kind::Several = case.hidden.kind {
+    let asked = matches!(case.hidden.kind, Kind::Single | Kind::Several);
+    if asked && options.form == Form::Capture {
         let camera = folder.join("true-camera.toml");
         case.write_true_camera(&camera)?;
         // Nothing is tried: what is asked for is the score of the true camera by the same judge.
@@ -173,6 +184,9 @@ fn one_case(
     if !options.keep_frames {
         let real = capture.join("real");
         fs::remove_dir_all(&real).map_err(|e| Error::io(&real, "remove", e))?;
+        if options.form != Form::Capture {
+            fs::remove_dir_all(&sim).map_err(|e| Error::io(&sim, "remove", e))?;
+        }
     }
     write_atomic(&folder.join("score.json"), json.as_bytes())?;
     Ok(score)
@@ -189,7 +203,15 @@ fn diagnose(
 ) -> Result<Report> {
     files::made_elsewhere(out)?;
     let mut command = Command::new(&options.program);
-    command.arg("diagnose").arg(capture).arg("--out").arg(out).stdin(Stdio::null());
+    command.arg("diagnose");
+    if options.form == Form::Capture {
+        command.arg(capture);
+    } else {
+        let sim = capture.with_file_name("sim");
+        command.arg("--sim").arg(sim).arg("--real").arg(capture.join("real"));
+        command.args((options.form == Form::Unpaired).then_some("--unpaired"));
+    }
+    command.arg("--out").arg(out).stdin(Stdio::null());
     if let Some(camera) = camera {
         command.arg("--camera").arg(camera);
     }
@@ -199,17 +221,23 @@ fn diagnose(
     if let Some(device) = &options.device {
         command.arg("--device").arg(device);
     }
-    let output = command.output().map_err(|e| Error::io(&options.program, "run", e))?;
-    if !output.status.success() {
-        let text = String::from_utf8_lossy(&output.stderr);
-        let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
-        let found = format!("a diagnosis that ended with {}: {last}", output.status);
-        let expected = "one that comes to a verdict; mend the cause and run the same command again";
-        return Err(Error::input(capture, None, found, expected));
-    }
+    made(command, &options.program, capture)?;
     let path = out.join(REPORT_FILE);
     let text = read_text(&path, "the report of the diagnosis", Limit::OWN)?;
     Report::from_json(&path, &text)
+}
+
+/// Runs a command to its end; its last line is what an error says.
+fn made(mut command: Command, program: &Path, capture: &Path) -> Result<()> {
+    let output = command.output().map_err(|e| Error::io(program, "run", e))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&output.stderr);
+    let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
+    let found = format!("a run that ended with {}: {last}", output.status);
+    let expected = "one that comes to its end; mend the cause and run the same command again";
+    Err(Error::input(capture, None, found, expected))
 }
 
 /// Writes what the captures depend on; a folder of other ones is refused.
@@ -225,6 +253,9 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
     });
     if !options.falsified.is_empty() {
         manifest["imperfect"] = serde_json::json!(options.falsified);
+    }
+    if options.form != Form::Capture {
+        manifest["form"] = serde_json::json!(options.form);
     }
     let path = options.out.join("options.json");
     let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";

@@ -273,6 +273,7 @@ pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
             renders: 812,
             render_seconds: 25.5,
             version: "0.1.0".to_owned(),
+            alignment: None,
         },
         bootstrap: Bootstrap { resamples: 1000, block: 2, closed_fraction: vec![0.97, 0.98] },
         warnings: vec![format!("{hostile} is black and was left out")],

@@ -12,6 +12,7 @@ mod masks;
 mod poses;
 mod radiance;
 mod rays;
+mod seen_in_pictures;
 mod settle;
 mod surface;
 
@@ -232,7 +233,10 @@ impl Forward {
         if grid.count() == 0 {
             grid = Grid::new(self.cell_m());
         }
-        let surface = Arc::new(self.surface_of(&bodies, &mut grid, at, theta));
+        let surface = Arc::new(match &self.outside {
+            Some(outside) => self.surface_of_pictures(outside, &mut grid, at, theta),
+            None => self.surface_of(&bodies, &mut grid, at, theta),
+        });
         self.description.grid = grid;
         self.description.kept += surface.bytes();
         if self.description.kept > KEPT_BYTES {

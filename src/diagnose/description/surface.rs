@@ -90,19 +90,19 @@ impl Grid {
     }
 
     /// The group of a surface that faces a direction, in steps of some seven degrees.
-    fn group_of(&mut self, hit: &Hit) -> u32 {
-        let faces = (STEPS * hit.normal.normalize_or_zero()).round();
+    pub(super) fn group_of(&mut self, surface: u32, normal: Vec3) -> u32 {
+        let faces = (STEPS * normal.normalize_or_zero()).round();
         let next = self.groups.len() as u32;
-        let key = (hit.surface, [faces.x as i8, faces.y as i8, faces.z as i8]);
+        let key = (surface, [faces.x as i8, faces.y as i8, faces.z as i8]);
         let group = *self.groups.entry(key).or_insert(next);
         if group == next {
-            self.surface.push(hit.surface);
+            self.surface.push(surface);
         }
         group
     }
 
     /// The cell of a place of a group, and the place within it.
-    fn place(&mut self, group: u32, at: Vec3) -> (u32, [f32; 3]) {
+    pub(super) fn place(&mut self, group: u32, at: Vec3) -> (u32, [f32; 3]) {
         let scaled = at / self.side_m;
         let low = scaled.floor();
         let key = low.as_ivec3().to_array();
@@ -229,8 +229,10 @@ impl Forward {
         let (w, h) = (self.intrinsics.width as usize, self.intrinsics.height as usize);
         let sight = Sight::new(self, bodies, at, theta);
         let hits = sight.middles();
-        let groups: Vec<u32> =
-            hits.iter().map(|h| h.as_ref().map_or(NONE, |(_, h)| grid.group_of(h))).collect();
+        let groups: Vec<u32> = hits
+            .iter()
+            .map(|h| h.as_ref().map_or(NONE, |(_, h)| grid.group_of(h.surface, h.normal)))
+            .collect();
         let kinds: Vec<u32> = hits.iter().map(|h| h.as_ref().map_or(NONE, |(_, h)| h.surface)).collect();
         let (mut cell, mut local) = (vec![NONE; w * h], vec![[0.0; 3]; w * h]);
         let (mut clean, mut border) = (vec![false; w * h], Vec::new());
@@ -263,7 +265,7 @@ fn shared(grid: &mut Grid, parts: &[Option<(Hit, [f32; 3])>; PARTS]) -> Option<[
     let nothing = Part { cell: NONE, local: [0.0; 3], share: [0.0; 3] };
     let mut out = [nothing; PARTS];
     for (to, (hit, light)) in out.iter_mut().zip(parts.iter().flatten()) {
-        let group = grid.group_of(hit);
+        let group = grid.group_of(hit.surface, hit.normal);
         let (cell, local) = grid.place(group, hit.at);
         *to = Part { cell, local, share: [0, 1, 2].map(|c| light[c] / sums[c].max(1e-9)) };
     }
