@@ -16,7 +16,6 @@ use super::target::Target;
 use super::tone::Tone;
 use crate::camera::{Intrinsics, Pose, Trajectory};
 use crate::capture::CameraFile;
-use crate::chain::Settings;
 use crate::error::{Error, Result, one_line};
 use crate::files::{Limit, read, write_atomic};
 use crate::plane::{Plane, read_rgb8, srgb_decode, srgb8, write_png_atomic};
@@ -160,16 +159,9 @@ fn camera_toml(
     real: Real<'_>,
     period_s: f64,
 ) -> String {
-    let camera = CameraFile {
-        path: out.join("camera.toml"),
-        intrinsics: pinhole(fit, real.shrink),
-        frame_period_s: period_s,
-        background_ignored: true,
-        static_camera: real.times_ns.is_none(),
-        lit: false,
-        settings: Settings::default(),
-        warnings: Vec::new(),
-    };
+    let mut camera = CameraFile::pinhole(out.join("camera.toml"), pinhole(fit, real.shrink), period_s);
+    camera.background_ignored = true;
+    camera.static_camera = real.times_ns.is_none();
     let about = format!(
         "# The pinhole of a camera, from {} views of a {}.\n",
         observed.views.len(),
