@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::description::Room;
-use super::fit::{COARSE, FILTERS, FINE};
+use super::fit::{FILTERS, FINE};
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
@@ -26,13 +26,8 @@ impl Search<'_> {
         free.extend(&more);
         let target = self.target();
         let frames = &self.evidence.fit;
-        let near = super::fit::fit(self.forward, target, frames, &found.fit.theta, &free, FINE)?;
-        // A strong lens without its last coefficient is px off where it is strongest, and from there only coarse pictures lead on.
-        let far = super::fit::fit(self.forward, target, frames, &found.fit.theta, &free, COARSE)?;
-        let far = super::fit::fit(self.forward, target, frames, &far.theta, &free, FINE)?;
-        let [a, b] = [&near, &far].map(|f| self.judge.scores(self.forward, &f.theta));
-        let (a, b) = (a?, b?);
-        let (freed, now) = if b.mean() < a.mean() { (far, b) } else { (near, a) };
+        let freed = super::fit::fit(self.forward, target, frames, &found.fit.theta, &free, FINE)?;
+        let now = self.judge.scores(self.forward, &freed.theta)?;
         tracing::info!("with {more:?}: {:.3} to {:.3} DN", was.mean(), now.mean());
         if self.prefers(&found.fit.theta, &freed.theta)? {
             found.fit.theta = freed.theta;
