@@ -1,6 +1,7 @@
 //! Shutterbug: what one real, cheap, moving camera would have delivered of a rendered scene.
 #![warn(missing_docs)]
 
+pub mod board;
 pub mod calibrate;
 pub mod camera;
 pub mod capi;

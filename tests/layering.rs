@@ -38,6 +38,7 @@ const LAYERS: &[Layer] = &[
     pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
     pure("formats", &["capture", "camera", "chain", "effects", "scene", "plane", "files", "error"]),
     pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
+    pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
     Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
     pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
     Layer { module: "engine", uses: Uses::All, ash: false, unsafe_code: false },

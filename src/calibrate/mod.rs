@@ -13,6 +13,9 @@
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.
 
+//! Beside that, from charts: the sensor's pattern and the lens's fall-off from a flat field ([`flat`], [`dark`]), sharpness from a
+//! slanted edge ([`edge`]), readout from the stripes of a blinking light ([`readout`]).
+
 // A channel indexes several arrays at once here; an iterator over one of them hides that.
 #![allow(clippy::needless_range_loop)]
 
@@ -20,14 +23,19 @@ pub mod analytic;
 mod blocks;
 pub mod cells;
 pub mod chart;
+pub mod chart_edge;
 mod curve;
+pub mod dark;
+pub mod edge;
 pub mod figure;
 pub mod filter;
 pub mod fit;
+pub mod flat;
 pub mod frames;
 pub mod model;
 mod noise;
 pub mod ptc;
+pub mod readout;
 mod search;
 pub mod series;
 pub mod spatial;

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
 
+use super::args_board::Board;
+use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout};
 use crate::engine::{
     AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
     MotionSource, PaperOptions, Shift,
@@ -42,6 +44,8 @@ pub enum Command {
     Camera(Camera),
     /// Make frames.csv, trajectory.tum and, where it can, camera.toml of a recording
     Import(Import),
+    /// Make a capture of photographs or a recording of a calibration target: a pinhole, poses, the board as a scene
+    Board(Board),
     /// Measure a camera from its pictures
     #[command(subcommand)]
     Calibrate(Calibrate),
@@ -130,6 +134,12 @@ impl From<FormatName> for Format {
 pub enum Calibrate {
     /// Noise, from two or more frames of one static scene
     Noise(CalibrateNoise),
+    /// Fall-off, the sensor's pattern and noise, from pictures of an evenly lit surface and with the cap on
+    Flat(CalibrateFlat),
+    /// Sharpness, from a slanted edge (ISO 12233)
+    Edge(CalibrateEdge),
+    /// Readout, from the stripes that a blinking light makes
+    Readout(CalibrateReadout),
 }
 
 /// Arguments of `calibrate noise`.
@@ -538,7 +548,7 @@ fn in_steps(from: usize, to: usize) -> impl Fn(&str) -> Result<usize, String> + 
     }
 }
 
-fn rate_hz(text: &str) -> Result<f64, String> {
+pub(super) fn rate_hz(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
         _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),

@@ -97,7 +97,7 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
         Some(base) => base.clone(),
         None => {
             text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
-            placeholder(path, done)
+            placeholder(path, done.size_px)
         }
     };
     done.notes.iter().for_each(|n| text += &format!("# {}\n", one_line(n)));
@@ -111,8 +111,9 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
     write_atomic(path, format!("{text}{}", camera.to_toml()).as_bytes())
 }
 
-fn placeholder(path: &Path, done: &Calibration) -> CameraFile {
-    let [width, height] = done.size_px.map(|side| side as u32);
+/// A camera of pictures of a size, px, of which nothing else is known.
+pub(super) fn placeholder(path: &Path, size_px: [usize; 2]) -> CameraFile {
+    let [width, height] = size_px.map(|side| side as u32);
     let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
     CameraFile::pinhole(path.to_owned(), Intrinsics { width, height, fx, fy: fx, cx, cy }, 1.0 / 30.0)
 }

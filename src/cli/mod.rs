@@ -1,8 +1,12 @@
 //! The command line: parsing, progress, files. Everything it can do, the library can.
 
 mod args;
+mod args_board;
+mod args_calibrate;
 mod begin;
+mod board;
 mod calibrate;
+mod calibrate_chart;
 mod camera;
 mod description;
 mod devices;
@@ -81,7 +85,11 @@ fn start_threads() -> Result<()> {
 fn run_command(command: &Command) -> Result<()> {
     if matches!(
         command,
-        Command::Simulate(_) | Command::Diagnose(_) | Command::Withhold(_) | Command::Calibrate(_)
+        Command::Simulate(_)
+            | Command::Diagnose(_)
+            | Command::Withhold(_)
+            | Command::Board(_)
+            | Command::Calibrate(_)
     ) {
         start_threads()?;
     }
@@ -94,6 +102,10 @@ fn run_command(command: &Command) -> Result<()> {
         Command::Presets { name } => presets::run(name.as_deref()),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),
+        Command::Board(args) => board::run(args),
+        Command::Calibrate(Calibrate::Flat(args)) => calibrate_chart::flat(args),
+        Command::Calibrate(Calibrate::Edge(args)) => calibrate_chart::edge(args),
+        Command::Calibrate(Calibrate::Readout(args)) => calibrate_chart::readout(args),
         Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     }
 }

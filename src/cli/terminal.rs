@@ -72,7 +72,8 @@ struct Counted;
 
 impl<S: Subscriber + for<'a> LookupSpan<'a>> Filter<S> for Counted {
     fn enabled(&self, about: &Metadata<'_>, _: &Context<'_, S>) -> bool {
-        if !about.is_event() {
+        // What nobody has asked for is not shown, and must not be counted as if it were.
+        if !about.is_event() || *about.level() > tracing::Level::WARN {
             return true;
         }
         let mut counts = counts();

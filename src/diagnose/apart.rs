@@ -69,7 +69,7 @@ impl Search<'_> {
     }
 
     fn is_on_its_side(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
-        if self.shows_otherwise(worse, better) {
+        if self.shows_otherwise(worse, better) || self.places_better(worse, better)? {
             return Ok(true);
         }
         let Some(way) = self.way(worse, better)? else { return Ok(true) };

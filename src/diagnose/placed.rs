@@ -3,6 +3,8 @@
 //! A lens, a shutter or a wrong pose moves things. Real light differs from a scene's from place to place (lamps, shadows),
 //! and may leave most of a gap although everything has come to lie where it should.
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 
 use super::evidence::Evidence;
@@ -26,36 +28,44 @@ pub(super) fn placed(
     pictures: [&[Plane<f32>]; 2],
     masks: &[Plane<f32>],
 ) -> f64 {
-    let [before, after] = pictures.map(|pictures| {
-        let each = frames.par_iter().zip(pictures).map(|(&at, picture)| {
-            let [real, picture] = [&evidence.frames[at].dn, picture].map(grey);
-            displacement(&real, &picture, &masks[at])
-        });
-        each.sum::<f64>()
-    });
+    let [before, after] =
+        pictures.map(|pictures| displacements(evidence, frames, pictures, masks).iter().sum::<f64>());
     if before <= 0.0 { 0.0 } else { 1.0 - after / before }
+}
+
+/// Displacement of every block, as in [`placed`]: frame after frame, the same blocks whatever the pictures.
+pub(super) fn displacements<P: Borrow<Plane<f32>> + Sync>(
+    evidence: &Evidence,
+    frames: &[usize],
+    pictures: &[P],
+    masks: &[Plane<f32>],
+) -> Vec<f64> {
+    let each = frames.par_iter().zip(pictures).map(|(&at, picture)| {
+        let [real, picture] = [&evidence.frames[at].dn, picture.borrow()].map(grey);
+        displacement(&real, &picture, &masks[at])
+    });
+    each.collect::<Vec<_>>().concat()
 }
 
 fn grey(picture: &Plane<f32>) -> Plane<f32> {
     Plane::from_fn(picture.width, picture.height, |x, y| [picture.pixel(x, y).iter().sum::<f32>() / 3.0])
 }
 
-/// Sum over blocks of the size of their displacement, weighed by how much structure the real picture has there.
-fn displacement(real: &Plane<f32>, picture: &Plane<f32>, mask: &Plane<f32>) -> f64 {
+/// Sizes of the displacement of the blocks, weighed by how much structure the real picture has there.
+fn displacement(real: &Plane<f32>, picture: &Plane<f32>, mask: &Plane<f32>) -> Vec<f64> {
     let (w, h) = (real.width, real.height);
-    let mut sum = 0.0;
+    let mut all = Vec::new();
     for top in (1..h.saturating_sub(BLOCK_PX)).step_by(BLOCK_PX) {
         for left in (1..w.saturating_sub(BLOCK_PX)).step_by(BLOCK_PX) {
             let inside: Vec<(usize, usize)> = (0..BLOCK_PX * BLOCK_PX)
                 .map(|i| (left + i % BLOCK_PX, top + i / BLOCK_PX))
                 .filter(|&(x, y)| mask.pixel(x, y)[0] > 0.5)
                 .collect();
-            if inside.len() >= BLOCK_PX * BLOCK_PX / 4 {
-                sum += of_block(real, picture, &inside);
-            }
+            let open = inside.len() >= BLOCK_PX * BLOCK_PX / 4;
+            all.push(if open { of_block(real, picture, &inside) } else { 0.0 });
         }
     }
-    sum
+    all
 }
 
 /// Displacement times structure of one block, from the first-order equation of Lucas and Kanade (1981) after the light of
@@ -113,7 +123,9 @@ mod tests {
 
     #[test]
     fn light_is_no_displacement_and_displacement_is() {
-        let of = |real: &Plane<f32>, picture: &Plane<f32>| displacement(&grey(real), &grey(picture), &open());
+        let of = |real: &Plane<f32>, picture: &Plane<f32>| {
+            displacement(&grey(real), &grey(picture), &open()).iter().sum::<f64>()
+        };
         let real = texture(0.0, 1.0, 0.0);
         let moved = of(&real, &texture(1.0, 1.0, 0.0));
         let lit = of(&real, &texture(0.0, 0.6, 0.3));

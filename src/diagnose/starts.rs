@@ -56,6 +56,8 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
             }
             all
         }
+        // A lens that is described already may be nearly right.
+        "lens_distortion" => plain.into_iter().chain([theta.clone()]).collect(),
         _ => plain,
     }
 }

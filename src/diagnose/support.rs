@@ -2,8 +2,9 @@
 
 use super::description::{after_what_moves, size};
 use super::fit::{FINE, Fit};
-use super::judge::{Scores, gain};
+use super::judge::{Estimate, Scores, gain};
 use super::model::{CandidateSpec, P, Theta, candidate_of};
+use super::placed::displacements;
 use super::search::{Search, Tried};
 use crate::error::Result;
 
@@ -33,6 +34,20 @@ impl Search<'_> {
             }
         }
         Ok(as_good.into_iter().min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gained(b).total_cmp(&gained(a)))))
+    }
+
+    /// Whether `better` puts more of what photographs by a camera at rest show in its place than `worse`, beyond chance. Each of them
+    /// has light of its own, and from the few there are the score alone hardly tells a lens from a focal length.
+    pub(super) fn places_better(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        if !self.forward.static_camera {
+            return Ok(false);
+        }
+        let frames = &self.evidence.choose;
+        let pictures = [worse, better].map(|t| self.forward.pictures(frames, t, self.judge.quality));
+        let [a, b] = pictures;
+        let [a, b] = [a?, b?].map(|p| displacements(self.evidence, frames, &p, self.masks));
+        let gains: Vec<f64> = a.iter().zip(&b).filter(|(a, b)| **a + **b > 0.0).map(|(a, b)| a - b).collect();
+        Ok(Estimate::of(&gains).is_above(self.tests()))
     }
 
     /// Takes out what the others make superfluous.

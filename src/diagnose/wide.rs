@@ -102,7 +102,8 @@ impl Forward {
         let beyond =
             map.iter().fold(0.0f32, |m, p| m.max(-p[0]).max(-p[1]).max(p[0] - right).max(p[1] - below));
         // No further than the picture is large: what lies beyond that is not worth its memory.
-        let needed = (beyond.ceil() as u32 + 6).min(k.width.max(k.height) / 2);
+        // A lens that folds has places without end.
+        let needed = (beyond.ceil() as u32).saturating_add(6).min(k.width.max(k.height) / 2);
         if needed > self.bench.wide.margin_px {
             self.bench.wide.engines = Default::default();
             self.bench.wide.kept.clear();

@@ -15,6 +15,11 @@ const EQUIDISTANT: &str = "equidistant";
 const RADIAL: (f64, f64) = (-100.0, 100.0);
 const TANGENTIAL: (f64, f64) = (-1.0, 1.0);
 
+/// Where fits begin: regular patterns have a valley at each of their steps, and a wide lens moves its corners over several. With
+/// k2 = k1^2 no start folds: 1 + 3 k1 s + 5 k1^2 s^2 has no root.
+const K1_STARTS: &[f64] = &[-0.4, -0.3, -0.22, -0.15, -0.08, 0.0, 0.08, 0.2];
+const K2_STARTS: &[f64] = &[0.16, 0.09, 0.0484, 0.0225, 0.0064, 0.0, 0.0064, 0.04];
+
 pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice(
         MODEL,
@@ -22,10 +27,11 @@ pub(super) const SPECS: &[ParamSpec] = &[
         "brown_conrady: distorted = undistorted (1 + k1 r^2 + k2 r^4 + k3 r^6) + tangential (OpenCV); equidistant: the \
          angle from the axis becomes theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) (Kannala-Brandt)",
     ),
-    ParamSpec::number("k1", "", RADIAL, 0.0, "radial, on r^2 or theta^2")
-        .fit(Fit::by(3e-3).within(-0.6, 0.8).trial(Law::Either, 0.03, 0.25).graded(1e-3, 1e-1)),
+    ParamSpec::number("k1", "", RADIAL, 0.0, "radial, on r^2 or theta^2").fit(
+        Fit::by(3e-3).within(-0.6, 0.8).starts(K1_STARTS).trial(Law::Either, 0.03, 0.25).graded(1e-3, 1e-1),
+    ),
     ParamSpec::number("k2", "", RADIAL, 0.0, "radial, on r^4 or theta^4")
-        .fit(Fit::by(6e-3).within(-0.4, 0.8).trial(Law::Follows, -0.2, 0.0)),
+        .fit(Fit::by(6e-3).within(-0.4, 0.8).starts(K2_STARTS).trial(Law::Follows, -0.2, 0.0)),
     ParamSpec::number("p1", "", TANGENTIAL, 0.0, "tangential, brown_conrady only")
         .fit(Fit::by(1e-3).within(-0.05, 0.05).last()),
     ParamSpec::number("p2", "", TANGENTIAL, 0.0, "tangential, brown_conrady only")

@@ -9,6 +9,7 @@ mod capture;
 mod common;
 mod euroc;
 mod kalibr;
+mod kalibr_target;
 mod model;
 mod motion;
 mod presets;
@@ -22,6 +23,7 @@ mod yaml;
 use std::path::Path;
 
 pub use capture::read_capture;
+pub use kalibr_target::{KalibrTarget, read_target};
 pub use model::{CameraModel, Imported};
 pub use motion::{Motion, read_euroc, read_kitti};
 pub use presets::{PRESETS, Preset, apply_preset, preset};
