@@ -92,7 +92,7 @@ impl Look<'_> {
             let sum = &mut sums[usize::from(!dark)];
             (sum.0, sum.1) = (sum.0 + rgb.iter().sum::<f64>() / 3.0, sum.1 + 1);
         }
-        let [dark, bright] = sums.map(|(sum, n)| (n > 1).then(|| sum / n as f64));
+        let [dark, bright] = sums.map(|(sum, n)| (n > 0).then(|| sum / n as f64));
         Some((bright? - dark?) / contrast)
     }
 }

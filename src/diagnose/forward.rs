@@ -15,7 +15,7 @@ use super::developed::Developed;
 use super::evidence::Evidence;
 use super::journal::Journal;
 use super::model::{P, Theta};
-use super::pair::{Geometry, Outside, SimFrames};
+use super::pair::{Outside, SimFrames};
 use super::settings::lens;
 use super::wide::Wide;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
@@ -172,21 +172,6 @@ impl Forward {
         self.starts_s[at] + after_s + SPEED_STEP_S
     }
 
-    /// The speed of the content of given frames where poses say it, and with it that of what moves by itself.
-    fn add_camera_velocity(&mut self) {
-        if self.is_unposed() {
-            return;
-        }
-        for at in 0..self.sharp.len() {
-            let time_s = self.sharp_time_s(at);
-            let mut velocity = self.camera_velocity(&self.sharp[at].depth, &Theta::neutral(), |_| time_s);
-            if let Some(own) = &self.sharp[at].own {
-                velocity.data.iter_mut().zip(&own.data).for_each(|(v, o)| *v += o);
-            }
-            self.sharp[at].velocity = velocity;
-        }
-    }
-
     fn measure(&self, at: usize, engine: &mut Engine) -> Result<Sharp> {
         // Speed over a short time, forward from its beginning.
         let mut request = self.request(at, &Theta::neutral());
@@ -214,11 +199,6 @@ impl Forward {
     /// What scenes are rendered on.
     pub(super) fn device(&self) -> &Arc<Context> {
         self.context.as_ref().expect("a scene comes with a device")
-    }
-
-    /// Whether the content's motion is known by pictures alone, without poses.
-    pub(super) fn is_unposed(&self) -> bool {
-        self.outside.as_ref().is_some_and(|o| o.sim.geometry != Geometry::Depth)
     }
 
     /// The middle of the footage, s.

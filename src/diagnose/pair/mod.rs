@@ -7,6 +7,7 @@
 mod align;
 mod matched;
 mod planes;
+mod sample;
 mod track;
 mod warp;
 
@@ -28,7 +29,8 @@ pub(super) use align::slopes_to;
 use align::{lies, residual_px};
 pub use matched::Matched;
 pub(super) use matched::pictures;
-pub(super) use warp::{Outside, channel_at, depth_at};
+pub(super) use sample::{channel_at, depth_at};
+pub(super) use warp::Outside;
 
 /// Frame period that is taken where nobody states one, s.
 const ASSUMED_PERIOD_S: f64 = 1.0 / 30.0;
@@ -143,9 +145,14 @@ impl Pair {
         let mut alike = 0;
         for &i in &some {
             let picture = read_rgb8(&self.real.join(&self.capture.frames[i].filename))?;
+            let radiance = &self.sim.frames[i].radiance;
+            if [picture.width, picture.height] != [radiance.width, radiance.height] {
+                // Pairs have one size: that is said where they are compared.
+                return Ok(true);
+            }
             let data = picture.data.iter().map(|v| f32::from(*v)).collect();
             let real = Plane { width: picture.width, height: picture.height, channels: 3, data };
-            alike += usize::from(lies(&real, &encoded(&self.sim.frames[i].radiance)).rms_px.is_some());
+            alike += usize::from(lies(&real, &encoded(radiance)).rms_px.is_some());
         }
         Ok(2 * alike >= some.len())
     }
@@ -244,7 +251,7 @@ impl SimFrames {
                 continue;
             }
             let Some(forward) = self.frames[i - 1].motion[0].clone() else { continue };
-            self.frames[i].motion[1] = Some(warp::backward(&forward));
+            self.frames[i].motion[1] = Some(sample::backward(&forward));
         }
     }
 
