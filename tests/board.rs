@@ -80,7 +80,8 @@ fn the_camera_comes_back_from_photographs() {
     let table = out.join("corners.csv");
     let second = fitted(&frames, &again, &["--corners", table.to_str().unwrap(), "--square-m", "0.03"]);
     let k1 = [&report, &second].map(|r| value(r, "k1"));
-    assert!((k1[0] - k1[1]).abs() < 1e-6, "{k1:?}");
+    // The table has four decimals of a px.
+    assert!((k1[0] - k1[1]).abs() < 1e-5, "{k1:?}");
     assert!((value(&second, "cx") - value(&report, "cx")).abs() < 1e-3);
     // Smaller frames have the same camera, in their own px.
     let small = folder.path().join("small");
