@@ -93,7 +93,7 @@ impl Form {
         if let Some(device) = &options.device {
             command.arg("--device").arg(device);
         }
-        made(command, &options.program, capture)?;
+        made(command, "simulation", capture)?;
         if self == Self::Pairs {
             for name in ["trajectory.tum", "camera.toml", "frames.csv"] {
                 take(&room.join(name), &sim.join(name))?;

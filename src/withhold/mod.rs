@@ -221,21 +221,22 @@ fn diagnose(
     if let Some(device) = &options.device {
         command.arg("--device").arg(device);
     }
-    made(command, &options.program, capture)?;
+    made(command, "diagnosis", capture)?;
     let path = out.join(REPORT_FILE);
     let text = read_text(&path, "the report of the diagnosis", Limit::OWN)?;
     Report::from_json(&path, &text)
 }
 
 /// Runs a command to its end; its last line is what an error says.
-fn made(mut command: Command, program: &Path, capture: &Path) -> Result<()> {
-    let output = command.output().map_err(|e| Error::io(program, "run", e))?;
+fn made(mut command: Command, what: &str, capture: &Path) -> Result<()> {
+    let program = PathBuf::from(command.get_program());
+    let output = command.output().map_err(|e| Error::io(&program, "run", e))?;
     if output.status.success() {
         return Ok(());
     }
     let text = String::from_utf8_lossy(&output.stderr);
     let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
-    let found = format!("a run that ended with {}: {last}", output.status);
+    let found = format!("a {what} that ended with {}: {last}", output.status);
     let expected = "one that comes to its end; mend the cause and run the same command again";
     Err(Error::input(capture, None, found, expected))
 }

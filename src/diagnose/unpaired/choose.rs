@@ -98,8 +98,8 @@ pub(super) struct Chosen {
     pub set: Vec<&'static str>,
     /// Half widths of 95 % intervals.
     pub half: BTreeMap<P, f64>,
-    /// By name: how much less each explains alone of what is left, as a sum of squares.
-    pub alone: BTreeMap<&'static str, f64>,
+    /// By mark: whether both folders have it.
+    pub counted: Vec<bool>,
 }
 
 /// Chooses effects one by one for as long as the next makes marks agree better beyond chance.
@@ -114,7 +114,7 @@ pub(super) fn choose(
     mut step: impl FnMut(&'static str) -> Result<()>,
 ) -> Result<Chosen> {
     let mut chosen =
-        Chosen { theta: base.clone(), set: Vec::new(), half: BTreeMap::new(), alone: BTreeMap::new() };
+        Chosen { theta: base.clone(), set: Vec::new(), half: BTreeMap::new(), counted: Vec::new() };
     let plain = simulated.fingerprint(base);
     let counted = common(real, &plain);
     let mut left = squares(&apart(real, &plain), &counted);
@@ -126,9 +126,6 @@ pub(super) fn choose(
             let mut free = parameters(&chosen.set);
             free.extend(parameters(&[name]));
             let (theta, cost) = fit(real, (simulated, &counted), &chosen.theta, &free, (name, starts));
-            if chosen.set.is_empty() {
-                chosen.alone.insert(name, cost);
-            }
             tracing::info!(
                 "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
                 chosen.set,
@@ -146,6 +143,7 @@ pub(super) fn choose(
         chosen.set.push(name);
     }
     tell(real, &simulated.fingerprint(base), &simulated.fingerprint(&chosen.theta));
+    chosen.counted = counted;
     chosen.half = half_widths(real, simulated, &chosen);
     Ok(chosen)
 }

@@ -16,6 +16,8 @@ use crate::plane::stats::{LUMA, luma};
 const BLOCK_PX: usize = 8;
 /// From one block to the next, px.
 const STRIDE_PX: usize = 4;
+/// Most clipped values of a block that is used: one in fifty.
+const MOST_CLIPPED: usize = 3 * BLOCK_PX * BLOCK_PX / 50;
 /// Variance that rounding three colours gives their brightness, DN^2.
 const ROUNDING_DN2: f64 = (0.299 * 0.299 + 0.587 * 0.587 + 0.114 * 0.114) / 12.0;
 /// Side of a cell, px.
@@ -123,16 +125,17 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
         (0..BLOCK_PX * BLOCK_PX)
             .map(|k| (k % BLOCK_PX, k / BLOCK_PX, (y0 + k / BLOCK_PX) * w + x0 + k % BLOCK_PX))
     };
-    let (mut mean, mut cells) = ([0.0; 3], [0.0; CELLS]);
+    let (mut mean, mut cells, mut clipped) = ([0.0; 3], [0.0; CELLS], 0);
     for (dx, dy, i) in inside() {
         let p = &dn.data[3 * i..3 * i + 3];
-        // A value at the end of its range has lost its noise.
-        if p.iter().any(|v| *v <= 0.5 || *v >= 254.5) {
-            return None;
-        }
+        clipped += p.iter().filter(|v| **v <= 0.5 || **v >= 254.5).count();
         (0..3).for_each(|c| mean[c] += f64::from(p[c]) / n);
         cells[dy / CELL_PX * (BLOCK_PX / CELL_PX) + dx / CELL_PX] +=
             f64::from(luma[i]) / CELL_PX.pow(2) as f64;
+    }
+    // Values at the end of their range have lost their noise: one in a while is nothing, and strong noise has some everywhere.
+    if clipped > MOST_CLIPPED {
+        return None;
     }
     let [slopes2, light] = grey(mean);
     let mut b = Block {

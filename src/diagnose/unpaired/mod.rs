@@ -113,7 +113,8 @@ pub fn diagnose_unpaired(
         step += 1;
         Ok(())
     })?;
-    let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names };
+    let noise_seen = chosen.counted[..marks::BINS].iter().any(|c| *c);
+    let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names, noise_seen };
     let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
     report.input.capture = format!("{} beside {}", sim.display(), real.display());
     report.input.seed = options.seed;

@@ -35,6 +35,11 @@ const MAY_BE_CONTENT: &str = "what it does to brightness or colours may be what 
 const HIDDEN_BY_COMPRESSION: [&str; 5] =
     ["shot_noise", "row_noise", "read_noise", "chroma_subsampling", "quantization"];
 
+/// Effects that are measured in flat places.
+const NOISES: [&str; 3] = ["shot_noise", "row_noise", "read_noise"];
+/// Why they are not told of.
+const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
+
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
     pub held: &'a Frames,
@@ -42,6 +47,8 @@ pub(super) struct What<'a> {
     pub read_off: &'a [&'static str],
     pub chosen: &'a Chosen,
     pub names: &'a [&'static str],
+    /// Whether both folders have flat places of like brightness, in which noise can be compared.
+    pub noise_seen: bool,
 }
 
 /// A frame's pictures.
@@ -99,6 +106,10 @@ pub(super) fn report(
         ..Input::default()
     };
     let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
+    let mut notes = notes;
+    if !what.noise_seen {
+        notes.push(format!("noise could not be compared: {NO_FLAT_PLACES}"));
+    }
     let report = Report {
         verdict,
         sentence: sentence(verdict, &gap, &effects, &left),
@@ -191,6 +202,9 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         let spec = candidate_of(n);
         if packed && HIDDEN_BY_COMPRESSION.contains(n) {
             return undetermined(n, "compression hides it in the real frames", "frames without compression");
+        }
+        if !what.noise_seen && NOISES.contains(n) {
+            return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
         }
         if NAMES.iter().any(|(tried, _)| tried == n) {
             return rejected(
