@@ -116,14 +116,8 @@ pub(super) fn undetermined(name: &str, why: &str, footage: &str) -> Candidate {
 }
 
 pub(super) fn without_time(name: &str) -> Candidate {
-    Candidate {
-        name: name.to_owned(),
-        state: CandidateState::Undetermined,
-        why: "the time limit was reached before it was looked at".to_owned(),
-        gap_with: None,
-        parameters: BTreeMap::new(),
-        footage: "none: the same frames with a longer --time-limit-s".to_owned(),
-    }
+    let why = "the time limit was reached before it was looked at";
+    undetermined(name, why, "none: the same frames with a longer --time-limit-s")
 }
 
 fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {

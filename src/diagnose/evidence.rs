@@ -90,8 +90,7 @@ impl Evidence {
                 skip(why.to_owned());
                 continue;
             }
-            let data = picture.data.iter().map(|&v| f32::from(v)).collect();
-            let dn = Arc::new(Plane { width: picture.width, height: picture.height, channels: 3, data });
+            let dn = Arc::new(picture.to_f32());
             frames.push(RealFrame { index, start_s: entry.start_s, dn });
         }
         let reach_s = keep_covered(capture, &mut frames, &mut left_out);
@@ -110,19 +109,29 @@ impl Evidence {
     }
 }
 
-#[cfg(test)]
 impl Evidence {
-    /// One frame, to fit, to choose by and to report.
-    pub(super) fn of_one(dn: Plane<f32>) -> Self {
+    /// Frames without times: all to fit, to choose by and to report.
+    pub(super) fn of_frames(frames: impl Iterator<Item = Arc<Plane<f32>>>) -> Self {
+        let one = |(index, dn)| RealFrame { index, start_s: 0.0, dn };
+        let frames: Vec<RealFrame> = frames.enumerate().map(one).collect();
+        let all: Vec<usize> = (0..frames.len()).collect();
         Self {
-            frames: vec![RealFrame { index: 0, start_s: 0.0, dn: Arc::new(dn) }],
-            fit: vec![0],
-            choose: vec![0],
-            report: vec![0],
+            frames,
+            fit: all.clone(),
+            choose: all.clone(),
+            report: all,
             left_out: Vec::new(),
             reach_s: [0.0; 2],
             warnings: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+impl Evidence {
+    /// One frame, to fit, to choose by and to report.
+    pub(super) fn of_one(dn: Plane<f32>) -> Self {
+        Self::of_frames(std::iter::once(Arc::new(dn)))
     }
 }
 

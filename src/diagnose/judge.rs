@@ -235,11 +235,7 @@ impl<'a> Judge<'a> {
         let tone = Tone::new(theta);
         let masks = forward.masked(self.masks, self.kind.and(theta.room.kind()));
         let flips = forward.flips(frames, theta, self.quality)?;
-        let given: Vec<_> = frames
-            .par_iter()
-            .zip(&means)
-            .map(|(&at, mean)| forward.given_variance(at, theta, mean))
-            .collect();
+        let given = forward.given_variances(frames, theta, &means);
         let scored: Vec<_> = frames
             .iter()
             .zip(&means)
@@ -250,7 +246,7 @@ impl<'a> Judge<'a> {
                 mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
                 flipped: &flipped[i],
-                given: given[i].as_deref(),
+                given: given.as_ref().map(|g| g[i].as_slice()),
             })
             .collect();
         let seen: Vec<_> = scored.par_iter().map(|frame| seen_in(frame, &tone)).collect();

@@ -18,7 +18,7 @@ use super::pair::{Aligned, Geometry, Pair};
 use super::places::{Compared, measures, places};
 use super::question::Question;
 use super::report::*;
-use super::search::{Found, Search, Watch, all_names};
+use super::search::{Found, Search, Watch, all_names, moves};
 use super::settings::{apply, theta_of};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
@@ -89,7 +89,7 @@ pub fn effect_names() -> Vec<&'static str> {
 /// # Panics
 /// If there is no such candidate.
 pub fn changes_places(name: &str) -> bool {
-    candidate_of(name).parameters.iter().any(|p| p.is_time() || p.is_remap())
+    moves(candidate_of(name))
 }
 
 struct Relay<'a> {

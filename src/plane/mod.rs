@@ -32,6 +32,14 @@ pub struct Plane<T> {
     pub data: Vec<T>,
 }
 
+impl Plane<u8> {
+    /// The same whole values as `f32`.
+    pub fn to_f32(&self) -> Plane<f32> {
+        let data = self.data.iter().map(|v| f32::from(*v)).collect();
+        Plane { width: self.width, height: self.height, channels: self.channels, data }
+    }
+}
+
 impl<T: Copy + Default> Plane<T> {
     /// A picture of default values.
     pub fn new(width: usize, height: usize, channels: usize) -> Self {

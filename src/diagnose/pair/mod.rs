@@ -128,9 +128,7 @@ impl Pair {
         };
         Ok(Self { capture, real: real.to_owned(), sim: Arc::new(sim_frames), notes })
     }
-}
 
-impl Pair {
     /// Whether real and simulated frames show the same place, so that they can be compared as pairs. Depth or motion beside the
     /// simulated frames says that they are meant to.
     ///
@@ -150,9 +148,7 @@ impl Pair {
                 // Pairs have one size: that is said where they are compared.
                 return Ok(true);
             }
-            let data = picture.data.iter().map(|v| f32::from(*v)).collect();
-            let real = Plane { width: picture.width, height: picture.height, channels: 3, data };
-            alike += usize::from(lies(&real, &encoded(radiance)).rms_px.is_some());
+            alike += usize::from(lies(&picture.to_f32(), &encoded(radiance)).rms_px.is_some());
         }
         Ok(2 * alike >= some.len())
     }
@@ -279,6 +275,11 @@ fn encoded(plane: &Plane<f32>) -> Plane<f32> {
     Plane { data: plane.data.iter().map(|v| 255.0 * srgb_encode(*v)).collect(), ..*plane }
 }
 
+/// Root mean square; there are some.
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}
+
 /// Linear radiance of a picture.
 pub(super) fn linear_of(path: &Path, linear: bool) -> Result<Plane<f32>> {
     let picture = read_rgb8(path)?;
@@ -309,8 +310,7 @@ impl Aligned {
             (true, before) => ("rough", before),
             (false, _) => {
                 let left: Vec<f64> = frames.iter().filter_map(|f| residual_px(&f.real, &f.after)).collect();
-                let mean = left.iter().map(|v| v * v).sum::<f64>() / left.len().max(1) as f64;
-                let rms_px = (!left.is_empty()).then_some(mean.sqrt());
+                let rms_px = (!left.is_empty()).then(|| rms(&left));
                 (if rms_px.is_none_or(|r| r < align::EXACT_PX) { "exact" } else { "rough" }, rms_px)
             }
         };
@@ -327,14 +327,11 @@ pub(super) fn align(forward: &mut Forward, evidence: &Evidence) -> Aligned {
         Geometry::Motion => "given frames and motion",
         Geometry::None => "given frames",
     };
-    let encoded =
-        |p: &Plane<f32>| Plane { data: p.data.iter().map(|v| 255.0 * srgb_encode(*v)).collect(), ..*p };
     let all: Vec<_> = (0..evidence.frames.len())
         .map(|at| lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance)))
         .collect();
     let seen: Vec<f64> = all.iter().filter_map(|l| l.rms_px).collect();
-    let before_px = (2 * seen.len() > all.len())
-        .then(|| (seen.iter().map(|v| v * v).sum::<f64>() / seen.len() as f64).sqrt());
+    let before_px = (2 * seen.len() > all.len()).then(|| rms(&seen));
     let warped = outside.sim.geometry == Geometry::None && before_px.is_some_and(|px| px > align::EXACT_PX);
     tracing::info!("alignment before: {before_px:.3?} px, warped: {warped}");
     if warped {

@@ -12,9 +12,7 @@ const STEPS: usize = 6;
 /// Distance at a place: between pixels by its inverse, which is linear on planes, but never across an edge.
 pub(in crate::diagnose) fn depth_at(depth: &Plane<f32>, s: Vec2) -> f32 {
     let (w, h) = (depth.width, depth.height);
-    let (x, y) = ((s.x - 0.5).clamp(0.0, w as f32 - 1.001), (s.y - 0.5).clamp(0.0, h as f32 - 1.001));
-    let (x0, y0) = (x as usize, y as usize);
-    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+    let ([x0, y0], [fx, fy]) = corner(depth, s);
     let (x1, y1) = ((x0 + 1).min(w - 1), (y0 + 1).min(h - 1));
     let z = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| 1.0 / depth.data[y * w + x]);
     let (least, most) = z.iter().fold((f32::INFINITY, 0.0f32), |(a, b), v| (a.min(*v), b.max(*v)));
@@ -26,12 +24,18 @@ pub(in crate::diagnose) fn depth_at(depth: &Plane<f32>, s: Vec2) -> f32 {
     1.0 / inverse
 }
 
+/// The pixel whose centre lies left of and above a place inside the picture, and how far beyond it the place is.
+fn corner(plane: &Plane<f32>, s: Vec2) -> ([usize; 2], [f32; 2]) {
+    let along = |v: f32, side: usize| (v - 0.5).clamp(0.0, side as f32 - 1.001);
+    let (x, y) = (along(s.x, plane.width), along(s.y, plane.height));
+    let (x0, y0) = (x as usize, y as usize);
+    ([x0, y0], [x - x0 as f32, y - y0 as f32])
+}
+
 /// A field of displacements at a place, px.
 pub(super) fn shifted(field: &Plane<f32>, s: Vec2) -> Vec2 {
     let (w, h) = (field.width, field.height);
-    let (x, y) = ((s.x - 0.5).clamp(0.0, w as f32 - 1.001), (s.y - 0.5).clamp(0.0, h as f32 - 1.001));
-    let (x0, y0) = (x as usize, y as usize);
-    let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+    let ([x0, y0], [fx, fy]) = corner(field, s);
     let at = |x: usize, y: usize| {
         let p = field.pixel(x.min(w - 1), y.min(h - 1));
         Vec2::new(p[0], p[1])
@@ -44,6 +48,12 @@ pub(super) fn shifted(field: &Plane<f32>, s: Vec2) -> Vec2 {
 fn cubic(f: f32) -> [f32; 4] {
     let (g, ff) = (1.0 - f, f * f);
     [-0.5 * f * g * g, 1.0 + ff * (1.5 * f - 2.5), f * (0.5 + f * (2.0 - 1.5 * f)), -0.5 * ff * g]
+}
+
+/// The sixteen pixels around a place and their weights in the cubic.
+fn around([x, y]: [isize; 2], [fx, fy]: [f32; 2]) -> impl Iterator<Item = (isize, isize, f32)> {
+    let (wx, wy) = (cubic(fx), cubic(fy));
+    (0..16usize).map(move |i| (x + (i % 4) as isize - 1, y + (i / 4) as isize - 1, wx[i % 4] * wy[i / 4]))
 }
 
 /// A picture at a place (px; a pixel's centre at +0.5), never negative; beyond the border as on it.
@@ -62,12 +72,7 @@ pub(super) fn read(plane: &Plane<f32>, s: Vec2, quality: Quality) -> [f32; 3] {
             }
         }
     } else {
-        let (wx, wy) = (cubic(fx), cubic(fy));
-        for (k, wy) in wy.into_iter().enumerate() {
-            for (l, wx) in wx.into_iter().enumerate() {
-                add(at(x0 + l as isize - 1, y0 + k as isize - 1), wx * wy);
-            }
-        }
+        around([x0, y0], [fx, fy]).for_each(|(x, y, weight)| add(at(x, y), weight));
     }
     out.map(|v| v.max(0.0))
 }
@@ -77,15 +82,10 @@ pub(in crate::diagnose) fn channel_at(plane: &Plane<f32>, [x, y]: [f32; 2], chan
     let (w, h) = (plane.width as isize, plane.height as isize);
     let (x, y) = ((x - 0.5).clamp(0.0, w as f32 - 1.0), (y - 0.5).clamp(0.0, h as f32 - 1.0));
     let (x0, y0) = (x.floor() as isize, y.floor() as isize);
-    let (wx, wy) = (cubic(x - x0 as f32), cubic(y - y0 as f32));
-    let mut sum = 0.0;
-    for (k, wy) in wy.into_iter().enumerate() {
-        for (l, wx) in wx.into_iter().enumerate() {
-            let (u, v) = ((x0 + l as isize - 1).clamp(0, w - 1), (y0 + k as isize - 1).clamp(0, h - 1));
-            sum += wx * wy * plane.pixel(u as usize, v as usize)[channel];
-        }
-    }
-    sum.max(0.0)
+    let value =
+        |x: isize, y: isize| plane.pixel(x.clamp(0, w - 1) as usize, y.clamp(0, h - 1) as usize)[channel];
+    let sixteen = around([x0, y0], [x - x0 as f32, y - y0 as f32]);
+    sixteen.map(|(x, y, weight)| weight * value(x, y)).sum::<f32>().max(0.0)
 }
 
 /// Where the content of the next frame was in this one, px from there; from where this one's content goes.

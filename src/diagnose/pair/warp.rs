@@ -66,8 +66,8 @@ struct Reader<'a> {
     /// Nominal focal lengths and centre.
     f: Vec2,
     c: Vec2,
-    /// Rays without lens, by pixel, for each colour that has its own.
-    rays: Vec<Arc<Vec<[f32; 2]>>>,
+    /// Rays without lens, by pixel.
+    rays: &'a [[f32; 2]],
     /// By line: frames nearest first, and by begin, middle and end of the exposure how their content lies.
     lines: Vec<Vec<(usize, [Mover; 3])>>,
     quality: Quality,
@@ -154,8 +154,8 @@ impl Forward {
         scale: f64,
         quality: Quality,
     ) -> Vec<Plane<f32>> {
-        let rays = Arc::new(self.rays(theta, scale));
-        let one = |&at: &usize| Reader::new(self, outside, at, theta, vec![rays.clone()], quality).picture();
+        let rays = self.rays(theta, scale);
+        let one = |&at: &usize| Reader::new(self, outside, at, theta, &rays, quality).picture();
         places.iter().map(one).collect()
     }
 
@@ -167,8 +167,8 @@ impl Forward {
         theta: &Theta,
         open: &Plane<f32>,
     ) -> Plane<f32> {
-        let rays = Arc::new(self.rays(theta, 1.0));
-        Reader::new(self, outside, at, theta, vec![rays], Quality::Coarse).open(open)
+        let rays = self.rays(theta, 1.0);
+        Reader::new(self, outside, at, theta, &rays, Quality::Coarse).open(open)
     }
 
     /// Which simulated frame each pixel reads, where at the middle of its exposure (px), and whether that place was found.
@@ -178,8 +178,8 @@ impl Forward {
         at: usize,
         theta: &Theta,
     ) -> Vec<(usize, Vec2, bool)> {
-        let rays = Arc::new(self.rays(theta, 1.0));
-        let reader = Reader::new(self, outside, at, theta, vec![rays], Quality::Coarse);
+        let rays = self.rays(theta, 1.0);
+        let reader = Reader::new(self, outside, at, theta, &rays, Quality::Coarse);
         let one = |i: usize| {
             let (j, places, known) = reader.places(i);
             (j, places[1], known)
@@ -189,35 +189,18 @@ impl Forward {
 
     /// Variance of the values of some frames because pictures, not a scene, are read, DN^2: they were rounded once, a value
     /// between pixels is not known from its neighbours, and what was warped lies a little off. Nothing for a scene.
-    pub(in crate::diagnose) fn given_variance(
+    pub(in crate::diagnose) fn given_variances(
         &self,
-        at: usize,
+        frames: &[usize],
         theta: &Theta,
-        mean: &Plane<f32>,
-    ) -> Option<Vec<f32>> {
+        means: &[Arc<Plane<f32>>],
+    ) -> Option<Vec<Vec<f32>>> {
         let outside = self.outside.as_ref()?;
-        let rays = Arc::new(self.rays(theta, 1.0));
-        let reader = Reader::new(self, outside, at, theta, vec![rays], Quality::Coarse);
-        let off_px = outside.left_px[at];
-        let (w, h) = (mean.width, mean.height);
-        let one = |i: usize| {
-            let (_, [a, b, c], _) = reader.places(i);
-            // Along an exposure errors of many places are averaged.
-            let many = ((c - b).length() + (b - a).length()).max(1.0);
-            let between = |v: f32| {
-                let f = (v - 0.5).rem_euclid(1.0);
-                (BETWEEN_PX * 4.0 * f * (1.0 - f)).powi(2) / many
-            };
-            let (x, y) = (i % w, i / w);
-            let at = |x: usize, y: usize, c: usize| mean.data[3 * (y * w + x) + c];
-            [0, 1, 2].map(|c| {
-                let gx = 0.5 * (at((x + 1).min(w - 1), y, c) - at(x.saturating_sub(1), y, c));
-                let gy = 0.5 * (at(x, (y + 1).min(h - 1), c) - at(x, y.saturating_sub(1), c));
-                let lies = off_px * off_px;
-                1.0 / 12.0 + gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies)
-            })
+        let rays = self.rays(theta, 1.0);
+        let one = |(&at, mean): (&usize, &Arc<Plane<f32>>)| {
+            Reader::new(self, outside, at, theta, &rays, Quality::Coarse).variance(mean)
         };
-        Some((0..w * h).into_par_iter().flat_map_iter(one).collect())
+        Some(frames.par_iter().zip(means).map(one).collect())
     }
 
     /// The ray that each pixel sees, over the focal length, in the given camera's frame.
@@ -245,7 +228,7 @@ impl<'a> Reader<'a> {
         outside: &'a Outside,
         at: usize,
         theta: &Theta,
-        rays: Vec<Arc<Vec<[f32; 2]>>>,
+        rays: &'a [[f32; 2]],
         quality: Quality,
     ) -> Self {
         let k = &forward.intrinsics;
@@ -315,6 +298,30 @@ impl<'a> Reader<'a> {
         Plane { width, height, channels: 3, data }
     }
 
+    /// See [`Forward::given_variances`].
+    fn variance(&self, mean: &Plane<f32>) -> Vec<f32> {
+        let off_px = self.outside.left_px[self.at];
+        let (w, h) = (mean.width, mean.height);
+        let one = |i: usize| {
+            let (_, [a, b, c], _) = self.places(i);
+            // Along an exposure errors of many places are averaged.
+            let many = ((c - b).length() + (b - a).length()).max(1.0);
+            let between = |v: f32| {
+                let f = (v - 0.5).rem_euclid(1.0);
+                (BETWEEN_PX * 4.0 * f * (1.0 - f)).powi(2) / many
+            };
+            let (x, y) = (i % w, i / w);
+            let at = |x: usize, y: usize, c: usize| mean.data[3 * (y * w + x) + c];
+            [0, 1, 2].map(|c| {
+                let gx = 0.5 * (at((x + 1).min(w - 1), y, c) - at(x.saturating_sub(1), y, c));
+                let gy = 0.5 * (at(x, (y + 1).min(h - 1), c) - at(x, y.saturating_sub(1), c));
+                let lies = off_px * off_px;
+                1.0 / 12.0 + gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies)
+            })
+        };
+        (0..w * h).into_par_iter().flat_map_iter(one).collect()
+    }
+
     fn value(&self, i: usize) -> [f32; 3] {
         let (j, [a, b, c], _) = self.places(i);
         let plane = &self.outside.sim.frames[j].radiance;
@@ -337,7 +344,7 @@ impl<'a> Reader<'a> {
 
     /// The frame that a pixel reads, where at begin, middle and end of its exposure, and whether all of that was found.
     fn places(&self, i: usize) -> (usize, [Vec2; 3], bool) {
-        let ray = Vec2::from(self.rays[0][i]);
+        let ray = Vec2::from(self.rays[i]);
         let mut first = None;
         let exposed = self.shutter.exposure_time_s > 0.0;
         for (j, movers) in &self.lines[self.line_of(i)] {

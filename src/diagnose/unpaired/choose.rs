@@ -54,9 +54,7 @@ impl Simulated {
             };
             let view = View { intrinsics, shutter, frame: i as u32, seed };
             let lens = magnified(radiance, theta);
-            let picture = chain::picture(effects::LIST, &settings, &view, lens.as_ref().unwrap_or(radiance));
-            let data = picture.data.iter().map(|v| f32::from(*v)).collect();
-            Plane { width: picture.width, height: picture.height, channels: 3, data }
+            chain::picture(effects::LIST, &settings, &view, lens.as_ref().unwrap_or(radiance)).to_f32()
         };
         self.0.par_iter().enumerate().map(one).collect()
     }
@@ -142,7 +140,7 @@ pub(super) fn choose(
         (left, chosen.theta) = (cost, theta);
         chosen.set.push(name);
     }
-    tell(real, &simulated.fingerprint(base), &simulated.fingerprint(&chosen.theta));
+    tell(real, &plain, &simulated.fingerprint(&chosen.theta));
     chosen.counted = counted;
     chosen.half = half_widths(real, simulated, &chosen);
     Ok(chosen)

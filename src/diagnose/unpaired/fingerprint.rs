@@ -1,5 +1,7 @@
 //! The marks of a folder: means over its frames, and how well they are known from frame to frame.
 
+use std::borrow::Borrow;
+
 use rayon::prelude::*;
 
 use super::marks::{
@@ -36,13 +38,13 @@ pub(super) struct Known {
 
 impl Fingerprint {
     /// Of some pictures (DN, shape `[height, width, 3]`). `packed_dn2`: variance that a compression may leave or take, DN^2.
-    pub(super) fn of(frames: &[Plane<f32>], packed_dn2: f64) -> Self {
-        let all: Vec<Vec<Block>> = frames.par_iter().map(blocks).collect();
+    pub(super) fn of(frames: &[impl Borrow<Plane<f32>> + Sync], packed_dn2: f64) -> Self {
+        let all: Vec<Vec<Block>> = frames.par_iter().map(|f| blocks(f.borrow())).collect();
         let flat = flat(&all);
         let one = |i: usize| {
             let own: Vec<&Block> =
                 all[i].iter().zip(&flat[i]).filter(|(_, flat)| **flat).map(|(b, _)| b).collect();
-            marks(&frames[i], &own)
+            marks(frames[i].borrow(), &own)
         };
         let all: Vec<Vec<Mark>> = (0..frames.len()).into_par_iter().map(one).collect();
         let one = |k: usize| pooled(&all.iter().filter_map(|f| f[k]).collect::<Vec<_>>(), k, packed_dn2);

@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::evidence::{Evidence, RealFrame};
+use super::evidence::Evidence;
 use super::model::Theta;
 use super::pair::{Pair, linear_of, pictures};
 use super::report::Report;
@@ -40,6 +40,8 @@ const MOST_PX: usize = 60_000_000;
 /// Frames of a folder: every other one to fit, the rest to judge.
 struct Folder {
     names: Vec<String>,
+    /// Columns and rows of the first, px.
+    size: [u32; 2],
     fit: Vec<usize>,
     held: Vec<usize>,
 }
@@ -59,7 +61,7 @@ impl Folder {
         let count = all.len().min(most);
         let names: Vec<String> = (0..count).map(|i| all[i * all.len() / count].clone()).collect();
         let (fit, held) = (0..count).partition(|i| i % 2 == 0);
-        Ok(Self { names, fit, held })
+        Ok(Self { names, size: [first.width as u32, first.height as u32], fit, held })
     }
 }
 
@@ -74,7 +76,7 @@ pub struct Unpaired {
 
 /// All frames that are compared.
 struct Frames {
-    real: Vec<Plane<f32>>,
+    real: Vec<Arc<Plane<f32>>>,
     simulated: Simulated,
 }
 
@@ -92,12 +94,12 @@ pub fn diagnose_unpaired(
     let names = candidates(options)?;
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
     let mut notes = Vec::new();
-    let camera = camera_of(sim, &sims, &mut notes)?;
+    let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear)?;
     let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear)?;
-    let all: Vec<&Plane<f32>> = fit.real.iter().chain(&held.real).collect();
-    let shown = super::shown::Shown::in_frames(&evidence(&all), &names, &Theta::neutral());
+    let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
+    let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
     let marks = Fingerprint::of(&fit.real, choose::packed_dn2(&base));
     let steps = choose::NAMES.len();
@@ -119,16 +121,9 @@ pub fn diagnose_unpaired(
     report.input.capture = format!("{} beside {}", sim.display(), real.display());
     report.input.seed = options.seed;
     report.input.seconds = clock.elapsed().as_secs_f64();
-    let mut camera = camera;
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
     super::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
-}
-
-/// The simulator's camera, for what is written in the end.
-fn camera_of(sim: &Path, sims: &Folder, notes: &mut Vec<String>) -> Result<CameraFile> {
-    let first = read_rgb8(&sim.join(&sims.names[0]))?;
-    Pair::camera_of(sim, None, [first.width as u32, first.height as u32], notes)
 }
 
 fn read(
@@ -138,10 +133,8 @@ fn read(
     (reals, of_real): (&Folder, &[usize]),
     linear: bool,
 ) -> Result<Frames> {
-    let dn = |i: &usize| -> Result<Plane<f32>> {
-        let picture = read_rgb8(&real.join(&reals.names[*i]))?;
-        let data = picture.data.iter().map(|v| f32::from(*v)).collect();
-        Ok(Plane { width: picture.width, height: picture.height, channels: 3, data })
+    let dn = |i: &usize| -> Result<Arc<Plane<f32>>> {
+        Ok(Arc::new(read_rgb8(&real.join(&reals.names[*i]))?.to_f32()))
     };
     let radiance = |i: &usize| -> Result<Plane<f32>> {
         let plane = linear_of(&sim.join(&sims.names[*i]), linear)?;
@@ -150,20 +143,4 @@ fn read(
     };
     let simulated = Simulated(of_sim.iter().map(radiance).collect::<Result<_>>()?);
     Ok(Frames { real: of_real.iter().map(dn).collect::<Result<_>>()?, simulated })
-}
-
-/// Frames as what reads them alone takes them.
-fn evidence(frames: &[&Plane<f32>]) -> Evidence {
-    let all: Vec<usize> = (0..frames.len()).collect();
-    let one =
-        |(index, dn): (usize, &&Plane<f32>)| RealFrame { index, start_s: 0.0, dn: Arc::new((*dn).clone()) };
-    Evidence {
-        frames: frames.iter().enumerate().map(one).collect(),
-        fit: all.clone(),
-        choose: all.clone(),
-        report: all,
-        left_out: Vec::new(),
-        reach_s: [0.0; 2],
-        warnings: Vec::new(),
-    }
 }

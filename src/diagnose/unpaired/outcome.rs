@@ -7,7 +7,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::choose::{NAMES, packed_dn2, parameters};
+use super::choose::{NAMES, packed_dn2};
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::{Chosen, Folder, Frames, Unpaired};
@@ -16,6 +16,7 @@ use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
 use crate::diagnose::output::bytes;
 use crate::diagnose::report::*;
+use crate::diagnose::run::changes_places;
 use crate::error::{Error, Result};
 use crate::plane::stats::luma;
 use crate::plane::{Plane, write_atomic, write_png_atomic};
@@ -199,7 +200,6 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
     let (set, packed) = (what.set(), packed_dn2(&what.chosen.theta) > 0.0);
     let left_out = what.names.iter().filter(|n| !set.contains(n));
     let one = |n: &&'static str| {
-        let spec = candidate_of(n);
         if packed && HIDDEN_BY_COMPRESSION.contains(n) {
             return undetermined(n, "compression hides it in the real frames", "frames without compression");
         }
@@ -216,8 +216,7 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         if ["jpeg", "chroma_subsampling", "quantization"].contains(n) {
             return rejected(n, "the real frames do not show it", gap.after);
         }
-        let geometry = parameters(&[n]).iter().any(|p| p.is_time() || p.is_remap());
-        if geometry || spec.needs_motion {
+        if changes_places(n) || candidate_of(n).needs_motion {
             return undetermined(
                 n,
                 NEEDS_PAIRS,
@@ -306,7 +305,12 @@ fn shown(
     for (((&index, real), plain), made) in held.zip(plain).zip(made) {
         let (of_real, of_made) = (grain(real), grain(&made));
         let filename = reals.names[index].clone();
-        out.push(Shown { index, filename, pictures: [real.clone(), plain, made, of_real, of_made], apart });
+        out.push(Shown {
+            index,
+            filename,
+            pictures: [(**real).clone(), plain, made, of_real, of_made],
+            apart,
+        });
     }
     out
 }
