@@ -147,13 +147,18 @@ def test_an_interrupted_run_of_the_program_ends_it(tmp_path, device):
         pytest.skip("SHUTTERBUG_DEMO_CAPTURE names no capture")
     run = subprocess.Popen([sys.executable, "-c", script.format(capture, str(tmp_path / "out"))], stderr=subprocess.PIPE, text=True)
     children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
-    for _ in range(200):
-        if children.read_text().strip():
-            break
-        time.sleep(0.05)
-    child = int(children.read_text().split()[0])
+    while not (found := children.read_text().split()):
+        assert run.poll() is None, "it ended without starting the program"
+        time.sleep(0.01)
+    child = int(found[0])
+    while Path(f"/proc/{child}/cmdline").read_bytes() == Path(f"/proc/{run.pid}/cmdline").read_bytes():
+        time.sleep(0.001)
+    # The program stands still until the parent, which waits for its lines by then, has been told: no machine is too fast for that.
+    os.kill(child, signal.SIGSTOP)
     time.sleep(0.5)
     run.send_signal(signal.SIGINT)
+    time.sleep(0.2)
+    os.kill(child, signal.SIGCONT)
     _, said = run.communicate(timeout=60)
     assert run.returncode != 0 and "KeyboardInterrupt" in said
     assert not os.path.exists(f"/proc/{child}")
