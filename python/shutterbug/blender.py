@@ -13,12 +13,12 @@ import importlib
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ._arrays import Array
+from ._closing import Closing
 from ._exr import read_exr
 from ._margins import needed
 from .camera import Camera
@@ -34,7 +34,7 @@ _MARGIN_STEP_PX = 8
 _MAX_BODIES = 255
 
 
-class Renderer:
+class Renderer(Closing):
     """Renders frames of a scene's animation. The animation is known before and after each frame, so nothing has to be recorded.
 
     Objects that move rigidly are followed by their matrices; what bends or changes its size is taken to rest in its object. The scene's
@@ -87,17 +87,6 @@ class Renderer:
     def close(self) -> None:
         """Free the device."""
         self._camera.close()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # ---- Inside ----------------------------------------------------------------------------------------------------------
 

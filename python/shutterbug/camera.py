@@ -8,13 +8,13 @@ import threading
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Unpack
 
 import numpy as np
 
 from . import _core, _toml
 from ._arrays import Array, like, one_of, to_numpy
+from ._closing import Closing
 from ._device import open_engine
 from ._given import Given, outside_of
 from ._lens_profile import camera_of_profile, text_of_camera_info
@@ -24,7 +24,7 @@ from .frame import Frame
 _METHODS = {"default": 0, "paper": 2, "fast": 4}
 
 
-class Camera:
+class Camera(Closing):
     """A camera: size, pinhole, frame period, and effects. Call it with a picture of your renderer, and what it would have delivered
     comes back.
 
@@ -364,17 +364,6 @@ class Camera:
                 engine.set_camera(self._text)
                 self._engine = engine
             return self._engine
-
-    def __enter__(self) -> Camera:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __getstate__(self) -> dict[str, Any]:
         return {"text": self._text, "options": dict(self._options), "notes": list(self.notes)}

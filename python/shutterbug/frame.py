@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from . import _core
 from ._arrays import Array, color_out
+from ._closing import Closing
 from .errors import ArgumentError
 
 _PICTURE, _RADIANCE = 1, 5
 
 
-class Frame:
+class Frame(Closing):
     """What `Camera.submit` gives: ask it for its result when you need it. A context manager, which frees it at its end.
 
     Frames may be asked for in any order and from any thread. One that nobody asks for is freed with the last reference to it.
@@ -90,14 +90,3 @@ class Frame:
     def close(self) -> None:
         """Free the frame; one in flight is waited for."""
         self._core.close()
-
-    def __enter__(self) -> Frame:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

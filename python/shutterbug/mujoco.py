@@ -13,12 +13,12 @@ from __future__ import annotations
 import importlib
 import logging
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ._arrays import Array
+from ._closing import Closing
 from ._margins import needed
 from ._mujoco_states import History, SeenCamera, widen
 from .camera import Camera
@@ -36,7 +36,7 @@ _MARGIN_STEP_PX = 16
 _MAX_BODIES = 255
 
 
-class Renderer:
+class Renderer(Closing):
     """Stands in for `mujoco.Renderer`: `update_scene`, `render`, `close`, depth and segmentation as there.
 
     The picture of `render` is the frame whose last line has just closed: it ends at the time of `update_scene`, and begins
@@ -170,17 +170,6 @@ class Renderer:
             self._inner.close()
         self._close_own_camera()
         self._inner = self._camera = None
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # ---- What MuJoCo has not ---------------------------------------------------------------------------------------------
 

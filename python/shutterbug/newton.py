@@ -10,12 +10,12 @@ from __future__ import annotations
 import importlib
 from bisect import bisect_right
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ._arrays import Array
+from ._closing import Closing
 from ._margins import needed
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
@@ -32,7 +32,7 @@ _MARGIN_STEP_PX = 8
 _MAX_BODIES = 255
 
 
-class SensorCamera:
+class SensorCamera(Closing):
     """A camera of Newton that delivers what a real one would have.
 
     The picture of `render` is the frame whose last line has just closed: it ends at the time of the last `record`, and begins a readout
@@ -132,17 +132,6 @@ class SensorCamera:
     def close(self) -> None:
         """Free the device."""
         self._camera.close()
-
-    def __enter__(self) -> SensorCamera:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # ---- Inside ----------------------------------------------------------------------------------------------------------
 
