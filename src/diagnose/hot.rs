@@ -1,5 +1,7 @@
 //! Pixels that are stuck, found as what stands out from its neighbours in every frame, wherever the scene moves.
 
+use rayon::prelude::*;
+
 use super::evidence::Evidence;
 use crate::plane::Plane;
 
@@ -25,24 +27,20 @@ impl HotMap {
     pub(super) fn find(evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) -> Self {
         let Some(first) = means.first().filter(|_| frames.len() >= 2) else { return Self::default() };
         let (w, h) = (first.width, first.height);
+        let reals: Vec<&Plane<f32>> = frames.iter().map(|&at| &*evidence.frames[at].dn).collect();
         let (mut pixels, mut of) = (Vec::new(), 0);
         for y in 0..h {
             for x in 0..w {
                 let i = y * w + x;
                 // Among bright ones a stuck pixel cannot be told.
                 of += usize::from(means.iter().all(|m| (0..3).any(|c| m.data[3 * i + c] < 220.0)));
-                let stands_out = |c: usize| {
-                    let values = frames.iter().map(|&at| evidence.frames[at].dn.data[3 * i + c]);
-                    let (lo, hi) = values.fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(v), b.max(v)));
-                    hi - lo < STEADY_DN
-                        && frames.iter().zip(means).all(|(&at, mean)| {
-                            let real = &evidence.frames[at].dn;
-                            let v = real.data[3 * i + c];
-                            v > LEAST_DN
-                                && v > around(real, x, y, c) + ABOVE_DN
-                                && v > mean.data[3 * i + c] + ABOVE_DN
-                        })
+                let above = |c: usize| {
+                    reals
+                        .iter()
+                        .zip(means)
+                        .all(|(real, m)| real.data[3 * i + c] > m.data[3 * i + c] + ABOVE_DN)
                 };
+                let stands_out = |c: usize| above(c) && is_steady_spot(&reals, x, y, c);
                 if (0..3).any(stands_out) {
                     let mean = [0, 1, 2].map(|c| {
                         let sum: f32 = frames.iter().map(|&at| evidence.frames[at].dn.data[3 * i + c]).sum();
@@ -89,6 +87,23 @@ impl HotMap {
             self.pixels.iter().for_each(|(i, _)| mask.data[*i] = 0.0);
         }
     }
+}
+
+/// Whether a colour of a pixel is bright, brighter than around it, and the same, in every picture.
+fn is_steady_spot(frames: &[&Plane<f32>], x: usize, y: usize, c: usize) -> bool {
+    let value = |frame: &Plane<f32>| frame.pixel(x, y)[c];
+    let (lo, hi) =
+        frames.iter().map(|f| value(f)).fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+    lo > LEAST_DN && hi - lo < STEADY_DN && frames.iter().all(|f| value(f) > around(f, x, y, c) + ABOVE_DN)
+}
+
+/// Number of such pixels, whatever the pictures show. Before a camera that rests they may be content.
+pub(super) fn steady_spots(frames: &[&Plane<f32>]) -> usize {
+    let Some(first) = frames.first().filter(|f| frames.iter().all(|o| o.data.len() == f.data.len())) else {
+        return 0;
+    };
+    let spot = |x: usize, y: usize| (0..3).any(|c| is_steady_spot(frames, x, y, c));
+    (0..first.height).into_par_iter().map(|y| (0..first.width).filter(|&x| spot(x, y)).count()).sum()
 }
 
 /// Median of the eight neighbours (fewer at the border).

@@ -24,9 +24,12 @@ use crate::plane::write_atomic;
 /// Standard deviation of the poses of roughly aligned frames, by axis: rad, m.
 const ROUGH: [f64; 2] = [0.0175, 0.02];
 /// What unpaired frames can tell, see docs/pairs.md.
-const UNPAIRED: [&str; 7] = [
+const UNPAIRED: [&str; 10] = [
+    "bayer_mosaic",
     "shot_noise",
+    "fixed_pattern_noise",
     "row_noise",
+    "hot_pixels",
     "read_noise",
     "chromatic_aberration",
     "defocus",

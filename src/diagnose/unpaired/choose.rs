@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::fingerprint::{Fingerprint, Known, apart, common, squares};
-use super::marks::{BINS, EDGES, LINEAR, bin_dn};
+use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::View;
 use crate::diagnose::judge::quantile_of_length;
@@ -19,10 +19,13 @@ use crate::plane::{Plane, srgb_decode};
 use crate::reference::chain;
 
 /// Candidates whose marks stand whatever is seen, with the values from which fits begin.
-pub(super) const NAMES: [(&str, &[f64]); 6] = [
+pub(super) const NAMES: [(&str, &[f64]); 9] = [
+    ("bayer_mosaic", &[1.0, 2.0, 3.0, 4.0]),
     ("defocus", &[0.5, 1.0, 2.0]),
     ("shot_noise", &[1e-4, 6e-4, 3e-3]),
     ("row_noise", &[2e-3, 1e-2]),
+    ("fixed_pattern_noise", &[2e-3, 1e-2]),
+    ("hot_pixels", &[1e-4, 1e-3]),
     ("read_noise", &[2e-3, 8e-3, 3e-2]),
     ("chromatic_aberration", &[1.001]),
     ("sharpening", &[0.5, 1.5]),
@@ -121,8 +124,8 @@ pub(super) fn choose(
         for (name, starts) in NAMES.into_iter().filter(|(n, _)| names.contains(n) && !chosen.set.contains(n))
         {
             step(name)?;
-            let mut free = parameters(&chosen.set);
-            free.extend(parameters(&[name]));
+            let mut free = smooth(&chosen.set);
+            free.extend(smooth(&[name]));
             let (theta, cost) = fit(real, (simulated, &counted), &chosen.theta, &free, (name, starts));
             tracing::info!(
                 "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
@@ -140,10 +143,22 @@ pub(super) fn choose(
         (left, chosen.theta) = (cost, theta);
         chosen.set.push(name);
     }
+    if !neighbours_agree(real, &simulated.fingerprint(&chosen.theta)) {
+        // Not noise but texture that is softer in one folder, in places that pass for flat.
+        chosen.set.retain(|n| !candidate_of(n).noise);
+        let noises = NAMES.into_iter().map(|(n, _)| candidate_of(n)).filter(|c| c.noise);
+        chosen.theta = noises.fold(chosen.theta, |theta, noise| theta.without(noise));
+    }
     tell(real, &plain, &simulated.fingerprint(&chosen.theta));
     chosen.counted = counted;
     chosen.half = half_widths(real, simulated, &chosen);
     Ok(chosen)
+}
+
+/// Whether neighbours have as much of their noise in common in both folders: else what is there is not the noise that was found.
+fn neighbours_agree(real: &Fingerprint, made: &Fingerprint) -> bool {
+    let all = apart(real, made);
+    NEIGHBOURS.iter().all(|k| all[*k].unwrap_or(0.0).abs() < quantile_of_length(NEIGHBOURS.len(), 1))
 }
 
 /// Whether edges themselves show a sharpness: they are explained by it, beyond chance, and those across and down alike.
@@ -177,6 +192,11 @@ pub(super) fn parameters(set: &[&'static str]) -> Vec<P> {
     set.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect()
 }
 
+/// Those of them that have a slope.
+fn smooth(set: &[&'static str]) -> Vec<P> {
+    parameters(set).into_iter().filter(|p| !p.is_discrete()).collect()
+}
+
 /// Fits `free` from the best of some values of a candidate; parameters and the sum of squares that is left.
 fn fit(
     real: &Fingerprint,
@@ -192,7 +212,7 @@ fn fit(
         theta.set(own[0], *v);
         // What goes with it begins at a middling value: 0 has no slope.
         for &p in &own[1..] {
-            theta.set(p, if p.spec().neutral > 0.0 { p.spec().neutral } else { 1.0 });
+            theta.set(p, if candidate_of(name).noise { *v } else { p.spec().neutral.max(1.0) });
         }
         let cost = cost(&theta);
         (cost, theta)
@@ -269,12 +289,12 @@ fn equations(
     };
     let a: Vec<Vec<f64>> = slopes.iter().map(|i| slopes.iter().map(|j| product(i, j)).collect()).collect();
     let b: Vec<f64> = slopes.iter().map(|j| product(j, &off)).collect();
-    (0..free.len()).all(|i| a[i][i] > 0.0).then_some((a, b))
+    (!free.is_empty() && (0..free.len()).all(|i| a[i][i] > 0.0)).then_some((a, b))
 }
 
 /// Half widths of 95 % intervals: from the curvature, wider where marks disagree.
 fn half_widths(real: &Fingerprint, simulated: &Simulated, chosen: &Chosen) -> BTreeMap<P, f64> {
-    let free = parameters(&chosen.set);
+    let free = smooth(&chosen.set);
     let Some((a, _)) = equations(real, simulated, &chosen.theta, &free) else { return BTreeMap::new() };
     let off = apart(real, &simulated.fingerprint(&chosen.theta));
     let count = off.iter().flatten().count().saturating_sub(free.len()).max(1) as f64;

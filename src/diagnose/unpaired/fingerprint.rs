@@ -5,8 +5,10 @@ use std::borrow::Borrow;
 use rayon::prelude::*;
 
 use super::marks::{
-    BINS, Block, EDGES, LATERAL, LINEAR, LINES, MARKS, Mark, NEIGHBOURS, bin_dn, blocks, flat, marks,
+    BINS, Block, EDGES, LATERAL, LINEAR, LINES, MARKS, MOSAIC, Mark, NEIGHBOURS, PATTERN, STUCK, bin_dn,
+    blocks, flat, marks, pattern_marks,
 };
+use crate::diagnose::hot::steady_spots;
 use crate::plane::{Plane, srgb_decode};
 
 /// What the sharpest edges of two rooms differ by, as a part of their width: five rooms of one renderer, nothing hidden, had 5 to
@@ -20,6 +22,8 @@ const LATERAL_ERROR: f64 = 5e-4;
 const VARIANCE_ERROR: f64 = 0.035;
 /// What fine texture makes of the noise of neighbours: the same room with and without motion blur differed by as much.
 const NEIGHBOUR_ERROR: f64 = 0.03;
+/// What content may differ by between even and odd pixels: a grid of a texture that lies on theirs in some frames.
+const MOSAIC_ERROR: f64 = 0.02;
 /// What a mark counts that is not there any more: ten standard errors.
 const LOST: f64 = 100.0;
 /// What rounding leaves unknown of a linear variance, squares of 1/255: values on a whole DN are not rounded at random.
@@ -40,13 +44,19 @@ impl Fingerprint {
     /// Of some pictures (DN, shape `[height, width, 3]`). `packed_dn2`: variance that a compression may leave or take, DN^2.
     pub(super) fn of(frames: &[impl Borrow<Plane<f32>> + Sync], packed_dn2: f64) -> Self {
         let all: Vec<Vec<Block>> = frames.par_iter().map(|f| blocks(f.borrow())).collect();
-        let flat = flat(&all);
-        let one = |i: usize| {
-            let own: Vec<&Block> =
-                all[i].iter().zip(&flat[i]).filter(|(_, flat)| **flat).map(|(b, _)| b).collect();
-            marks(frames[i].borrow(), &own)
-        };
-        let all: Vec<Vec<Mark>> = (0..frames.len()).into_par_iter().map(one).collect();
+        let flat: Vec<Vec<&Block>> = all
+            .iter()
+            .zip(flat(&all))
+            .map(|(all, flat)| all.iter().zip(flat).filter(|(_, flat)| *flat).map(|(b, _)| b).collect())
+            .collect();
+        let planes: Vec<&Plane<f32>> = frames.iter().map(Borrow::borrow).collect();
+        let mut all: Vec<Vec<Mark>> =
+            planes.par_iter().zip(&flat).map(|(dn, flat)| marks(dn, flat)).collect();
+        for (frame, shared) in all.iter_mut().zip(pattern_marks(&planes, &flat)) {
+            PATTERN.into_iter().zip(shared).for_each(|(k, mark)| frame[k] = mark);
+        }
+        let stuck = steady_spots(&planes) as f64;
+        all.iter_mut().for_each(|frame| frame[STUCK] = Some([stuck, 1.0]));
         let one = |k: usize| pooled(&all.iter().filter_map(|f| f[k]).collect::<Vec<_>>(), k, packed_dn2);
         Self((0..MARKS).map(one).collect())
     }
@@ -66,8 +76,15 @@ fn pooled(seen: &[[f64; 2]], mark: usize, packed_dn2: f64) -> Option<Known> {
     if EDGES.contains(&mark) {
         error2 += (EDGE_ERROR * value).powi(2);
     }
-    if LINES.contains(&mark) {
-        error2 += (ROUNDING + packed_dn2).powi(2);
+    if LINES.contains(&mark) || PATTERN.contains(&mark) {
+        error2 += (ROUNDING + packed_dn2).powi(2) + (VARIANCE_ERROR * value).powi(2);
+    }
+    if mark == STUCK {
+        // Which pixels of a sensor are is chance. One bright point may be a lamp that stays in sight.
+        error2 += value + 1.0;
+    }
+    if MOSAIC.contains(&mark) {
+        error2 += MOSAIC_ERROR * MOSAIC_ERROR;
     }
     if NEIGHBOURS.contains(&mark) {
         // A compression makes neighbours alike by itself.

@@ -37,7 +37,7 @@ const HIDDEN_BY_COMPRESSION: [&str; 5] =
     ["shot_noise", "row_noise", "read_noise", "chroma_subsampling", "quantization"];
 
 /// Effects that are measured in flat places.
-const NOISES: [&str; 3] = ["shot_noise", "row_noise", "read_noise"];
+const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "read_noise"];
 /// Why they are not told of.
 const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
 
