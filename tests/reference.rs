@@ -1,5 +1,6 @@
 //! The pages of `docs/reference` are what the program says of itself (`tools/reference` writes them), and a report is what
 //! `docs/reference/report.schema.json` says. Skipped by name where there is no Python.
+#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -64,7 +65,17 @@ fn a_report_is_what_the_schema_says() {
     for (camera, out) in [("ideal.toml", "sim"), ("hidden.toml", "real")] {
         run(&["simulate", capture.to_str().unwrap(), "--camera", &at(camera), "--out", &at(out)]);
     }
-    run(&["diagnose", "--sim", &at("sim"), "--real", &at("real"), "--out", &at("found"), "--time-limit-s", "60"]);
+    run(&[
+        "diagnose",
+        "--sim",
+        &at("sim"),
+        "--real",
+        &at("real"),
+        "--out",
+        &at("found"),
+        "--time-limit-s",
+        "60",
+    ]);
 
     let report = at("found/report.json");
     let output = reference(&["--validate", &report]).unwrap();
