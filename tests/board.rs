@@ -156,7 +156,7 @@ fn a_board_in_motion_gives_readout_and_lens() {
 }
 
 fn real(name: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/real").join(name);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/real").join(name);
     if !folder.is_dir() {
         eprintln!("SKIPPED: {} is not there", folder.display());
         return None;

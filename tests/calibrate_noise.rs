@@ -3,9 +3,11 @@
 
 use std::path::Path;
 
-use shutterbug::calibrate::model::{CameraModel, IspCamera};
-use shutterbug::calibrate::{Encoding, Frame, Measured, NoiseOptions, calibrate_noise, measure_noise};
 use shutterbug::plane::{Plane, write_png_atomic};
+use shutterbug_diagnose::calibrate::model::{CameraModel, IspCamera};
+use shutterbug_diagnose::calibrate::{
+    Encoding, Frame, Measured, NoiseOptions, calibrate_noise, measure_noise,
+};
 
 /// A grey ramp from nearly black to nearly white, linear.
 fn ramp(width: usize, height: usize) -> Plane<f32> {
@@ -228,7 +230,7 @@ const CANTEEN: [Canteen; 3] = [
 
 #[test]
 fn the_canteen_is_matched() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/real/nao_canteen");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/real/nao_canteen");
     if !folder.is_dir() {
         eprintln!("SKIPPED the_canteen_is_matched: ../shared/data/real/nao_canteen is absent");
         return;

@@ -20,7 +20,8 @@ const H: usize = 240;
 
 /// The demo capture's camera, with more at its end.
 fn camera_text(more: &str) -> String {
-    std::fs::read_to_string("demo/capture/camera.toml").unwrap() + more
+    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture/camera.toml")).unwrap()
+        + more
 }
 
 fn set_camera(engine: Handle, text: &str) {
@@ -32,7 +33,15 @@ fn demo(test: &str) -> Option<(Handle, Vec<f64>)> {
     let mut o = options(4, 0);
     (o.frames_in_flight, o.max_blur_samples) = (4, FastOptions::default().max_samples);
     let engine = engine(test, o)?;
-    must(unsafe { shutterbug_engine_load_capture(engine, text("demo/capture").as_ptr()) }, engine);
+    must(
+        unsafe {
+            shutterbug_engine_load_capture(
+                engine,
+                text(concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture")).as_ptr(),
+            )
+        },
+        engine,
+    );
     let mut times = vec![0.0; info(engine).capture_frames as usize];
     must(unsafe { shutterbug_engine_get_frame_times(engine, times.as_mut_ptr(), times.len()) }, engine);
     Some((engine, times))
@@ -66,7 +75,15 @@ fn simulated(folder: &Path, camera: &str) -> Vec<Vec<u8>> {
     std::fs::write(&file, camera).unwrap();
     let out = folder.join("out");
     let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));
-    command.args(["simulate", "demo/capture", "--samples", "1", "--method", "fast", "--camera"]);
+    command.args([
+        "simulate",
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture"),
+        "--samples",
+        "1",
+        "--method",
+        "fast",
+        "--camera",
+    ]);
     let done = command.arg(&file).arg("--out").arg(&out).output().unwrap();
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let mut names: Vec<_> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
@@ -145,7 +162,15 @@ fn it_waits_keeps_its_state_and_begins_anew_as_the_header_says() {
     assert_eq!(submit(engine, 2, times[0]), Err(status("STATE")), "only frames of after it count");
     collect(a);
     collect(b);
-    must(unsafe { shutterbug_engine_load_capture(engine, text("demo/capture").as_ptr()) }, engine);
+    must(
+        unsafe {
+            shutterbug_engine_load_capture(
+                engine,
+                text(concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture")).as_ptr(),
+            )
+        },
+        engine,
+    );
     set_camera(engine, &camera_text(&TABLE.replace("0.5", "0.4")));
     assert_eq!(one(0), 1.0, "a capture is loaded");
     finish(engine);

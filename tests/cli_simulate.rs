@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use shutterbug::plane::{read_exr_plane, read_rgb8};
 
-const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/demo/capture");
+const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
 
 fn shutterbug() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));

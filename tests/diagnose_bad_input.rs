@@ -9,8 +9,8 @@ use std::fs;
 use diagnose_support::{CAMERA, make, run};
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
 use shutterbug::plane::{Plane, write_png_atomic};
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
 
 struct Silent;
 

@@ -80,7 +80,7 @@ fn constants(text: &str) -> Vec<Constant> {
 
 fn table() -> String {
     let mut out = String::from(
-        "# Numbers that decide a diagnosis\n\nGenerated from `src/diagnose` by `tests/diagnose_constants.rs`. Captures are those of \
+        "# Numbers that decide a diagnosis\n\nGenerated from `crates/diagnose/src/diagnose` by `tests/diagnose_constants.rs`. Captures are those of \
          `../shared/data/cycles-dev`.\n\n| number | value | what it is | measured |\n|---|---|---|---|\n",
     );
     for file in FILES {
@@ -104,7 +104,7 @@ fn table() -> String {
 
 #[test]
 fn the_table_of_constants_is_the_code_s() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/constants.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/constants.md");
     let table = table();
     if std::env::var_os("SHUTTERBUG_BLESS").is_some() {
         std::fs::write(&path, &table).unwrap();

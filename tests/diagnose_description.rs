@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use gpu_support::device;
 use shutterbug::camera::Pose;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
 
 /// Candidates that are left out, for the sake of time: the ones that are left resemble what is wrong.
 const WITHOUT: [&str; 14] = [

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 
 fn shared() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/pairs-dev");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/pairs-dev");
     if !folder.is_dir() {
         eprintln!("SKIPPED: {} is not there", folder.display());
         return None;

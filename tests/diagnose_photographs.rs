@@ -13,8 +13,8 @@ use diagnose_support::{Dice, frames_of, names, parameter, reference, run};
 use glam::{DQuat, DVec3};
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::Verdict;
 use shutterbug::plane::{Plane, write_png_atomic};
+use shutterbug_diagnose::diagnose::Verdict;
 
 const CAMERA: &str = "width = 160\nheight = 120\nfx = 135.0\nfy = 135.0\ncx = 81.0\ncy = 59.0\nframe_period_s = 1.0\n\
                       background = \"ignore\"\nstatic = true\n";

@@ -7,9 +7,9 @@ mod gpu_support;
 use diagnose_support::{frames_of, make, names, near, parameter, run};
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{CandidateState, Report, Verdict};
 use shutterbug::engine::{ExactOptions, Method};
 use shutterbug::plane::metrics::mean_absolute_difference;
+use shutterbug_diagnose::diagnose::{CandidateState, Report, Verdict};
 
 #[test]
 fn nothing_hidden_is_no_gap() {

@@ -13,9 +13,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use diagnose_support::{make, names};
 use gpu_support::device;
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
 use shutterbug::error::Error;
 use shutterbug::gpu::Context;
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
 
 /// What takes long and has no part in this.
 const WITHOUT: [&str; 9] = [

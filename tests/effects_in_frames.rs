@@ -71,7 +71,7 @@ fn simulate_exposes_frame_after_frame_however_many_are_in_flight() {
     if device("simulate_exposes_frame_after_frame_however_many_are_in_flight").is_none() {
         return;
     }
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("demo");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../demo");
     let folder = tempfile::tempdir().unwrap();
     let camera = folder.path().join("camera.toml");
     let text = std::fs::read_to_string(root.join("capture/camera.toml")).unwrap();

@@ -24,32 +24,64 @@ const fn pure(module: &'static str, uses: &'static [&'static str]) -> Layer {
     Layer { module, uses: Uses::Only(uses), ash: false, unsafe_code: false }
 }
 
-/// The table of ARCHITECTURE.md. A new module needs a line here and one there.
-const LAYERS: &[Layer] = &[
-    pure("error", &[]),
-    pure("files", &["error"]),
-    pure("kernels", &["error"]),
-    pure("plane", &["files", "error"]),
-    pure("camera", &["error"]),
-    pure("scene", &["camera", "plane", "files", "error"]),
-    pure("chain", &["kernels", "camera", "plane", "error"]),
-    pure("effects", &["chain", "camera", "plane", "error"]),
-    pure("capture", &["scene", "camera", "chain", "effects", "plane", "files", "error"]),
-    pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
-    pure("formats", &["capture", "camera", "chain", "effects", "scene", "plane", "files", "error"]),
-    pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
-    pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
-    Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
-    pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
-    Layer { module: "engine", uses: Uses::All, ash: false, unsafe_code: false },
-    Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },
-    pure("report", &["diagnose", "plane", "files", "error"]),
-    Layer { module: "withhold", uses: Uses::All, ash: false, unsafe_code: false },
-    Layer { module: "capi", uses: Uses::All, ash: false, unsafe_code: true },
-    Layer { module: "cli", uses: Uses::All, ash: false, unsafe_code: false },
-    Layer { module: "main", uses: Uses::All, ash: false, unsafe_code: false },
-    Layer { module: "lib", uses: Uses::All, ash: false, unsafe_code: false },
+/// One crate of the workspace: the name by which others call it, where its sources are, and its modules.
+struct Crate {
+    name: &'static str,
+    sources: &'static str,
+    layers: &'static [Layer],
+}
+
+/// The table of ARCHITECTURE.md. A new module needs a line here and one there. That a crate names none above it the compiler sees to.
+const CRATES: &[Crate] = &[
+    Crate {
+        name: "shutterbug",
+        sources: "src",
+        layers: &[
+            pure("error", &[]),
+            pure("files", &["error"]),
+            pure("kernels", &["error"]),
+            pure("plane", &["files", "error"]),
+            pure("camera", &["error"]),
+            pure("scene", &["camera", "plane", "files", "error"]),
+            pure("chain", &["kernels", "camera", "plane", "error"]),
+            pure("effects", &["chain", "camera", "plane", "error"]),
+            pure("capture", &["scene", "camera", "chain", "effects", "plane", "files", "error"]),
+            pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
+            Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },
+            pure("raster", &["gpu", "kernels", "scene", "camera", "plane", "error"]),
+            Layer { module: "engine", uses: Uses::All, ash: false, unsafe_code: false },
+            Layer { module: "capi", uses: Uses::All, ash: false, unsafe_code: true },
+            Layer { module: "lib", uses: Uses::All, ash: false, unsafe_code: false },
+        ],
+    },
+    Crate {
+        name: "shutterbug_diagnose",
+        sources: "crates/diagnose/src",
+        layers: &[
+            pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
+            pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
+            Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },
+            pure("report", &["diagnose", "plane", "files", "error"]),
+            Layer { module: "withhold", uses: Uses::All, ash: false, unsafe_code: false },
+            Layer { module: "lib", uses: Uses::All, ash: false, unsafe_code: false },
+        ],
+    },
+    Crate {
+        name: "shutterbug_cli",
+        sources: "crates/cli/src",
+        layers: &[
+            pure("formats", &["capture", "camera", "chain", "effects", "scene", "plane", "files", "error"]),
+            Layer { module: "cli", uses: Uses::All, ash: false, unsafe_code: false },
+            Layer { module: "main", uses: Uses::All, ash: false, unsafe_code: false },
+            Layer { module: "lib", uses: Uses::All, ash: false, unsafe_code: false },
+        ],
+    },
 ];
+
+/// All lines, those of lower crates first.
+fn layers() -> impl Iterator<Item = &'static Layer> {
+    CRATES.iter().flat_map(|c| c.layers)
+}
 
 /// Re-exports at the crate's root and the module that they stand for.
 const ROOT_NAMES: &[(&str, &str)] = &[("Error", "error"), ("Result", "error")];
@@ -180,13 +212,15 @@ fn named(text: &str) -> Vec<&str> {
     names
 }
 
-/// Modules of the own crate named in `code`, with the place. `depth` is how many `super` lead from the file to the
+/// Modules of the workspace's crates named in `code`, with the place. `depth` is how many `super` lead from the file to the
 /// crate's root; inline modules inside the file add to it.
 fn edges(code: &str, depth: usize) -> Vec<(usize, &str)> {
     let mut found = Vec::new();
-    for at in words(code, "crate") {
-        if let Some(path) = code[at + "crate".len()..].trim_start().strip_prefix("::") {
-            found.extend(named(path).into_iter().map(|name| (at, name)));
+    for root in CRATES.iter().map(|c| c.name).chain(["crate"]) {
+        for at in words(code, root) {
+            if let Some(path) = code[at + root.len()..].trim_start().strip_prefix("::") {
+                found.extend(named(path).into_iter().map(|name| (at, name)));
+            }
         }
     }
     for at in words(code, "super") {
@@ -230,18 +264,18 @@ fn module_of(relative: &Path) -> (String, usize) {
     (parts[0].clone(), if is_root { 0 } else { parts.len() - usize::from(folder_module) })
 }
 
-/// What is wrong with one source file; `relative` is its path below `src`.
-fn violations(relative: &Path, text: &str) -> Vec<String> {
+/// What is wrong with one source file of a crate; `relative` is its path below the crate's sources.
+fn violations(home: &Crate, relative: &Path, text: &str) -> Vec<String> {
     let (module, depth) = module_of(relative);
-    let place = |line: usize| format!("src/{}:{line}", relative.display());
-    let Some(layer) = LAYERS.iter().find(|l| l.module == module) else {
-        return vec![format!("{}: module `{module}` stands in no layer", place(1))];
+    let place = |line: usize| format!("{}/{}:{line}", home.sources, relative.display());
+    let Some(layer) = home.layers.iter().find(|l| l.module == module) else {
+        return vec![format!("{}: module `{module}` stands in no layer of {}", place(1), home.name)];
     };
     let code = code_only(text);
     let mut found = Vec::new();
     for (at, name) in edges(&code, depth) {
         let target = ROOT_NAMES.iter().find(|(n, _)| *n == name).map_or(name, |(_, m)| m);
-        let known = LAYERS.iter().any(|l| l.module == target);
+        let known = layers().any(|l| l.module == target);
         let allowed = match layer.uses {
             Uses::Only(list) => list.contains(&target),
             Uses::All => !TOP.contains(&target) || TOP.contains(&module.as_str()) || module == "lib",
@@ -285,7 +319,7 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn every_file_keeps_to_its_layer() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths = vec![root.join("build.rs")];
-    ["src", "tests", "benches", "glsl", "tools/src", "tools/tests"]
+    ["src", "crates", "tests", "benches", "glsl", "tools/src", "tools/tests"]
         .iter()
         .for_each(|f| files(&root.join(f), &mut paths));
     let mut wrong = Vec::new();
@@ -294,9 +328,10 @@ fn every_file_keeps_to_its_layer() {
         let text = fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let name = path.strip_prefix(root).expect("found below the root");
         wrong.extend(too_long(&name.display().to_string(), &text));
-        if let Ok(relative) = name.strip_prefix("src") {
+        let at_home = |c: &'static Crate| Some((c, name.strip_prefix(c.sources).ok()?));
+        if let Some((home, relative)) = CRATES.iter().find_map(at_home) {
             sources += 1;
-            wrong.extend(violations(relative, &text));
+            wrong.extend(violations(home, relative, &text));
         }
     }
     assert!(sources > 10, "only {sources} source files found: the walk is broken");
@@ -306,11 +341,11 @@ fn every_file_keeps_to_its_layer() {
 /// Names in the table exist only once, and the pure layers have no cycle: each names only lines above its own.
 #[test]
 fn the_table_has_no_cycle() {
-    for (i, layer) in LAYERS.iter().enumerate() {
+    for (i, layer) in layers().enumerate() {
         let Uses::Only(list) = layer.uses else { continue };
         for name in list {
             assert!(
-                LAYERS[..i].iter().any(|l| l.module == *name),
+                layers().take(i).any(|l| l.module == *name),
                 "{} names {name}, not above it",
                 layer.module
             );
@@ -321,7 +356,11 @@ fn the_table_has_no_cycle() {
 /// Controls: each planted line is found, each lookalike is not.
 #[test]
 fn planted_lines_are_found() {
-    let count = |path: &str, text: &str| violations(Path::new(path), text).len();
+    let found = |path: &str, text: &str| {
+        let (sources, path) = path.split_once(':').unwrap_or(("src", path));
+        let home = CRATES.iter().find(|c| c.sources == sources).expect("a crate of the table");
+        violations(home, Path::new(path), text)
+    };
     for (path, text) in [
         ("plane/mod.rs", "use crate::camera::Pose;"),
         ("camera/pose.rs", "use crate::{error::{Error, Result}, scene::Scene};"),
@@ -336,8 +375,13 @@ fn planted_lines_are_found() {
         ("camera/mod.rs", "const C: char = '\"'; unsafe fn f() {}"),
         ("camera/mod.rs", "use crate::*;"),
         ("surprise/mod.rs", ""),
+        ("formats/mod.rs", ""),
+        ("crates/diagnose/src:board/mod.rs", "use shutterbug::engine::Engine;"),
+        ("crates/diagnose/src:board/mod.rs", "use crate::calibrate::Camera;"),
+        ("crates/cli/src:formats/mod.rs", "use shutterbug_diagnose::{board::Board};"),
+        ("crates/cli/src:cli/mod.rs", "fn f() { unsafe { g() } }"),
     ] {
-        assert_eq!(count(path, text), 1, "{path}: {text}");
+        assert_eq!(found(path, text).len(), 1, "{path}: {text}");
     }
     for (path, text) in [
         ("plane/mod.rs", "use crate::error::Error; use crate::{Result};"),
@@ -348,8 +392,10 @@ fn planted_lines_are_found() {
         ("gpu/context.rs", "use ash::vk; fn f() { unsafe { g() } }"),
         ("camera/mod.rs", "#![forbid(unsafe_code)] fn hash<'a>(wash: &'a str) {}"),
         ("engine/mod.rs", "use crate::{raster, gpu, effects};"),
+        ("crates/diagnose/src:board/mod.rs", "use shutterbug::{camera::Pose, Result};"),
+        ("crates/cli/src:cli/mod.rs", "use shutterbug_diagnose::{board, diagnose};"),
     ] {
-        assert_eq!(violations(Path::new(path), text), [""; 0], "{path}: {text}");
+        assert_eq!(found(path, text), [""; 0], "{path}: {text}");
     }
     assert!(too_long("x", &"\n".repeat(601)).is_some() && too_long("x", &"\n".repeat(600)).is_none());
 }

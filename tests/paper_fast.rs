@@ -223,7 +223,7 @@ fn the_choice_is_measured_once_kept_and_can_be_forced() {
     let root = env!("CARGO_MANIFEST_DIR");
     let forced = |gather: &str, kernel: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));
-        command.arg("simulate").arg(format!("{root}/demo/capture")).arg("--out").arg(&out);
+        command.arg("simulate").arg(format!("{root}/../../demo/capture")).arg("--out").arg(&out);
         command.args(["--method", "paper", "--gather", gather, "--gather-kernel", kernel, "--samples", "1"]);
         command.env("XDG_CACHE_HOME", folder.path()).output().unwrap().status.success()
     };

@@ -1,7 +1,7 @@
 //! Percepts are where they were drawn, agree where nothing moved, and do not where it did.
 
-use shutterbug::diagnose::percepts::{PictureOf, compare, find};
 use shutterbug::plane::Plane;
+use shutterbug_diagnose::diagnose::percepts::{PictureOf, compare, find};
 
 /// A bright square and a dark disc on grey, moved, with grain.
 fn picture(dx: f32, grain_dn: usize) -> Plane<u8> {

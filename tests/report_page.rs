@@ -6,8 +6,8 @@ use std::path::Path;
 
 use report_support::page::Page;
 use report_support::{SIZE, sample};
-use shutterbug::diagnose::{Report, Verdict};
-use shutterbug::report::{PAGE_FILE, render_html, write_html};
+use shutterbug_diagnose::diagnose::{Report, Verdict};
+use shutterbug_diagnose::report::{PAGE_FILE, render_html, write_html};
 
 const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror='alert(2)'>\"{{ 7*7 }}&amp;";
 

@@ -9,8 +9,8 @@ use std::path::Path;
 
 use report_support::page::Page;
 use sha2::{Digest as _, Sha256};
-use shutterbug::diagnose::{Report, Verdict};
-use shutterbug::withhold::{
+use shutterbug_diagnose::diagnose::{Report, Verdict};
+use shutterbug_diagnose::withhold::{
     CaseScore, CurveOptions, Kind, ParameterScore, Summary, Tally, WithholdOptions, curves, withhold,
 };
 
@@ -48,7 +48,7 @@ fn options(folder: &Path, program: &Path) -> WithholdOptions {
         device: None,
         keep_frames: false,
         only: Vec::new(),
-        form: shutterbug::withhold::Form::Capture,
+        form: shutterbug_diagnose::withhold::Form::Capture,
     }
 }
 

@@ -4,7 +4,7 @@ use shutterbug::plane::{Plane, read_rgb8, write_png_atomic};
 
 use super::*;
 
-const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/demo/capture");
+const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
 
 fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();

@@ -5,11 +5,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::{CameraFile, parse_frames, parse_lights};
-use shutterbug::diagnose::Report;
 use shutterbug::error::one_line;
-use shutterbug::formats::parse_camera;
 use shutterbug::plane::{decode_picture, read_exr};
 use shutterbug::scene::load_obj;
+use shutterbug_cli::formats::parse_camera;
+use shutterbug_diagnose::diagnose::Report;
 
 use super::*;
 

@@ -9,10 +9,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Diagnosis, Progress, Report, diagnose};
 use shutterbug::engine::{AccumulationOptions, Engine, EngineOptions, FrameRequest, Method};
 use shutterbug::gpu::Context;
 use shutterbug::plane::write_png_atomic;
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Diagnosis, Progress, Report, diagnose};
 
 pub const PERIOD_S: f64 = 0.04;
 pub const CAMERA: &str =

@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::json;
-use shutterbug::diagnose::{
+use shutterbug::plane::{Plane, write_png_atomic};
+use shutterbug_diagnose::diagnose::{
     Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
     Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, Report, Verdict, WaterfallStep, Where,
 };
-use shutterbug::plane::{Plane, write_png_atomic};
 
 /// Size of the pictures, px.
 pub const SIZE: (usize, usize) = (320, 240);
