@@ -58,6 +58,7 @@ const CRATES: &[Crate] = &[
         name: "shutterbug_diagnose",
         sources: "crates/diagnose/src",
         layers: &[
+            pure("out", &["files", "error"]),
             pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
             pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
             Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },

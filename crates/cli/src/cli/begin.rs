@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::args::{PlaneName, Simulate};
 use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Limit, Out, read_if_there, recorded_reads};
+use shutterbug::files::{Limit, read_if_there};
 use shutterbug::plane::write_atomic;
+use shutterbug_diagnose::out::{Out, recorded_reads};
 
 /// Name of a frame without extension, as `frames.csv` has it: results lie under the real frames' names.
 pub(super) fn stem(capture: &Capture, frame: usize) -> String {

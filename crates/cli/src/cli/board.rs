@@ -8,11 +8,11 @@ use super::args_board::{Board, PatternName};
 use super::terminal::{print, say};
 use crate::formats::read_target;
 use shutterbug::error::{Error, Result, one_line};
-use shutterbug::files::{Out, OutRules};
 use shutterbug_diagnose::board::{
     BoardFit, Observed, Picture, Real, Seen, Source, Target, Timing, fit_board, measure_tone, observe,
     pictures, read_corners, times_of, write_capture,
 };
+use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);

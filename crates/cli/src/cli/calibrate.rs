@@ -10,12 +10,12 @@ use shutterbug::capture::CameraFile;
 use shutterbug::chain::Settings;
 use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
-use shutterbug::files::{Out, OutRules};
 use shutterbug::plane::{write_atomic, write_png_atomic};
 use shutterbug_diagnose::calibrate::{
     Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
     paper_settings,
 };
+use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Runs the command.
 pub fn run(args: &CalibrateNoise) -> Result<()> {

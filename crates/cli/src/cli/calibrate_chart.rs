@@ -13,7 +13,6 @@ use shutterbug::capture::CameraFile;
 use shutterbug::chain::Value;
 use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
-use shutterbug::files::{Out, OutRules};
 use shutterbug::plane::{read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::DarkSums;
@@ -21,6 +20,7 @@ use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, likeness};
 use shutterbug_diagnose::calibrate::readout::find_stripes;
 use shutterbug_diagnose::calibrate::{Encoding, Frame};
+use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Channel of a pattern's file.
 const PATTERN: [&str; 1] = ["gain"];

@@ -11,11 +11,11 @@ use super::interrupt::Interrupt;
 use super::terminal::say;
 use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Out, OutRules};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug_diagnose::diagnose::{
     DiagnoseOptions, Diagnosis, Pair, Progress, diagnose, diagnose_pair, diagnose_unpaired,
 };
+use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);

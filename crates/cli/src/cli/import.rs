@@ -7,7 +7,8 @@ use super::args::Import;
 use super::terminal::say;
 use crate::formats::{Format, read_euroc, read_kitti, write_camera};
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{recorded_reads, write_single};
+use shutterbug::files::write_single;
+use shutterbug_diagnose::out::recorded_reads;
 
 /// Writes frames.csv, trajectory.tum and, where the recording has a camera, camera.toml.
 pub fn run(args: &Import) -> Result<()> {

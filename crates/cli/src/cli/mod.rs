@@ -53,7 +53,7 @@ pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
     start_log();
     survive_full_disks();
-    shutterbug::files::record_reads();
+    shutterbug_diagnose::out::record_reads();
     let done = run_command(&args.command);
     end_log();
     match done {

@@ -21,9 +21,9 @@ use shutterbug::chain::View;
 use shutterbug::effects::ExposureControl;
 use shutterbug::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Out, OutRules};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::{read_rgb8, write_exr_plane, write_png_atomic};
+use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Frames that wait for the disk at most; more would only take memory.
 const WRITE_QUEUE: usize = 4;

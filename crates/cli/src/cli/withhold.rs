@@ -6,7 +6,7 @@ use super::args::{FormName, Withhold};
 use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Out, OutRules};
+use shutterbug_diagnose::out::{Out, OutRules};
 use shutterbug_diagnose::withhold::{
     CurveOptions, Falsified, Form, WithholdOptions, curves, graded_effects, withhold,
 };

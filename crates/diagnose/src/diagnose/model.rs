@@ -64,6 +64,7 @@ pub(super) fn candidate_of(name: &str) -> &'static CandidateSpec {
 pub(super) struct Theta {
     values: Vec<f64>,
     /// Which line is read first.
+    #[serde(with = "order_by_name")]
     pub scan_order: ScanOrder,
     /// What of the description is taken to be wrong.
     pub room: Room,
@@ -219,6 +220,21 @@ impl Theta {
 
 fn word(name: &str) -> Parameter {
     Parameter { value: json!(name), ci95: None, unit: String::new() }
+}
+
+/// [`ScanOrder`] in files: by its name in `camera.toml`.
+mod order_by_name {
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+    use shutterbug::camera::ScanOrder;
+
+    pub(super) fn serialize<S: Serializer>(order: &ScanOrder, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(order.name())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<ScanOrder, D::Error> {
+        let name = String::deserialize(from)?;
+        ScanOrder::from_name(&name).ok_or_else(|| D::Error::custom(format!("`{name}` is no scan order")))
+    }
 }
 
 #[cfg(test)]

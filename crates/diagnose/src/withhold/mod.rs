@@ -35,6 +35,7 @@ pub use hidden::Kind;
 pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
 use crate::diagnose::{REPORT_FILE, Report};
+use crate::out;
 use make::Case;
 use shutterbug::capture::read_text;
 use shutterbug::error::{Error, Result};
@@ -201,7 +202,7 @@ fn diagnose(
     camera: Option<&Path>,
     without: &[&str],
 ) -> Result<Report> {
-    files::made_elsewhere(out)?;
+    out::made_elsewhere(out)?;
     let mut command = Command::new(&options.program);
     command.arg("diagnose");
     if options.form == Form::Capture {
@@ -280,12 +281,12 @@ fn read_score(folder: &Path) -> Result<Option<CaseScore>> {
 }
 
 fn append(path: &Path, line: &str) -> Result<()> {
-    files::grows(path)?;
+    out::grows(path)?;
     let opened = fs::OpenOptions::new().create(true).append(true).open(path);
     opened.and_then(|mut f| f.write_all(line.as_bytes())).map_err(|e| Error::io(path, "write", e))
 }
 
 /// SHA-256 as 64 hexadecimal digits.
 fn sha256_hex(bytes: &[u8]) -> String {
-    files::sha256_hex(bytes)
+    out::sha256_hex(bytes)
 }

@@ -258,9 +258,9 @@ impl SimFrames {
             let planes = [Some(&*f.radiance), f.depth.as_ref(), f.motion[0].as_ref(), Some(&f.open)];
             let all: Vec<u8> =
                 planes.into_iter().flatten().flat_map(|p| bytemuck::cast_slice(&p.data).to_vec()).collect();
-            bytes.extend(shutterbug::files::sha256_hex(&all).into_bytes());
+            bytes.extend(crate::out::sha256_hex(&all).into_bytes());
         }
-        shutterbug::files::sha256_hex(&bytes)
+        crate::out::sha256_hex(&bytes)
     }
 
     /// Whether a frame comes one period behind the one before it.

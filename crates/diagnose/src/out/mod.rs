@@ -1,22 +1,31 @@
-//! The folder of a command's `--out`.
+//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest says what of
+//! ([`recorded_reads`]).
+
+mod account;
+mod lock;
+mod manifest;
+mod overlap;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
 
-use super::lock::{LOCK_FILE, Lock};
-use super::manifest::{Appender, MANIFEST_FILE, Manifest};
-use super::overlap::refuse_overlap;
-use super::read::recorded_reads;
-use super::write::{is_temporary, replace};
-use crate::error::{Error, Result};
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{is_temporary, replace};
+
+use lock::{LOCK_FILE, Lock};
+use manifest::{Appender, Manifest};
+
+pub use account::{record_reads, recorded_reads, sha256_hex};
+pub use manifest::MANIFEST_FILE;
+pub use overlap::refuse_overlap;
 
 /// How a command uses its folder.
 #[derive(Clone, Copy, Debug)]
 pub struct OutRules<'a> {
     /// The command's name, as in the manifest.
     pub command: &'static str,
-    /// What it reads: files and folders that the output must not overlap. What [`super::recorded_reads`] has is added.
+    /// What it reads: files and folders that the output must not overlap. What [`recorded_reads`] has is added.
     pub inputs: &'a [&'a Path],
     /// Write there although the folder holds what no run of this command made there.
     pub overwrite: bool,
@@ -25,14 +34,14 @@ pub struct OutRules<'a> {
 }
 
 /// A folder that holds only what this program made there, and is held by one process. Nothing in it is touched by opening:
-/// [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on [`super::write_atomic`] names
+/// [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on [`shutterbug::files::write_atomic`] names
 /// every file below the folder in the manifest.
 #[derive(Debug)]
 pub struct Out(Arc<Held>);
 
 /// Shared with whoever writes below the folder.
 #[derive(Debug)]
-pub(super) struct Held {
+struct Held {
     root: PathBuf,
     command: &'static str,
     state: Mutex<State>,
@@ -56,6 +65,7 @@ impl Out {
     /// A folder that overlaps an input; that holds files which its manifest does not name or which were changed since
     /// (unless `overwrite`); that another command made; that another process writes to; that cannot be read or made.
     pub fn open(root: &Path, rules: &OutRules<'_>) -> Result<Self> {
+        account::keep();
         let read = recorded_reads();
         refuse_overlap(root, rules.inputs.iter().copied().chain(read.keys().map(PathBuf::as_path)))?;
         // By name alone, before a lock file is put there; again when nobody else can change it.
@@ -152,7 +162,7 @@ impl Held {
     }
 
     /// Puts a file below the folder in place, named.
-    pub(super) fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
+    fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
         self.refuse_links(name)?;
         replace(path, bytes, |file| {
             file.sync_data().map_err(|e| Error::io(path, "write", e))?;
@@ -177,7 +187,7 @@ impl Held {
 }
 
 /// The open folder that a path lies below, and its name there.
-pub(super) fn holder(path: &Path) -> Option<(Arc<Held>, String)> {
+fn holder(path: &Path) -> Option<(Arc<Held>, String)> {
     let open = OPEN.lock().unwrap_or_else(|e| e.into_inner());
     let held = open.iter().filter_map(Weak::upgrade);
     let below = held.filter_map(|h| Some((name_below(&h.root, path)?, h)));

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use shutterbug::error::{Error, Result};
 
 /// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed; neither needs to
 /// exist.

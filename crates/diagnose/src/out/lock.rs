@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use shutterbug::error::{Error, Result};
 
 /// Name of the file in the folder.
 pub(super) const LOCK_FILE: &str = ".shutterbug.lock";

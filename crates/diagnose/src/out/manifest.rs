@@ -8,9 +8,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::read::{Limit, read_if_there, recorded_reads};
-use super::{sha256_hex, write};
-use crate::error::{Error, Result};
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{Limit, read_if_there, replace};
+
+use super::account::{recorded_reads, sha256_hex};
 
 /// Name of the manifest in its folder.
 pub const MANIFEST_FILE: &str = "manifest.jsonl";
@@ -135,7 +136,7 @@ impl Manifest {
         let folders = self.folders.iter().map(|f| Line::Folder { folder: f.clone() });
         let lines = std::iter::once(start(&self.command)).chain(files).chain(working).chain(folders);
         let text: String = lines.map(|l| json(&l)).collect();
-        write::replace(&path, text.as_bytes(), |f| f.sync_data().map_err(|e| Error::io(&path, "write", e)))?;
+        replace(&path, text.as_bytes(), |f| f.sync_data().map_err(|e| Error::io(&path, "write", e)))?;
         let file = OpenOptions::new().append(true).open(&path).map_err(|e| Error::io(&path, "write", e))?;
         Ok(Appender { path, file, manifest: self.clone() })
     }
