@@ -138,7 +138,7 @@ fn every_function_says_what_it_may_answer() {
             "shutterbug_{name} has no \"Errors:\" in the comment before it: {comment}"
         );
     }
-    // `tests/capi_fuzz.rs` compares with what random calls were answered.
+    // `tests/abi/fuzz.rs` compares with what random calls were answered.
     let documented = crate::header::documented();
     assert!(documented["engine_submit"].contains("FULL") && !documented["frame_destroy"].contains("FULL"));
     assert!(documented["semaphore_export_fd"].contains("UNSUPPORTED"), "of the section");

@@ -70,7 +70,7 @@ const SIZE: [usize; 2] = [K.width as usize, K.height as usize];
 #[test]
 fn the_engines_own_colour_and_motion_give_its_own_picture_bit_for_bit() {
     let test = "the_engines_own_colour_and_motion_give_its_own_picture_bit_for_bit";
-    // Of several motion images frames from outside make another path than the paper does (tests/outside_motion.rs).
+    // Of several motion images frames from outside make another path than the paper does (tests/oracle/outside_motion.rs).
     for (count, order) in
         [(1, ScanOrder::TopToBottom), (1, ScanOrder::RightToLeft), (6, ScanOrder::BottomToTop)]
     {

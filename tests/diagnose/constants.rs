@@ -1,5 +1,5 @@
 //! `docs/constants.md` is the table of the numbers that decide a diagnosis, made from the code: name, value, what it is, what
-//! measured it. `SHUTTERBUG_BLESS=1 cargo test --test diagnose_constants` writes it anew.
+//! measured it. `SHUTTERBUG_BLESS=1 cargo test --test diagnose constants::` writes it anew.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;
@@ -80,7 +80,7 @@ fn constants(text: &str) -> Vec<Constant> {
 
 fn table() -> String {
     let mut out = String::from(
-        "# Numbers that decide a diagnosis\n\nGenerated from `crates/diagnose/src/diagnose` by `tests/diagnose_constants.rs`. Captures are those of \
+        "# Numbers that decide a diagnosis\n\nGenerated from `crates/diagnose/src/diagnose` by `tests/diagnose/constants.rs`. Captures are those of \
          `../shared/data/cycles-dev`.\n\n| number | value | what it is | measured |\n|---|---|---|---|\n",
     );
     for file in FILES {
@@ -110,7 +110,7 @@ fn the_table_of_constants_is_the_code_s() {
         std::fs::write(&path, &table).unwrap();
     }
     let written = std::fs::read_to_string(&path).unwrap();
-    assert_eq!(written, table, "run: SHUTTERBUG_BLESS=1 cargo test --test diagnose_constants");
+    assert_eq!(written, table, "run: SHUTTERBUG_BLESS=1 cargo test --test diagnose constants::");
     // Control: the parser sees a number that changes.
     let changed = constants("/// A bound.\n///\n/// Measured: here.\nconst BOUND: f64 = 0.2;\n");
     assert_eq!((changed[0].value.as_str(), changed[0].measured.as_str()), ("0.2", "here."));

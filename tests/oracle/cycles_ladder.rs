@@ -66,7 +66,7 @@ fn every_capture_is_met() {
     for name in ["d00", "d01", "d02", "d03", "d04", "d05", "d06", "d08", "d09"] {
         let Some((mut capture, root)) = answered(name, "every_capture_is_met") else { continue };
         // Random noise aside: the frames of a noisy capture are those of accumulation, which the noise was measured
-        // against (tests/effects_cycles.rs).
+        // against (tests/oracle/cycles_effects.rs).
         let noises = ["shot_noise", "read_noise"];
         let noisy = noises.iter().any(|n| capture.camera.settings.has(n));
         noises.iter().for_each(|n| capture.camera.settings.disable(n));

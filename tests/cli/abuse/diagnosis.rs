@@ -59,7 +59,7 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     assert!(report["warnings"][0].as_str().unwrap().contains("mirrored"), "{}", report["warnings"]);
 }
 
-/// A2: a diagnosis that cannot begin is an error and no wrong answer; a run without cases is none (N7: tests/abuse/messages.rs).
+/// A2: a diagnosis that cannot begin is an error and no wrong answer; a run without cases is none (N7: tests/cli/abuse/messages.rs).
 #[test]
 fn withhold_without_a_device_is_an_error_and_no_wrong_answer() {
     let folder = tempfile::tempdir().unwrap();
