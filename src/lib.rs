@@ -39,7 +39,7 @@
 //!
 //! let frame = FrameRequest {
 //!     index: 0,
-//!     // The last of 48 lines is read 20 ms after the first; each is exposed for 0.1 ms.
+//!     // To read all 48 lines takes 19.5 ms; each is exposed for 0.1 ms.
 //!     shutter: ShutterTiming {
 //!         start_s: 0.0,
 //!         exposure_time_s: 1e-4,

@@ -8,7 +8,7 @@
 //!   question is what it says without that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
 
-#[cfg(test)]
+#[cfg(all(test, feature = "added-effect"))]
 mod added_effect;
 mod curve;
 mod curve_page;
