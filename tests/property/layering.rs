@@ -400,3 +400,23 @@ fn planted_lines_are_found() {
     }
     assert!(too_long("x", &"\n".repeat(601)).is_some() && too_long("x", &"\n".repeat(600)).is_none());
 }
+
+/// Direct dependencies, by a crate's manifest.
+fn dependencies(manifest: &str) -> Vec<&str> {
+    let section = manifest.split("\n[").find_map(|s| s.strip_prefix("dependencies]\n")).expect("a section");
+    let named = section.lines().filter(|l| l.starts_with(|c: char| c.is_ascii_alphabetic()));
+    named.filter_map(|l| l.split(['.', ' ', '=']).next()).collect()
+}
+
+/// Whoever embeds the library builds what it asks for. More than this is a decision.
+#[test]
+fn the_library_asks_for_few_crates() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = |path: &str| fs::read_to_string(root.join(path)).expect("a manifest");
+    let library = manifest("Cargo.toml");
+    let asked = dependencies(&library);
+    assert!(asked.contains(&"ash") && asked.len() <= 12, "{}: {asked:?}", asked.len());
+    // Control: the command line's are counted, and would be too many.
+    let program = manifest("crates/cli/Cargo.toml");
+    assert!(dependencies(&program).contains(&"clap") && dependencies(&program).len() > 12);
+}
