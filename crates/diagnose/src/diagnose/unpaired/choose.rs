@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::bounds::{ShowsFrom, shows_from};
 use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
 use crate::diagnose::judge::quantile_of_length;
@@ -31,7 +32,7 @@ pub(super) const NAMES: [(&str, &[f64]); 9] = [
     ("sharpening", &[0.5, 1.5]),
 ];
 /// Those that widen or narrow edges both ways: what does so one way is motion.
-const SHARPNESS: [&str; 2] = ["defocus", "sharpening"];
+pub(super) const EDGES_TELL: [&str; 2] = ["defocus", "sharpening"];
 /// Steps of a fit.
 const STEPS: usize = 6;
 /// Part of a parameter by which its slope is measured.
@@ -62,7 +63,7 @@ impl Simulated {
         self.0.par_iter().enumerate().map(one).collect()
     }
 
-    fn fingerprint(&self, theta: &Theta) -> Fingerprint {
+    pub(super) fn fingerprint(&self, theta: &Theta) -> Fingerprint {
         Fingerprint::of(&self.delivered(theta, 1), packed_dn2(theta))
     }
 }
@@ -101,6 +102,8 @@ pub(super) struct Chosen {
     pub half: BTreeMap<P, f64>,
     /// By mark: whether both folders have it.
     pub counted: Vec<bool>,
+    /// Of what was not found: from which strength on it would show.
+    pub shows_from: BTreeMap<&'static str, ShowsFrom>,
 }
 
 /// Chooses effects one by one for as long as the next makes marks agree better beyond chance.
@@ -114,8 +117,13 @@ pub(super) fn choose(
     names: &[&'static str],
     mut step: impl FnMut(&'static str) -> Result<()>,
 ) -> Result<Chosen> {
-    let mut chosen =
-        Chosen { theta: base.clone(), set: Vec::new(), half: BTreeMap::new(), counted: Vec::new() };
+    let mut chosen = Chosen {
+        theta: base.clone(),
+        set: Vec::new(),
+        half: BTreeMap::new(),
+        counted: Vec::new(),
+        shows_from: BTreeMap::new(),
+    };
     let plain = simulated.fingerprint(base);
     let counted = common(real, &plain);
     let mut left = squares(&apart(real, &plain), &counted);
@@ -134,7 +142,7 @@ pub(super) fn choose(
             );
             let fewest = parameters(&[name]).len();
             let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2)
-                && (!SHARPNESS.contains(&name) || shows_in_edges(real, simulated, [&chosen.theta, &theta]));
+                && (!EDGES_TELL.contains(&name) || shows_in_edges(real, simulated, [&chosen.theta, &theta]));
             if beyond && best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, name, theta));
             }
@@ -143,22 +151,27 @@ pub(super) fn choose(
         (left, chosen.theta) = (cost, theta);
         chosen.set.push(name);
     }
-    if !neighbours_agree(real, &simulated.fingerprint(&chosen.theta)) {
-        // Not noise but texture that is softer in one folder, in places that pass for flat.
+    if !noise_agrees(real, &simulated.fingerprint(&chosen.theta)) {
+        // Texture that is softer in one folder, in places that pass for flat, or noise of another kind.
         chosen.set.retain(|n| !candidate_of(n).noise);
         let noises = NAMES.into_iter().map(|(n, _)| candidate_of(n)).filter(|c| c.noise);
         chosen.theta = noises.fold(chosen.theta, |theta, noise| theta.without(noise));
     }
     tell(real, &plain, &simulated.fingerprint(&chosen.theta));
+    let tried = || NAMES.iter().map(|(n, _)| *n).filter(|n| names.contains(n));
+    let not_found: Vec<&'static str> = tried().filter(|n| !chosen.set.contains(n)).collect();
+    chosen.shows_from = shows_from(real, simulated, &chosen.theta, &counted, &not_found);
     chosen.counted = counted;
     chosen.half = half_widths(real, simulated, &chosen);
     Ok(chosen)
 }
 
-/// Whether neighbours have as much of their noise in common in both folders: else what is there is not the noise that was found.
-fn neighbours_agree(real: &Fingerprint, made: &Fingerprint) -> bool {
+/// Whether noise grows with brightness, and is alike from neighbour to neighbour, as in the real frames: else what is there is not
+/// the noise that was found.
+fn noise_agrees(real: &Fingerprint, made: &Fingerprint) -> bool {
     let all = apart(real, made);
-    NEIGHBOURS.iter().all(|k| all[*k].unwrap_or(0.0).abs() < quantile_of_length(NEIGHBOURS.len(), 1))
+    let seen: Vec<f64> = (0..BINS).chain(NEIGHBOURS).filter_map(|k| all[k]).collect();
+    seen.iter().all(|z| z.abs() < quantile_of_length(seen.len(), 1))
 }
 
 /// Whether edges themselves show a sharpness: they are explained by it, beyond chance, and those across and down alike.
@@ -170,7 +183,7 @@ fn shows_in_edges(real: &Fingerprint, simulated: &Simulated, [without, with]: [&
     let (before, after) = (off(without), off(with));
     let most = quantile_of_length(EDGES.len(), 1);
     let square = |z: [f64; 2]| z[0] * z[0] + z[1] * z[1];
-    let told = square(before) - square(after) > quantile_of_length(SHARPNESS.len(), 1).powi(2);
+    let told = square(before) - square(after) > quantile_of_length(EDGES_TELL.len(), 1).powi(2);
     told && after.iter().all(|z| z.abs() < most)
 }
 

@@ -131,10 +131,10 @@ pub(super) fn common(a: &Fingerprint, b: &Fingerprint) -> Vec<bool> {
     a.0.iter().zip(&b.0).map(|(a, b)| a.is_some() && b.is_some()).collect()
 }
 
-/// Mean size of what marks differ by, standard errors.
+/// What marks differ by, standard errors, root mean square.
 pub(super) fn distance(apart: &[Option<f64>]) -> f64 {
     let n = apart.iter().flatten().count().max(1) as f64;
-    apart.iter().flatten().map(|z| z.abs()).sum::<f64>() / n
+    (apart.iter().flatten().map(|z| z * z).sum::<f64>() / n).sqrt()
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 //! frames alone. Brightness, colours, shading and fall-off may be content and are never named; lens, pose, readout and exposure
 //! time cannot be known from frames that are not paired.
 
+mod bounds;
 mod choose;
 mod fingerprint;
 mod marks;

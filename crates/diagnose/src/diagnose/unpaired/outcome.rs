@@ -7,7 +7,8 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::choose::{NAMES, packed_dn2};
+use super::bounds::ShowsFrom;
+use super::choose::packed_dn2;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::{Chosen, Folder, Frames, Unpaired};
@@ -21,8 +22,8 @@ use shutterbug::error::{Error, Result};
 use shutterbug::plane::stats::luma;
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
 
-/// Mean size of a normal variable, standard errors: what the marks of two folders of one camera are apart.
-const BY_CHANCE: f64 = 0.798;
+/// What the marks of two folders of one camera are apart, standard errors, root mean square.
+const BY_CHANCE: f64 = 1.0;
 /// How many times grain is shown enlarged in contrast.
 const GRAIN: f32 = 8.0;
 /// Most frames with pictures.
@@ -133,15 +134,16 @@ pub(super) fn report(
 
 fn gap(before: &[Option<f64>], after: &[Option<f64>], held_out_frames: usize) -> Gap {
     let [b, a] = [before, after].map(distance);
-    let closed = if b > BY_CHANCE { ((b - a) / (b - BY_CHANCE)).clamp(0.0, 1.0) } else { 0.0 };
-    // Each mark is one draw.
-    let scatter = |z: &[Option<f64>]| {
-        let (mean, n) = (distance(z), z.iter().flatten().count().max(2) as f64);
-        let square: f64 = z.iter().flatten().map(|z| (z.abs() - mean).powi(2)).sum();
-        (square / (n - 1.0) / n).sqrt()
+    let best = b - a.min(BY_CHANCE);
+    let closed = if b > a { (1.0 - (a - BY_CHANCE) / best).clamp(0.0, 1.0) } else { 0.0 };
+    // The square of each mark is one draw.
+    let scatter = |z: &[Option<f64>], distance: f64| {
+        let n = z.iter().flatten().count().max(2) as f64;
+        let square: f64 = z.iter().flatten().map(|z| (z * z - distance * distance).powi(2)).sum();
+        (square / (n - 1.0) / n).sqrt() / (2.0 * distance).max(1e-9)
     };
-    let around = |v: f64, z: &[Option<f64>]| [-1.96, 1.96].map(|k| (v + k * scatter(z)).max(0.0));
-    let half = 1.96 * scatter(after) / (b - BY_CHANCE).max(scatter(before)).max(1e-9);
+    let around = |v: f64, z: &[Option<f64>]| [-1.96, 1.96].map(|k| (v + k * scatter(z, v)).max(0.0));
+    let half = 1.96 * scatter(after, a) / best.max(scatter(before, b)).max(1e-9);
     Gap {
         unit: "standard errors".to_owned(),
         before: b,
@@ -206,12 +208,8 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         if !what.noise_seen && NOISES.contains(n) {
             return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
         }
-        if NAMES.iter().any(|(tried, _)| tried == n) {
-            return rejected(
-                n,
-                "put on the simulated frames it does not bring their marks nearer to the real ones",
-                gap.after,
-            );
+        if let Some(from) = what.chosen.shows_from.get(n) {
+            return not_found(n, *from, gap);
         }
         if ["jpeg", "chroma_subsampling", "quantization"].contains(n) {
             return rejected(n, "the real frames do not show it", gap.after);
@@ -226,6 +224,25 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         undetermined(n, MAY_BE_CONTENT, "simulated frames of the same moments as the real ones")
     };
     left_out.map(one).collect()
+}
+
+/// An effect that the marks could show, and did not.
+fn not_found(name: &str, from: ShowsFrom, gap: &Gap) -> Candidate {
+    let more = "more frames, or simulated frames of the same moments";
+    match from {
+        ShowsFrom::Visible => rejected(
+            name,
+            "put on the simulated frames it does not bring their marks nearer to the real ones",
+            gap.after,
+        ),
+        ShowsFrom::Value(p, value) => {
+            let (key, unit) = (p.spec().name, p.spec().unit);
+            let why = format!("it would show from a {key} of {value:.4} {unit}").trim_end().to_owned();
+            let why = why + " on, and does not";
+            undetermined(name, &why, more)
+        }
+        ShowsFrom::Nowhere => undetermined(name, "these frames could not show it", more),
+    }
 }
 
 fn rejected(name: &str, why: &str, gap_with: f64) -> Candidate {

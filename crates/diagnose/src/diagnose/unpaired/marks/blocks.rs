@@ -28,8 +28,10 @@ pub(in super::super) struct Block {
     pub(super) slopes2: f64,
     /// Linear brightness of that grey.
     pub(super) level: f64,
-    /// Linear variance of cells about a plane, for one pixel: chosen by.
+    /// Linear variance of cells about their rows and a common slope, for one pixel: chosen by.
     pub(super) cells: f64,
+    /// Linear variance of the means of rows about a line, for one pixel: chosen by.
+    pub(super) bands: f64,
     /// Linear variance of near pixels: measured.
     pub(super) fine: f64,
     /// What rounding adds to it.
@@ -59,13 +61,14 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
         (0..BLOCK_PX * BLOCK_PX)
             .map(|k| (k % BLOCK_PX, k / BLOCK_PX, (y0 + k / BLOCK_PX) * w + x0 + k % BLOCK_PX))
     };
-    let (mut mean, mut cells, mut clipped) = ([0.0; 3], [0.0; CELLS], 0);
+    let (mut mean, mut cells, mut bands, mut clipped) = ([0.0; 3], [0.0; CELLS], [0.0; BLOCK_PX], 0);
     for (dx, dy, i) in inside() {
         let p = &dn.data[3 * i..3 * i + 3];
         clipped += p.iter().filter(|v| **v <= 0.5 || **v >= 254.5).count();
         (0..3).for_each(|c| mean[c] += f64::from(p[c]) / n);
         cells[dy / CELL_PX * (BLOCK_PX / CELL_PX) + dx / CELL_PX] +=
             f64::from(luma[i]) / CELL_PX.pow(2) as f64;
+        bands[dy] += f64::from(luma[i]) / BLOCK_PX as f64;
     }
     // Values at the end of their range have lost their noise: one in a while is nothing, and strong noise has some everywhere.
     if clipped > MOST_CLIPPED {
@@ -75,7 +78,8 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
     let mut b = Block {
         slopes2,
         level: light / slopes2,
-        cells: CELL_PX.pow(2) as f64 * about_a_plane(&cells) / slopes2,
+        cells: CELL_PX.pow(2) as f64 * about_rows(&cells) / slopes2,
+        bands: BLOCK_PX as f64 * about_a_line(&bands) / slopes2,
         fine: 0.0,
         rounding: ROUNDING_DN2 / slopes2,
         near: [0.0; 2],
@@ -109,21 +113,26 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
     Some(b)
 }
 
-/// Variance of the cells of a block about the plane that fits them best.
-fn about_a_plane(cells: &[f64; CELLS]) -> f64 {
+/// Variance of the cells of a block about the mean of their row and a slope that all rows share: noise of rows is no texture.
+fn about_rows(cells: &[f64; CELLS]) -> f64 {
     let side = BLOCK_PX / CELL_PX;
-    let place = |i: usize| [1.0, (i % side) as f64 - 1.5, (i / side) as f64 - 1.5];
-    // The three are at right angles to each other on a square.
-    let part = |k: usize| {
-        let (sum, own) = cells.iter().enumerate().fold((0.0, 0.0), |(s, o), (i, v)| {
-            let p = place(i)[k];
-            (s + p * v, o + p * p)
-        });
-        sum / own
-    };
-    let plane = [part(0), part(1), part(2)];
-    let left = |(i, v): (usize, &f64)| (v - (0..3).map(|k| plane[k] * place(i)[k]).sum::<f64>()).powi(2);
-    cells.iter().enumerate().map(left).sum::<f64>() / (CELLS - 3) as f64
+    let place = |x: usize| x as f64 - 0.5 * (side as f64 - 1.0);
+    let rows = || cells.chunks_exact(side);
+    let off = |row: &[f64], x: usize| row[x] - row.iter().sum::<f64>() / side as f64;
+    let own: f64 = (0..side).map(|x| place(x).powi(2)).sum();
+    let slope =
+        rows().flat_map(|row| (0..side).map(|x| place(x) * off(row, x))).sum::<f64>() / own / side as f64;
+    let left = rows().flat_map(|row| (0..side).map(|x| (off(row, x) - slope * place(x)).powi(2)));
+    left.sum::<f64>() / (CELLS - side - 1) as f64
+}
+
+/// Variance of the means of the rows of a block about the line that fits them best.
+fn about_a_line(bands: &[f64; BLOCK_PX]) -> f64 {
+    let place = |y: usize| y as f64 - 0.5 * (BLOCK_PX as f64 - 1.0);
+    let mean = bands.iter().sum::<f64>() / BLOCK_PX as f64;
+    let own: f64 = (0..BLOCK_PX).map(|y| place(y).powi(2)).sum();
+    let slope = (0..BLOCK_PX).map(|y| place(y) * bands[y]).sum::<f64>() / own;
+    (0..BLOCK_PX).map(|y| (bands[y] - mean - slope * place(y)).powi(2)).sum::<f64>() / (BLOCK_PX - 2) as f64
 }
 
 /// Of a colour (DN): sum of the squares of the slopes by which linear values make its brightness, sum of the slopes, and the sum of

@@ -43,9 +43,9 @@ pub(super) fn mosaic_marks(dn: &Plane<f32>, out: &mut [Mark]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::unpaired::marks::MARKS;
     use shutterbug::chain::Settings;
     use shutterbug::chain::rng::random_normal;
-    use crate::diagnose::unpaired::marks::MARKS;
     use shutterbug::effects;
 
     fn of(dn: &Plane<f32>) -> [f64; 3] {

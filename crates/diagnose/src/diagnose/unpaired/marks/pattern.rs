@@ -70,8 +70,8 @@ fn shared(frame: &[Residue], all: &[[f32; 2]]) -> [Mark; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shutterbug::chain::rng::random_normal;
     use crate::diagnose::unpaired::marks::{blocks, flat};
+    use shutterbug::chain::rng::random_normal;
 
     fn seen(fixed_dn: f32, noise_dn: f32) -> f64 {
         let frame = |f: u32| {
