@@ -79,6 +79,13 @@ impl Evidence {
                 skip("no such file".to_owned());
                 continue;
             }
+            // A still that is divided into parts is read once.
+            let before =
+                frames.last().filter(|f: &&RealFrame| capture.frames[f.index].filename == entry.filename);
+            if let Some(dn) = before.map(|f| f.dn.clone()) {
+                frames.push(RealFrame { index, start_s: entry.start_s, dn });
+                continue;
+            }
             let picture = read_rgb8(&path)?;
             if (picture.width, picture.height) != (k.width as usize, k.height as usize) {
                 let found = format!("a picture of {}x{} px", picture.width, picture.height);

@@ -14,7 +14,7 @@ use super::journal::{Journal, key};
 use super::light::lights;
 use super::model::{Theta, candidate_of};
 use super::output::Shown;
-use super::pair::{Aligned, Geometry, Pair};
+use super::pair::{Aligned, FEW, Geometry, Pair, needs_more};
 use super::places::{Compared, measures, places};
 use super::question::Question;
 use super::report::*;
@@ -281,6 +281,8 @@ struct Told {
     motion_px: Option<f64>,
     geometry: Option<Geometry>,
     aligned: bool,
+    /// Whether there are a few stills only.
+    stills: bool,
 }
 
 impl Told {
@@ -290,6 +292,7 @@ impl Told {
             motion_px: (!given.capture.camera.static_camera).then_some(motion_px),
             geometry: given.pair.map(|p| p.sim.geometry),
             aligned: aligned.is_some_and(|a| a.is_rough()),
+            stills: given.pair.is_some_and(|p| p.stills),
         }
     }
 
@@ -298,6 +301,9 @@ impl Told {
         let (candidate, moves) = (candidate_of(name), changes_places(name));
         if self.geometry == Some(Geometry::None) && candidate.needs_motion {
             return Some(undetermined(name, NO_MOTION[0], NO_MOTION[1]));
+        }
+        if self.stills && needs_more(name) {
+            return Some(undetermined(name, FEW[0], FEW[1]));
         }
         if self.aligned && moves && name != "chromatic_aberration" {
             return Some(undetermined(name, ROUGH[0], ROUGH[1]));

@@ -8,6 +8,7 @@ mod align;
 mod matched;
 mod planes;
 mod sample;
+mod stills;
 mod track;
 mod warp;
 
@@ -30,6 +31,7 @@ use align::{lies, residual_px};
 pub use matched::Matched;
 pub(super) use matched::pictures;
 pub(super) use sample::{channel_at, depth_at};
+pub(super) use stills::{FEW, needs_more};
 pub(super) use warp::Outside;
 
 /// Frame period that is taken where nobody states one, s.
@@ -50,6 +52,7 @@ pub(super) enum Geometry {
 }
 
 /// One frame of the simulator.
+#[derive(Clone)]
 pub(super) struct SimFrame {
     /// Linear radiance, shape `[height, width, 3]`.
     pub radiance: Arc<Plane<f32>>,
@@ -80,6 +83,8 @@ pub struct Pair {
     /// Folder of the real frames.
     pub real: PathBuf,
     pub(super) sim: Arc<SimFrames>,
+    /// Whether there are so few frames that each is divided into parts.
+    pub(super) stills: bool,
     /// What a reader should know about how the frames were taken.
     pub(super) notes: Vec<String>,
 }
@@ -110,6 +115,14 @@ impl Pair {
         }
         let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes)?;
+        let parts = stills::parts(matched.len());
+        if parts > 1 {
+            let count = matched.len();
+            notes.push(format!(
+                "{count} pictures: each is divided into {parts} parts, some to fit and others to judge by"
+            ));
+            sim_frames.divide(parts);
+        }
         let geometry = sim_frames.geometry;
         sim_frames.frames.par_iter_mut().for_each(|f| f.jumps = warp::Jumps::of(f, geometry));
         let entry = |(m, &start_s): (&Matched, &f64)| FrameEntry {
@@ -117,7 +130,8 @@ impl Pair {
             start_s,
             filename: m.real.clone(),
         };
-        let frames = matched.iter().zip(&sim_frames.times_s).map(entry).collect();
+        let taken = matched.iter().flat_map(|m| std::iter::repeat_n(m, parts));
+        let frames = taken.zip(&sim_frames.times_s).map(entry).collect();
         let capture = Capture {
             root: sim.to_owned(),
             camera,
@@ -126,7 +140,7 @@ impl Pair {
             frames,
             epoch_ns: 0,
         };
-        Ok(Self { capture, real: real.to_owned(), sim: Arc::new(sim_frames), notes })
+        Ok(Self { capture, real: real.to_owned(), sim: Arc::new(sim_frames), stills: parts > 1, notes })
     }
 
     /// Whether real and simulated frames show the same place, so that they can be compared as pairs. Depth or motion beside the
@@ -238,6 +252,14 @@ impl SimFrames {
             );
         }
         Ok(None)
+    }
+
+    /// Each frame so many times, with another part of it open.
+    fn divide(&mut self, parts: usize) {
+        let times = self.times_s.iter().flat_map(|t| std::iter::repeat_n(*t, parts)).collect();
+        self.times_s = times;
+        let frames = std::mem::take(&mut self.frames);
+        self.frames = frames.into_iter().flat_map(|f| stills::divided(f, parts)).collect();
     }
 
     /// Where content was one period before, from where that of the frame before went.

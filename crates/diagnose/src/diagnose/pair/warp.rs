@@ -461,6 +461,7 @@ impl<'a> Reader<'a> {
 }
 
 /// How much nearer one side of an edge is, or how much further it goes, pixel by pixel.
+#[derive(Clone)]
 pub(in crate::diagnose) struct Jumps {
     /// Jump of the inverse distance, 1/m, or of the motion, px a period, to the next pixels.
     plane: Plane<f32>,
