@@ -148,15 +148,17 @@ mod tests {
 
     #[test]
     fn noise_is_measured_by_brightness_and_that_of_rows_apart_from_it() {
-        let found = of(&noisy(|dn| 0.02 * dn, 1.5));
+        let linear = |dn: f64| f64::from(srgb_decode((dn / 255.0) as f32));
+        let slope = |dn: f64| linear(dn + 0.5) - linear(dn - 0.5);
+        // Read noise and shot noise, linear variance.
+        let variance = |dn: f64| 1e-5 + 4e-4 * linear(dn);
+        let found = of(&noisy(|dn| (variance(f64::from(dn)).sqrt() / slope(f64::from(dn))) as f32, 1.5));
         for bin in 2..6 {
             let [from, to] = bin_dn(bin);
             let dn = 0.5 * (from + to);
-            let slope =
-                f64::from(srgb_decode(((dn + 1.0) / 255.0) as f32) - srgb_decode((dn / 255.0) as f32));
-            let truth = (255.0 * slope).powi(2) * ((0.02 * dn).powi(2) + 1.0 / 12.0);
+            let truth = LINEAR * (variance(dn) + slope(dn).powi(2) / 12.0);
             let [v, _] = found[bin].expect("seen");
-            assert!((v / truth - 1.0).abs() < 0.15, "bin {bin}: {v} for {truth}");
+            assert!((v / truth - 1.0).abs() < 0.1, "bin {bin}: {v} for {truth}");
         }
         let ([rows, _], [columns, _]) = (found[LINES[0]].expect("seen"), found[LINES[1]].expect("seen"));
         assert!(rows > 0.3 && columns.abs() < 0.15 * rows, "{rows} {columns}");

@@ -43,10 +43,11 @@ pub(super) fn mosaic_marks(dn: &Plane<f32>, out: &mut [Mark]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::model::{P, Theta};
+    use crate::diagnose::unpaired::choose::Simulated;
     use crate::diagnose::unpaired::marks::MARKS;
-    use shutterbug::chain::Settings;
     use shutterbug::chain::rng::random_normal;
-    use shutterbug::effects;
+    use shutterbug::plane::srgb_decode;
 
     fn of(dn: &Plane<f32>) -> [f64; 3] {
         let mut out = vec![None; MARKS];
@@ -61,17 +62,20 @@ mod tests {
             [r, g, b].map(|n| 128.0 + 10.0 * n + 8.0 * (0.9 * x as f32 + 0.4 * y as f32).sin())
         });
         assert!(of(&plain).iter().all(|v| v.abs() < 0.02), "{:?}", of(&plain));
-        let effect = effects::by_id("bayer_mosaic").expect("an effect");
+        let decoded = plain.data.chunks_exact(3).flat_map(|p| {
+            let [r, g, b] = [0, 1, 2].map(|c| srgb_decode(p[c] / 255.0));
+            [r, g, b, 1.0]
+        });
+        let simulated = Simulated(vec![Plane { data: decoded.collect(), channels: 4, ..plain.clone() }]);
         // Signs: green is sampled off the diagonal of red; red at its own column and row.
         for (pattern, signs) in [
-            ("RGGB", [-1.0, 1.0, 1.0]),
-            ("BGGR", [-1.0, -1.0, -1.0]),
-            ("GRBG", [1.0, -1.0, 1.0]),
-            ("GBRG", [1.0, 1.0, -1.0]),
+            (1.0, [-1.0, 1.0, 1.0]),
+            (2.0, [-1.0, -1.0, -1.0]),
+            (3.0, [1.0, -1.0, 1.0]),
+            (4.0, [1.0, 1.0, -1.0]),
         ] {
-            let mut settings = Settings::default();
-            settings.set(effect, "pattern", shutterbug::chain::Value::Choice(pattern)).expect("an option");
-            let seen = of(&effect.reference(&plain, &settings, &shutterbug::chain::Parameters::default()));
+            let theta = Theta::neutral().with(P::Mosaic, pattern);
+            let seen = of(&simulated.delivered(&theta, 1)[0]);
             assert!(seen.iter().zip(signs).all(|(v, s)| v * s > 0.1), "{pattern}: {seen:?}");
         }
     }
