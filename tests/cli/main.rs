@@ -9,6 +9,7 @@ mod exposure;
 mod formats;
 mod gather_kernels;
 mod pairs;
+mod reference;
 mod simulate;
 
 #[path = "../support/board/mod.rs"]

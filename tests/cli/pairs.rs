@@ -96,6 +96,31 @@ fn a_folder_beside_itself_has_no_gap() {
     }
 }
 
+/// Two stills: too few to judge some by others, but each can be judged in parts. What a sensor keeps is not told of.
+#[test]
+fn two_stills_are_judged_in_parts() {
+    let (sim, real) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    for k in 0..2u32 {
+        let value = |x: u32, y: u32, c: u32| {
+            let tile = (x / 11 + 3 * k) * 7 + (y / 9) * 13 + 5 * c;
+            30 + (tile * tile % 190) as u8
+        };
+        let shown = image::RgbImage::from_fn(192, 144, |x, y| image::Rgb([0, 1, 2].map(|c| value(x, y, c))));
+        let bent = |v: u8| (255.0 * (f64::from(v) / 255.0).powf(1.3)).round() as u8;
+        let seen = image::RgbImage::from_fn(192, 144, |x, y| image::Rgb(shown.get_pixel(x, y).0.map(bent)));
+        shown.save(sim.path().join(format!("{k}.png"))).unwrap();
+        seen.save(real.path().join(format!("{k}.png"))).unwrap();
+    }
+    let found = report(sim.path(), real.path(), &[]);
+    assert_eq!(names(&found), ["gamma"]);
+    near(parameter(&found, "gamma", "exponent"), 1.3);
+    let all = found["candidates"].as_array().unwrap();
+    assert_eq!(all.iter().find(|c| c["name"] == "hot_pixels").unwrap()["state"], "undetermined");
+    // Control: the same stills beside themselves.
+    let none = report(sim.path(), sim.path(), &[]);
+    assert_eq!((names(&none).len(), &none["verdict"]), (0, &Value::from("no_gap")));
+}
+
 #[test]
 fn what_is_wrong_with_two_folders_is_one_clear_line() {
     let (sim, real, out) =

@@ -317,3 +317,51 @@ fn half_widths(real: &Fingerprint, simulated: &Simulated, chosen: &Chosen) -> BT
     let half = |i: usize| Some(1.96 * wider * solve(&a, &unit(i), 1e-9)?[i].max(0.0).sqrt());
     free.iter().enumerate().filter_map(|(i, &p)| Some((p, half(i)?))).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes before a wall, others in each frame and room.
+    fn room(seed: u32, frames: u32) -> Simulated {
+        let frame = |f: u32| {
+            Plane::from_fn(176, 132, |x, y| {
+                let at = |side: u32| {
+                    let cell = ((x as u32 + 3 * f) / side) * 7919
+                        + ((y as u32 + 2 * f) / side) * 104_729
+                        + seed * 31;
+                    cell.wrapping_mul(2_654_435_761) >> 16
+                };
+                let level = |c: u32| 0.05 + 0.4 * (((at(40) >> (3 * c)) & 7) as f32 / 7.0);
+                [level(0), level(1), level(2), 1.0]
+            })
+        };
+        Simulated((0..frames).map(frame).collect())
+    }
+
+    fn found(hidden: &Theta) -> Chosen {
+        let base = Theta::neutral();
+        let real = Fingerprint::of(&room(5, 7).delivered(hidden, 77), 0.0);
+        let names: Vec<&'static str> = NAMES.iter().map(|(n, _)| *n).collect();
+        choose(&real, &room(9, 7), &base, &names, |_| Ok(())).expect("nothing stops it")
+    }
+
+    #[test]
+    fn what_a_sensor_leaves_in_other_pictures_is_found_and_nothing_where_there_is_nothing() {
+        assert!(found(&Theta::neutral()).set.is_empty());
+        let pattern = found(&Theta::neutral().with(P::Dsnu, 0.01).with(P::Row, 0.008));
+        assert!(
+            pattern.set.len() == 2
+                && ["fixed_pattern_noise", "row_noise"].iter().all(|n| pattern.set.contains(n))
+        );
+        assert!((pattern.theta.get(P::Dsnu) / 0.01 - 1.0).abs() < 0.15, "{}", pattern.theta.get(P::Dsnu));
+        assert!((pattern.theta.get(P::Row) / 0.008 - 1.0).abs() < 0.2, "{}", pattern.theta.get(P::Row));
+        let mosaic = found(&Theta::neutral().with(P::Mosaic, 3.0).with(P::Hot, 2e-3));
+        assert!(
+            mosaic.set.contains(&"bayer_mosaic") && mosaic.theta.get(P::Mosaic) == 3.0,
+            "{:?}",
+            mosaic.set
+        );
+        assert!(mosaic.set.contains(&"hot_pixels"), "{:?}", mosaic.set);
+    }
+}

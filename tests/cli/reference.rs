@@ -1,5 +1,6 @@
 //! The pages of `docs/reference` are what the program says of itself (`tools/reference` writes them), and a report is what
 //! `docs/reference/report.schema.json` says. Skipped by name where there is no Python.
+
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -8,7 +9,7 @@ use std::process::{Command, Output};
 const PROGRAM: &str = env!("CARGO_BIN_EXE_shutterbug");
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
 /// Runs `tools/reference`; none where there is no Python.
