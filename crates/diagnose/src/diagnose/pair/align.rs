@@ -179,6 +179,8 @@ impl Field {
 fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
     let size = (a.w, a.h);
     let half = [a.w as f64 / field.nx as f64 * 0.75, a.h as f64 / field.ny as f64 * 0.75];
+    // Nothing is displaced yet: pixels are read as they are.
+    let rests = field.at.iter().all(|d| *d == [0.0; 2]);
     let one = |i: usize| {
         let middle = field.middle(i, size);
         let range = |k: usize, side: usize| {
@@ -188,6 +190,12 @@ fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
         let mut seen = Vec::new();
         for y in range(1, a.h) {
             for x in range(0, a.w) {
+                if rests {
+                    let at = |x: usize, y: usize| f64::from(b.data[y * b.w + x]);
+                    let (gx, gy) = (0.5 * (at(x + 1, y) - at(x - 1, y)), 0.5 * (at(x, y + 1) - at(x, y - 1)));
+                    seen.push([f64::from(a.data[y * a.w + x]), at(x, y), gx, gy]);
+                    continue;
+                }
                 let [u, v] = field.read(x as f64, y as f64, size);
                 let (px, py) = (x as f64 + u, y as f64 + v);
                 if px < 1.0 || py < 1.0 || px > a.w as f64 - 2.0 || py > a.h as f64 - 2.0 {

@@ -127,6 +127,8 @@ pub(super) fn choose(
     let plain = simulated.fingerprint(base);
     let counted = common(real, &plain);
     let mut left = squares(&apart(real, &plain), &counted);
+    // Where the fit of each began best at first: beside other effects it begins there again.
+    let mut began: BTreeMap<&'static str, f64> = BTreeMap::new();
     loop {
         let mut best: Option<(f64, &'static str, Theta)> = None;
         for (name, starts) in NAMES.into_iter().filter(|(n, _)| names.contains(n) && !chosen.set.contains(n))
@@ -134,7 +136,12 @@ pub(super) fn choose(
             step(name)?;
             let mut free = smooth(&chosen.set);
             free.extend(smooth(&[name]));
-            let (theta, cost) = fit(real, (simulated, &counted), &chosen.theta, &free, (name, starts));
+            let known = began.get(name).copied();
+            let starts = known.as_slice().iter().chain(starts.iter().filter(|_| known.is_none()));
+            let starts: Vec<f64> = starts.copied().collect();
+            let (theta, cost, start) =
+                fit(real, (simulated, &counted), &chosen.theta, &free, (name, &starts));
+            began.extend(start.map(|start| (name, start)));
             tracing::info!(
                 "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
                 chosen.set,
@@ -210,14 +217,14 @@ fn smooth(set: &[&'static str]) -> Vec<P> {
     parameters(set).into_iter().filter(|p| !p.is_discrete()).collect()
 }
 
-/// Fits `free` from the best of some values of a candidate; parameters and the sum of squares that is left.
+/// Fits `free` from the best of some values of a candidate; parameters, the sum of squares that is left, and that value.
 fn fit(
     real: &Fingerprint,
     (simulated, counted): (&Simulated, &[bool]),
     base: &Theta,
     free: &[P],
     (name, starts): (&'static str, &[f64]),
-) -> (Theta, f64) {
+) -> (Theta, f64, Option<f64>) {
     let cost = |theta: &Theta| squares(&apart(real, &simulated.fingerprint(theta)), counted);
     let own = parameters(&[name]);
     let begin = |v: &f64| {
@@ -228,12 +235,12 @@ fn fit(
             theta.set(p, if candidate_of(name).noise { *v } else { p.spec().neutral.max(1.0) });
         }
         let cost = cost(&theta);
-        (cost, theta)
+        (cost, theta, Some(*v))
     };
-    let (mut best, mut theta) = starts
+    let (mut best, mut theta, start) = starts
         .iter()
         .map(begin)
-        .chain(by_brightness(real, base, free).map(|theta| (cost(&theta), theta)))
+        .chain(by_brightness(real, base, free).map(|theta| (cost(&theta), theta, None)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .expect("every candidate has a value to begin with");
     let mut damping = 1e-3;
@@ -256,7 +263,7 @@ fn fit(
             break;
         }
     }
-    (theta, best)
+    (theta, best, start)
 }
 
 /// Shot noise and read noise as the line through the variances of the real frames over brightness: where a fit of both begins.
@@ -341,9 +348,9 @@ mod tests {
 
     fn found(hidden: &Theta) -> Chosen {
         let base = Theta::neutral();
-        let real = Fingerprint::of(&room(5, 7).delivered(hidden, 77), 0.0);
+        let real = Fingerprint::of(&room(5, 5).delivered(hidden, 77), 0.0);
         let names: Vec<&'static str> = NAMES.iter().map(|(n, _)| *n).collect();
-        choose(&real, &room(9, 7), &base, &names, |_| Ok(())).expect("nothing stops it")
+        choose(&real, &room(9, 5), &base, &names, |_| Ok(())).expect("nothing stops it")
     }
 
     #[test]
