@@ -1,4 +1,5 @@
 //! The C library as its hosts meet it: the header, every call, careless hands, GPU images, the installed files.
+#![allow(clippy::unwrap_used)]
 
 mod abuse;
 mod conventions;

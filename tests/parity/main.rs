@@ -1,4 +1,5 @@
 //! Every kernel against its twin on the CPU, on random and edge input, with controls.
+#![allow(clippy::unwrap_used)]
 
 mod effects;
 mod exact;

@@ -37,6 +37,12 @@ pub struct Dct {
     places: [[f32; SIDE]; SIDE],
 }
 
+impl Default for Dct {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Dct {
     /// The waves, worked out.
     pub fn new() -> Self {
