@@ -15,6 +15,7 @@ pub mod error;
 pub mod files;
 pub mod formats;
 pub mod gpu;
+pub mod import;
 pub mod kernels;
 pub mod plane;
 pub mod raster;

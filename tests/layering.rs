@@ -37,6 +37,7 @@ const LAYERS: &[Layer] = &[
     pure("capture", &["scene", "camera", "chain", "effects", "plane", "files", "error"]),
     pure("reference", &["effects", "chain", "scene", "camera", "plane", "error"]),
     pure("formats", &["capture", "camera", "chain", "effects", "scene", "plane", "files", "error"]),
+    pure("import", &["formats", "capture", "camera", "plane", "files", "error"]),
     pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
     pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
     Layer { module: "gpu", uses: Uses::Only(&["kernels", "error"]), ash: true, unsafe_code: true },

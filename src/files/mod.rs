@@ -3,6 +3,7 @@
 //! In: regular files only and of limited size, because captures come from strangers ([`read`]). Out: a file appears complete or
 //! not at all ([`write_atomic`]), and the folder of a command's `--out` holds only what this program made there ([`Out`]).
 
+mod large;
 mod lock;
 mod manifest;
 mod out;
@@ -10,6 +11,7 @@ mod overlap;
 mod read;
 mod write;
 
+pub use large::Large;
 pub use manifest::MANIFEST_FILE;
 pub use out::{Out, OutRules, grows, made_elsewhere};
 pub use overlap::refuse_overlap;

@@ -83,7 +83,7 @@ pub fn read_if_there(path: &Path, limit: Limit) -> Result<Option<Vec<u8>>> {
 }
 
 /// Opens a file to read. It may have become a pipe since it was looked at: opening must not wait for a writer.
-fn open(path: &Path) -> std::io::Result<File> {
+pub(super) fn open(path: &Path) -> std::io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true);
     #[cfg(unix)]
@@ -91,7 +91,7 @@ fn open(path: &Path) -> std::io::Result<File> {
     options.open(path)
 }
 
-fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
+pub(super) fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
     if about.is_file() {
         return Ok(());
     }
@@ -122,8 +122,16 @@ pub fn recorded_reads() -> BTreeMap<PathBuf, String> {
 }
 
 fn record(shown: &Path, bytes: &[u8]) {
+    // The hash is work: only where it is kept.
+    if READ.lock().unwrap_or_else(|e| e.into_inner()).is_some() {
+        note(shown, sha256_hex(bytes));
+    }
+}
+
+/// Notes what tells a file that was read from others.
+pub(super) fn note(shown: &Path, mark: String) {
     if let Some(read) = READ.lock().unwrap_or_else(|e| e.into_inner()).as_mut() {
-        read.insert(shown.to_owned(), sha256_hex(bytes));
+        read.insert(shown.to_owned(), mark);
     }
 }
 
