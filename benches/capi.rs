@@ -15,7 +15,7 @@
 //! is what overlapping all of the host's work with all of the device's would bring.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
-#[path = "../tests/capi_support/mod.rs"]
+#[path = "../tests/support/capi/mod.rs"]
 mod capi_support;
 
 use std::collections::VecDeque;

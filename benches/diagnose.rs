@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use shutterbug::capture::Capture;
-use shutterbug::diagnose::{DiagnoseOptions, Progress, diagnose};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::{Plane, read_rgb8, write_png_atomic};
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, diagnose};
 
 /// Seconds by stage.
 struct Stages {

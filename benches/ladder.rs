@@ -6,7 +6,7 @@
 //! in `target/bench/references` from run to run, `LADDER_REPEATS` is the number of timed frames.
 #![allow(clippy::unwrap_used)]
 
-#[path = "../tests/fast_scenes/mod.rs"]
+#[path = "../tests/support/checkers/mod.rs"]
 mod checkers;
 #[path = "ladder/picture.rs"]
 mod picture;

@@ -4,7 +4,7 @@
 //! the device's passes of the last round. `cargo bench --bench outside [-- ROUNDS]` (6). Modes take turns.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
-#[path = "../tests/capi_support/mod.rs"]
+#[path = "../tests/support/capi/mod.rs"]
 mod capi_support;
 
 use std::ffi::CStr;

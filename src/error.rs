@@ -1,17 +1,21 @@
 //! The one error type. Every variant carries what a person needs to mend the cause: where, what was found, what was
 //! expected. `Display` is one line and needs no context to be understood.
 
+mod nearest;
+
+use std::fmt;
 use std::path::{Path, PathBuf};
+
+use nearest::nearest;
 
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// What went wrong.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
     /// A file holds something that cannot be used.
-    #[error("{}: found {found}; expected {expected}", place(path, *line))]
     Input {
         /// The file.
         path: PathBuf,
@@ -23,7 +27,6 @@ pub enum Error {
         expected: String,
     },
     /// A name that is not known, with the nearest one that is.
-    #[error("{}: unknown {kind} `{name}`{}", place(path, *line), suggestion(nearest.as_deref()))]
     UnknownName {
         /// The file.
         path: PathBuf,
@@ -37,11 +40,6 @@ pub enum Error {
         nearest: Option<String>,
     },
     /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
-    #[error(
-        "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
-         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
-         extrapolated)", path.display(), missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
-    )]
     TrajectoryTooShort {
         /// The trajectory's file.
         path: PathBuf,
@@ -57,10 +55,6 @@ pub enum Error {
         covered_to_s: f64,
     },
     /// Something that a frame from outside shows comes in from beyond what it holds.
-    #[error(
-        "a margin of {} columns and {} rows on each side is too small: this frame needs {} and {}",
-        given_px[0], given_px[1], needed_px[0], needed_px[1]
-    )]
     MarginTooSmall {
         /// Columns and rows that are needed.
         needed_px: [u32; 2],
@@ -68,18 +62,15 @@ pub enum Error {
         given_px: [u32; 2],
     },
     /// The operating system refused a file operation.
-    #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
         /// What was tried: "read", "write", "create the folder".
         action: &'static str,
         /// The system's reason.
-        #[source]
         source: std::io::Error,
     },
     /// A picture file that cannot be decoded or encoded.
-    #[error("{}: cannot {action} the picture: {reason}", path.display())]
     Picture {
         /// The file.
         path: PathBuf,
@@ -89,7 +80,6 @@ pub enum Error {
         reason: String,
     },
     /// A parameter of an effect outside its range.
-    #[error("{effect}.{name} = {value}{} is outside {min} to {max}{}", spaced(unit), spaced(unit))]
     Parameter {
         /// Stem of the effect.
         effect: &'static str,
@@ -105,7 +95,6 @@ pub enum Error {
         unit: &'static str,
     },
     /// A parameter that counts something, with a fraction.
-    #[error("{effect}.{name} = {value} is not a whole number")]
     NotWhole {
         /// Stem of the effect.
         effect: &'static str,
@@ -115,7 +104,6 @@ pub enum Error {
         value: f64,
     },
     /// Choices that contradict each other.
-    #[error("{effect}: {what}")]
     Contradiction {
         /// Stem of the effect.
         effect: &'static str,
@@ -123,7 +111,6 @@ pub enum Error {
         what: String,
     },
     /// A list of effects in an order that light cannot take.
-    #[error("{effect} acts on {needs}, but stands where the picture is {reached} already")]
     ChainOrder {
         /// Stem of the effect.
         effect: &'static str,
@@ -133,10 +120,8 @@ pub enum Error {
         reached: String,
     },
     /// A lens that cannot be inverted inside the picture, and where.
-    #[error("{0}")]
     LensFolds(Box<LensFold>),
     /// Another error, with the place in a file that caused it.
-    #[error("{}: {problem}{hint}", place(path, *line))]
     At {
         /// The file.
         path: PathBuf,
@@ -148,7 +133,6 @@ pub enum Error {
         hint: String,
     },
     /// A size that this program or the device cannot handle.
-    #[error("{what} is {value}, the limit is {limit} ({why})")]
     Limit {
         /// What is too large or too small.
         what: &'static str,
@@ -160,15 +144,11 @@ pub enum Error {
         why: String,
     },
     /// No Vulkan loader on this machine.
-    #[error(
-        "no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
-    )]
     NoVulkanLoader {
         /// The system's reason.
         reason: String,
     },
     /// No usable device, or none that matches the request.
-    #[error("no Vulkan device {wanted}. Present: {present}")]
     NoDevice {
         /// What was asked for.
         wanted: String,
@@ -176,7 +156,6 @@ pub enum Error {
         present: String,
     },
     /// The device lacks something that is needed.
-    #[error("device {device} lacks {}", missing.join(", "))]
     DeviceLacks {
         /// The device's name.
         device: String,
@@ -184,15 +163,11 @@ pub enum Error {
         missing: Vec<String>,
     },
     /// The device was lost during work.
-    #[error(
-        "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete"
-    )]
     DeviceLost {
         /// The call that reported it.
         call: &'static str,
     },
     /// Memory ran out.
-    #[error("out of {pool} memory in {call}: reduce the size, the samples per pixel or the frames in flight")]
     OutOfMemory {
         /// "device" or "host".
         pool: &'static str,
@@ -200,7 +175,6 @@ pub enum Error {
         call: &'static str,
     },
     /// Any other result of a Vulkan call.
-    #[error("{call} failed: {result}")]
     Vulkan {
         /// The call.
         call: &'static str,
@@ -208,13 +182,11 @@ pub enum Error {
         result: String,
     },
     /// The system starts no more threads.
-    #[error("no thread can be started ({reason}): allow more processes (ulimit -u) or free some")]
     Threads {
         /// The system's reason.
         reason: String,
     },
     /// The user asked to stop.
-    #[error("interrupted after {done} of {total} frames; run again with --resume to go on")]
     Interrupted {
         /// Frames finished and on disk.
         done: usize,
@@ -222,13 +194,103 @@ pub enum Error {
         total: usize,
     },
     /// The user asked a diagnosis to stop.
-    #[error("interrupted at `{at}`; {}", kept_text(.kept))]
     DiagnosisInterrupted {
         /// Stage and step.
         at: String,
         /// The file that holds what was worked out; nothing if it was kept nowhere.
         kept: Option<PathBuf>,
     },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input { path, line, found, expected } => {
+                write!(f, "{}: found {found}; expected {expected}", place(path, *line))
+            }
+            Self::UnknownName { path, line, kind, name, nearest } => {
+                write!(f, "{}: unknown {kind} `{name}`{}", place(path, *line), suggestion(nearest.as_deref()))
+            }
+            Self::TrajectoryTooShort {
+                path,
+                what,
+                needed_from_s,
+                needed_to_s,
+                covered_from_s,
+                covered_to_s,
+            } => write!(
+                f,
+                "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
+         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
+         extrapolated)",
+                path.display(),
+                missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
+            ),
+            Self::MarginTooSmall { needed_px, given_px } => write!(
+                f,
+                "a margin of {} columns and {} rows on each side is too small: this frame needs {} and {}",
+                given_px[0], given_px[1], needed_px[0], needed_px[1]
+            ),
+            Self::Io { path, action, source } => write!(f, "{}: cannot {action}: {source}", path.display()),
+            Self::Picture { path, action, reason } => {
+                write!(f, "{}: cannot {action} the picture: {reason}", path.display())
+            }
+            Self::Parameter { effect, name, value, min, max, unit } => write!(
+                f,
+                "{effect}.{name} = {value}{} is outside {min} to {max}{}",
+                spaced(unit),
+                spaced(unit)
+            ),
+            Self::NotWhole { effect, name, value } => {
+                write!(f, "{effect}.{name} = {value} is not a whole number")
+            }
+            Self::Contradiction { effect, what } => write!(f, "{effect}: {what}"),
+            Self::ChainOrder { effect, needs, reached } => {
+                write!(f, "{effect} acts on {needs}, but stands where the picture is {reached} already")
+            }
+            Self::LensFolds(fold) => write!(f, "{fold}"),
+            Self::At { path, line, problem, hint } => write!(f, "{}: {problem}{hint}", place(path, *line)),
+            Self::Limit { what, value, limit, why } => {
+                write!(f, "{what} is {value}, the limit is {limit} ({why})")
+            }
+            Self::NoVulkanLoader { reason } => write!(
+                f,
+                "no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+            ),
+            Self::NoDevice { wanted, present } => write!(f, "no Vulkan device {wanted}. Present: {present}"),
+            Self::DeviceLacks { device, missing } => {
+                write!(f, "device {device} lacks {}", missing.join(", "))
+            }
+            Self::DeviceLost { call } => write!(
+                f,
+                "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete"
+            ),
+            Self::OutOfMemory { pool, call } => write!(
+                f,
+                "out of {pool} memory in {call}: reduce the size, the samples per pixel or the frames in flight"
+            ),
+            Self::Vulkan { call, result } => write!(f, "{call} failed: {result}"),
+            Self::Threads { reason } => write!(
+                f,
+                "no thread can be started ({reason}): allow more processes (ulimit -u) or free some"
+            ),
+            Self::Interrupted { done, total } => {
+                write!(f, "interrupted after {done} of {total} frames; run again with --resume to go on")
+            }
+            Self::DiagnosisInterrupted { at, kept } => {
+                write!(f, "interrupted at `{at}`; {}", kept_text(kept))
+            }
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Io { source, .. } => Some(source),
+            _ => None,
+        }
+    }
 }
 
 /// A text as one line that steers no terminal: what comes from a file may hold line ends and escape sequences.
@@ -315,21 +377,6 @@ fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default()
 }
 
-/// The name among `known` that was probably meant: the same start (`exposure_s` for `exposure_time_s`), or at most two
-/// letters of five otherwise (`fone` for `phone`). 0.85 refuses words that only share some letters (see the tests).
-fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let name = name.to_lowercase();
-    let likeness = |known: &str| {
-        let known = known.to_lowercase();
-        let (typos, longest) = (strsim::osa_distance(&name, &known), name.len().max(known.len()));
-        let few = 5 * typos <= 2 * longest;
-        (strsim::jaro_winkler(&name, &known), few)
-    };
-    let best = known.into_iter().map(|k| (likeness(k), k)).max_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
-    let ((alike, few), known) = best;
-    (alike >= 0.85 || few).then_some(known)
-}
-
 /// Says how much of `needed` lies before and after `covered`.
 fn missing_span(needed: [f64; 2], covered: [f64; 2]) -> String {
     let before = (needed[0] < covered[0]).then(|| (needed[0], needed[1].min(covered[0])));
@@ -342,31 +389,6 @@ fn missing_span(needed: [f64; 2], covered: [f64; 2]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_suggestion_is_made_only_for_a_name_that_could_have_been_meant() {
-        let known =
-            ["width", "height", "frame_period_s", "readout_time_s", "rolling_shutter", "exposure_time_s"];
-        for (typed, meant) in [
-            ("widht", "width"),
-            ("Width", "width"),
-            ("frame_period", "frame_period_s"),
-            ("readout_s", "readout_time_s"),
-            ("exposure_s", "exposure_time_s"),
-            ("rollingshutter", "rolling_shutter"),
-            ("with", "width"),
-        ] {
-            assert_eq!(nearest(typed, known), Some(meant), "{typed}");
-        }
-        for typed in ["banana", "", "x", "noise", "distortion"] {
-            assert_eq!(nearest(typed, known), None, "{typed}");
-        }
-        assert_eq!(
-            nearest("fone", ["humanoid-2008", "machine-vision", "phone", "usb-webcam"]),
-            Some("phone")
-        );
-        assert_eq!(nearest("width", []), None);
-    }
 
     #[test]
     fn one_line_steers_no_terminal_and_keeps_letters() {
@@ -398,8 +420,8 @@ pub struct LensFold {
     pub coefficients: String,
 }
 
-impl std::fmt::Display for LensFold {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for LensFold {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y] = self.pixel;
         write!(
             f,

@@ -16,7 +16,7 @@ use super::{checkers, room};
 pub enum Family {
     /// `room.rs`: the options of `exact` were chosen on it. Held out for `fast`.
     Room,
-    /// `tests/fast_scenes`: the options of `fast` were chosen on it. Held out for `exact`.
+    /// `tests/support/checkers`: the options of `fast` were chosen on it. Held out for `exact`.
     Checkers,
     /// Captures made by others, with their own motion. Held out for every method.
     Captures,

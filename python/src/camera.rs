@@ -6,7 +6,7 @@ use std::path::Path;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shutterbug::capture::CameraFile;
-use shutterbug::formats::{self, Format};
+use shutterbug_cli::formats::{self, Format};
 
 use crate::status::input_error;
 
@@ -60,5 +60,5 @@ pub fn preset_text(py: Python<'_>, name: &str) -> PyResult<&'static str> {
 /// program's name.
 #[pyfunction]
 pub fn run_command_line(py: Python<'_>, args: Vec<OsString>) -> u8 {
-    py.detach(|| shutterbug::cli::run_from(args))
+    py.detach(|| shutterbug_cli::cli::run_from(args))
 }

@@ -6,8 +6,7 @@
 use std::fmt;
 
 /// The order in which lines are read. For the two horizontal orders a line is a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum ScanOrder {
     /// Row 0 first.
     #[default]

@@ -1,4 +1,4 @@
-//! The structs of `include/shutterbug.h`, field by field. `tests/capi_layout.rs` compares sizes and offsets.
+//! The structs of `include/shutterbug.h`, field by field. `tests/abi/layout.rs` compares sizes and offsets.
 #![allow(missing_docs)] // The header is the manual.
 
 use std::ffi::{c_char, c_void};

@@ -18,7 +18,7 @@ use crate::effects::{FocalLengthError, LensDistortion, MotionBlur, PoseOffset, R
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::scene::{Scene, Shading, load_obj};
-pub(crate) use text::read_text;
+pub use text::read_text;
 
 /// A whole capture. All times in s are on the capture's clock (see [`clock_epoch_ns`]), so that timestamps of 19 digits
 /// keep their nanoseconds.

@@ -14,7 +14,7 @@ use crate::files::{Limit, read};
 ///
 /// # Errors
 /// A missing or unreadable file, one of more than `limit` bytes, bytes that are not UTF-8 (with their line).
-pub(crate) fn read_text(path: &Path, purpose: &str, limit: Limit) -> Result<String> {
+pub fn read_text(path: &Path, purpose: &str, limit: Limit) -> Result<String> {
     let bytes = read(path, limit).map_err(|e| match e {
         Error::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
             Error::input(path, None, "no such file", purpose)

@@ -5,10 +5,10 @@
 //! seed, frame and pixel give the same bits on any device, with any number of threads.
 //!
 //! pcg4d (Jarzynski, Olano: "Hash functions for GPU rendering", JCGT 2020) was measured beside it and not taken: see
-//! `tests/noise_statistics.rs`.
+//! `tests/property/noise_statistics.rs`.
 //!
 //! Each purpose has a stream of its own, a constant STREAM_... of the effect that draws from it, in its kernel and its
-//! Rust file (`tests/effects_registry.rs` checks that they agree and that no two are equal). Fixed patterns pass
+//! Rust file (`tests/property/effects_registry.rs` checks that they agree and that no two are equal). Fixed patterns pass
 //! [`FIXED_FRAME`] in place of the frame and the sensor's seed in place of the run's.
 //!
 //! Normal numbers need a logarithm and a circle. Both are polynomials made of sums and products only, which IEEE 754

@@ -26,7 +26,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
 }
 
 /// Where the colour of two columns and so many rows is one.
-pub(crate) fn sharing(source: &Plane<f32>, rows: usize) -> Plane<f32> {
+pub fn sharing(source: &Plane<f32>, rows: usize) -> Plane<f32> {
     gaussian::filter(source, |x, y| {
         let first = [(x & !1) as i64, if rows == 2 { y & !1 } else { y } as i64];
         let at = |dx: i64, dy: i64| gaussian::clamped(source, [first[0] + dx, first[1] + dy]);

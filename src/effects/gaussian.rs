@@ -76,7 +76,7 @@ pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<
 }
 
 /// Both ways.
-pub(crate) fn blurred(source: &Plane<f32>, sigma_px: f64) -> Plane<f32> {
+pub fn blurred(source: &Plane<f32>, sigma_px: f64) -> Plane<f32> {
     let weights = weights(sigma_px);
     along(&along(source, 0, &weights), 1, &weights)
 }

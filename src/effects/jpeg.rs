@@ -2,9 +2,9 @@
 //! the `image` crate on the CPU. The delivered 8-bit picture; the last of all effects. What it makes of noise, on average and block by
 //! block, stands in `jpeg/`.
 
-pub(crate) mod dct;
-pub(crate) mod flips;
-pub(crate) mod packing;
+pub mod dct;
+pub mod flips;
+pub mod packing;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
@@ -36,7 +36,7 @@ fn coded(bytes: &[u8], size: [usize; 2], quality: u8) -> Vec<u8> {
 }
 
 /// The same of values in DN, shape `[height, width, 3]`.
-pub(crate) fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
+pub fn compressed(dn: &Plane<f32>, quality: u8) -> Plane<f32> {
     let bytes: Vec<u8> = dn.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
     let data =
         coded(&bytes, [dn.width, dn.height], quality.clamp(1, 100)).into_iter().map(f32::from).collect();

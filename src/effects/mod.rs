@@ -3,7 +3,7 @@
 mod auto_exposure;
 mod bayer_mosaic;
 mod black_level;
-pub(crate) mod chroma_subsampling;
+pub mod chroma_subsampling;
 mod chromatic_aberration;
 mod color_matrix;
 mod dark_current;
@@ -13,10 +13,10 @@ mod fixed_pattern_noise;
 mod flicker;
 mod focal_length_error;
 mod gamma;
-pub(crate) mod gaussian;
+pub mod gaussian;
 mod glare;
 mod hot_pixels;
-pub(crate) mod jpeg;
+pub mod jpeg;
 mod lens_distortion;
 mod motion_blur;
 mod noise_reduction;
@@ -32,7 +32,7 @@ mod saturation;
 mod sensor_color;
 mod sharpening;
 mod shot_noise;
-#[cfg(test)]
+#[cfg(any(test, feature = "added-effect"))]
 mod split_toning;
 mod time_offset;
 mod tone_curve;
@@ -72,7 +72,7 @@ pub use saturation::Saturation;
 pub use sensor_color::SensorColor;
 pub use sharpening::Sharpening;
 pub use shot_noise::{STREAM_SHOT_NOISE, ShotNoise, poisson};
-#[cfg(test)]
+#[cfg(any(test, feature = "added-effect"))]
 pub use split_toning::SplitToning;
 pub use time_offset::TimeOffset;
 pub use tone_curve::ToneCurve;
@@ -123,7 +123,7 @@ light_path! {
     noise_reduction: NoiseReduction,
     response_curve: ResponseCurve,
     saturation: Saturation,
-    #[cfg(test)] split_toning: SplitToning,
+    #[cfg(any(test, feature = "added-effect"))] split_toning: SplitToning,
     sharpening: Sharpening,
     chroma_subsampling: ChromaSubsampling,
     jpeg: Jpeg,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::finish::prepare;
 use super::paper_fast::{FastPush, constants};
@@ -19,8 +19,7 @@ use crate::gpu::{
 use crate::kernels::{Kernel, kernel};
 
 /// What the gather of the paper's method may give up for speed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Gather {
     /// Nothing: `paper_gather`, the bits of its twin, a tap a px.
     #[default]
@@ -104,7 +103,7 @@ pub struct GatherChoice {
 }
 
 /// What the cache holds for one device, driver and quality.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 struct Entry {
     kernel: String,
     candidates: Vec<(String, f64)>,
@@ -160,14 +159,31 @@ type Entries = std::collections::BTreeMap<String, Entry>;
 
 /// Nothing where there is none, or none that can be understood: it is then measured again.
 fn read_cache(path: &Path) -> Entries {
-    read(path, Limit::OWN).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+    read(path, Limit::OWN).ok().and_then(|bytes| entries_of(&bytes)).unwrap_or_default()
+}
+
+fn entries_of(json: &[u8]) -> Option<Entries> {
+    let value: Value = serde_json::from_slice(json).ok()?;
+    let candidate = |pair: &Value| Some((pair.get(0)?.as_str()?.to_owned(), pair.get(1)?.as_f64()?));
+    let entry = |value: &Value| {
+        let candidates = value.get("candidates")?.as_array()?.iter().map(candidate).collect::<Option<_>>()?;
+        Some(Entry { kernel: value.get("kernel")?.as_str()?.to_owned(), candidates })
+    };
+    value.as_object()?.iter().map(|(key, value)| Some((key.clone(), entry(value)?))).collect()
+}
+
+fn json_of(entries: &Entries) -> String {
+    let entry = |(key, e): (&String, &Entry)| {
+        (key.clone(), json!({ "kernel": e.kernel, "candidates": e.candidates }))
+    };
+    format!("{:#}", Value::Object(entries.iter().map(entry).collect()))
 }
 
 /// A cache that cannot be written costs the next start a measurement, nothing else.
 fn write_cache(path: &Path, key: String, entry: Entry) {
     let mut entries = read_cache(path);
     entries.insert(key, entry);
-    let json = serde_json::to_string_pretty(&entries).expect("strings and numbers serialize");
+    let json = json_of(&entries);
     let folder = path.parent().expect("a file in a folder");
     let done = std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create the folder", e));
     if let Err(error) = done.and_then(|()| write_atomic(path, json.as_bytes())) {

@@ -1,12 +1,10 @@
 //! The one reader of files.
 
-use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read as _};
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::Path;
 
-use super::sha256_hex;
+use super::watch::watcher;
 use crate::error::{Error, Result};
 
 /// The largest file of a kind that is read, bytes. Each is far above what a file of its kind can usefully hold.
@@ -65,8 +63,10 @@ pub fn read_as(path: &Path, shown: &Path, limit: Limit) -> Result<Vec<u8>> {
     // One byte beyond the limit tells too long from just fitting, also where the file system gives no length.
     file.take(limit.bytes + 1).read_to_end(&mut bytes).map_err(failed)?;
     check_size(bytes.len() as u64, shown, limit)?;
-    if limit.input {
-        record(shown, &bytes);
+    if limit.input
+        && let Some(watcher) = watcher()
+    {
+        watcher.has_read(shown, &bytes);
     }
     Ok(bytes)
 }
@@ -82,16 +82,27 @@ pub fn read_if_there(path: &Path, limit: Limit) -> Result<Option<Vec<u8>>> {
     }
 }
 
+/// `open` returns at once. The one number that is needed of the system's headers; a test opens a pipe with it.
+#[cfg(unix)]
+const O_NONBLOCK: i32 = if cfg!(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")) {
+    // Numbered otherwise: there a file that turns into a pipe between the two looks at it is waited for.
+    0
+} else if cfg!(any(target_os = "linux", target_os = "android")) {
+    0o4000
+} else {
+    4
+};
+
 /// Opens a file to read. It may have become a pipe since it was looked at: opening must not wait for a writer.
-pub(super) fn open(path: &Path) -> std::io::Result<File> {
+fn open(path: &Path) -> std::io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true);
     #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, O_NONBLOCK);
     options.open(path)
 }
 
-pub(super) fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
+fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
     if about.is_file() {
         return Ok(());
     }
@@ -105,34 +116,6 @@ fn check_size(bytes: u64, shown: &Path, limit: Limit) -> Result<()> {
     }
     let expected = format!("at most {} bytes in a file of this kind", limit.bytes);
     Err(Error::input(shown, None, format!("more than {} bytes", limit.bytes), expected))
-}
-
-/// Path as errors show it, and SHA-256, of every file that was read since [`record_reads`].
-static READ: Mutex<Option<BTreeMap<PathBuf, String>>> = Mutex::new(None);
-
-/// From now on, every file that this process reads is noted with its hash: what a run was made from is what it read, not a
-/// list that must be kept in step with the readers. For a program with one task; a library's host has several.
-pub fn record_reads() {
-    *READ.lock().unwrap_or_else(|e| e.into_inner()) = Some(BTreeMap::new());
-}
-
-/// Path and SHA-256 (hexadecimal) of what was read since [`record_reads`], sorted; nothing if that was not called.
-pub fn recorded_reads() -> BTreeMap<PathBuf, String> {
-    READ.lock().unwrap_or_else(|e| e.into_inner()).clone().unwrap_or_default()
-}
-
-fn record(shown: &Path, bytes: &[u8]) {
-    // The hash is work: only where it is kept.
-    if READ.lock().unwrap_or_else(|e| e.into_inner()).is_some() {
-        note(shown, sha256_hex(bytes));
-    }
-}
-
-/// Notes what tells a file that was read from others.
-pub(super) fn note(shown: &Path, mark: String) {
-    if let Some(read) = READ.lock().unwrap_or_else(|e| e.into_inner()).as_mut() {
-        read.insert(shown.to_owned(), mark);
-    }
 }
 
 #[cfg(test)]

@@ -5,19 +5,17 @@ use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::out;
+use super::watch::watcher;
 use crate::error::{Error, Result};
 
-/// Writes `bytes` to `path` by way of a temporary file in the same folder; nothing half-written keeps the final name. Below
-/// the folder of an open [`super::Out`] the file is named in its manifest too.
+/// Writes `bytes` to `path` by way of a temporary file in the same folder; nothing half-written keeps the final name. Asks
+/// the [`super::Watcher`] first, where there is one.
 ///
 /// # Errors
 /// A file that cannot be written; the temporary file is removed.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
-    match out::holder(path) {
-        Some((holder, name)) => holder.write(&name, path, bytes),
-        None => replace(path, bytes, |_| Ok(())),
-    }
+    let taken_over = watcher().and_then(|w| w.write(path, bytes));
+    taken_over.unwrap_or_else(|| replace(path, bytes, |_| Ok(())))
 }
 
 /// Writes a single file that the user named. One that is there is replaced only with `overwrite`, and one of `inputs` never.
@@ -40,12 +38,15 @@ pub fn write_single(path: &Path, bytes: &[u8], overwrite: bool, inputs: &[PathBu
 const TEMPORARY: [&str; 2] = [".shutterbug-", ".partial"];
 
 /// Whether a file is what a run that was killed has left of [`replace`].
-pub(super) fn is_temporary(name: &str) -> bool {
+pub fn is_temporary(name: &str) -> bool {
     name.strip_prefix(TEMPORARY[0]).is_some_and(|n| n.ends_with(TEMPORARY[1]))
 }
 
-/// Puts a file in place; `before` is called when it is complete under its temporary name.
-pub(super) fn replace(path: &Path, bytes: &[u8], before: impl FnOnce(&File) -> Result<()>) -> Result<()> {
+/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete under its temporary name.
+///
+/// # Errors
+/// A file that cannot be written, and what `before` says; the temporary file is removed.
+pub fn replace(path: &Path, bytes: &[u8], before: impl FnOnce(&File) -> Result<()>) -> Result<()> {
     let failed = |e| Error::io(path, "write", e);
     let (temporary, mut file) = create_temporary(path).map_err(failed)?;
     let written = file.write_all(bytes).map_err(failed).and_then(|()| before(&file));

@@ -45,6 +45,6 @@ pub mod rgb9e5;
 pub mod rolling_shutter;
 pub mod sample;
 mod shade;
-pub(crate) use shade::Shader;
+pub use shade::Shader;
 pub mod timing;
 pub mod unpack;

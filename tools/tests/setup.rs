@@ -25,7 +25,7 @@ struct Machine {
 }
 
 impl Machine {
-    /// With `os_release`, Rust 1.89, root, and all packages but `missing`.
+    /// With `os_release`, Rust 1.91, root, and all packages but `missing`.
     fn new(os_release: &str, missing: &[&str]) -> Self {
         let machine = Self { folder: tempfile::tempdir().expect("a temporary folder") };
         for folder in ["bin", "lib", "home", "project/tools"] {
@@ -49,7 +49,7 @@ impl Machine {
         let installed: Vec<&str> = PACKAGES.into_iter().filter(|p| !missing.contains(p)).collect();
         fs::write(machine.path("installed"), installed.join("\n") + "\n").expect("written");
         let at = machine.folder.path().display().to_string();
-        machine.program("cargo", "echo 'cargo 1.89.0 (x)'");
+        machine.program("cargo", "echo 'cargo 1.91.0 (x)'");
         machine.program("rustc", "echo 'host: some-target'");
         machine.program("id", "echo 0");
         machine.program("pkg-config", &format!("echo {at}/lib"));
@@ -177,7 +177,7 @@ fn old_or_absent_rust_stops_it() {
         let machine = Machine::new(BOOKWORM, &["g++"]);
         machine.program("cargo", &format!("echo '{version}'"));
         let (done, said) = machine.run();
-        assert!(!done && said.contains("rustup.rs") && said.contains("1.89"), "{said}");
+        assert!(!done && said.contains("rustup.rs") && said.contains("1.91"), "{said}");
         assert_eq!(machine.read("log"), None, "nothing is installed for a build that cannot happen");
     }
 }

@@ -2,9 +2,9 @@
 //! (ITU-T T.81, annex A.3.3 and tables K.1 and K.2; scaled as libjpeg does).
 
 /// Side of a block, px.
-pub(crate) const SIDE: usize = 8;
+pub const SIDE: usize = 8;
 /// Values of a block.
-pub(crate) const AREA: usize = SIDE * SIDE;
+pub const AREA: usize = SIDE * SIDE;
 
 /// Steps of brightness at quality 50, by row.
 const LUMA: [u8; AREA] = [
@@ -16,7 +16,7 @@ const LUMA: [u8; AREA] = [
 const CHROMA: [[u8; 4]; 4] = [[17, 18, 24, 47], [18, 21, 26, 66], [24, 26, 56, 99], [47, 66, 99, 99]];
 
 /// Steps of the coefficients of brightness or of colour at a quality of 1 to 100.
-pub(crate) fn steps(quality: u8, chroma: bool) -> [f32; AREA] {
+pub fn steps(quality: u8, chroma: bool) -> [f32; AREA] {
     let quality = u32::from(quality.clamp(1, 100));
     let scale = if quality < 50 { 5000 / quality } else { 200 - 2 * quality };
     std::array::from_fn(|i| {
@@ -30,7 +30,7 @@ pub(crate) fn steps(quality: u8, chroma: bool) -> [f32; AREA] {
 }
 
 /// The orthonormal cosine transform: a block's variance is that of its coefficients.
-pub(crate) struct Dct {
+pub struct Dct {
     /// By frequency, then place.
     waves: [[f32; SIDE]; SIDE],
     /// By place, then frequency.
@@ -38,7 +38,8 @@ pub(crate) struct Dct {
 }
 
 impl Dct {
-    pub(crate) fn new() -> Self {
+    /// The waves, worked out.
+    pub fn new() -> Self {
         let wave = |u: usize, x: usize| {
             let angle = std::f32::consts::PI * u as f32 * (x as f32 + 0.5) / SIDE as f32;
             angle.cos() * if u == 0 { 0.125f32.sqrt() } else { 0.5 }
@@ -50,7 +51,7 @@ impl Dct {
     }
 
     /// Coefficients of a block; by row: frequency along columns, then along rows.
-    pub(crate) fn forward(&self, block: &[f32; AREA]) -> [f32; AREA] {
+    pub fn forward(&self, block: &[f32; AREA]) -> [f32; AREA] {
         let rows = product(block, &self.places);
         transposed(&product(&transposed(&rows), &self.places))
     }

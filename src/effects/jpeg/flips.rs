@@ -24,14 +24,14 @@ const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136],
 const KINDS: usize = 6;
 
 /// Variances behind compression, DN^2, by block of 8 px, colour and statistic: as white noise of that variance would give it.
-pub(crate) struct Flips {
+pub struct Flips {
     across: usize,
     blocks: Vec<[[f32; KINDS]; 3]>,
 }
 
 impl Flips {
     /// Of a picture `dn` before compression, with noise of `variance` by value, DN^2.
-    pub(crate) fn of(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Self {
+    pub fn of(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Self {
         let dct = Dct::new();
         let tables = [steps(quality, false), steps(quality, true)];
         let (w, h) = (dn.width, dn.height);
@@ -62,7 +62,7 @@ impl Flips {
     }
 
     /// What is left at a value (its place in the picture's data) of noise of that variance before compression, DN^2.
-    pub(crate) fn left(&self, width: usize, i: usize, variance: f32) -> Left {
+    pub fn left(&self, width: usize, i: usize, variance: f32) -> Left {
         let (x, y) = ((i / 3) % width, i / 3 / width);
         let seen = &self.blocks[(y / SIDE) * self.across + x / SIDE][i % 3];
         let share = |k: usize| seen[k] / variance.max(1e-6);

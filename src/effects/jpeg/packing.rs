@@ -97,13 +97,13 @@ const LEVEL: [f32; 2] = [0.5, std::f32::consts::SQRT_2];
 
 /// What a quality leaves of noise, by how much there was.
 #[derive(Debug)]
-pub(crate) struct Packing([Left; LEVELS]);
+pub struct Packing([Left; LEVELS]);
 
 static KNOWN: LazyLock<Mutex<HashMap<u8, Arc<Packing>>>> = LazyLock::new(Mutex::default);
 
 impl Packing {
     /// Of a quality; worked out once, from noise drawn with a fixed seed.
-    pub(crate) fn of(quality: u8) -> Arc<Self> {
+    pub fn of(quality: u8) -> Arc<Self> {
         let mut known = KNOWN.lock().expect("nobody panics while it is held");
         known.entry(quality).or_insert_with(|| Arc::new(Self::drawn(quality))).clone()
     }
@@ -117,7 +117,7 @@ impl Packing {
     }
 
     /// For noise of that variance before the compression, DN^2.
-    pub(crate) fn left(&self, variance: f32) -> Left {
+    pub fn left(&self, variance: f32) -> Left {
         let at = (0.5 * (variance.max(1e-6) / (LEVEL[0] * LEVEL[0])).ln() / LEVEL[1].ln())
             .clamp(0.0, (LEVELS - 1) as f32);
         let i = (at as usize).min(LEVELS - 2);
@@ -126,7 +126,7 @@ impl Packing {
 
     /// The variance before the compression over that measured behind it, by differences of a kind (see
     /// [`Left::high_pass`]); at most a limit, since of what is removed altogether nothing is known.
-    pub(crate) fn restored(&self, measured: f32, kind: usize) -> f32 {
+    pub fn restored(&self, measured: f32, kind: usize) -> f32 {
         const MOST: f32 = 30.0;
         // The share that is left times this ratio rises with the ratio: halve the interval.
         let (mut low, mut high) = (0.25f32, MOST);

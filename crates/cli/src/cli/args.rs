@@ -1,0 +1,538 @@
+//! What can be said on the command line.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+
+use super::args_board::Board;
+use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout};
+use super::args_import::Import;
+use crate::formats::Format;
+use shutterbug::engine::{
+    AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
+    MotionSource, PaperOptions, Shift,
+};
+
+/// What a real, cheap, moving camera does to a picture.
+#[derive(Debug, Parser)]
+#[command(name = "shutterbug", version, about)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render every frame of a capture as its camera would have delivered it
+    Simulate(Simulate),
+    /// Compare a capture's real frames with simulated ones: where they differ, which effect is missing, its parameters
+    Diagnose(Diagnose),
+    /// Check diagnose: make captures whose effects are hidden, diagnose them blind, open the answers, score
+    Withhold(Withhold),
+    /// List the Vulkan devices, what each can do and what it lacks
+    Devices(Devices),
+    /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
+    Effects,
+    /// List the presets of real cameras, or print one as camera.toml
+    Presets {
+        /// The preset to print
+        name: Option<String>,
+    },
+    /// Cameras in other tools' files
+    #[command(subcommand)]
+    Camera(Camera),
+    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list it without --out
+    Import(Import),
+    /// Make a capture of photographs or a recording of a calibration target: a pinhole, poses, the board as a scene
+    Board(Board),
+    /// Measure a camera from its pictures
+    #[command(subcommand)]
+    Calibrate(Calibrate),
+}
+
+/// What can be done with a camera.
+#[derive(Debug, Subcommand)]
+pub enum Camera {
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml and (to) Gazebo SDF
+    Convert(Convert),
+}
+
+/// Arguments of `camera convert`.
+#[derive(Debug, clap::Args)]
+pub struct Convert {
+    /// The camera's file
+    pub input: PathBuf,
+    /// File to write (standard output if not given)
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Format of the input (else its content decides)
+    #[arg(long, value_enum)]
+    pub from: Option<FormatName>,
+    /// Format to write (else by the ending of --out: .toml or .sdf)
+    #[arg(long, value_enum)]
+    pub to: Option<FormatName>,
+    /// Replace the file that is there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Frame rate, where the input states none: camera.toml needs one
+    #[arg(long, value_parser = rate_hz)]
+    pub rate_hz: Option<f64>,
+    /// Which camera of a camchain (else the first)
+    #[arg(long)]
+    pub name: Option<String>,
+}
+
+/// `--from`, `--to`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FormatName {
+    /// camera.toml
+    Toml,
+    /// ROS camera_info YAML
+    Ros,
+    /// Kalibr camchain YAML
+    Kalibr,
+    /// EuRoC / ASL sensor.yaml
+    Euroc,
+    /// Gazebo SDF (to write only)
+    Sdf,
+}
+
+impl From<FormatName> for Format {
+    fn from(name: FormatName) -> Self {
+        match name {
+            FormatName::Toml => Self::Toml,
+            FormatName::Ros => Self::Ros,
+            FormatName::Kalibr => Self::Kalibr,
+            FormatName::Euroc => Self::Euroc,
+            FormatName::Sdf => Self::Sdf,
+        }
+    }
+}
+
+/// What `calibrate` measures.
+#[derive(Debug, Subcommand)]
+pub enum Calibrate {
+    /// Noise, from two or more frames of one static scene
+    Noise(CalibrateNoise),
+    /// Fall-off, the sensor's pattern and noise, from pictures of an evenly lit surface and with the cap on
+    Flat(CalibrateFlat),
+    /// Sharpness, from a slanted edge (ISO 12233)
+    Edge(CalibrateEdge),
+    /// Readout, from the stripes that a blinking light makes
+    Readout(CalibrateReadout),
+}
+
+/// Arguments of `calibrate noise`.
+#[derive(Debug, clap::Args)]
+pub struct CalibrateNoise {
+    /// Frames of one static scene (PNG of 8 or 16 bits, JPEG)
+    #[arg(required = true)]
+    pub frames: Vec<PathBuf>,
+    /// Folder for camera.toml, camera_paper.toml, report.json, noise.png and ptc.png; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
+    #[arg(long)]
+    pub pairs: bool,
+    /// Camera to which the tables are added
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// What the values of the frames mean
+    #[arg(long, value_enum, default_value_t)]
+    pub encoding: EncodingName,
+    /// Seed of the simulated frames
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+}
+
+/// `--encoding`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum EncodingName {
+    /// Made for viewing
+    #[default]
+    Srgb,
+    /// Raw: proportional to light
+    Linear,
+}
+
+/// Arguments of `simulate`.
+#[derive(Debug, clap::Args)]
+pub struct Simulate {
+    /// Folder with camera.toml, scene.obj, trajectory.tum and frames.csv
+    pub capture: PathBuf,
+    /// Folder for the frames (NNNNNN.png), instants.csv and simulate.json; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Use this camera instead of the capture's camera.toml; ROS, Kalibr and EuRoC YAML are read too
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// Take the path and the brightness of surfaces that a diagnosis found from its folder
+    #[arg(long)]
+    pub description: Option<PathBuf>,
+    /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
+    #[arg(long)]
+    pub preset: Option<String>,
+    /// How shutter and blur are made
+    #[arg(long, value_enum, default_value_t)]
+    pub method: MethodName,
+    /// Seed of all noise
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Samples a pixel
+    #[arg(long, default_value_t = 16, value_parser = samples)]
+    pub samples: u32,
+    /// Print the time of each pass and write timings.json
+    #[arg(long)]
+    pub timings: bool,
+    /// Sharp planes of the same frames, as EXR in DIR/color, DIR/motion, DIR/depth
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub planes: Vec<PlaneName>,
+    /// Go on with an interrupted run: frames that are there stay
+    #[arg(long)]
+    pub resume: bool,
+    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
+    #[arg(long)]
+    pub device: Option<String>,
+    /// Frames in flight
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub frames_in_flight: u32,
+    /// So many frames in flight, and the number of frames a second when done
+    #[arg(long, conflicts_with = "frames_in_flight", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub batch: Option<u32>,
+    /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub renders: Option<u32>,
+    /// paper: motion images a frame, 1 (constant velocity) to 6 [default: 2]; fast: 2, 4 or 6 [default: 4]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=6))]
+    pub motion_images: Option<u32>,
+    /// paper: render the picture at the frame's start (f) or middle (f - 0.5) [default: middle]
+    #[arg(long, value_enum)]
+    pub shift: Option<ShiftName>,
+    /// paper, fast: most samples of the blur; the count follows the length of the path [default: 240]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub max_blur_samples: Option<u32>,
+    /// paper: motion rasterized, or reconstructed from depth (knows no moving objects) [default: rasterized]
+    #[arg(long, value_enum)]
+    pub motion_source: Option<MotionSourceName>,
+    /// paper: what the gather may give up for speed [default: exact]
+    #[arg(long, value_enum)]
+    pub gather: Option<GatherName>,
+    /// paper: the gather's kernel (see `devices --kernels`) instead of the fastest on the device
+    #[arg(long, value_parser = gather_kernel)]
+    pub gather_kernel: Option<GatherKernel>,
+    /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
+    #[arg(long)]
+    pub pixel_time: bool,
+}
+
+/// `--gather`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum GatherName {
+    /// The bits of the reference, a tap a px
+    Exact,
+    /// A tap every second px, weights of 8 bits
+    Bilinear,
+    /// The nearest texel, a tap a px
+    Fast,
+}
+
+impl From<GatherName> for Gather {
+    fn from(name: GatherName) -> Self {
+        match name {
+            GatherName::Exact => Self::Exact,
+            GatherName::Bilinear => Self::Bilinear,
+            GatherName::Fast => Self::Fast,
+        }
+    }
+}
+
+/// Arguments of `devices`.
+#[derive(Debug, clap::Args)]
+pub struct Devices {
+    /// Also which kernels are chosen on the device that would be used, and what they took when they were tried
+    #[arg(long)]
+    pub kernels: bool,
+}
+
+/// Arguments of `diagnose`.
+#[derive(Debug, clap::Args)]
+pub struct Diagnose {
+    /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
+    #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
+    pub capture: Option<PathBuf>,
+    /// Folder with the frames of any simulator; beside them, where there are such, depth/, motion/, mask/ (NNNNNN.exr or .png),
+    /// camera.toml, trajectory.tum, frames.csv
+    #[arg(long, requires = "real")]
+    pub sim: Option<PathBuf>,
+    /// Folder with the real frames, of equal names or matched by --match or frames.csv
+    #[arg(long, requires = "sim")]
+    pub real: Option<PathBuf>,
+    /// Which frames go together: a file with lines `sim,real`
+    #[arg(long = "match", requires = "sim")]
+    pub matches: Option<PathBuf>,
+    /// The folders show different moments: compare what the camera leaves in every picture, whatever it shows
+    #[arg(long, requires = "sim", conflicts_with = "matches")]
+    pub unpaired: bool,
+    /// Folder for report.json, camera.toml and pictures; made if absent
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Use this camera instead of the capture's camera.toml
+    #[arg(long)]
+    pub camera: Option<PathBuf>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Leave these candidates out
+    #[arg(long, value_delimiter = ',')]
+    pub without: Vec<String>,
+    /// Whether surfaces are exactly as bright as the scene says, or may be brighter and darker where frames show it
+    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    pub scene: Described,
+    /// Whether poses are exact, or may be off from frame to frame where frames show it
+    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    pub poses: Described,
+    /// Come to an end after so many seconds; candidates that were not reached are undetermined
+    #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    pub time_limit_s: u64,
+    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
+    #[arg(long)]
+    pub device: Option<String>,
+}
+
+/// How a part of a capture's description is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Described {
+    /// As it stands.
+    Exact,
+    /// Its errors are a candidate.
+    Estimated,
+}
+
+/// Arguments of `withhold`.
+#[derive(Debug, clap::Args)]
+pub struct Withhold {
+    /// Folder for captures, answers, scores, withhold.json and withhold.html; a run that stopped goes on
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Write there although the folder holds what no earlier run of this command made there
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Number of captures
+    #[arg(long, default_value_t = 20, value_parser = in_steps(1, 1_000_000))]
+    pub count: usize,
+    /// Seed of everything
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Columns of the frames, px
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(64..=4096))]
+    pub width: u32,
+    /// Rows of the frames, px
+    #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(48..=4096))]
+    pub height: u32,
+    /// Frames a capture (else 10 to 16)
+    #[arg(long, value_parser = in_steps(4, 10_000))]
+    pub frames: Option<usize>,
+    /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
+    #[arg(long)]
+    pub trajectories: Option<PathBuf>,
+    /// Detection over strength instead: these effects (or all), each alone at graded strengths; writes curves.json,
+    /// curves.png, curves.html
+    #[arg(long, value_delimiter = ',', conflicts_with = "count")]
+    pub curve: Vec<String>,
+    /// --curve: strengths an effect
+    #[arg(long, default_value_t = 6, value_parser = in_steps(2, 40))]
+    pub points: usize,
+    /// --curve: captures a strength
+    #[arg(long, default_value_t = 3, value_parser = in_steps(1, 1000))]
+    pub repeats: usize,
+    /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
+    #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
+    pub imperfect: Vec<String>,
+    /// What the diagnosis is given
+    #[arg(long, value_enum, default_value_t = FormName::Capture, conflicts_with = "curve")]
+    pub form: FormName,
+    /// Keep the real frames of cases that are done
+    #[arg(long)]
+    pub keep_frames: bool,
+    /// Make only these of the captures, by number from 0: to look into one again, or to share a batch between machines
+    #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
+    pub only: Vec<usize>,
+    /// Device of the diagnosis, by index, UUID or (part of its) name
+    #[arg(long)]
+    pub device: Option<String>,
+}
+
+/// `--form`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum FormName {
+    /// A scene and a path
+    #[default]
+    Capture,
+    /// Simulated frames of the same moments, with depth and the path
+    Pairs,
+    /// Simulated frames at poses that are a little off, and nothing else
+    Rough,
+    /// Simulated frames of the same room from another path
+    Unpaired,
+}
+
+/// `--method`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// One render with every line at its own time, blurred along the paths of its samples
+    #[default]
+    Exact,
+    /// One render and a warp along the paths of what it shows
+    Fast,
+    /// Many renders over the frame, each weighed into the lines that see it: the reference
+    Accumulation,
+    /// One render, motion images, remap and blur as published in 2008
+    Paper,
+}
+
+/// `--planes`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PlaneName {
+    /// Linear R, G, B and coverage A
+    Color,
+    /// forward.u, forward.v: px moved from this frame to the next
+    Motion,
+    /// Z: metres along the optical axis
+    Depth,
+}
+
+/// `--shift`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShiftName {
+    /// The frame's start
+    Start,
+    /// The frame's middle
+    Middle,
+}
+
+/// `--motion-source`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MotionSourceName {
+    /// From the projections of every surface point
+    Rasterized,
+    /// From depth and two camera matrices
+    Depth,
+}
+
+impl Simulate {
+    /// The engine's method.
+    pub fn engine_method(&self) -> Method {
+        match self.method {
+            MethodName::Exact => Method::Exact(ExactOptions::default()),
+            MethodName::Fast => {
+                let usual = FastOptions::default();
+                Method::Fast(FastOptions {
+                    motion_images: self.motion_images.unwrap_or(usual.motion_images),
+                    max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+                    ..usual
+                })
+            }
+            MethodName::Accumulation => {
+                Method::Accumulation(AccumulationOptions { renders: self.renders, ..Default::default() })
+            }
+            MethodName::Paper => Method::Paper(self.paper_options()),
+        }
+    }
+
+    fn paper_options(&self) -> PaperOptions {
+        let usual = PaperOptions::default();
+        PaperOptions {
+            motion_images: self.motion_images.unwrap_or(usual.motion_images),
+            shift: match self.shift {
+                Some(ShiftName::Start) => Shift::Start,
+                Some(ShiftName::Middle) => Shift::Middle,
+                None => usual.shift,
+            },
+            max_samples: self.max_blur_samples.unwrap_or(usual.max_samples),
+            pixel_time: self.pixel_time,
+            motion_source: match self.motion_source {
+                Some(MotionSourceName::Rasterized) => MotionSource::Rasterized,
+                Some(MotionSourceName::Depth) => MotionSource::Depth,
+                None => usual.motion_source,
+            },
+            gather: self.gather.map_or(usual.gather, Gather::from),
+            gather_kernel: self.gather_kernel,
+        }
+    }
+
+    /// No option is accepted and ignored: those of another method are refused.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
+        use MethodName::{Accumulation, Fast, Paper};
+        let given: [(&str, bool, &[MethodName]); 8] = [
+            ("--gather", self.gather.is_some(), &[Paper]),
+            ("--gather-kernel", self.gather_kernel.is_some(), &[Paper]),
+            ("--renders", self.renders.is_some(), &[Accumulation]),
+            ("--motion-images", self.motion_images.is_some(), &[Paper, Fast]),
+            ("--shift", self.shift.is_some(), &[Paper]),
+            ("--max-blur-samples", self.max_blur_samples.is_some(), &[Paper, Fast]),
+            ("--motion-source", self.motion_source.is_some(), &[Paper]),
+            ("--pixel-time", self.pixel_time, &[Paper]),
+        ];
+        for (option, is_given, methods) in given {
+            if is_given && !methods.contains(&self.method) {
+                return Err(format!("{option} has no meaning with --method {}", self.method_name()));
+            }
+        }
+        let gather = self.paper_options().gather;
+        if let Some(kernel) = self.gather_kernel.filter(|k| k.gather != gather) {
+            return Err(format!("--gather-kernel {} is one of --gather {:?}", kernel.name, kernel.gather)
+                .to_lowercase());
+        }
+        if self.method == Fast && !matches!(self.motion_images, None | Some(2 | 4 | 6)) {
+            return Err("--motion-images is 2, 4 or 6 with --method fast".to_owned());
+        }
+        Ok(())
+    }
+
+    /// The method's name on the command line.
+    pub fn method_name(&self) -> String {
+        self.method.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
+    }
+}
+
+fn gather_kernel(text: &str) -> Result<GatherKernel, String> {
+    let names: Vec<_> = GATHER_KERNELS.iter().map(|k| k.name).collect();
+    let found = GATHER_KERNELS.iter().find(|k| k.name == text);
+    found.copied().ok_or_else(|| format!("a kernel is one of {}", names.join(", ")))
+}
+
+fn samples(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n @ (1 | 4 | 16)) => Ok(n),
+        _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
+    }
+}
+
+/// A whole number between two.
+fn in_steps(from: usize, to: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
+    move |text| match text.parse() {
+        Ok(n) if (from..=to).contains(&n) => Ok(n),
+        _ => Err(format!("{from} to {to}")),
+    }
+}
+
+pub(super) fn rate_hz(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
+        _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),
+    }
+}

@@ -1,0 +1,145 @@
+//! `shutterbug board FRAMES --out CAPTURE`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::args_board::{Board, PatternName};
+use super::terminal::{print, say};
+use crate::formats::read_target;
+use shutterbug::error::{Error, Result, one_line};
+use shutterbug_diagnose::board::{
+    BoardFit, Observed, Picture, Real, Seen, Source, Target, Timing, fit_board, measure_tone, observe,
+    pictures, read_corners, times_of, write_capture,
+};
+use shutterbug_diagnose::out::{Out, OutRules};
+
+/// Time between two lines of progress.
+const LOG_INTERVAL: Duration = Duration::from_secs(2);
+/// Memory of a diagnosis for each pixel of each frame, bytes: measured on 17 frames of 1280x960 px (docs/board.md).
+const BYTES_OF_A_PIXEL: usize = 250;
+/// From so much on it is worth a word: what small machines have.
+const MUCH_GB: f64 = 8.0;
+/// Most pictures without a board that an error names.
+const MOST_NAMED: usize = 5;
+
+/// Runs the command.
+pub fn run(args: &Board) -> Result<()> {
+    let pictures = pictures(&args.frames)?;
+    let times_ns = times_of(&args.frames, pictures.len(), args.fps)?;
+    let table = args.corners.as_deref().map(read_corners).transpose()?;
+    let target = target(args, table.as_ref())?;
+    let inputs: Vec<&Path> = args.frames.iter().map(PathBuf::as_path).collect();
+    let rules = OutRules { command: "board", inputs: &inputs, overwrite: args.overwrite, goes_on: false };
+    let out = Out::open(&args.out, &rules)?;
+    let source = match (&table, &args.corners) {
+        (Some(table), Some(path)) => Source::Table(table, path),
+        _ => Source::Pictures,
+    };
+    let mut said = Instant::now();
+    let mut watch = |done: usize| {
+        if said.elapsed() >= LOG_INTERVAL {
+            said = Instant::now();
+            say(format_args!("looking for the board: {done} of {} pictures", pictures.len()));
+        }
+    };
+    let observed = observe(&pictures, &target, source, times_ns.is_some(), &mut watch)?;
+    let timing = match &times_ns {
+        Some(all) => Timing::Frames(all.iter().map(|t| (t - all[0]) as f64 * 1e-9).collect()),
+        None => Timing::Stills,
+    };
+    let fit = fit_board(&target, &observed.views, observed.size, &timing, &args.frames[0])
+        .map_err(|e| with_left_out(e, &observed))?;
+    let tone = measure_tone(&pictures, &target, &observed.views, &fit, observed.even_is_dark)?;
+    out.start()?;
+    let real = Real { times_ns: times_ns.as_deref(), shrink: args.shrink };
+    let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, real)?;
+    print(summary(&pictures, &observed, &fit, times_ns.is_some()))?;
+    if written.cut_px != [0; 2] {
+        let [across, down] = written.cut_px;
+        say(format_args!(
+            "the frames lack {across} columns and {down} rows on each side: no ray of the fitted lens reaches the corners there"
+        ));
+    }
+    let to = args.out.display();
+    say(format_args!(
+        "{} frames written to {to}: `shutterbug diagnose` names what the pinhole lacks",
+        written.frames
+    ));
+    let pixels = observed.size.iter().map(|s| *s as usize / args.shrink).product::<usize>() * written.frames;
+    let needed_gb = (pixels * BYTES_OF_A_PIXEL) as f64 / 1e9;
+    if needed_gb > MUCH_GB {
+        say(format_args!(
+            "`diagnose` takes about {needed_gb:.0} GB for frames of this size; --shrink 2 or more writes smaller ones"
+        ));
+    }
+    Ok(())
+}
+
+fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<Target> {
+    if let Some(path) = &args.target {
+        let t = read_target(path)?;
+        return Ok(Target::checkerboard(t.inner_corners, t.square_m));
+    }
+    let last = |axis: usize| table.and_then(|t| t.values().flatten().map(|s| s.point[axis] + 1).max());
+    let usage = |found: String, expected: &str| Error::input(Path::new("--pattern"), None, found, expected);
+    match args.pattern {
+        PatternName::Checkerboard => {
+            let size = args.size.or_else(|| Some([last(0)?, last(1)?]));
+            let expected = "--size COLUMNSxROWS, the inner corners of the board, or --target";
+            let size = size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
+            Ok(Target::checkerboard(size, [args.square_m; 2]))
+        }
+        PatternName::Charuco => {
+            let expected = "--size COLUMNSxROWS, the squares of the board";
+            let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
+            let expected = "a dictionary of OpenCV with a marker for every bright square, as DICT_5X5_100";
+            Target::charuco(size, args.square_m, args.marker_share, &args.dictionary)
+                .ok_or_else(|| usage(format!("the dictionary `{}`", args.dictionary), expected))
+        }
+    }
+}
+
+/// An error that tells what the pictures show in place of the board.
+fn with_left_out(error: Error, observed: &Observed) -> Error {
+    let Error::Input { path, line, found, expected } = error else { return error };
+    let all = &observed.left_out;
+    if all.is_empty() {
+        return Error::Input { path, line, found, expected };
+    }
+    let named: Vec<String> = all.iter().take(MOST_NAMED).map(|l| format!("{}: {}", l.name, l.why)).collect();
+    let more =
+        if all.len() > MOST_NAMED { format!("; and {} more", all.len() - MOST_NAMED) } else { String::new() };
+    Error::Input { path, line, found: format!("{found} ({}{more})", named.join("; ")), expected }
+}
+
+/// What was found, a few lines.
+fn summary(pictures: &[Picture], observed: &Observed, fit: &BoardFit, moving: bool) -> String {
+    let points: usize = observed.views.iter().map(|v| v.seen.len()).sum();
+    let mut text =
+        format!("board in {} of {} pictures, {points} points\n", observed.views.len(), pictures.len());
+    for left_out in &observed.left_out {
+        text += &format!("  left out: {}: {}\n", one_line(&left_out.name), left_out.why);
+    }
+    let with = if moving { "with lens and readout" } else { "with lens" };
+    let [pinhole, whole] = fit.rms_px;
+    text += &format!("points are off by {pinhole:.3} px rms with a pinhole alone, by {whole:.3} px {with}\n");
+    for (name, half) in &fit.half {
+        text += &format!(
+            "  {name:<18} {} +- {} (95 %)\n",
+            figures(fit.camera.get(name), *half),
+            figures(*half, *half)
+        );
+    }
+    for (view, rms) in observed.views.iter().zip(&fit.view_rms_px) {
+        let name = one_line(&pictures[view.picture].name);
+        text += &format!("  {name:<24} {:>4} points  {rms:.3} px\n", view.seen.len());
+    }
+    text
+}
+
+/// A number to two figures of its uncertainty.
+fn figures(value: f64, half: f64) -> String {
+    let digits = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 12.0) as usize } else { 6 };
+    format!("{value:.digits$}")
+}

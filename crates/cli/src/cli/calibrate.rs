@@ -1,0 +1,172 @@
+//! `shutterbug calibrate noise A B ... --out DIR`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::args::{CalibrateNoise, EncodingName};
+use super::terminal::print;
+use shutterbug::camera::Intrinsics;
+use shutterbug::capture::CameraFile;
+use shutterbug::chain::Settings;
+use shutterbug::effects::by_id;
+use shutterbug::error::{Error, Result, one_line};
+use shutterbug::plane::{write_atomic, write_png_atomic};
+use shutterbug_diagnose::calibrate::{
+    Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
+    paper_settings,
+};
+use shutterbug_diagnose::out::{Out, OutRules};
+
+/// Runs the command.
+pub fn run(args: &CalibrateNoise) -> Result<()> {
+    let base = args.camera.as_deref().map(CameraFile::read).transpose()?;
+    let frames: Vec<Frame> = args.frames.iter().map(|p| Frame::read(p)).collect::<Result<_>>()?;
+    if let Some(base) = &base {
+        check_sizes(base, &frames)?;
+    }
+    let options = NoiseOptions {
+        encoding: match args.encoding {
+            EncodingName::Srgb => Encoding::Srgb,
+            EncodingName::Linear => Encoding::Linear,
+        },
+        seed: args.seed,
+    };
+    let inputs: Vec<&Path> = args.frames.iter().map(PathBuf::as_path).collect();
+    let rules =
+        OutRules { command: "calibrate noise", inputs: &inputs, overwrite: args.overwrite, goes_on: false };
+    let out = Out::open(&args.out, &rules)?;
+    if !args.pairs {
+        let done = calibrate_noise(&frames, options)?;
+        out.start()?;
+        write(&args.out, &done, base.as_ref())?;
+        return print(summary(&done));
+    }
+    if frames.len() % 2 == 1 {
+        let last = frames.last().map_or(Path::new(""), |f| &f.path);
+        return Err(Error::input(last, None, "an odd number of frames", "pairs: A B, C D, ... with --pairs"));
+    }
+    for (k, pair) in frames.chunks_exact(2).enumerate() {
+        let done = calibrate_noise(pair, options)?;
+        out.start()?;
+        let folder = args.out.join(format!("pair_{k:02}"));
+        write(&folder, &done, base.as_ref())?;
+        print(summary(&done))?;
+    }
+    Ok(())
+}
+
+/// Noise per pixel is that of a camera of the frames' size.
+fn check_sizes(base: &CameraFile, frames: &[Frame]) -> Result<()> {
+    let k = &base.intrinsics;
+    let wanted = [k.width as usize, k.height as usize];
+    let Some(other) = frames.iter().find(|f| [f.encoded.width, f.encoded.height] != wanted) else {
+        return Ok(());
+    };
+    let found = format!("a picture of {}x{} px", other.encoded.width, other.encoded.height);
+    let expected = format!("{}x{} px, as {} says", k.width, k.height, base.path.display());
+    Err(Error::input(&other.path, None, found, expected))
+}
+
+fn write(out: &Path, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
+    fs::create_dir_all(out).map_err(|e| Error::io(out, "create the folder", e))?;
+    write_png_atomic(&out.join("noise.png"), &figure::figure(done)?)?;
+    write_png_atomic(&out.join("ptc.png"), &chart::photon_transfer(done)?)?;
+    write_camera(&out.join("camera.toml"), &chain_settings(&done.chain_camera)?, done, base)?;
+    write_camera(&out.join("camera_paper.toml"), &paper_settings(done)?, done, base)?;
+    let json = serde_json::to_string_pretty(done).expect("a report of numbers and names");
+    write_atomic(&out.join("report.json"), json.as_bytes())
+}
+
+/// Effects that a calibration measures: those of the base camera give way to them.
+const MEASURED: [&str; 8] = [
+    "paper_noise",
+    "shot_noise",
+    "row_noise",
+    "read_noise",
+    "bayer_mosaic",
+    "sharpening",
+    "chroma_subsampling",
+    "jpeg",
+];
+
+/// The base camera (or a placeholder of the frames' size) with the measured effects.
+fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
+    let from = done.frames.join(", ");
+    let mut text = format!("# Noise measured from {}.\n", one_line(&from));
+    let mut camera = match base {
+        Some(base) => base.clone(),
+        None => {
+            text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
+            placeholder(path, done.size_px)
+        }
+    };
+    done.notes.iter().for_each(|n| text += &format!("# {}\n", one_line(n)));
+    MEASURED.iter().for_each(|effect| camera.settings.disable(effect));
+    for (id, values) in noise.iter() {
+        let effect = by_id(id).expect("settings hold known effects");
+        for (name, value) in values {
+            camera.settings.set(effect, name, *value)?;
+        }
+    }
+    write_atomic(path, format!("{text}{}", camera.to_toml()).as_bytes())
+}
+
+/// A camera of pictures of a size, px, of which nothing else is known.
+pub(super) fn placeholder(path: &Path, size_px: [usize; 2]) -> CameraFile {
+    let [width, height] = size_px.map(|side| side as u32);
+    let (fx, cx, cy) = (f64::from(width), 0.5 * f64::from(width), 0.5 * f64::from(height));
+    CameraFile::pinhole(path.to_owned(), Intrinsics { width, height, fx, fy: fx, cx, cy }, 1.0 / 30.0)
+}
+
+/// What was found, a few lines.
+fn summary(c: &Calibration) -> String {
+    let percent = |v: [f64; 3]| v.map(|v| format!("{:.1} %", 100.0 * v)).join("  ");
+    let mut text = format!("{}\n", c.frames.join(" "));
+    for k in 0..3 {
+        let n = &c.real.neighbours[k];
+        let s = &c.simulated.neighbours[k];
+        let full_well = c.real.fits[k].as_ref().map_or("-".to_owned(), |f| {
+            let e = &f.full_well_e;
+            format!(
+                "{:.0} e- [{:.0}, {:.0}]{}",
+                e.value,
+                e.ci95[0],
+                e.ci95[1],
+                if f.linear { "" } else { " (no line)" }
+            )
+        });
+        text += &format!(
+            "  {}  full well {full_well}  neighbours h {:.2} v {:.2} d {:.2} (simulated {:.2} {:.2} {:.2})\n",
+            ["R", "G", "B"][k],
+            n.horizontal,
+            n.vertical,
+            n.diagonal,
+            s.horizontal,
+            s.vertical,
+            s.diagonal
+        );
+    }
+    text += &format!(
+        "  simulated against real variance, mean deviation over pixels  {}\n",
+        percent(c.comparison.mean_deviation)
+    );
+    text += &format!("  pixels in bins within 10 %  {}\n", percent(c.comparison.within_10_percent));
+    text += &format!("  or within chance  {}\n", percent(c.comparison.within_10_percent_or_chance));
+    if let Some(held_out) = &c.comparison_held_out {
+        text += &format!("  on blocks without fit: mean deviation  {}\n", percent(held_out.mean_deviation));
+        text += &format!("  on blocks without fit: within 10 %  {}\n", percent(held_out.within_10_percent));
+        text += &format!("  or within chance  {}\n", percent(held_out.within_10_percent_or_chance));
+    }
+    if c.camera.bayer {
+        text += &format!(
+            "  camera.toml in the chain: mean deviation  {}\n",
+            percent(c.comparison_chain.mean_deviation)
+        );
+        let [r, g, b] = c.comparison_chain.correlation_error;
+        text += &format!("  camera.toml in the chain: correlation off by  {r:.2}  {g:.2}  {b:.2}\n");
+    }
+    for note in &c.notes {
+        text += &format!("  note: {note}\n");
+    }
+    text
+}

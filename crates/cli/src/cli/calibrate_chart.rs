@@ -1,0 +1,279 @@
+//! `shutterbug calibrate flat`, `edge` and `readout`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value as Json, json};
+
+use super::args::EncodingName;
+use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout, Common};
+use super::calibrate::placeholder;
+use super::terminal::{print, say};
+use shutterbug::capture::CameraFile;
+use shutterbug::chain::Value;
+use shutterbug::effects::by_id;
+use shutterbug::error::{Error, Result, one_line};
+use shutterbug::plane::{read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
+use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
+use shutterbug_diagnose::calibrate::dark::DarkSums;
+use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
+use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, likeness};
+use shutterbug_diagnose::calibrate::readout::find_stripes;
+use shutterbug_diagnose::calibrate::{Encoding, Frame};
+use shutterbug_diagnose::out::{Out, OutRules};
+
+/// Channel of a pattern's file.
+const PATTERN: [&str; 1] = ["gain"];
+
+impl Common {
+    fn encoding(&self) -> Encoding {
+        match self.encoding {
+            EncodingName::Srgb => Encoding::Srgb,
+            EncodingName::Linear => Encoding::Linear,
+        }
+    }
+
+    fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
+        let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+        Out::open(
+            &self.out,
+            &OutRules { command, inputs: &inputs, overwrite: self.overwrite, goes_on: false },
+        )
+    }
+
+    /// Writes report.json, and camera.toml: the given camera, or a placeholder of that size, with these tables.
+    fn write(&self, size: [usize; 2], report: &Json, tables: &[(&str, &[(&str, f64)])]) -> Result<()> {
+        let path = self.out.join("camera.toml");
+        let mut text = String::new();
+        let mut camera = match &self.camera {
+            Some(path) => CameraFile::read(path)?,
+            None => {
+                text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
+                placeholder(&path, size)
+            }
+        };
+        for (effect, values) in tables {
+            let known = by_id(effect).expect("names of effects");
+            camera.settings.disable(effect);
+            camera.settings.enable(known);
+            for (name, value) in *values {
+                camera.settings.set(known, name, Value::Number(*value))?;
+            }
+        }
+        write_atomic(&path, format!("{text}{}", camera.to_toml()).as_bytes())?;
+        let json = serde_json::to_string_pretty(report).expect("numbers and names") + "\n";
+        write_atomic(&self.out.join("report.json"), json.as_bytes())
+    }
+}
+
+/// The pictures of a folder, or those given.
+fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    Ok(shutterbug_diagnose::board::pictures(given)?.into_iter().map(|p| p.path).collect())
+}
+
+/// Reads pictures one after another; all must be of the first one's size.
+fn each(paths: &[PathBuf], size: &mut Option<[usize; 2]>, mut take: impl FnMut(&Frame)) -> Result<()> {
+    for path in paths {
+        let frame = Frame::read(path)?;
+        let found = [frame.encoded.width, frame.encoded.height];
+        let wanted = *size.get_or_insert(found);
+        if found != wanted {
+            let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], paths[0].display());
+            return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
+        }
+        take(&frame);
+    }
+    Ok(())
+}
+
+/// `calibrate flat`.
+pub fn flat(args: &CalibrateFlat) -> Result<()> {
+    let (bright, dark) =
+        (listed(&args.frames)?, if args.dark.is_empty() { Vec::new() } else { listed(&args.dark)? });
+    let out = args.common.open("calibrate flat", &[args.frames.clone(), args.dark.clone()].concat())?;
+    let encoding = args.common.encoding();
+    let mut size = None;
+    let mut sums: Option<FlatSums> = None;
+    each(&bright, &mut size, |f| {
+        let new = || FlatSums::new(f.encoded.width, f.encoded.height, encoding);
+        sums.get_or_insert_with(new).add(&f.encoded, f.step);
+    })?;
+    let found = sums.expect("a picture at least").measure(&args.frames[0])?;
+    let mut offsets: Option<DarkSums> = None;
+    each(&dark, &mut size, |f| {
+        offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
+    })?;
+    let offsets = offsets.map(|d| d.measure(&args.dark[0])).transpose()?;
+    let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
+    out.start()?;
+    let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
+    if found.a1.is_some() || found.a2.is_some() {
+        tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
+    }
+    let dsnu = offsets.as_ref().filter(|d| d.dsnu.is_some()).map(|d| ("dsnu", d.dsnu.value));
+    let prnu = found.prnu.is_some().then_some(("prnu", found.prnu.value));
+    if prnu.is_some() || dsnu.is_some() {
+        tables.push(("fixed_pattern_noise", prnu.into_iter().chain(dsnu).collect()));
+    }
+    if found.stuck > 0 {
+        tables.push(("hot_pixels", vec![("count", found.stuck as f64)]));
+    }
+    let tables: Vec<(&str, &[(&str, f64)])> = tables.iter().map(|(e, v)| (*e, v.as_slice())).collect();
+    let report = json!({ "flat": found, "dark": offsets, "other_pattern": other });
+    args.common.write(found.size_px, &report, &tables)?;
+    write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
+    print(flat_text(&found, offsets.as_ref(), other.as_ref()))
+}
+
+fn same_sensor(path: &Path, found: &Flat) -> Result<shutterbug_diagnose::calibrate::flat::Likeness> {
+    let other = read_exr_plane(path, &PATTERN)?;
+    if [other.width, other.height] != found.size_px {
+        let expected = format!("{}x{} px, as of the pictures", found.size_px[0], found.size_px[1]);
+        return Err(Error::input(
+            path,
+            None,
+            format!("a pattern of {}x{} px", other.width, other.height),
+            expected,
+        ));
+    }
+    Ok(likeness(&found.pattern, &other))
+}
+
+fn flat_text(
+    f: &Flat,
+    dark: Option<&shutterbug_diagnose::calibrate::dark::Dark>,
+    other: Option<&shutterbug_diagnose::calibrate::flat::Likeness>,
+) -> String {
+    let percent = |v: f64| format!("{:.3} %", 100.0 * v);
+    let mut text = format!(
+        "{} pictures of {}x{} px, mean {:.3} of white\n",
+        f.frames, f.size_px[0], f.size_px[1], f.level
+    );
+    let [a1, a2] = [&f.a1, &f.a2].map(|m| format!("{:.4} [{:.4}, {:.4}]", m.value, m.ci95[0], m.ci95[1]));
+    let _ =
+        writeln!(text, "  fall-off: corners get {:.1} % of the middle; a1 {a1}, a2 {a2}", 100.0 * f.corner);
+    let _ = writeln!(
+        text,
+        "  the light itself: tilted by {} over half a diagonal, {} rms beyond that (an even fall-off of the light counts as the lens's)",
+        percent(f.tilt),
+        percent(f.uneven)
+    );
+    let [low, high] = f.prnu.ci95;
+    let _ =
+        writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
+    let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
+    let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
+        format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
+    };
+    let _ =
+        writeln!(text, "  the pattern of one half of the pictures beside the others': {}", said(&f.itself));
+    let _ = writeln!(text, "  pixels that are white in every picture: {}", f.stuck);
+    if let Some(d) = dark {
+        let [low, high] = d.dsnu.ci95;
+        let dsnu = d.dsnu.value;
+        let _ = writeln!(
+            text,
+            "  dark: mean {:.5}, offsets (DSNU) {dsnu:.6} [{low:.6}, {high:.6}], {} hot pixels",
+            d.level, d.hot
+        );
+    }
+    if let Some(other) = other {
+        let _ = writeln!(text, "  beside the given pattern: {}", said(other));
+    }
+    text
+}
+
+/// `calibrate edge`.
+pub fn edge(args: &CalibrateEdge) -> Result<()> {
+    let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
+    let frame = Frame::read(&args.photo)?;
+    let picture = &frame.encoded;
+    let region = args.region.or_else(|| find_edge(picture));
+    let Some(region) = region else {
+        let expected = "a straight edge slanted by 1 to 35 degrees, or --region where it is";
+        return Err(Error::input(&args.photo, None, "no slanted edge", expected));
+    };
+    let found = measure_edge(picture, region, args.common.encoding(), &args.photo)?;
+    out.start()?;
+    let sigma = found.defocus_sigma_px;
+    let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
+    if sigma.value > sigma.half {
+        tables.push(("defocus", vec![("sigma_px", sigma.value)]));
+    }
+    if let Some([amount, radius]) = found.sharpening {
+        tables.push(("sharpening", vec![("amount", amount.value), ("radius_px", radius.value)]));
+    }
+    let tables: Vec<(&str, &[(&str, f64)])> = tables.iter().map(|(e, v)| (*e, v.as_slice())).collect();
+    args.common.write([picture.width, picture.height], &json!({ "edge": found }), &tables)?;
+    write_png_atomic(&args.common.out.join("edge.png"), &edge_figure(&found)?)?;
+    let [x, y, w, h] = found.region;
+    let mut text = format!(
+        "edge in {w}x{h} px at {x}, {y}: {:.1} degrees off {}, linear light {:.3} and {:.3}\n",
+        found.slant_deg,
+        if found.upright { "upright" } else { "level" },
+        found.sides[0],
+        found.sides[1]
+    );
+    let half = found.mtf50.map_or("beyond 1".to_owned(), |f| format!("{f:.3}"));
+    let _ = writeln!(text, "  half of the contrast (MTF50) at {half} cycles a px");
+    let _ = writeln!(text, "  defocus: sigma {:.3} +- {:.3} px", sigma.value, sigma.half);
+    match found.sharpening {
+        Some([amount, radius]) => {
+            let _ = writeln!(
+                text,
+                "  sharpening: amount {:.2} +- {:.2}, radius {:.2} +- {:.2} px",
+                amount.value, amount.half, radius.value, radius.half
+            );
+        }
+        None => text += "  sharpening: none that the edge shows\n",
+    }
+    let _ = writeln!(text, "  the fit leaves {:.2} % of the contrast", 100.0 * found.left_rms);
+    print(text)
+}
+
+/// `calibrate readout`.
+pub fn readout(args: &CalibrateReadout) -> Result<()> {
+    if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
+        let found = format!("{} pictures", args.photos.len());
+        return Err(Error::input(
+            &args.photos[0],
+            None,
+            found,
+            "one, or an even number, which are compared two by two",
+        ));
+    }
+    let out = args.common.open("calibrate readout", &args.photos)?;
+    let (mut photographs, mut size) = (Vec::new(), None);
+    each(&args.photos, &mut size, |f| photographs.push(f.encoded.clone()))?;
+    let found = find_stripes(&photographs, args.common.encoding(), args.led_hz);
+    out.start()?;
+    let size = size.unwrap_or_default();
+    let report = json!({ "led_hz": args.led_hz, "stripes": found });
+    let Some(r) = &found.readout else {
+        args.common.write(size, &report, &[])?;
+        let [rows, columns] =
+            [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
+        let text = format!(
+            "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global shutter, an exposure of \
+             whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
+        );
+        return print(text);
+    };
+    let values = [("readout_time_s", r.readout_time_s)];
+    args.common.write(size, &report, &[("rolling_shutter", &values)])?;
+    let (lines, first) =
+        if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
+    print(format!(
+        "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  delay from line to line {:.3} us, readout of {} \
+         lines {:.3} ms [{:.3}, {:.3}]\n  one picture does not tell whether {first} is read first\n",
+        r.period_lines,
+        100.0 * r.depth,
+        1e6 * r.line_delay_s,
+        r.lines,
+        1e3 * r.readout_time_s,
+        1e3 * r.ci95_s[0],
+        1e3 * r.ci95_s[1]
+    ))?;
+    say(one_line(&format!("{} written", args.common.out.join("camera.toml").display())));
+    Ok(())
+}

@@ -1,0 +1,143 @@
+//! `shutterbug diagnose CAPTURE --out DIR`.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::args::{Described, Diagnose};
+use super::interrupt::Interrupt;
+use super::terminal::say;
+use shutterbug::capture::Capture;
+use shutterbug::error::{Error, Result};
+use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
+use shutterbug_diagnose::diagnose::{
+    DiagnoseOptions, Diagnosis, Pair, Progress, diagnose, diagnose_pair, diagnose_unpaired,
+};
+use shutterbug_diagnose::out::{Out, OutRules};
+
+/// Time between two lines of progress.
+const LOG_INTERVAL: Duration = Duration::from_secs(2);
+
+/// What has been worked out so far, in the folder of the report; it goes when the report is there.
+const JOURNAL_FILE: &str = "progress.jsonl";
+
+/// Runs the command.
+pub fn run(args: &Diagnose) -> Result<()> {
+    match (&args.capture, &args.sim, &args.real) {
+        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, sim, real),
+        (_, Some(sim), Some(real)) => of_pair(args, sim, real),
+        (Some(capture), ..) => of_capture(args, capture),
+        _ => unreachable!("clap asks for a capture or for both folders"),
+    }
+}
+
+fn of_capture(args: &Diagnose, folder: &Path) -> Result<()> {
+    let capture = Capture::read(folder, args.camera.as_deref())?;
+    let out = open(args, &[folder, &folder.join("real")])?;
+    let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
+    let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
+    out.working(JOURNAL_FILE)?;
+    let mut lines = Lines::new();
+    let diagnosis = diagnose(&context, &capture, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    write(args, &out, diagnosis?, &capture)
+}
+
+fn of_pair(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+    let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref())?;
+    if !pair.shows_one_place()? {
+        say(
+            "the frames that go together do not show the same place: the folders are compared as with --unpaired",
+        );
+        return of_unpaired(args, sim, real);
+    }
+    let out = open(args, &[sim, real])?;
+    out.working(JOURNAL_FILE)?;
+    let mut lines = Lines::new();
+    let diagnosis = diagnose_pair(&pair, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    write(args, &out, diagnosis?, &pair.capture)
+}
+
+fn of_unpaired(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+    let out = open(args, &[sim, real])?;
+    let mut lines = Lines::new();
+    let found = diagnose_unpaired(sim, real, &options(args), &mut lines);
+    lines.bar.finish_and_clear();
+    let found = found?;
+    out.start()?;
+    let report = found.write(&args.out)?;
+    shutterbug_diagnose::report::write_html(&report, &args.out)?;
+    say(&report.sentence);
+    say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
+    Ok(())
+}
+
+fn open(args: &Diagnose, inputs: &[&Path]) -> Result<Out> {
+    let rules = OutRules { command: "diagnose", inputs, overwrite: args.overwrite, goes_on: false };
+    Out::open(&args.out, &rules)
+}
+
+fn options(args: &Diagnose) -> DiagnoseOptions {
+    DiagnoseOptions {
+        seed: args.seed,
+        without: args.without.clone(),
+        scene_exact: args.scene == Described::Exact,
+        poses_exact: args.poses == Described::Exact,
+        time_limit: Some(Duration::from_secs(args.time_limit_s)),
+        journal: Some(args.out.join(JOURNAL_FILE)),
+        stop: Some(Interrupt::listen().flag()),
+    }
+}
+
+fn write(args: &Diagnose, out: &Out, diagnosis: Diagnosis, capture: &Capture) -> Result<()> {
+    out.start()?;
+    let report = diagnosis.write(&args.out, capture)?;
+    shutterbug_diagnose::report::write_html(&report, &args.out)?;
+    // It is done: there is nothing to go on with.
+    let journal = args.out.join(JOURNAL_FILE);
+    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))?;
+    say(&report.sentence);
+    say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
+    Ok(())
+}
+
+/// Stage, candidate and time left: a bar on a terminal, lines in a log, at most one every two seconds.
+struct Lines {
+    bar: ProgressBar,
+    stage: String,
+    begun: Instant,
+    said: Instant,
+}
+
+impl Lines {
+    fn new() -> Self {
+        let bar = ProgressBar::new(1);
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}");
+        bar.set_style(style.expect("a constant template"));
+        bar.enable_steady_tick(Duration::from_millis(500));
+        Self { bar, stage: String::new(), begun: Instant::now(), said: Instant::now() - LOG_INTERVAL }
+    }
+}
+
+impl Progress for Lines {
+    fn step(&mut self, stage: &str, what: &str, step: usize, steps: usize) {
+        let fresh = self.stage != stage;
+        if fresh {
+            (self.stage, self.begun) = (stage.to_owned(), Instant::now());
+        }
+        let spent_s = self.begun.elapsed().as_secs_f64();
+        let left_s = if step > 1 { spent_s / (step - 1) as f64 * (steps + 1 - step) as f64 } else { 0.0 };
+        let eta = if step > 1 { format!(", {left_s:.0} s left in this stage") } else { String::new() };
+        if !self.bar.is_hidden() {
+            self.bar.set_length(steps as u64);
+            self.bar.set_position(step as u64 - 1);
+            self.bar.set_message(format!("{stage}: {what}{eta}"));
+        } else if fresh || self.said.elapsed() >= LOG_INTERVAL {
+            self.said = Instant::now();
+            say(format_args!("{stage}: {what} ({step}/{steps}{eta})"));
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The command line: parsing, progress, files. Everything it can do, the library can.
+
+mod args;
+mod args_board;
+mod args_calibrate;
+mod args_import;
+mod begin;
+mod board;
+mod calibrate;
+mod calibrate_chart;
+mod camera;
+mod description;
+mod devices;
+mod diagnose;
+mod effects;
+mod import;
+mod interrupt;
+mod presets;
+mod simulate;
+mod terminal;
+mod timings;
+mod withhold;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+
+use args::{Args, Calibrate, Camera, Command};
+use terminal::{end_log, say, start_log};
+
+use shutterbug::error::{Error, Result};
+
+/// The exit code for every error: 2 where the command line itself is at fault, whatever files and machine hold; else 1.
+fn exit_code(error: &Error) -> u8 {
+    if error.is_usage() { 2 } else { 1 }
+}
+
+/// Runs the process's own command line; exit code 0 done, 1 the input or the machine is at fault, 2 usage.
+pub fn run() -> ExitCode {
+    ExitCode::from(run_from(std::env::args_os()))
+}
+
+/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. Ends the process where the
+/// arguments ask for help or are wrong. For a process that has nothing else to do: it takes over signals.
+pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let args = Args::parse_from(args);
+    if let Command::Simulate(simulate) = &args.command
+        && let Err(problem) = simulate.check()
+    {
+        Args::command().error(ErrorKind::ArgumentConflict, problem).exit();
+    }
+    start_log();
+    survive_full_disks();
+    shutterbug_diagnose::out::record_reads();
+    let done = run_command(&args.command);
+    end_log();
+    match done {
+        Ok(()) => 0,
+        Err(error) => {
+            say(format_args!("shutterbug: error: {error}"));
+            exit_code(&error)
+        }
+    }
+}
+
+/// A file that grows beyond what `ulimit -f` allows is an error of that write, with its name, not the end of the process.
+fn survive_full_disks() {
+    #[cfg(unix)]
+    if let Err(error) = signal_hook::flag::register(libc::SIGXFSZ, Arc::default()) {
+        tracing::debug!("a file beyond the limit of its size will end the process: {error}");
+    }
+}
+
+/// Starts the threads that pictures are worked on with. Later, a machine that has none left could only be told by a panic.
+///
+/// # Errors
+/// No thread could be started.
+fn start_threads() -> Result<()> {
+    let started = rayon::ThreadPoolBuilder::new().build_global();
+    started.map_err(|e| Error::Threads { reason: e.to_string() })
+}
+
+fn run_command(command: &Command) -> Result<()> {
+    if matches!(
+        command,
+        Command::Simulate(_)
+            | Command::Diagnose(_)
+            | Command::Withhold(_)
+            | Command::Board(_)
+            | Command::Calibrate(_)
+            | Command::Import(_)
+    ) {
+        start_threads()?;
+    }
+    match command {
+        Command::Simulate(simulate) => simulate::run(simulate),
+        Command::Diagnose(args) => diagnose::run(args),
+        Command::Withhold(args) => withhold::run(args),
+        Command::Devices(args) => devices::run(args),
+        Command::Effects => effects::run(),
+        Command::Presets { name } => presets::run(name.as_deref()),
+        Command::Camera(Camera::Convert(convert)) => camera::run(convert),
+        Command::Import(import) => import::run(import),
+        Command::Board(args) => board::run(args),
+        Command::Calibrate(Calibrate::Flat(args)) => calibrate_chart::flat(args),
+        Command::Calibrate(Calibrate::Edge(args)) => calibrate_chart::edge(args),
+        Command::Calibrate(Calibrate::Readout(args)) => calibrate_chart::readout(args),
+        Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn exit_codes_tell_the_command_line_from_files_and_machine() {
+        let unknown = |path: &str| Error::unknown_name(Path::new(path), None, "candidate", "x", ["y"]);
+        let code = |error: Error| exit_code(&error);
+        assert_eq!(code(unknown("--without")), 2);
+        assert_eq!(code(crate::formats::preset("none").map(|_| ()).expect_err("no such preset")), 2);
+        assert_eq!(code(unknown("camera.toml")), 1);
+        assert_eq!(code(Error::NoDevice { wanted: String::new(), present: String::new() }), 1);
+    }
+}

@@ -1,0 +1,95 @@
+//! Presets: real cameras as `camera.toml` files that ship in the program, with the source of every number.
+//!
+//! A preset is a whole camera, so it can be written to a file and used as one. Put on a capture
+//! (`simulate --preset NAME`) it gives its effects only: size, pinhole and frame period stay the capture's, because the
+//! real or nominal pictures were taken with them, and an effect that the capture's `camera.toml` has keeps its own
+//! values.
+
+use std::path::Path;
+
+use shutterbug::capture::CameraFile;
+use shutterbug::effects;
+use shutterbug::error::{Error, Result};
+
+/// A preset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preset {
+    /// Its name.
+    pub name: &'static str,
+    /// Its `camera.toml`, with the source of every number as comments.
+    pub toml: &'static str,
+}
+
+/// All presets.
+pub const PRESETS: &[Preset] = &[
+    Preset { name: "humanoid-2008", toml: include_str!("../../presets/humanoid-2008.toml") },
+    Preset { name: "machine-vision", toml: include_str!("../../presets/machine-vision.toml") },
+    Preset { name: "phone", toml: include_str!("../../presets/phone.toml") },
+    Preset { name: "usb-webcam", toml: include_str!("../../presets/usb-webcam.toml") },
+];
+
+/// The preset of that name.
+///
+/// # Errors
+/// An unknown name, with the nearest known one.
+pub fn preset(name: &str) -> Result<&'static Preset> {
+    let known = PRESETS.iter().find(|p| p.name == name);
+    known.ok_or_else(|| {
+        let names = PRESETS.iter().map(|p| p.name);
+        Error::unknown_name(Path::new("--preset"), None, "preset", name, names)
+    })
+}
+
+impl Preset {
+    /// What it is: the first line of the file.
+    pub fn about(&self) -> &'static str {
+        self.toml.lines().next().unwrap_or_default().trim_start_matches(['#', ' '])
+    }
+
+    /// The camera.
+    ///
+    /// # Errors
+    /// An effect or a parameter that this build does not have.
+    pub fn camera(&self) -> Result<CameraFile> {
+        CameraFile::parse(&std::path::PathBuf::from(format!("preset {}", self.name)), self.toml)
+    }
+}
+
+/// Adds the preset's effects to a camera; those that the camera has keep their own values. Returns what is worth
+/// saying: effects that were kept, lengths in px that belong to another size.
+///
+/// # Errors
+/// As [`Preset::camera`], and values that contradict each other with the camera's frame period.
+pub fn apply_preset(preset: &Preset, camera: &mut CameraFile) -> Result<Vec<String>> {
+    let from = preset.camera()?;
+    let mut notes = Vec::new();
+    for effect in effects::LIST.iter().filter(|e| from.settings.has(e.id())) {
+        if camera.settings.has(effect.id()) {
+            notes.push(format!("{} is the camera's own, not the preset's", effect.id()));
+            continue;
+        }
+        camera.settings.enable(*effect);
+        for spec in effect.specs() {
+            if let Some(value) = from.settings.get(effect.id(), spec.name) {
+                camera.settings.set(*effect, spec.name, value)?;
+            }
+        }
+        let in_px = effect.specs().iter().any(|s| s.unit == "px" || s.name.ends_with("_px"));
+        if in_px && camera.intrinsics.width != from.intrinsics.width {
+            let (own, preset) = (camera.intrinsics.width, from.intrinsics.width);
+            notes.push(format!(
+                "{}: lengths in px are for {preset} px of width, the camera has {own}",
+                effect.id()
+            ));
+        }
+    }
+    for effect in effects::LIST.iter().filter(|e| camera.settings.has(e.id())) {
+        for warning in effect.check(&camera.settings, camera.frame_period_s)? {
+            if !camera.warnings.contains(&warning) {
+                notes.push(warning.clone());
+                camera.warnings.push(warning);
+            }
+        }
+    }
+    Ok(notes)
+}

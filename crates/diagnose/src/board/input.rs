@@ -1,0 +1,98 @@
+//! Which pictures there are, and when each was taken.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use shutterbug::capture::parse_frames;
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{Limit, read};
+
+/// Endings of pictures that are read.
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// A picture's file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Its name there, which it keeps in the capture.
+    pub name: String,
+}
+
+/// The pictures of a folder by name (of one with `frames.csv`: those in it, in its order), or the files given.
+///
+/// # Errors
+/// A folder without pictures; two pictures of one name; a `frames.csv` that cannot be read.
+pub fn pictures(given: &[PathBuf]) -> Result<Vec<Picture>> {
+    let paths = match given {
+        [folder] if folder.is_dir() => match listed(folder)? {
+            Some(entries) => entries.into_iter().map(|(_, name)| folder.join(name)).collect(),
+            None => in_folder(folder)?,
+        },
+        files => files.to_vec(),
+    };
+    let picture = |path: PathBuf| {
+        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        Picture { path, name }
+    };
+    let pictures: Vec<Picture> = paths.into_iter().map(picture).collect();
+    let mut stems: HashMap<&std::ffi::OsStr, &Path> = HashMap::new();
+    for picture in &pictures {
+        let stem = picture.path.file_stem().unwrap_or_default();
+        if let Some(first) = stems.insert(stem, &picture.path) {
+            let found = format!("the same name as {}", first.display());
+            return Err(Error::input(&picture.path, None, found, "names that differ, endings aside"));
+        }
+    }
+    Ok(pictures)
+}
+
+fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
+    let listing = |e| Error::io(folder, "list", e);
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(folder).map_err(listing)? {
+        let path = entry.map_err(listing)?.path();
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        if path.is_file() && ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        return Err(Error::input(folder, None, "no picture", "pictures of the board as .png or .jpg"));
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// Lines of the folder's `frames.csv`, if there is one: time in ns and name.
+fn listed(folder: &Path) -> Result<Option<Vec<(i64, String)>>> {
+    let path = folder.join("frames.csv");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = String::from_utf8_lossy(&read(&path, Limit::TABLE)?).into_owned();
+    let frames = parse_frames(&path, &text)?;
+    Ok(Some(frames.into_iter().map(|f| (f.timestamp_ns, f.filename)).collect()))
+}
+
+/// When each picture began, ns: by the folder's `frames.csv`, else at an even rate; nothing where they are stills.
+///
+/// # Errors
+/// A `frames.csv` that cannot be read; a rate beside one.
+pub fn times_of(given: &[PathBuf], count: usize, rate_hz: Option<f64>) -> Result<Option<Vec<i64>>> {
+    let entries = match given {
+        [folder] if folder.is_dir() => listed(folder)?,
+        _ => None,
+    };
+    match (entries, rate_hz) {
+        (Some(_), Some(rate_hz)) => {
+            let found = format!("{rate_hz} beside {}", given[0].join("frames.csv").display());
+            Err(Error::input(Path::new("--fps"), None, found, "one of both"))
+        }
+        (Some(entries), None) => Ok(Some(entries.into_iter().map(|(t, _)| t).collect())),
+        (None, rate_hz) => {
+            Ok(rate_hz.map(|r| (0..count).map(|i| (1e9 * i as f64 / r).round() as i64).collect()))
+        }
+    }
+}

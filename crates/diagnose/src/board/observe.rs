@@ -1,0 +1,170 @@
+//! What the pictures show of the target, one picture in memory at a time.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glam::DVec2;
+
+use super::charuco;
+use super::detect::{Found, find, nearest_px};
+use super::input::Picture;
+use super::orient::{align, even_is_dark};
+use super::refine::refined;
+use super::select::LEAST_POINTS;
+use super::target::{Pattern, Seen, Target, View};
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{Limit, read};
+use shutterbug::plane::{Plane, decode_picture};
+
+/// Where the points come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Source<'a> {
+    /// They are looked for.
+    Pictures,
+    /// A table of another tool, by file name; its file.
+    Table(&'a BTreeMap<String, Vec<Seen>>, &'a Path),
+}
+
+/// A picture without a view.
+#[derive(Clone, Debug)]
+pub struct LeftOut {
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub why: String,
+}
+
+/// What was seen.
+#[derive(Clone, Debug)]
+pub struct Observed {
+    /// In the order of the pictures.
+    pub views: Vec<View>,
+    /// Pictures that show no target.
+    pub left_out: Vec<LeftOut>,
+    /// Columns and rows of the pictures, px.
+    pub size: [u32; 2],
+    /// Whether the squares whose column and row add up to an even number are the dark ones.
+    pub even_is_dark: bool,
+}
+
+/// Looks at each picture; `near`: they follow each other in time. `watch` is told how many are done.
+///
+/// # Errors
+/// No picture; one that cannot be read, or of another size than the first; a table with a file that is no picture, or with points
+/// that the target has not.
+pub fn observe(
+    pictures: &[Picture],
+    target: &Target,
+    source: Source<'_>,
+    near: bool,
+    watch: &mut dyn FnMut(usize),
+) -> Result<Observed> {
+    if let Source::Table(table, path) = source {
+        check_table(table, path, pictures, target)?;
+    }
+    let mut all: Vec<(View, Option<bool>)> = Vec::new();
+    let mut left_out = Vec::new();
+    let mut offsets: Vec<DVec2> = Vec::new();
+    let mut size: Option<[u32; 2]> = None;
+    for (index, picture) in pictures.iter().enumerate() {
+        let grey = read_grey(picture, &mut size, &pictures[0])?;
+        let seen = match source {
+            Source::Pictures => look(&grey, target),
+            Source::Table(table, _) => match table.get(&picture.name) {
+                Some(seen) => {
+                    offsets.extend(seen.iter().filter_map(|s| offset(&grey, seen, s)));
+                    Ok(seen.clone())
+                }
+                None => Err("no corners of it in the table".to_owned()),
+            },
+        };
+        let seen = seen.and_then(|s| if s.len() < LEAST_POINTS { Err(too_few(s.len())) } else { Ok(s) });
+        match seen {
+            Ok(seen) => {
+                let view = View { picture: index, seen };
+                let dark = even_is_dark(&grey, &view, target.size);
+                all.push((view, dark));
+            }
+            Err(why) => left_out.push(LeftOut { name: picture.name.clone(), why }),
+        }
+        watch(index + 1);
+    }
+    let (mut views, dark): (Vec<View>, Vec<Option<bool>>) = all.into_iter().unzip();
+    let shift = DVec2::splat(pixel_origin(&offsets));
+    views.iter_mut().flat_map(|v| &mut v.seen).for_each(|s| s.px += shift);
+    let even_is_dark = match target.pattern {
+        Pattern::Checkerboard => align(&mut views, &dark, target.size, near),
+        _ => true,
+    };
+    for view in views.iter().filter(|v| v.seen.is_empty()) {
+        let why = "its dark squares lie where the others' bright ones do".to_owned();
+        left_out.push(LeftOut { name: pictures[view.picture].name.clone(), why });
+    }
+    views.retain(|v| !v.seen.is_empty());
+    let size =
+        size.ok_or_else(|| Error::input(Path::new("board"), None, "no picture", "pictures of the board"))?;
+    Ok(Observed { views, left_out, size, even_is_dark })
+}
+
+fn too_few(count: usize) -> String {
+    format!("{count} points of the board, fewer than {LEAST_POINTS}")
+}
+
+fn check_table(
+    table: &BTreeMap<String, Vec<Seen>>,
+    path: &Path,
+    pictures: &[Picture],
+    target: &Target,
+) -> Result<()> {
+    if let Some(name) = table.keys().find(|n| !pictures.iter().any(|p| p.name == **n)) {
+        return Err(Error::input(path, None, format!("corners of `{name}`"), "names of the pictures given"));
+    }
+    let outside = |s: &&Seen| s.point[0] >= target.size[0] || s.point[1] >= target.size[1];
+    if let Some(s) = table.values().flatten().find(outside) {
+        let found = format!("a corner in column {}, row {}", s.point[0], s.point[1]);
+        return Err(Error::input(path, None, found, format!("those of a {}", target.describe())));
+    }
+    Ok(())
+}
+
+/// A picture's brightness; all must be of the first one's size.
+fn read_grey(picture: &Picture, size: &mut Option<[u32; 2]>, first: &Picture) -> Result<Plane<u8>> {
+    let grey = decode_picture(&picture.path, &read(&picture.path, Limit::PICTURE)?)?.into_luma8();
+    let found = [grey.width(), grey.height()];
+    let wanted = *size.get_or_insert(found);
+    if found != wanted {
+        let found = format!("{}x{} px", found[0], found[1]);
+        let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], first.path.display());
+        return Err(Error::input(&picture.path, None, found, expected));
+    }
+    Ok(Plane { width: found[0] as usize, height: found[1] as usize, channels: 1, data: grey.into_raw() })
+}
+
+/// Points of the target in a picture, or what is there instead.
+fn look(grey: &Plane<u8>, target: &Target) -> std::result::Result<Vec<Seen>, String> {
+    if target.pattern == Pattern::Charuco {
+        return charuco::find(grey, target).ok_or_else(|| "no board".to_owned());
+    }
+    match find(grey, target.size) {
+        Found::Board(seen) => Ok(seen),
+        Found::Other([c, r]) => {
+            Err(format!("a grid of {c}x{r} inner corners, whose place on the board is open"))
+        }
+        Found::Nothing => Err("no board".to_owned()),
+    }
+}
+
+/// How far a corner of a table is from where the picture has it, px.
+fn offset(grey: &Plane<u8>, seen: &[Seen], s: &Seen) -> Option<DVec2> {
+    // OpenCV's places lie half a pixel up and left of these; both lie within the window.
+    let at = s.px + 0.25;
+    refined(grey, at, nearest_px(seen, s), 1).map(|px| px - s.px)
+}
+
+/// Half a pixel where a table counts from the centre of the first pixel, as OpenCV does; else nothing. Its own corners tell: the middle
+/// of what they are off by is nearer to one of both.
+fn pixel_origin(offsets: &[DVec2]) -> f64 {
+    let mut both: Vec<f64> = offsets.iter().flat_map(|o| [o.x, o.y]).collect();
+    both.sort_by(f64::total_cmp);
+    if both.get(both.len() / 2).is_some_and(|middle| *middle > 0.25) { 0.5 } else { 0.0 }
+}

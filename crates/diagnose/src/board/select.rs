@@ -1,0 +1,209 @@
+//! Which camera the views ask for: an ideal pinhole first, then lenses of more and more coefficients, then a readout where the board
+//! moves. More parameters are taken where they lower the cost by more than chance would (Schwarz, Annals of Statistics 6, 1978).
+
+use std::path::Path;
+
+use glam::{DMat3, DVec2};
+
+use super::bundle::{Bundle, Camera, PARAMETERS, Point};
+use super::homography::{focal_lengths, homography, pose};
+use super::motion::BoardPath;
+use super::target::{Target, View};
+use shutterbug::camera::{Pose, Trajectory};
+use shutterbug::error::{Error, Result};
+
+/// Fewest views: each gives two equations for what is unknown of a camera, four with lens and centre.
+pub const LEAST_VIEWS: usize = 3;
+/// Fewest points of a view: four fix a homography, two more are left to tell errors by.
+pub const LEAST_POINTS: usize = 6;
+/// Places in [`PARAMETERS`].
+const PINHOLE: &[usize] = &[0, 1, 2, 3];
+const LENSES: [&[usize]; 4] =
+    [&[0, 1, 2, 3, 4], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6, 7], &[0, 1, 2, 3, 4, 5, 6, 7, 8]];
+const READOUTS: [usize; 2] = [9, 10];
+/// Focal lengths to start from beside the closed form's, in picture widths: from a wide action camera to a portrait lens.
+const START_FOCALS: [f64; 4] = [0.4, 0.7, 1.2, 2.5];
+
+/// What is known of when the pictures were taken.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Timing {
+    /// Stills: the board rests in each.
+    Stills,
+    /// Frames that follow each other: when each picture began, s.
+    Frames(Vec<f64>),
+}
+
+/// A camera and poses that agree with the points.
+#[derive(Clone, Debug)]
+pub struct BoardFit {
+    /// The camera with lens and readout.
+    pub camera: Camera,
+    /// Half widths of 95 % intervals, by name of the parameters that were free.
+    pub half: Vec<(&'static str, f64)>,
+    /// Camera from board, by view.
+    pub poses: Vec<Pose>,
+    /// Root mean square distance of the points, px: of the pinhole alone, and of the camera.
+    pub rms_px: [f64; 2],
+    /// The same by view.
+    pub view_rms_px: Vec<f64>,
+    /// Of a board that moves: the path as it is written, and the views that it covers.
+    pub path: Option<(Trajectory, Vec<usize>)>,
+}
+
+/// Fits camera and poses to the views; `frames` is what errors name.
+///
+/// # Errors
+/// Too few views or points; a board that was always parallel to the picture; frames whose times do not increase.
+pub fn fit_board(
+    target: &Target,
+    views: &[View],
+    size: [u32; 2],
+    timing: &Timing,
+    frames: &Path,
+) -> Result<BoardFit> {
+    check(target, views, frames)?;
+    let starts_s = match timing {
+        Timing::Stills => None,
+        Timing::Frames(all) => Some(views.iter().map(|v| all[v.picture]).collect()),
+    };
+    let points = |view: &View| {
+        view.seen.iter().map(|s| Point { on_board_m: target.point_m(s.point), px: s.px }).collect()
+    };
+    let points: Vec<Vec<Point>> = views.iter().map(points).collect();
+    let Some(mut pinhole) = best_start(&points, size, frames)? else {
+        let expected = "some where it is tilted: without, focal length and distance cannot be told apart";
+        return Err(Error::input(frames, None, "the board parallel to every picture", expected));
+    };
+    pinhole.starts_s = starts_s;
+    let spread_px = pinhole.spread_px()?;
+    pinhole.fit(PINHOLE, spread_px)?;
+    let pinhole_rms_px = rms(&pinhole)?;
+    let (mut bundle, mut free) = with_lens(&pinhole)?;
+    if bundle.starts_s.is_some() {
+        (bundle, free) = with_readout(&bundle, &free)?;
+    }
+    let deviations = bundle.deviations(&free, bundle.spread_px()?)?.unwrap_or_default();
+    let half = free.iter().zip(&deviations).map(|(i, d)| (PARAMETERS[*i], 1.96 * d)).collect();
+    // Of a sensor that reads from its far end the first line is the last one here.
+    let late_s = READOUTS.iter().map(|i| (-bundle.camera.values[*i]).max(0.0)).sum();
+    let path =
+        bundle.starts_s.as_deref().map(|s| BoardPath::new(s, &bundle.poses)?.written(late_s)).transpose()?;
+    Ok(BoardFit {
+        camera: bundle.camera,
+        half,
+        rms_px: [pinhole_rms_px, rms(&bundle)?],
+        view_rms_px: bundle.rms_px()?,
+        poses: bundle.poses,
+        path,
+    })
+}
+
+fn check(target: &Target, views: &[View], frames: &Path) -> Result<()> {
+    if views.len() < LEAST_VIEWS {
+        let n = views.len();
+        let found = format!("the {} in {n} picture{}", target.describe(), if n == 1 { "" } else { "s" });
+        return Err(Error::input(frames, None, found, format!("it in at least {LEAST_VIEWS}")));
+    }
+    Ok(())
+}
+
+/// Root mean square distance of all points, px.
+fn rms(bundle: &Bundle) -> Result<f64> {
+    let all = bundle.residuals()?;
+    let squares: f64 = all.iter().flatten().map(|d| d.length_squared()).sum();
+    Ok((squares / (0.5 * bundle.residual_count() as f64)).sqrt())
+}
+
+/// The pinhole from which the fit with a lens ends lowest: through a wide lens the closed form may be far off.
+fn best_start(points: &[Vec<Point>], size: [u32; 2], frames: &Path) -> Result<Option<Bundle>> {
+    let flat = |p: &Vec<Point>| {
+        let board: Vec<DVec2> = p.iter().map(|p| p.on_board_m.truncate()).collect();
+        let px: Vec<DVec2> = p.iter().map(|p| p.px).collect();
+        homography(&board, &px)
+    };
+    let homographies = points.iter().map(flat).collect::<Option<Vec<DMat3>>>();
+    let Some(homographies) = homographies else {
+        return Err(Error::input(
+            frames,
+            None,
+            "a view whose points lie on a line",
+            "points all over the board",
+        ));
+    };
+    let closed = focal_lengths(&homographies, size);
+    let others = START_FOCALS.map(|share| [share * f64::from(size[0].max(size[1])); 2]);
+    let mut best: Option<(f64, Bundle)> = None;
+    for focal_px in closed.into_iter().chain(others) {
+        let camera = Camera::pinhole(size, focal_px);
+        let k = camera.intrinsics();
+        let Some(poses) = homographies.iter().map(|h| pose(h, &k)).collect::<Option<Vec<_>>>() else {
+            continue;
+        };
+        let start = Bundle { camera, poses, points: points.to_vec(), starts_s: None };
+        let mut trial = start.clone();
+        trial.fit(PINHOLE, start.spread_px()?)?;
+        let pinhole = trial.clone();
+        trial.fit(LENSES[1], trial.spread_px()?)?;
+        let spread_px = trial.spread_px()?;
+        let is_camera = trial.deviations(LENSES[1], spread_px)?.is_some() && spread_px.is_finite();
+        if is_camera && best.as_ref().is_none_or(|b| spread_px < b.0) {
+            best = Some((spread_px, pinhole));
+        }
+    }
+    Ok(best.map(|b| b.1))
+}
+
+/// Schwarz's criterion, less what does not depend on the parameters.
+fn criterion(bundle: &Bundle, free: usize, spread_px: f64) -> Result<f64> {
+    Ok(bundle.cost(spread_px)? + free as f64 * (bundle.residual_count() as f64).ln())
+}
+
+/// The lens of as many coefficients as the points ask for.
+fn with_lens(pinhole: &Bundle) -> Result<(Bundle, Vec<usize>)> {
+    let mut tried: Vec<(Bundle, &[usize])> = vec![(pinhole.clone(), PINHOLE)];
+    for free in LENSES {
+        let mut next = tried[tried.len() - 1].0.clone();
+        // What is wrong shrinks as coefficients come in, and with it what counts as a wrong point.
+        for _ in 0..3 {
+            next.fit(free, next.spread_px()?)?;
+        }
+        if next.deviations(free, next.spread_px()?)?.is_none() {
+            break;
+        }
+        tried.push((next, free));
+    }
+    // All are judged by the errors that the fullest leaves.
+    let spread_px = tried[tried.len() - 1].0.spread_px()?;
+    let mut best: Option<(f64, Bundle, &[usize])> = None;
+    for (bundle, free) in tried {
+        let value = criterion(&bundle, free.len(), spread_px)?;
+        if best.as_ref().is_none_or(|b| value < b.0) {
+            best = Some((value, bundle, free));
+        }
+    }
+    let (_, bundle, free) = best.expect("the pinhole at least");
+    Ok((bundle, free.to_vec()))
+}
+
+/// The same with the readout along rows or columns that the points ask for, if any.
+fn with_readout(global: &Bundle, free: &[usize]) -> Result<(Bundle, Vec<usize>)> {
+    let mut tried = vec![(global.clone(), free.to_vec())];
+    for readout in READOUTS {
+        let mut next = global.clone();
+        let free: Vec<usize> = free.iter().copied().chain([readout]).collect();
+        for _ in 0..3 {
+            next.fit(&free, next.spread_px()?)?;
+        }
+        if next.deviations(&free, next.spread_px()?)?.is_some() {
+            tried.push((next, free));
+        }
+    }
+    let mut spread_px = f64::INFINITY;
+    for (bundle, _) in &tried {
+        spread_px = spread_px.min(bundle.spread_px()?);
+    }
+    let values =
+        tried.iter().map(|(b, free)| criterion(b, free.len(), spread_px)).collect::<Result<Vec<_>>>()?;
+    let best = (0..tried.len()).min_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
+    Ok(tried.swap_remove(best))
+}

@@ -1,0 +1,147 @@
+//! Offsets and hot pixels from pictures with the cap on (EMVA 1288, release 4.0, sections 4.2 and 8.4).
+
+use serde::Serialize;
+
+use super::flat::Measured;
+use super::frames::Encoding;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::Plane;
+use shutterbug::plane::stats::erf;
+
+/// What dark pictures tell.
+#[derive(Clone, Debug, Serialize)]
+pub struct Dark {
+    /// Pictures.
+    pub frames: usize,
+    /// Mean linear value, 1 = white.
+    pub level: f64,
+    /// Standard deviation of the pixels' offsets, of full scale.
+    pub dsnu: Measured,
+    /// Noise of one picture, of full scale.
+    pub temporal: f64,
+    /// Pixels that are brighter in every picture than chance and offsets make any.
+    pub hot: usize,
+}
+
+/// Dark pictures that come one after another.
+#[derive(Clone, Debug)]
+pub struct DarkSums {
+    encoding: Encoding,
+    frames: usize,
+    sums: Vec<f32>,
+    least: Vec<f32>,
+    squares: f64,
+}
+
+impl DarkSums {
+    /// Of none.
+    pub fn new(encoding: Encoding) -> Self {
+        Self { encoding, frames: 0, sums: Vec::new(), least: Vec::new(), squares: 0.0 }
+    }
+
+    /// Adds a picture of encoded values, of the same size as those before.
+    pub fn add(&mut self, encoded: &Plane<f32>) {
+        let n = encoded.channels as f32;
+        let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
+        let values: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
+        if self.frames == 0 {
+            (self.sums, self.least) = (vec![0.0; values.len()], vec![f32::INFINITY; values.len()]);
+        }
+        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
+        self.squares +=
+            values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64;
+        for ((sum, least), v) in self.sums.iter_mut().zip(&mut self.least).zip(&values) {
+            *sum += v;
+            *least = least.min(*v);
+        }
+        self.frames += 1;
+    }
+
+    /// What they tell.
+    ///
+    /// # Errors
+    /// Fewer than two pictures.
+    pub fn measure(self, path: &std::path::Path) -> Result<Dark> {
+        let n = self.frames as f64;
+        if self.frames < 2 {
+            let found = format!("{} dark picture", self.frames);
+            return Err(Error::input(path, None, found, "two or more: noise and offsets look alike in one"));
+        }
+        let pixels = self.sums.len() as f64;
+        let level = self.sums.iter().map(|v| f64::from(*v)).sum::<f64>() / pixels / n;
+        let of_sum = self.sums.iter().map(|v| (f64::from(*v) - n * level).powi(2)).sum::<f64>() / pixels;
+        // The covariance of two different pictures: noise has no part in it.
+        let variance = (of_sum - self.squares) / (n * (n - 1.0));
+        let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        let dsnu = variance.max(0.0).sqrt();
+        let half = 1.96 * if dsnu > 0.0 { spread / (2.0 * dsnu) } else { spread.sqrt() };
+        // A pixel's darkest value lies above this in less than one of a hundred pictures of this many normal pixels. The spread is
+        // that of the middle half, which hot pixels do not widen.
+        let mut means: Vec<f32> = self.sums.iter().map(|v| v / n as f32).collect();
+        let at = |means: &mut Vec<f32>, share: f64| {
+            let i = ((means.len() - 1) as f64 * share) as usize;
+            f64::from(*means.select_nth_unstable_by(i, f32::total_cmp).1)
+        };
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|s| at(&mut means, s));
+        let noise = (self.squares / n - variance).max(0.0).sqrt();
+        let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
+        let limit = middle + beyond(0.01 / pixels) * spread;
+        let hot = self.least.iter().filter(|v| f64::from(**v) > limit).count();
+        Ok(Dark {
+            frames: self.frames,
+            level,
+            dsnu: Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] },
+            temporal: noise,
+            hot,
+        })
+    }
+}
+
+/// Standard deviations that a normal value exceeds with that probability.
+fn beyond(probability: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 8.0);
+    for _ in 0..60 {
+        let middle: f64 = 0.5 * (low + high);
+        let above = 0.5 * (1.0 - erf(middle / 2f64.sqrt()));
+        if above > probability { low = middle } else { high = middle }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offsets_and_hot_pixels_come_back() {
+        let mut dice = 9u64;
+        let mut normal = || {
+            let mut roll = || {
+                dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (dice >> 40) as f32 / (1 << 24) as f32
+            };
+            (0..12).map(|_| roll()).sum::<f32>() - 6.0
+        };
+        let (w, h) = (200, 160);
+        let offsets: Vec<f32> = (0..w * h).map(|_| 0.004 * normal()).collect();
+        let measured = |hot: usize, offset: f32, normal: &mut dyn FnMut() -> f32| {
+            let mut sums = DarkSums::new(Encoding::Linear);
+            for _ in 0..8 {
+                let picture = Plane::from_fn(w, h, |x, y| {
+                    let i = y * w + x;
+                    let warm = if i % 97 == 5 && i / 97 < hot { 0.2 } else { 0.0 };
+                    [0.05 + offset * offsets[i] + warm + 0.01 * normal()]
+                });
+                sums.add(&picture);
+            }
+            sums.measure(std::path::Path::new("dark")).expect("dark")
+        };
+        let found = measured(7, 1.0, &mut normal);
+        assert_eq!(found.hot, 7);
+        let none = measured(0, 1.0, &mut normal);
+        assert!((none.dsnu.value / 0.004 - 1.0).abs() < 0.03, "{:?}", none.dsnu);
+        assert!((none.temporal / 0.01 - 1.0).abs() < 0.02 && none.hot == 0, "{none:?}");
+        // Control: without offsets there are none.
+        assert!(measured(0, 0.0, &mut normal).dsnu.value < 0.0007);
+    }
+}

@@ -1,0 +1,509 @@
+//! Sharpness from a slanted edge (ISO 12233:2017, annex D): the edge crosses pixels at all their places, so that their values, ordered
+//! by distance from it, are the edge four times finer than the pixels. Its slope's spectrum is the response (MTF). What blurs and what
+//! sharpens are fitted to the same values: a step, seen by square pixels through a Gaussian, encoded, and sharpened by an unsharp mask
+//! as in [`shutterbug::effects`].
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::frames::Encoding;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::Plane;
+use shutterbug::plane::stats::erf;
+
+/// Values a pixel along the edge's normal.
+const BINS: usize = 4;
+/// Furthest from the edge that is looked at, px: no lens of a camera in use blurs further.
+const REACH_PX: f64 = 24.0;
+/// Smallest and largest slope of the edge against the pixels: less crosses too few of their places, more is nearer to the other axis.
+const SLANT: [f64; 2] = [0.017, 0.7];
+/// Most rounds of fits.
+const ROUNDS: usize = 60;
+
+/// A part of a picture: left, top, width, height, px.
+pub type Region = [usize; 4];
+
+/// A number with its 95 % interval.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Fitted {
+    /// The number.
+    pub value: f64,
+    /// Half width of its interval.
+    pub half: f64,
+}
+
+/// What an edge tells.
+#[derive(Clone, Debug, Serialize)]
+pub struct Edge {
+    /// Where it was looked at.
+    pub region: Region,
+    /// Whether it is nearer to upright.
+    pub upright: bool,
+    /// Angle against the pixels, degrees.
+    pub slant_deg: f64,
+    /// Linear light on its dark and on its bright side.
+    pub sides: [f64; 2],
+    /// Frequency at which half of the contrast is left, cycles a px; none where it is beyond 1.
+    pub mtf50: Option<f64>,
+    /// Response at 0, 0.01, ... 1 cycles a px.
+    pub mtf: Vec<f64>,
+    /// Gaussian of the lens, px.
+    pub defocus_sigma_px: Fitted,
+    /// Weight and standard deviation of the unsharp mask, where there is one.
+    pub sharpening: Option<[Fitted; 2]>,
+    /// What the fit leaves, of the contrast.
+    pub left_rms: f64,
+    /// Encoded values against the distance from the edge, px.
+    pub profile: Vec<[f64; 2]>,
+}
+
+/// The distance from the edge (px, bright side positive) and the value of each pixel.
+struct Points {
+    upright: bool,
+    slant: f64,
+    list: Vec<[f64; 2]>,
+}
+
+/// Measures the edge in a part of a picture of encoded values.
+///
+/// # Errors
+/// A part that leaves the picture or is too small, without an edge, or with one that is not slanted.
+pub fn measure_edge(
+    picture: &Plane<f32>,
+    region: Region,
+    encoding: Encoding,
+    path: &std::path::Path,
+) -> Result<Edge> {
+    let refuse = |found: String, expected: &str| Err(Error::input(path, None, found, expected));
+    let [x0, y0, w, h] = region;
+    let fits = x0.checked_add(w).is_some_and(|r| r <= picture.width)
+        && y0.checked_add(h).is_some_and(|b| b <= picture.height);
+    if !fits || w < 16 || h < 16 {
+        let found = format!("a part of {w}x{h} px at {x0}, {y0}");
+        return refuse(found, "one of at least 16x16 px inside of the picture");
+    }
+    let Some(points) = points(picture, region) else {
+        return refuse("no straight edge".to_owned(), "one edge between a dark and a bright side");
+    };
+    if !(SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
+        let found = format!("an edge {:.1} degrees off the pixels", points.slant.atan().to_degrees().abs());
+        return refuse(found, "one slanted by 1 to 35 degrees, best 5");
+    }
+    let profile = profile(&points.list);
+    let mtf = response(&profile, encoding);
+    let fit = fit(&profile, encoding);
+    let half = mtf.iter().position(|m| *m < 0.5);
+    let mtf50 = half.filter(|i| *i > 0).map(|i| 0.01 * (i as f64 - (0.5 - mtf[i]) / (mtf[i - 1] - mtf[i])));
+    Ok(Edge {
+        region,
+        upright: points.upright,
+        slant_deg: points.slant.atan().to_degrees().abs(),
+        sides: fit.sides,
+        mtf50,
+        mtf,
+        defocus_sigma_px: fit.sigma_px,
+        sharpening: fit.sharpening,
+        left_rms: fit.left_rms,
+        profile,
+    })
+}
+
+/// The part of a picture whose edge is the straightest for its contrast, of windows all over it.
+pub fn find_edge(picture: &Plane<f32>) -> Option<Region> {
+    let side = (picture.width.min(picture.height) / 6).clamp(32, 96);
+    let mut best: Option<(f64, Region)> = None;
+    for y in (0..=picture.height.saturating_sub(side)).step_by(side / 2) {
+        for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
+            let region = [x, y, side.min(picture.width), side.min(picture.height)];
+            let Some(points) = points(picture, region) else { continue };
+            if !(SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
+                continue;
+            }
+            let worth = worth(&points.list);
+            if best.as_ref().is_none_or(|b| worth > b.0) {
+                best = Some((worth, region));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// Contrast between both sides over what is left beside the profile.
+fn worth(list: &[[f64; 2]]) -> f64 {
+    let profile = profile(list);
+    let (Some(first), Some(last)) = (profile.first(), profile.last()) else { return 0.0 };
+    let at = |d: f64| {
+        let i = ((d - first[0]) * BINS as f64).round().clamp(0.0, profile.len() as f64 - 1.0) as usize;
+        profile[i][1]
+    };
+    let left = list.iter().map(|p| (p[1] - at(p[0])).powi(2)).sum::<f64>() / list.len().max(1) as f64;
+    // Wide profiles are worth more: they show both sides.
+    (last[1] - first[1]).abs() / (left.sqrt() + 2e-3) * (last[0] - first[0]).min(REACH_PX)
+}
+
+/// Finds the line of the edge: where each line of pixels is steepest.
+fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
+    let grey = |x: usize, y: usize| {
+        let p = picture.pixel(x0 + x, y0 + y);
+        p.iter().map(|v| f64::from(*v)).sum::<f64>() / p.len() as f64
+    };
+    let slopes = |dx: usize, dy: usize| -> f64 {
+        (0..h - dy)
+            .flat_map(|y| (0..w - dx).map(move |x| (x, y)))
+            .map(|(x, y)| (grey(x + dx, y + dy) - grey(x, y)).powi(2))
+            .sum()
+    };
+    let upright = slopes(1, 0) >= slopes(0, 1);
+    let (across, lines) = if upright { (w, h) } else { (h, w) };
+    let at = |i: usize, line: usize| if upright { grey(i, line) } else { grey(line, i) };
+    // Everything is weighed around the line as it is known: first the middle of the strongest slope, then the line.
+    let mut line: Option<[f64; 2]> = None;
+    for round in 0..4 {
+        let reach = [across as f64, 12.0, 8.0, 6.0][round];
+        let centre = |j: usize| -> Option<[f64; 3]> {
+            let middle = line.map(|[a, b]| a + b * j as f64);
+            let (mut sum, mut weights) = (0.0, 0.0);
+            for i in 0..across - 1 {
+                let x = i as f64 + 1.0;
+                let near = middle.map_or(1.0, |m| (1.0 - ((x - m) / reach).powi(2)).max(0.0));
+                // The fourth power at first: noise of flat places adds up.
+                let slope = at(i + 1, j) - at(i, j);
+                let weight = near * if round == 0 { slope.powi(4) } else { slope * slope };
+                (sum, weights) = (sum + weight * x, weights + weight);
+            }
+            (weights > 1e-9).then(|| [j as f64, sum / weights, weights])
+        };
+        let centres: Vec<[f64; 3]> = (0..lines).filter_map(centre).collect();
+        line = Some(straight(&centres, lines)?);
+    }
+    let [a, b] = line?;
+    let mut list: Vec<[f64; 2]> = Vec::new();
+    let norm = (1.0 + b * b).sqrt();
+    for j in 0..lines {
+        for i in 0..across {
+            let d = (i as f64 + 0.5 - (a + b * j as f64)) / norm;
+            if d.abs() <= REACH_PX {
+                list.push([d, at(i, j)]);
+            }
+        }
+    }
+    let side = |sign: f64| {
+        let side: Vec<f64> = list.iter().filter(|p| p[0] * sign > 3.0).map(|p| p[1]).collect();
+        (side.len() > lines).then(|| side.iter().sum::<f64>() / side.len() as f64)
+    };
+    if side(1.0)? < side(-1.0)? {
+        list.iter_mut().for_each(|p| p[0] = -p[0]);
+    }
+    Some(Points { upright, slant: b, list })
+}
+
+/// The line through centres, by least squares, without the tenth that lies furthest from it.
+fn straight(centres: &[[f64; 3]], lines: usize) -> Option<[f64; 2]> {
+    let mut kept = centres.to_vec();
+    let mut line = [0.0; 2];
+    for _ in 0..3 {
+        let n = kept.len() as f64;
+        if kept.len() * 2 < lines {
+            return None;
+        }
+        let (mx, my) =
+            (kept.iter().map(|c| c[0]).sum::<f64>() / n, kept.iter().map(|c| c[1]).sum::<f64>() / n);
+        let sxx: f64 = kept.iter().map(|c| (c[0] - mx).powi(2)).sum();
+        let sxy: f64 = kept.iter().map(|c| (c[0] - mx) * (c[1] - my)).sum();
+        let b = sxy / sxx.max(1e-9);
+        line = [my - b * mx, b];
+        let off = |c: &[f64; 3]| (c[1] - line[0] - line[1] * c[0]).abs();
+        kept.sort_by(|p, q| off(p).total_cmp(&off(q)));
+        kept.truncate(kept.len() - kept.len() / 10);
+    }
+    Some(line)
+}
+
+/// Mean values by distance, four a pixel.
+fn profile(list: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let count = (2.0 * REACH_PX) as usize * BINS;
+    let mut bins = vec![[0.0f64; 3]; count];
+    for [d, v] in list {
+        let at = ((d + REACH_PX) * BINS as f64).floor();
+        if (0.0..count as f64).contains(&at) {
+            let bin = &mut bins[at as usize];
+            (bin[0], bin[1], bin[2]) = (bin[0] + 1.0, bin[1] + d, bin[2] + v);
+        }
+    }
+    // The longest run of bins with values, about the edge.
+    let full = |i: usize| bins[i][0] > 0.0;
+    let middle = count / 2;
+    let from = (0..middle).rev().find(|i| !full(*i)).map_or(0, |i| i + 1);
+    let to = (middle..count).find(|i| !full(*i)).unwrap_or(count);
+    let mean = |i: usize| [(i as f64 + 0.5) / BINS as f64 - REACH_PX, bins[i][2] / bins[i][0]];
+    (from..to).map(mean).collect()
+}
+
+/// Response at 0, 0.01, ... 1 cycles a px of linear light.
+fn response(profile: &[[f64; 2]], encoding: Encoding) -> Vec<f64> {
+    let linear: Vec<f64> = profile.iter().map(|p| f64::from(encoding.decode(p[1] as f32))).collect();
+    let step = 1.0 / BINS as f64;
+    let slope: Vec<[f64; 2]> = (1..linear.len().max(2) - 1)
+        .map(|i| [profile[i][0], 0.5 * (linear[i + 1] - linear[i - 1])])
+        .collect();
+    let reach = profile.iter().map(|p| p[0].abs()).fold(0.0, f64::max);
+    // Hamming's window about the edge, as in the standard.
+    let windowed: Vec<[f64; 2]> =
+        slope.iter().map(|[d, s]| [*d, s * (0.54 + 0.46 * (PI * d / reach.max(1e-9)).cos())]).collect();
+    let at = |f: f64| {
+        let [c, s] = windowed.iter().fold([0.0; 2], |a, [d, v]| {
+            let (sin, cos) = (TAU * f * d).sin_cos();
+            [a[0] + v * cos, a[1] + v * sin]
+        });
+        // The difference over two bins, and the bin itself, are filters of their own.
+        let sinc = |x: f64| if x.abs() < 1e-9 { 1.0 } else { (PI * x).sin() / (PI * x) };
+        c.hypot(s) / (sinc(2.0 * f * step) * sinc(f * step)).max(0.1)
+    };
+    let whole = at(0.0).max(1e-12);
+    (0..=100).map(|i| at(0.01 * f64::from(i)) / whole).collect()
+}
+
+struct Fit {
+    sides: [f64; 2],
+    sigma_px: Fitted,
+    sharpening: Option<[Fitted; 2]>,
+    left_rms: f64,
+}
+
+/// Where fits of the mask begin.
+const MASKS: [[f64; 2]; 3] = [[0.5, 0.7], [0.5, 1.5], [1.0, 1.0]];
+
+/// Fits the step without and with an unsharp mask; the mask is taken where it pays (Schwarz's criterion).
+fn fit(profile: &[[f64; 2]], encoding: Encoding) -> Fit {
+    let n = profile.len() as f64;
+    let linear = |i: usize| f64::from(encoding.decode(profile[i][1] as f32));
+    let edge = 2 * BINS;
+    let mean = |range: std::ops::Range<usize>| {
+        let count = range.len().max(1) as f64;
+        range.map(linear).sum::<f64>() / count
+    };
+    let (dark, bright) =
+        (mean(0..edge.min(profile.len())), mean(profile.len().saturating_sub(edge)..profile.len()));
+    let plain = [0.5, 1.0, 2.0].map(|sigma| descend(profile, encoding, vec![0.0, dark, bright, sigma]));
+    let plain = best(plain.into_iter());
+    let [x, d, b, s] = [0, 1, 2, 3].map(|i| plain.0[i]);
+    let masks = MASKS.iter().flat_map(|[amount, radius]| {
+        [s, 0.6 * s + 0.1, s + 0.4].map(|s| descend(profile, encoding, vec![x, d, b, s, *amount, *radius]))
+    });
+    let masked = best(masks);
+    let criterion = |cost: f64, count: usize| n * (cost / n).max(1e-12).ln() + count as f64 * n.ln();
+    let sharpened = criterion(masked.1, 6) < criterion(plain.1, 4) && masked.0[4] > 0.0;
+    let (values, cost) = if sharpened { masked } else { plain };
+    let half = deviations(profile, encoding, &values, cost);
+    let of = |i: usize| Fitted { value: values[i].abs(), half: 1.96 * half[i] };
+    let contrast = profile.iter().map(|p| p[1]).fold(f64::NEG_INFINITY, f64::max)
+        - profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    Fit {
+        sides: [values[1], values[2]],
+        sigma_px: of(3),
+        sharpening: sharpened.then(|| [of(4), of(5)]),
+        left_rms: (cost / n).sqrt() / contrast.max(1e-9),
+    }
+}
+
+fn best(fits: impl Iterator<Item = (Vec<f64>, f64)>) -> (Vec<f64>, f64) {
+    fits.min_by(|a, b| a.1.total_cmp(&b.1)).expect("starts there are")
+}
+
+/// Encoded values of the model at the profile's places: place of the edge, its sides, the lens's Gaussian, and the mask's weight and
+/// Gaussian, if there is one.
+fn model(profile: &[[f64; 2]], encoding: Encoding, v: &[f64]) -> Vec<f64> {
+    // Gaussian and square pixel together; the mean of a bin is that of its middle to second order.
+    let step = |d: f64| {
+        let s = v[3].abs().max(0.02);
+        let primitive = |t: f64| {
+            // Integral of the Gaussian's distribution function.
+            let z = t / s;
+            t * 0.5 * (1.0 + erf(z / 2f64.sqrt())) + s * (-0.5 * z * z).exp() / TAU.sqrt()
+        };
+        primitive(d + 0.5) - primitive(d - 0.5)
+    };
+    let encoded = |d: f64| {
+        let light = v[1] + (v[2] - v[1]) * step(d - v[0]);
+        f64::from(encoding.encode(light.clamp(0.0, 1.0) as f32))
+    };
+    if v.len() < 6 {
+        return profile.iter().map(|p| encoded(p[0])).collect();
+    }
+    let radius = v[5].abs().clamp(0.2, 8.0);
+    // The mask is a sum over pixels, as effects make it: at whole steps along the normal, which is nearly an axis.
+    let reach = (3.0 * radius).ceil() as i32;
+    let weights: Vec<f64> =
+        (-reach..=reach).map(|k| (-0.5 * (f64::from(k) / radius).powi(2)).exp()).collect();
+    let whole: f64 = weights.iter().sum();
+    let masked = |d: f64| {
+        let blurred: f64 =
+            (-reach..=reach).zip(&weights).map(|(k, w)| w * encoded(d + f64::from(k))).sum::<f64>() / whole;
+        let own = encoded(d);
+        (own + v[4] * (own - blurred)).clamp(0.0, 1.0)
+    };
+    profile.iter().map(|p| masked(p[0])).collect()
+}
+
+fn cost(profile: &[[f64; 2]], encoding: Encoding, v: &[f64]) -> f64 {
+    model(profile, encoding, v).iter().zip(profile).map(|(m, p)| (p[1] - m).powi(2)).sum()
+}
+
+/// Derivatives of the model by differences.
+fn slopes(profile: &[[f64; 2]], encoding: Encoding, v: &[f64]) -> DMatrix<f64> {
+    const STEP: f64 = 1e-3;
+    let columns: Vec<Vec<f64>> = (0..v.len())
+        .map(|i| {
+            let moved = |by: f64| {
+                let mut v = v.to_vec();
+                v[i] += by;
+                model(profile, encoding, &v)
+            };
+            moved(STEP).iter().zip(moved(-STEP)).map(|(a, b)| (a - b) / (2.0 * STEP)).collect()
+        })
+        .collect();
+    DMatrix::from_fn(profile.len(), v.len(), |r, c| columns[c][r])
+}
+
+/// Levenberg-Marquardt from a start: values and cost.
+fn descend(profile: &[[f64; 2]], encoding: Encoding, start: Vec<f64>) -> (Vec<f64>, f64) {
+    let (mut v, mut damping) = (start, 1e-3);
+    let mut now = cost(profile, encoding, &v);
+    for _ in 0..ROUNDS {
+        let j = slopes(profile, encoding, &v);
+        let left = DVector::from_iterator(
+            profile.len(),
+            model(profile, encoding, &v).iter().zip(profile).map(|(m, p)| p[1] - m),
+        );
+        let (normal, right) = (j.transpose() * &j, j.transpose() * left);
+        let before = now;
+        while damping < 1e6 {
+            let mut damped = normal.clone();
+            (0..v.len()).for_each(|i| damped[(i, i)] += damping * (normal[(i, i)] + 1e-12));
+            let Some(step) = damped.cholesky().map(|c| c.solve(&right)) else {
+                damping *= 10.0;
+                continue;
+            };
+            let next: Vec<f64> = v.iter().zip(step.iter()).map(|(a, b)| a + b).collect();
+            let lower = cost(profile, encoding, &next);
+            if lower < now {
+                (v, now) = (next, lower);
+                damping = (damping * 0.2).max(1e-9);
+                break;
+            }
+            damping *= 5.0;
+        }
+        if !(before - now > 1e-9 * before) {
+            break;
+        }
+    }
+    (v, now)
+}
+
+fn deviations(profile: &[[f64; 2]], encoding: Encoding, v: &[f64], cost: f64) -> Vec<f64> {
+    let j = slopes(profile, encoding, v);
+    let variance = cost / (profile.len() as f64 - v.len() as f64).max(1.0);
+    match (j.transpose() * &j).try_inverse() {
+        Some(c) => (0..v.len()).map(|i| (variance * c[(i, i)]).max(0.0).sqrt()).collect(),
+        None => vec![f64::INFINITY; v.len()],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// A slanted edge as the chain makes it: pixels are means over 8x8 points, then a Gaussian, the encoding, and an unsharp mask.
+    fn picture(sigma: f64, mask: Option<[f64; 2]>, slant: f64) -> Plane<f32> {
+        let n = 96;
+        let light = Plane::from_fn(n, n, |x, y| {
+            let inside = |i: usize| {
+                let (sx, sy) = (
+                    x as f64 + (i % 16) as f64 / 16.0 + 1.0 / 32.0,
+                    y as f64 + (i / 16) as f64 / 16.0 + 1.0 / 32.0,
+                );
+                f64::from(u8::from(sx - 48.3 > slant * (sy - 48.0)))
+            };
+            let share = (0..256).map(inside).sum::<f64>() / 256.0;
+            [(0.1 + 0.4 * share) as f32]
+        });
+        let blurred = if sigma > 0.0 { blur(&light, sigma) } else { light };
+        let mut encoded = blurred;
+        encoded.data.iter_mut().for_each(|v| *v = Encoding::Srgb.encode(*v));
+        if let Some([amount, radius]) = mask {
+            let soft = blur(&encoded, radius);
+            encoded.data.iter_mut().zip(&soft.data).for_each(|(v, s)| *v += amount as f32 * (*v - s));
+        }
+        encoded
+    }
+
+    fn blur(plane: &Plane<f32>, sigma: f64) -> Plane<f32> {
+        let reach = (4.0 * sigma).ceil() as i64;
+        let weights: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+        let whole: f64 = weights.iter().sum();
+        let along = |p: &Plane<f32>, dx: i64, dy: i64| {
+            Plane::from_fn(p.width, p.height, |x, y| {
+                let at = |k: i64| {
+                    let u = (x as i64 + k * dx).clamp(0, p.width as i64 - 1) as usize;
+                    let v = (y as i64 + k * dy).clamp(0, p.height as i64 - 1) as usize;
+                    f64::from(p.pixel(u, v)[0])
+                };
+                [((-reach..=reach).zip(&weights).map(|(k, w)| w * at(k)).sum::<f64>() / whole) as f32]
+            })
+        };
+        along(&along(plane, 1, 0), 0, 1)
+    }
+
+    fn edge(picture: &Plane<f32>) -> Edge {
+        measure_edge(picture, [8, 8, 80, 80], Encoding::Srgb, Path::new("edge")).expect("an edge")
+    }
+
+    #[test]
+    fn blur_and_response_are_those_of_the_closed_form() {
+        for (sigma, slant) in [(0.6, 0.09), (1.2, -0.15), (2.0, 0.3)] {
+            let found = edge(&picture(sigma, None, slant));
+            assert!(
+                // The oracle's Gaussian is a sum over pixels, narrower than its name by a hundredth of a px.
+                (found.defocus_sigma_px.value - sigma).abs() < 0.03 * sigma + 0.01,
+                "{sigma}: {:?}",
+                found.defocus_sigma_px
+            );
+            assert!(found.sharpening.is_none(), "{sigma}: {:?}", found.sharpening);
+            // A square pixel and a Gaussian.
+            for f in [0.05f64, 0.1, 0.2] {
+                let should = (PI * f).sin() / (PI * f) * (-2.0 * (PI * f * sigma).powi(2)).exp();
+                let is = found.mtf[(100.0 * f).round() as usize];
+                assert!((is - should).abs() < 0.02, "{sigma} at {f}: {is} for {should}");
+            }
+            // Control: of half as much blur it would be another.
+            let other = (-2.0 * (PI * 0.2 * 0.5 * sigma).powi(2)).exp() * (PI * 0.2f64).sin() / (PI * 0.2);
+            assert!((found.mtf[20] - other).abs() > 0.03);
+        }
+    }
+
+    #[test]
+    fn sharpening_is_told_from_blur() {
+        let found = edge(&picture(1.0, Some([0.8, 1.5]), 0.1));
+        let [amount, radius] = found.sharpening.expect("sharpened");
+        assert!(
+            (amount.value - 0.8).abs() < 0.08 && (radius.value - 1.5).abs() < 0.15,
+            "{amount:?} {radius:?}"
+        );
+        assert!((found.defocus_sigma_px.value - 1.0).abs() < 0.06, "{:?}", found.defocus_sigma_px);
+    }
+
+    #[test]
+    fn what_is_no_slanted_edge_is_refused() {
+        let flat = Plane::from_fn(64, 64, |_, _| [0.5f32]);
+        let said = |p: &Plane<f32>, r: Region| {
+            measure_edge(p, r, Encoding::Srgb, Path::new("edge")).expect_err("refused").to_string()
+        };
+        assert!(said(&flat, [0, 0, 64, 64]).contains("no straight edge"));
+        assert!(said(&flat, [10, 0, 64, 64]).contains("inside of the picture"));
+        let upright = Plane::from_fn(64, 64, |x, _| [if x < 32 { 0.2f32 } else { 0.7 }]);
+        assert!(said(&upright, [0, 0, 64, 64]).contains("0.0 degrees"));
+    }
+}

@@ -1,0 +1,377 @@
+//! A sensor's own pattern, a lens's fall-off and the noise of a picture, from photographs of an evenly lit surface, and with the cap on
+//! (EMVA 1288, release 4.0, sections 4 and 8; the zero-mean pattern of Chen et al., IEEE TIFS 3, 2008).
+//!
+//! What is the same in all pictures is the pattern: its variance is the covariance of two pictures, which noise has no part in. Slopes
+//! over the picture are the light and the lens: what is even about the middle is called vignetting, a tilt is the light's.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::frames::Encoding;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::Plane;
+
+/// Half a side of the square over which the surface's own brightness is taken, px.
+const AROUND_PX: usize = 16;
+/// Side of the blocks whose means fall-off is fitted to, px.
+const BLOCK_PX: usize = 32;
+/// Side of the blocks of JPEG, and twice that of a colour pattern's: both repeat, and belong to no single sensor.
+const REPEAT_PX: usize = 8;
+/// Shifts by which a pattern is compared with another that it has nothing to do with.
+const SHIFTS: usize = 64;
+
+/// A number with its 95 % interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Measured {
+    /// The number.
+    pub value: f64,
+    /// Its interval.
+    pub ci95: [f64; 2],
+}
+
+impl Measured {
+    fn of(value: f64, deviation: f64) -> Self {
+        Self { value, ci95: [value - 1.96 * deviation, value + 1.96 * deviation] }
+    }
+
+    /// Whether the interval leaves out 0.
+    pub fn is_some(&self) -> bool {
+        self.ci95[0] > 0.0 || self.ci95[1] < 0.0
+    }
+}
+
+/// How alike two patterns are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Likeness {
+    /// Correlation over all pixels.
+    pub correlation: f64,
+    /// The same in standard deviations of what chance gives (the patterns shifted against each other).
+    pub deviations: f64,
+}
+
+/// What pictures of a flat field tell.
+#[derive(Clone, Debug, Serialize)]
+pub struct Flat {
+    /// Pictures.
+    pub frames: usize,
+    /// Columns and rows, px.
+    pub size_px: [usize; 2],
+    /// Mean linear value, 1 = white.
+    pub level: f64,
+    /// Fall-off: L (1 + a1 q + a2 q^2), q = squared distance from the middle over the squared half diagonal.
+    pub a1: Measured,
+    /// See `a1`.
+    pub a2: Measured,
+    /// What the corners get of the light of the middle.
+    pub corner: f64,
+    /// Tilt of the light over half a diagonal, and what is left beyond fall-off and tilt: rms, of the level.
+    pub tilt: f64,
+    /// See `tilt`.
+    pub uneven: f64,
+    /// Standard deviation of the pixels' gains.
+    pub prnu: Measured,
+    /// Noise of one picture, of the level.
+    pub temporal: f64,
+    /// The pattern of half of the pictures beside that of the others.
+    pub itself: Likeness,
+    /// Pixels that are white in every picture.
+    pub stuck: usize,
+    /// The pattern: gain of each pixel, less 1.
+    #[serde(skip)]
+    pub pattern: Plane<f32>,
+}
+
+/// Pictures that come one after another.
+#[derive(Clone, Debug)]
+pub struct FlatSums {
+    encoding: Encoding,
+    size: [usize; 2],
+    levels: Vec<f64>,
+    /// Sum of the patterns of even and of odd pictures.
+    halves: [Plane<f32>; 2],
+    /// Mean square of each picture's pattern.
+    squares: Vec<f64>,
+    /// Sum of block means over the level.
+    blocks: Vec<f64>,
+    white: Vec<u16>,
+}
+
+impl FlatSums {
+    /// For pictures of one size.
+    pub fn new(width: usize, height: usize, encoding: Encoding) -> Self {
+        let (across, down) = (width / BLOCK_PX, height / BLOCK_PX);
+        Self {
+            encoding,
+            size: [width, height],
+            levels: Vec::new(),
+            halves: [Plane::new(width, height, 1), Plane::new(width, height, 1)],
+            squares: Vec::new(),
+            blocks: vec![0.0; across * down],
+            white: vec![0; width * height],
+        }
+    }
+
+    /// Adds a picture: encoded values, shape `[height, width, channels]`, and the distance of two neighbouring ones.
+    pub fn add(&mut self, encoded: &Plane<f32>, step: f32) {
+        let [w, h] = self.size;
+        let n = encoded.channels as f32;
+        let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
+        let data: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
+        let light = Plane { width: w, height: h, channels: 1, data };
+        for (count, p) in self.white.iter_mut().zip(encoded.data.chunks_exact(encoded.channels)) {
+            *count += u16::from(p.iter().all(|v| *v >= 1.0 - 0.5 * step));
+        }
+        let level = light.data.iter().map(|v| f64::from(*v)).sum::<f64>() / (w * h) as f64;
+        for (k, sum) in self.blocks.iter_mut().enumerate() {
+            let across = w / BLOCK_PX;
+            let (x0, y0) = (k % across * BLOCK_PX, k / across * BLOCK_PX);
+            let rows = (y0..y0 + BLOCK_PX).flat_map(|y| &light.data[y * w + x0..y * w + x0 + BLOCK_PX]);
+            *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64 / level.max(1e-9);
+        }
+        let around = box_mean(&light, AROUND_PX);
+        let half = &mut self.halves[self.levels.len() % 2];
+        let mut square = 0.0;
+        for ((to, v), a) in half.data.iter_mut().zip(&light.data).zip(&around.data) {
+            let own = v / a.max(1e-6) - 1.0;
+            square += f64::from(own * own);
+            *to += own;
+        }
+        self.squares.push(square / (w * h) as f64);
+        self.levels.push(level);
+    }
+
+    /// What they tell.
+    ///
+    /// # Errors
+    /// Fewer than two pictures; pictures too small for a fall-off; a surface that is black or white.
+    pub fn measure(self, path: &std::path::Path) -> Result<Flat> {
+        let frames = self.levels.len();
+        let n = frames as f64;
+        let level = self.levels.iter().sum::<f64>() / n.max(1.0);
+        let refuse = |found: String, expected: &str| Err(Error::input(path, None, found, expected));
+        if frames < 2 {
+            return refuse(
+                format!("{frames} picture"),
+                "two or more of one flat field: noise and pattern look alike in one",
+            );
+        }
+        if !(0.01..=0.98).contains(&level) {
+            return refuse(
+                format!("a mean of {level:.3} of white"),
+                "a surface that is neither black nor white: 0.01 to 0.98",
+            );
+        }
+        if self.blocks.len() < 16 {
+            return refuse(format!("{}x{} px", self.size[0], self.size[1]), "at least 128x128 px");
+        }
+        let shape = self.shape(n);
+        let both: Vec<f32> =
+            self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
+        let mut sum = Plane { data: both, ..self.halves[0].clone() };
+        let raw = mean_square(&sum);
+        clean(&mut sum);
+        let pixels = sum.data.len() as f64;
+        let of_sum = mean_square(&sum);
+        // What cleaning took from the sum, the same in every picture, it would have taken from each; and so much of the rest as it has
+        // means.
+        let common = (raw - of_sum) / (n * n);
+        let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
+        let of_each: f64 = kept * (self.squares.iter().sum::<f64>() - n * common);
+        // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
+        let variance = (of_sum - of_each) / (n * (n - 1.0));
+        let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        let prnu = variance.max(0.0).sqrt();
+        let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
+        let temporal = (of_each / n - variance).max(0.0).sqrt();
+        let stuck = self.white.iter().filter(|c| usize::from(**c) == frames).count();
+        let mut halves = self.halves;
+        halves.iter_mut().for_each(clean);
+        let itself = likeness(&halves[0], &halves[1]);
+        sum.data.iter_mut().for_each(|v| *v /= n as f32);
+        let [a1, a2, corner, tilt, uneven] = shape;
+        Ok(Flat {
+            frames,
+            size_px: self.size,
+            level,
+            a1: Measured::of(a1[0], a1[1]),
+            a2: Measured::of(a2[0], a2[1]),
+            corner: corner[0],
+            tilt: tilt[0],
+            uneven: uneven[0],
+            prnu: Measured::of(prnu, deviation),
+            temporal,
+            itself,
+            stuck,
+            pattern: sum,
+        })
+    }
+
+    /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have one.
+    fn shape(&self, frames: f64) -> [[f64; 2]; 5] {
+        let [w, h] = self.size.map(|s| s as f64);
+        let across = self.size[0] / BLOCK_PX;
+        let half = 0.5 * w.hypot(h);
+        let columns = |k: usize, [a1, a2]: [f64; 2]| {
+            let middle = |i: usize| (i as f64 + 0.5) * BLOCK_PX as f64;
+            let x = (middle(k % across) - 0.5 * w) / half;
+            let y = (middle(k / across) - 0.5 * h) / half;
+            let q = x * x + y * y;
+            // The light's tilt falls off with the rest of it.
+            let fall = 1.0 + a1 * q + a2 * q * q;
+            [1.0, q, q * q, x * fall, y * fall]
+        };
+        let rows = self.blocks.len();
+        let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / frames));
+        let solved = |known: [f64; 2]| {
+            let a = DMatrix::from_fn(rows, 5, |k, c| columns(k, known)[c]);
+            let inverse = (a.transpose() * &a).try_inverse()?;
+            let x = &inverse * a.transpose() * &b;
+            let left = (&b - &a * &x).norm_squared();
+            Some((x, inverse, left))
+        };
+        let first = solved([0.0; 2]).map(|(x, _, _)| [x[1] / x[0], x[2] / x[0]]);
+        let Some((x, inverse, left)) = first.and_then(solved) else { return [[0.0; 2]; 5] };
+        let variance = left / (rows as f64 - 5.0).max(1.0);
+        let by = |i: usize| [x[i] / x[0], (variance * inverse[(i, i)]).sqrt() / x[0]];
+        let corner = (x[0] + x[1] + x[2]) / x[0];
+        let uneven = (left / rows as f64).sqrt() / x[0];
+        [by(1), by(2), [corner, 0.0], [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
+    }
+}
+
+/// Means over squares of `2 radius + 1` px, cut off at the border.
+fn box_mean(plane: &Plane<f32>, radius: usize) -> Plane<f32> {
+    let (w, h) = (plane.width, plane.height);
+    let mut across: Plane<f32> = Plane::new(w, h, 1);
+    for y in 0..h {
+        let row = plane.row(y);
+        let mut sum: f64 = row[..radius.min(w)].iter().map(|v| f64::from(*v)).sum();
+        for x in 0..w {
+            if x + radius < w {
+                sum += f64::from(row[x + radius]);
+            }
+            if x > radius {
+                sum -= f64::from(row[x - radius - 1]);
+            }
+            let count = (x + radius + 1).min(w) - x.saturating_sub(radius);
+            across.data[y * w + x] = (sum / count as f64) as f32;
+        }
+    }
+    let mut out: Plane<f32> = Plane::new(w, h, 1);
+    let mut sums: Vec<f64> = vec![0.0; w];
+    for y in 0..radius.min(h) {
+        sums.iter_mut().zip(across.row(y)).for_each(|(s, v)| *s += f64::from(*v));
+    }
+    for y in 0..h {
+        if y + radius < h {
+            sums.iter_mut().zip(across.row(y + radius)).for_each(|(s, v)| *s += f64::from(*v));
+        }
+        if y > radius {
+            sums.iter_mut().zip(across.row(y - radius - 1)).for_each(|(s, v)| *s -= f64::from(*v));
+        }
+        let count = ((y + radius + 1).min(h) - y.saturating_sub(radius)) as f64;
+        out.data[y * w..(y + 1) * w].iter_mut().zip(&sums).for_each(|(o, s)| *o = (s / count) as f32);
+    }
+    out
+}
+
+/// Takes the means of rows, of columns and of places in a block of 8x8 px out of a pattern: other sensors share them.
+fn clean(pattern: &mut Plane<f32>) {
+    let (w, h) = (pattern.width, pattern.height);
+    let mut remove = |groups: usize, group: &dyn Fn(usize) -> usize| {
+        let (mut sums, mut counts) = (vec![0.0f64; groups], vec![0.0f64; groups]);
+        for (i, v) in pattern.data.iter().enumerate() {
+            sums[group(i)] += f64::from(*v);
+            counts[group(i)] += 1.0;
+        }
+        sums.iter_mut().zip(&counts).for_each(|(s, c)| *s /= c.max(1.0));
+        pattern.data.iter_mut().enumerate().for_each(|(i, v)| *v -= sums[group(i)] as f32);
+    };
+    remove(h, &|i| i / w);
+    remove(w, &|i| i % w);
+    remove(REPEAT_PX * REPEAT_PX, &|i| (i / w) % REPEAT_PX * REPEAT_PX + (i % w) % REPEAT_PX);
+}
+
+fn mean_square(plane: &Plane<f32>) -> f64 {
+    plane.data.iter().map(|v| f64::from(v * v)).sum::<f64>() / plane.data.len().max(1) as f64
+}
+
+/// How alike two patterns of one size are.
+pub fn likeness(a: &Plane<f32>, b: &Plane<f32>) -> Likeness {
+    let scale = (mean_square(a) * mean_square(b)).sqrt().max(1e-30);
+    let n = a.data.len();
+    let at = |shift: usize| {
+        let (head, tail) = b.data.split_at(shift);
+        let product = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        (product(&a.data[..n - shift], tail) + product(&a.data[n - shift..], head)) / n as f64 / scale
+    };
+    // All over the picture, and off the repeats of rows and blocks.
+    let chance: f64 =
+        (1..=SHIFTS).map(|k| at((n / (SHIFTS + 1)) * k + 37 * k % 101 + 3)).map(|c| c * c).sum::<f64>()
+            / SHIFTS as f64;
+    let correlation = at(0);
+    Likeness { correlation, deviations: correlation / chance.sqrt().max(1e-30) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Dice(u64);
+
+    impl Dice {
+        fn normal(&mut self) -> f32 {
+            // Splitmix64: neighbouring seeds have nothing to do with each other.
+            let mut roll = || {
+                self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+                let a = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+                let b = (a ^ (a >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+                ((b ^ (b >> 31)) >> 40) as f32 / (1 << 24) as f32
+            };
+            (0..12).map(|_| roll()).sum::<f32>() - 6.0
+        }
+    }
+
+    fn unit(seed: u64, prnu: f32, frames: u64) -> Flat {
+        let (w, h) = (320, 256);
+        let mut dice = Dice(seed);
+        let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + prnu * dice.normal()).collect();
+        let mut sums = FlatSums::new(w, h, Encoding::Linear);
+        for frame in 0..frames {
+            let mut dice = Dice((seed << 32) + (frame << 16));
+            let half = 0.5 * (w as f32).hypot(h as f32);
+            let picture = Plane::from_fn(w, h, |x, y| {
+                let (dx, dy) = ((x as f32 + 0.5 - 160.0) / half, (y as f32 + 0.5 - 128.0) / half);
+                let q = dx * dx + dy * dy;
+                let light = 0.5 * (1.0 - 0.3 * q - 0.1 * q * q) * (1.0 + 0.04 * dx);
+                [light * gains[y * w + x] + 0.01 * dice.normal()]
+            });
+            sums.add(&picture, 0.0);
+        }
+        sums.measure(std::path::Path::new("flat")).expect("a flat field")
+    }
+
+    #[test]
+    fn pattern_fall_off_and_noise_come_back_and_units_are_told_apart() {
+        let a = unit(3, 0.01, 6);
+        assert!((a.prnu.value / 0.01 - 1.0).abs() < 0.03, "{:?}", a.prnu);
+        assert!(a.prnu.ci95[0] < 0.01 && 0.01 < a.prnu.ci95[1] * 1.01, "{:?}", a.prnu);
+        assert!((a.corner - 0.6).abs() < 0.01, "{} {:?} {:?}", a.corner, a.a1, a.a2);
+        assert!((a.tilt - 0.04).abs() < 0.004, "{}", a.tilt);
+        // 0.01 of a level of 0.5, less in the corners: more of what is left there.
+        assert!((0.02..0.027).contains(&a.temporal), "{}", a.temporal);
+        assert!(a.itself.deviations > 20.0, "{:?}", a.itself);
+        let again = likeness(&a.pattern, &unit(3, 0.01, 4).pattern);
+        assert!(again.deviations > 20.0, "{again:?}");
+        let other = likeness(&a.pattern, &unit(4, 0.01, 6).pattern);
+        assert!(other.deviations.abs() < 5.0, "control: {other:?}");
+        // Control: without a pattern there is none.
+        let none = unit(5, 0.0, 6);
+        assert!(
+            none.prnu.value < 0.002 && none.itself.deviations.abs() < 5.0,
+            "{:?} {:?}",
+            none.prnu,
+            none.itself
+        );
+    }
+}

@@ -1,0 +1,355 @@
+//! `calibrate noise`: measure, fit, simulate, compare.
+
+use serde::Serialize;
+
+use super::frames::{Encoding, Frame, check};
+use super::model::IspCamera;
+use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
+use super::search::{By, Levelled, fit_camera, level, refit};
+use super::series::{Temporal, edge_variance, static_variance, temporal};
+use super::spatial::{Correlation, column_noise, correlations, row_noise};
+use super::statics::{AlignedPair, Registration, align, difference};
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+/// What is not in the frames.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseOptions {
+    /// What the values mean.
+    pub encoding: Encoding,
+    /// Seed of the simulation.
+    pub seed: u64,
+}
+
+/// Statistics of the noise, of real or simulated frames.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    /// Photon transfer curves of R, G, B.
+    pub curves: [Vec<Bin>; 3],
+    /// The lines through them; `None` with too few bins.
+    pub fits: [Option<PtcFit>; 3],
+    /// Correlation with neighbours, R, G, B (encoded values).
+    pub neighbours: [Correlation; 3],
+    /// Correlation of R with G, G with B, R with B at the same pixel.
+    pub channels: [f64; 3],
+    /// Noise that rows share, R, G, B, linear, fraction of full scale.
+    pub row_sigma: [Estimate; 3],
+    /// The same of columns.
+    pub column_sigma: [Estimate; 3],
+}
+
+/// Real against simulated.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Per channel and bin: encoded mean (0 to 255), simulated over real variance, and the 95 % half width that chance
+    /// alone gives this ratio.
+    pub variance_ratio: [Vec<[f64; 3]>; 3],
+    /// Mean of `|ratio - 1|` over the pixels, per channel.
+    pub mean_deviation: [f64; 3],
+    /// Share of the pixels in bins within 10 %, per channel.
+    pub within_10_percent: [f64; 3],
+    /// Share of the pixels in bins within 10 % or within what chance gives.
+    pub within_10_percent_or_chance: [f64; 3],
+    /// Largest difference of the correlation with direct neighbours (horizontal, vertical, diagonal), per channel.
+    pub correlation_error: [f64; 3],
+}
+
+/// Pictures for the figure: encoded values in 0 to 1.
+#[derive(Clone, Debug)]
+pub struct Pictures {
+    /// First real frame.
+    pub real: Plane<f32>,
+    /// Difference of the first two real frames.
+    pub real_difference: Plane<f32>,
+    /// First simulated frame.
+    pub simulated: Plane<f32>,
+    /// Difference of two simulated frames.
+    pub simulated_difference: Plane<f32>,
+    /// Pixels that were used.
+    pub usable: Vec<bool>,
+}
+
+/// The result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Calibration {
+    /// Files or names of the frames.
+    pub frames: Vec<String>,
+    /// `srgb` or `linear`.
+    pub encoding: &'static str,
+    /// How each pair was made comparable.
+    pub registration: Vec<Registration>,
+    /// The real frames' noise.
+    pub real: Measured,
+    /// The noise of frames simulated with `camera`.
+    pub simulated: Measured,
+    /// The two side by side.
+    pub comparison: Comparison,
+    /// Without the curve of the noise reduction over intensity (`camera.level_gain`): sensor, colours and smoothing alone.
+    pub comparison_without_level_gain: Comparison,
+    /// With that curve from every other block of 64 px, compared on the other blocks alone: what it is worth where it was
+    /// not fitted. `None` where no curve was needed.
+    pub comparison_held_out: Option<Comparison>,
+    /// The nearest camera that the engine's chain can hold, written to camera.toml.
+    pub chain_camera: IspCamera,
+    /// What the chain makes with it.
+    pub chain: Measured,
+    /// The chain's frames beside the real ones.
+    pub comparison_chain: Comparison,
+    /// As `comparison_held_out`, of the chain.
+    pub comparison_chain_held_out: Option<Comparison>,
+    /// The fitted camera.
+    pub camera: IspCamera,
+    /// Variance (linear) of the paper's colour noise, R, G, B: mean over the usable pixels.
+    pub color_variance: [f64; 3],
+    /// The paper's static noise (an upper bound unless the scene was a flat field); needs three frames.
+    pub static_variance: Option<[f64; 3]>,
+    /// The paper's edge noise; needs frames without displacement.
+    pub edge_variance: Option<[Estimate; 3]>,
+    /// Over time; needs three frames.
+    pub temporal: Option<Temporal>,
+    /// Columns and rows of the frames as they came, px.
+    pub size_px: [usize; 2],
+    /// What limits the result, in words.
+    pub notes: Vec<String>,
+    /// For the figure.
+    #[serde(skip)]
+    pub pictures: Pictures,
+}
+
+/// Measures the noise of two or more frames of one static scene and fits a camera that makes the same.
+///
+/// # Errors
+/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]), too few intensities.
+pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
+    let encoding = options.encoding;
+    let (real, pairs) = measure_noise(frames, encoding)?;
+    let step = frames[0].step;
+    if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
+        return Err(shutterbug::Error::input(
+            &frames[0].path,
+            None,
+            "no intensity at which the noise is whole",
+            "surfaces between black and white that rest",
+        ));
+    }
+    let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
+    let Levelled { camera, simulated, shown, without, held_out } =
+        level(camera, &pairs, &real, step, options, By::Model)?;
+    let comparison = compare(&real, &simulated);
+    // The chain delivers sRGB; a linear sensor is measured by its own model.
+    let by = if encoding == Encoding::Srgb { By::Chain } else { By::Model };
+    let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
+    if chain_camera.bayer {
+        chain_camera = refit(&chain_camera, &pairs[0], options, by)?;
+    }
+    let chain = level(chain_camera, &pairs, &real, step, options, by)?;
+    let comparison_chain = compare(&real, &chain.simulated);
+    let resting = pairs.iter().all(|p| !p.registration.moved);
+    let usable = &pairs[0].usable;
+    let mut calibration = Calibration {
+        frames: frames.iter().map(|f| f.path.display().to_string()).collect(),
+        encoding: encoding.name(),
+        registration: pairs.iter().map(|p| p.registration.clone()).collect(),
+        color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
+        static_variance: if resting { static_variance(frames, usable, encoding) } else { None },
+        edge_variance: edge_variance(&pairs[0], &real.fits, encoding),
+        temporal: if resting { temporal(frames, usable) } else { None },
+        real,
+        simulated,
+        comparison,
+        comparison_chain,
+        comparison_chain_held_out: chain.held_out,
+        chain_camera: chain.camera,
+        chain: chain.simulated,
+        comparison_without_level_gain: without,
+        comparison_held_out: held_out,
+        camera,
+        size_px: [frames[0].encoded.width, frames[0].encoded.height],
+        notes: Vec::new(),
+        pictures: Pictures {
+            real: pairs[0].frames[0].clone(),
+            real_difference: pairs[0].difference(|v| v),
+            simulated_difference: difference(&shown, usable, pairs[0].registration.moved, |v| v),
+            simulated: shown[0].clone(),
+            usable: usable.clone(),
+        },
+    };
+    calibration.notes = notes(&calibration, frames);
+    Ok(calibration)
+}
+
+/// The measurement alone: the noise of the frames, and the pairs that it was taken from (first with second, third with
+/// fourth: every frame in one pair, so that the pairs are independent; an odd last frame counts over time alone).
+///
+/// # Errors
+/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]).
+pub fn measure_noise(frames: &[Frame], encoding: Encoding) -> Result<(Measured, Vec<AlignedPair>)> {
+    check(frames)?;
+    let pairs: Vec<AlignedPair> =
+        frames.chunks_exact(2).map(|p| align(&p[0], &p[1], encoding)).collect::<Result<_>>()?;
+    Ok((measure(&pairs, frames[0].step, encoding), pairs))
+}
+
+pub(super) fn mean_variance(bins: &[Bin]) -> f64 {
+    let whole = bins.iter().filter(|b| !b.cut_off);
+    let (n, sum) =
+        whole.fold((0.0, 0.0), |(n, s), b| (n + b.count, s + b.count * b.variance_linear.max(0.0)));
+    if n > 0.0 { sum / n } else { 0.0 }
+}
+
+/// All statistics of aligned pairs.
+pub(super) fn measure(pairs: &[AlignedPair], step: f32, encoding: Encoding) -> Measured {
+    let mut curves = [Curve::default(), Curve::default(), Curve::default()];
+    for pair in pairs {
+        ptc::add_pair(&mut curves, pair, encoding);
+    }
+    let curves = curves.map(|c| c.bins(step, encoding));
+    let first = &pairs[0];
+    let encoded = first.difference(|v| v);
+    let (sigma, whole) = expected_sigma(&first.mean(), &curves, &first.usable);
+    let (neighbours, channels) = correlations(&encoded, &sigma, &whole);
+    let linear = first.difference(|v| encoding.decode(v));
+    let fits = [0, 1, 2].map(|c| ptc::fit(&curves[c], neighbours[c].effective_pixels));
+    Measured {
+        fits,
+        row_sigma: row_noise(&linear, &first.usable),
+        column_sigma: column_noise(&linear, &first.usable),
+        curves,
+        neighbours,
+        channels,
+    }
+}
+
+/// Sigma of the difference at each pixel by its bin, and the pixels where no channel's noise is cut off.
+pub(super) fn expected_sigma(
+    mean: &Plane<f32>,
+    curves: &[Vec<Bin>; 3],
+    usable: &[bool],
+) -> (Plane<f32>, Vec<bool>) {
+    let tables: [Vec<Option<f32>>; 3] = curves.each_ref().map(|bins| {
+        let mut table = vec![None; ptc::BINS];
+        for b in bins.iter().filter(|b| !b.cut_off) {
+            let at = ((b.mean_dn / 255.0 * ptc::BINS as f64) as usize).min(ptc::BINS - 1);
+            table[at] = Some((2.0 * b.variance_dn2).sqrt().max(1e-3) as f32 / 255.0);
+        }
+        table
+    });
+    let mut sigma = Plane { data: vec![1.0; mean.data.len()], ..*mean };
+    let mut whole = usable.to_vec();
+    for i in (0..usable.len()).filter(|i| usable[*i]) {
+        for c in 0..3 {
+            let bin = ((mean.data[i * 3 + c] * ptc::BINS as f32) as usize).min(ptc::BINS - 1);
+            match tables[c][bin] {
+                Some(s) => sigma.data[i * 3 + c] = s,
+                None => whole[i] = false,
+            }
+        }
+    }
+    (sigma, whole)
+}
+
+pub(super) fn compare(real: &Measured, simulated: &Measured) -> Comparison {
+    let mut out = Comparison {
+        variance_ratio: Default::default(),
+        mean_deviation: [0.0; 3],
+        within_10_percent: [0.0; 3],
+        within_10_percent_or_chance: [0.0; 3],
+        correlation_error: [0.0; 3],
+    };
+    for c in 0..3 {
+        let mut total = 0.0;
+        for bin in real.curves[c].iter().filter(|b| !b.cut_off && b.variance_dn2 > 0.0) {
+            let same = |b: &&Bin| (b.mean_dn - bin.mean_dn).abs() < 1e-6;
+            let Some(other) = simulated.curves[c].iter().find(same) else { continue };
+            let ratio = other.variance_dn2 / bin.variance_dn2;
+            let of = |b: &Bin, m: &Measured| 2.0 * m.neighbours[c].effective_pixels / b.count;
+            let chance = 1.96 * (of(bin, real) + of(other, simulated)).sqrt();
+            let off = (ratio - 1.0).abs();
+            total += bin.count;
+            out.mean_deviation[c] += bin.count * off;
+            out.within_10_percent[c] += if off <= 0.1 { bin.count } else { 0.0 };
+            out.within_10_percent_or_chance[c] += if off <= chance.max(0.1) { bin.count } else { 0.0 };
+            out.variance_ratio[c].push([bin.mean_dn, ratio, chance]);
+        }
+        let total = f64::max(total, 1.0);
+        out.mean_deviation[c] /= total;
+        out.within_10_percent[c] /= total;
+        out.within_10_percent_or_chance[c] /= total;
+        let (a, b) = (real.neighbours[c].at_lags(), simulated.neighbours[c].at_lags());
+        out.correlation_error[c] = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+    }
+    out
+}
+
+const NAMES: [&str; 3] = ["red", "green", "blue"];
+
+/// What limits the result.
+fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for r in &c.registration {
+        if r.moved {
+            notes.push(format!(
+                "the camera moved by ({}, {}) px and {:.2} px more in half of the textured picture: {:.0} % of it is \
+                 left out (edges and what saturates or changed); edge noise cannot be told from displacement",
+                r.shift_px[0], r.shift_px[1], r.residual_median_px, 100.0 * r.masked_fraction
+            ));
+        } else if r.masked_fraction > 0.0 {
+            notes.push(format!(
+                "{:.1} % of the picture left out: something moved there",
+                100.0 * r.masked_fraction
+            ));
+        }
+        if r.textured_blocks == 0 {
+            notes.push("no texture to tell displacement by; without texture it does no harm".to_owned());
+        }
+        if r.gain.iter().any(|g| (g - 1.0).abs() >= 1e-3) {
+            let [r, g, b] = r.gain.map(|g| 100.0 * (g - 1.0));
+            notes.push(format!(
+                "brightness changed by {r:+.2} {g:+.2} {b:+.2} % (R, G, B) and was taken back"
+            ));
+        }
+    }
+    for (name, fit) in NAMES.iter().zip(&c.real.fits) {
+        match fit {
+            None => notes.push(format!("{name}: too few intensities for a line through the photon transfer curve")),
+            Some(f) if !f.linear => notes.push(format!(
+                "{name}: the photon transfer curve is no line (chi2/dof {:.1}, bend t {:.1}): tone curve, denoising, \
+                 JPEG or colour mixing; its full well is that of the delivered picture",
+                f.chi2_per_dof, f.bend_t
+            )),
+            Some(_) => {}
+        }
+    }
+    if let Some(held_out) = &c.comparison_held_out {
+        let [r, g, b] = held_out.mean_deviation.map(|d| 100.0 * d);
+        let [p, q, s] = c.comparison_without_level_gain.mean_deviation.map(|d| 100.0 * d);
+        notes.push(format!(
+            "sensor, colours and smoothing alone miss the variance by {p:.0} {q:.0} {s:.0} % in the mean (R, G, B): a \
+             curve of the noise over intensity was added (level_gain in report.json); on blocks it was not fitted to it \
+             misses by {r:.0} {g:.0} {b:.0} %, which is how much noise differs between surfaces of the same brightness"
+        ));
+    }
+    if c.camera.bayer {
+        let [r, g, b] = c.comparison_chain.mean_deviation.map(|d| 100.0 * d);
+        notes.push(format!(
+            "camera.toml, put through the engine's chain, misses the variance by {r:.0} {g:.0} {b:.0} % in the mean; it \
+             keeps the picture's colours (sensor_color) and blurs edges, which real noise reduction spares"
+        ));
+        notes.push(
+            "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour matrix \
+             and smoothing, and stand or fall with these; the tone curve is taken to be sRGB"
+                .to_owned(),
+        );
+    }
+    if frames.len() < 3 {
+        notes.push(
+            "two frames: the fixed pattern is in both and stays unseen; no temporal spectrum".to_owned(),
+        );
+    } else {
+        notes.push(
+            "the static part holds the scene's own texture: an upper bound unless it was a flat field"
+                .to_owned(),
+        );
+    }
+    notes
+}

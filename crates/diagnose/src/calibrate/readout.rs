@@ -1,0 +1,333 @@
+//! Readout from stripes: under a light that blinks, a rolling shutter's lines see it at different times, and their means go up and down
+//! with the light. The period in lines times the delay between lines is the light's period. A global shutter shows no stripes.
+//!
+//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance) and by their phase,
+//! which is the same in all parts of a line.
+
+use std::f64::consts::{LN_2, TAU};
+
+use serde::Serialize;
+
+use super::frames::Encoding;
+use shutterbug::plane::Plane;
+
+/// How often stripes may be seen where there are none.
+const ALPHA: f64 = 0.01;
+/// Fewest stripes in a picture: fewer cannot be told from a slope.
+const FEWEST: f64 = 3.0;
+/// Spectrum values a natural step (one over the number of lines), so that no peak falls between.
+const OVERSAMPLED: usize = 4;
+/// Parts of a line whose phases are compared.
+const PARTS: usize = 8;
+/// Natural steps on each side of a place of the spectrum that are its surroundings, and those next to it that belong to it.
+const AROUND: usize = 24;
+const OWN: usize = 3;
+/// Harmonics of the light of which the strongest line may be one.
+const MOST_HARMONICS: usize = 4;
+
+/// Stripes, and what follows from them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Readout {
+    /// Whether lines are rows (else columns).
+    pub lines_are_rows: bool,
+    /// Number of lines.
+    pub lines: usize,
+    /// Lines from one stripe to the next.
+    pub period_lines: f64,
+    /// Relative brightness of the stripes: amplitude over mean.
+    pub depth: f64,
+    /// Delay from one line to the next, s.
+    pub line_delay_s: f64,
+    /// Readout of all lines, s.
+    pub readout_time_s: f64,
+    /// 95 % interval of the readout, s.
+    pub ci95_s: [f64; 2],
+}
+
+/// What was looked for and how strongly it was seen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stripes {
+    /// Readout, where there are stripes.
+    pub readout: Option<Readout>,
+    /// The strongest line of the spectrum over its surroundings: along rows and along columns.
+    pub strongest: [f64; 2],
+    /// What it would have to be.
+    pub threshold: [f64; 2],
+}
+
+/// Finds stripes in photographs (encoded values) of one scene at rest under a light of `light_hz` blinks a second. From two on, content
+/// that they share is divided out; of one alone an evenly lit surface is expected.
+pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f64) -> Stripes {
+    let mut strongest = [0.0; 2];
+    let mut threshold = [0.0; 2];
+    let mut best: Option<(f64, Readout)> = None;
+    for (axis, rows) in [true, false].into_iter().enumerate() {
+        let parts = lines_of(photographs, encoding, rows);
+        let lines = parts.first().map_or(0, Vec::len);
+        if (lines as f64) < 4.0 * FEWEST {
+            continue;
+        }
+        let mean = mean_of(&parts);
+        let spectrum = Spectrum::of(&mean);
+        threshold[axis] = (0.5 * lines as f64 / ALPHA).ln();
+        strongest[axis] = spectrum.strongest().map_or(0.0, |i| spectrum.over_surroundings(i));
+        let Some(frequency) = spectrum.fundamental(threshold[axis]) else { continue };
+        let frequency = refined(&mean, frequency);
+        let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
+        if !in_phase(&parts, frequency) {
+            continue;
+        }
+        let readout = readout(rows, lines, frequency, amplitude, noise, light_hz);
+        let over = strongest[axis] / threshold[axis];
+        if best.as_ref().is_none_or(|b| over > b.0) {
+            best = Some((over, readout));
+        }
+    }
+    Stripes { readout: best.map(|b| b.1), strongest, threshold }
+}
+
+fn readout(rows: bool, lines: usize, frequency: f64, amplitude: f64, noise: f64, light_hz: f64) -> Readout {
+    let n = lines as f64;
+    // Cramer and Rao's bound of a sine's frequency in noise of that variance a line.
+    let spread = (24.0 * noise / (amplitude * amplitude * n * n * n)).sqrt() / TAU;
+    let line_delay_s = frequency / light_hz;
+    let half_s = 1.96 * n * spread / light_hz;
+    let readout_time_s = n * line_delay_s;
+    Readout {
+        lines_are_rows: rows,
+        lines,
+        period_lines: 1.0 / frequency,
+        depth: amplitude,
+        line_delay_s,
+        readout_time_s,
+        ci95_s: [readout_time_s - half_s, readout_time_s + half_s],
+    }
+}
+
+/// Logarithms of the lines' mean light in each part of the lines, without what changes slowly; of several photographs their changes.
+fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<Vec<f64>> {
+    let logs = |p: &Plane<f32>| -> Vec<Vec<f64>> {
+        let (lines, across) = if rows { (p.height, p.width) } else { (p.width, p.height) };
+        let part = |k: usize| k * across / PARTS..(k + 1) * across / PARTS;
+        let line = |i: usize, k: usize| {
+            let at = |j: usize| if rows { p.pixel(j, i) } else { p.pixel(i, j) };
+            let sum: f64 = part(k).flat_map(at).map(|v| f64::from(encoding.decode(*v))).sum();
+            (sum / (part(k).len() * p.channels).max(1) as f64).max(1e-6).ln()
+        };
+        (0..PARTS).map(|k| (0..lines).map(|i| line(i, k)).collect()).collect()
+    };
+    let all: Vec<_> = photographs.iter().map(logs).collect();
+    let parts = match all.as_slice() {
+        [one] => one.clone(),
+        several => {
+            // Pairs apart, so that what one shows is not in two changes.
+            let pairs: Vec<_> = several.chunks_exact(2).collect();
+            let change = |k: usize, i: usize| {
+                let sum: f64 = pairs.iter().map(|p| p[0][k][i] - p[1][k][i]).sum();
+                sum / pairs.len() as f64
+            };
+            let lines = several.first().map_or(0, |s| s[0].len());
+            (0..PARTS).map(|k| (0..lines).map(|i| change(k, i)).collect()).collect()
+        }
+    };
+    parts.into_iter().map(without_slopes).collect()
+}
+
+/// Less the cubic that is nearest: slopes of the light and of the lens.
+fn without_slopes(values: Vec<f64>) -> Vec<f64> {
+    let n = values.len();
+    let mut left = values;
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for power in 0..4 {
+        let mut next: Vec<f64> =
+            (0..n).map(|i| (2.0 * i as f64 / (n.max(2) - 1) as f64 - 1.0).powi(power)).collect();
+        for b in &basis {
+            let along: f64 = b.iter().zip(&next).map(|(a, v)| a * v).sum();
+            next.iter_mut().zip(b).for_each(|(v, a)| *v -= along * a);
+        }
+        let length = next.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-12);
+        next.iter_mut().for_each(|v| *v /= length);
+        let along: f64 = next.iter().zip(&left).map(|(a, v)| a * v).sum();
+        left.iter_mut().zip(&next).for_each(|(v, a)| *v -= along * a);
+        basis.push(next);
+    }
+    left
+}
+
+fn mean_of(parts: &[Vec<f64>]) -> Vec<f64> {
+    (0..parts[0].len()).map(|i| parts.iter().map(|p| p[i]).sum::<f64>() / parts.len() as f64).collect()
+}
+
+/// Sums of the values times cosine and sine of a frequency, cycles a line.
+fn transform(values: &[f64], frequency: f64) -> [f64; 2] {
+    let step = TAU * frequency;
+    let turn = |i: usize| (step * i as f64).sin_cos();
+    values.iter().enumerate().fold([0.0; 2], |[c, s], (i, v)| {
+        let (sin, cos) = turn(i);
+        [c + v * cos, s + v * sin]
+    })
+}
+
+/// Amplitude of a sine of that frequency.
+fn amplitude(values: &[f64], frequency: f64) -> f64 {
+    let [c, s] = transform(values, frequency);
+    2.0 * c.hypot(s) / values.len() as f64
+}
+
+/// The frequency nearby at which the amplitude is largest.
+fn refined(values: &[f64], frequency: f64) -> f64 {
+    let natural = 1.0 / values.len() as f64;
+    let (mut low, mut high) = (frequency - 0.5 * natural, frequency + 0.5 * natural);
+    for _ in 0..40 {
+        let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
+        if amplitude(values, a) < amplitude(values, b) { low = a } else { high = b }
+    }
+    0.5 * (low + high)
+}
+
+/// Whether the parts of the lines agree in phase beyond chance (Rayleigh's test): content does not.
+fn in_phase(parts: &[Vec<f64>], frequency: f64) -> bool {
+    let units = parts.iter().map(|p| {
+        let [c, s] = transform(p, frequency);
+        let length = c.hypot(s).max(1e-300);
+        [c / length, s / length]
+    });
+    let n = parts.len() as f64;
+    let [c, s] = units.fold([0.0; 2], |a, u| [a[0] + u[0], a[1] + u[1]]);
+    (-(c * c + s * s) / n).exp() < ALPHA
+}
+
+/// Power by frequency.
+struct Spectrum {
+    /// Cycles a line of entry i: i times this.
+    step: f64,
+    power: Vec<f64>,
+    lines: usize,
+}
+
+impl Spectrum {
+    fn of(values: &[f64]) -> Self {
+        let lines = values.len();
+        let step = 1.0 / (OVERSAMPLED * lines) as f64;
+        // A window, so that what is left of slopes stays at the low end.
+        let windowed: Vec<f64> = values
+            .iter()
+            .enumerate()
+            .map(|(i, v)| v * (0.5 - 0.5 * (TAU * (i as f64 + 0.5) / lines as f64).cos()))
+            .collect();
+        let power = |i: usize| {
+            let [c, s] = transform(&windowed, i as f64 * step);
+            // Of white noise: its variance.
+            (c * c + s * s) / (0.375 * lines as f64)
+        };
+        Self { step, power: (0..OVERSAMPLED * lines / 2).map(power).collect(), lines }
+    }
+
+    fn lowest(&self) -> usize {
+        (FEWEST * OVERSAMPLED as f64) as usize
+    }
+
+    /// The place of the largest power over its surroundings.
+    fn strongest(&self) -> Option<usize> {
+        let over = |i: &usize| self.over_surroundings(*i);
+        (self.lowest()..self.power.len()).max_by(|a, b| over(a).total_cmp(&over(b)))
+    }
+
+    /// Mean power around a place, without its own: of noise it is exponentially distributed, with its median at ln 2 of its mean.
+    fn surroundings(&self, at: usize) -> f64 {
+        let (near, far) = (OWN * OVERSAMPLED, AROUND * OVERSAMPLED);
+        let below = at.saturating_sub(far).max(1)..at.saturating_sub(near);
+        let above = (at + near)..(at + far).min(self.power.len());
+        let mut all: Vec<f64> = below.chain(above).map(|i| self.power[i]).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY) / LN_2
+    }
+
+    fn over_surroundings(&self, at: usize) -> f64 {
+        self.power[at] / self.surroundings(at).max(1e-300)
+    }
+
+    fn noise_near(&self, frequency: f64) -> f64 {
+        self.surroundings((frequency / self.step).round() as usize)
+    }
+
+    /// Frequency of the light's first harmonic that stands out, cycles a line.
+    fn fundamental(&self, threshold: f64) -> Option<f64> {
+        let stands_out = |at: usize| {
+            let near = at.saturating_sub(OVERSAMPLED).max(self.lowest())
+                ..(at + OVERSAMPLED + 1).min(self.power.len());
+            let best = near.max_by(|a, b| self.power[*a].total_cmp(&self.power[*b]))?;
+            (self.over_surroundings(best) > threshold).then_some(best)
+        };
+        let over = (self.lowest()..self.power.len()).filter(|i| self.over_surroundings(*i) > threshold);
+        let strongest = over.max_by(|a, b| self.power[*a].total_cmp(&self.power[*b]))?;
+        let parts = (2..=MOST_HARMONICS).rev().filter_map(|k| {
+            let at = (strongest as f64 / k as f64).round() as usize;
+            (at >= self.lowest()).then(|| stands_out(at)).flatten()
+        });
+        let lowest = parts.min().unwrap_or(strongest);
+        debug_assert!(self.lines > 0);
+        Some(lowest as f64 * self.step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Dice(u64);
+
+    impl Dice {
+        fn normal(&mut self) -> f64 {
+            let mut roll = || {
+                self.0 =
+                    self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (self.0 >> 40) as f64 / f64::from(1 << 24)
+            };
+            (0..12).map(|_| roll()).sum::<f64>() - 6.0
+        }
+    }
+
+    /// A lamp that is on for `duty` of its period, seen by lines that are open for `open` periods, `delay` periods apart.
+    fn photograph(
+        size: [usize; 2],
+        delay: f64,
+        open: f64,
+        duty: f64,
+        noise: f64,
+        content: bool,
+    ) -> Plane<f32> {
+        let mut dice = Dice(7);
+        let light_until = |t: f64| t.floor() * duty + t.rem_euclid(1.0).min(duty);
+        Plane::from_fn(size[0], size[1], |x, y| {
+            let t = 0.3 + delay * y as f64;
+            let light = 0.2 + 0.8 * (light_until(t + open) - light_until(t)) / open;
+            let print = if content { 1.0 + 0.5 * (0.9 * y as f64 + 0.05 * x as f64).sin() } else { 1.0 };
+            [(0.4 * light * print * (1.0 + noise * dice.normal())) as f32; 3]
+        })
+    }
+
+    #[test]
+    fn the_readout_follows_from_the_stripes_and_a_global_shutter_has_none() {
+        // 480 lines in 20 ms under a light of 500 Hz: ten stripes.
+        let delay = 0.02 / 480.0 * 500.0;
+        for (open, duty) in [(0.4, 0.5), (0.2, 0.1), (1.3, 0.5)] {
+            let striped = photograph([320, 480], delay, open, duty, 0.05, false);
+            let found = find_stripes(&[striped], Encoding::Linear, 500.0);
+            let readout = found.readout.clone().unwrap_or_else(|| panic!("{open} {duty}: {found:?}"));
+            assert!(readout.lines_are_rows);
+            assert!((readout.readout_time_s / 0.02 - 1.0).abs() < 0.01, "{open} {duty}: {readout:?}");
+        }
+        let global = photograph([320, 480], 0.0, 0.4, 0.5, 0.05, false);
+        assert!(find_stripes(&[global], Encoding::Linear, 500.0).readout.is_none(), "control");
+        // Open for a whole number of periods, every line sees the same.
+        let whole = photograph([320, 480], delay, 1.0, 0.5, 0.05, false);
+        assert!(find_stripes(&[whole], Encoding::Linear, 500.0).readout.is_none());
+    }
+
+    #[test]
+    fn a_pattern_across_the_lines_is_no_stripe() {
+        let print = photograph([320, 480], 0.0, 0.4, 0.5, 0.02, true);
+        assert!(find_stripes(&[print], Encoding::Linear, 500.0).readout.is_none());
+    }
+}

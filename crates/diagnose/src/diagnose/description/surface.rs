@@ -1,0 +1,273 @@
+//! The places of a scene that may be brighter or darker than described: a grid of cells on every surface, and which cell each
+//! pixel of a picture sees.
+//!
+//! A cell belongs to one object, one material and one direction that a surface faces: paint ends where a material does, and
+//! light where a surface turns. Within these a factor is linear between the corners of its cells. A pixel at a border sees
+//! several, each with its share of the light.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::rays::{Body, Hit};
+use crate::diagnose::forward::Forward;
+use crate::diagnose::model::{P, Theta};
+use shutterbug::camera::{Pose, ShutterTiming, Trajectory};
+use shutterbug::reference::Shader;
+
+/// Side of a cell as a part of the picture's width, at the middle of all distances: 8 px of 320. More than a blur or
+/// sharpening reaches, so that a factor cannot do what these do; no more than the edge of a soft shadow is wide.
+pub(super) const CELL: f64 = 1.0 / 40.0;
+/// Directions of a surface along each axis, to each side.
+const STEPS: f32 = 8.0;
+/// What stands for no surface.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Corners and cells that have been seen, by number.
+#[derive(Default)]
+pub(super) struct Grid {
+    /// Side of a cell, m.
+    side_m: f32,
+    corners: HashMap<(u32, [i32; 3]), u32>,
+    cells: HashMap<(u32, [i32; 3]), u32>,
+    groups: HashMap<(u32, [i8; 3]), u32>,
+    /// By cell: its corners.
+    pub of_cell: Vec<[u32; 8]>,
+    /// By corner: the group (object, material, direction) that it belongs to.
+    pub group: Vec<u32>,
+    /// By group: the surface (object and material) that it belongs to.
+    pub surface: Vec<u32>,
+}
+
+/// What the pixels of one picture see, shape `[height, width]`.
+pub(super) struct Surface {
+    /// Cell, or [`NONE`].
+    pub cell: Vec<u32>,
+    /// Place within it, 0 to 1 along each axis.
+    pub local: Vec<[f32; 3]>,
+    /// Whether all pixels around it see the same: no edge lies near.
+    pub clean: Vec<bool>,
+    /// Pixels at a border, and what their parts see.
+    pub mixed: Vec<(u32, [Part; PARTS])>,
+}
+
+/// What a part of a pixel sees.
+#[derive(Clone, Copy)]
+pub(super) struct Part {
+    pub cell: u32,
+    pub local: [f32; 3],
+    /// Its share of the pixel's light, by colour.
+    pub share: [f32; 3],
+}
+
+/// Parts of a pixel at a border: their places are those of eight rooks, each in a row and a column of its own.
+const PARTS: usize = 8;
+const ROOKS: [f64; PARTS] = [0.0, 3.0, 6.0, 1.0, 4.0, 7.0, 2.0, 5.0];
+
+impl Surface {
+    pub(super) fn bytes(&self) -> usize {
+        17 * self.cell.len() + size_of::<(u32, [Part; PARTS])>() * self.mixed.len()
+    }
+}
+
+impl Grid {
+    pub(super) fn new(side_m: f32) -> Self {
+        Self { side_m, ..Self::default() }
+    }
+
+    /// Number of corners.
+    pub(super) fn count(&self) -> usize {
+        self.group.len()
+    }
+
+    /// A place of one group.
+    #[cfg(test)]
+    pub(super) fn place_for_tests(&mut self, at: Vec3) -> (u32, [f32; 3]) {
+        self.surface.resize(1, 0);
+        self.place(0, at)
+    }
+
+    /// The group of a surface that faces a direction, in steps of some seven degrees.
+    pub(super) fn group_of(&mut self, surface: u32, normal: Vec3) -> u32 {
+        let faces = (STEPS * normal.normalize_or_zero()).round();
+        let next = self.groups.len() as u32;
+        let key = (surface, [faces.x as i8, faces.y as i8, faces.z as i8]);
+        let group = *self.groups.entry(key).or_insert(next);
+        if group == next {
+            self.surface.push(surface);
+        }
+        group
+    }
+
+    /// The cell of a place of a group, and the place within it.
+    pub(super) fn place(&mut self, group: u32, at: Vec3) -> (u32, [f32; 3]) {
+        let scaled = at / self.side_m;
+        let low = scaled.floor();
+        let key = low.as_ivec3().to_array();
+        let local = (scaled - low).to_array();
+        if let Some(&cell) = self.cells.get(&(group, key)) {
+            return (cell, local);
+        }
+        let corners = std::array::from_fn(|i| {
+            let corner = [0, 1, 2].map(|a| key[a] + (i >> a & 1) as i32);
+            let next = self.group.len() as u32;
+            let number = *self.corners.entry((group, corner)).or_insert(next);
+            if number == next {
+                self.group.push(group);
+            }
+            number
+        });
+        let cell = self.of_cell.len() as u32;
+        self.of_cell.push(corners);
+        self.cells.insert((group, key), cell);
+        (cell, local)
+    }
+}
+
+/// Weights of the corners of a cell for a place in it.
+pub(super) fn weights([x, y, z]: [f32; 3]) -> [f32; 8] {
+    std::array::from_fn(|i| {
+        let part = |bit: usize, v: f32| if i >> bit & 1 == 1 { v } else { 1.0 - v };
+        part(0, x) * part(1, y) * part(2, z)
+    })
+}
+
+/// Rays of one frame.
+struct Sight<'a> {
+    forward: &'a Forward,
+    bodies: &'a [Body],
+    theta: &'a Theta,
+    path: Arc<Trajectory>,
+    shutter: ShutterTiming,
+    /// By line, at the middle of its exposure: the camera in each body's coordinates.
+    lines: Vec<Vec<Pose>>,
+}
+
+impl<'a> Sight<'a> {
+    fn new(forward: &'a Forward, bodies: &'a [Body], at: usize, theta: &'a Theta) -> Self {
+        let shutter = forward.shutter(at, theta);
+        let mut sight =
+            Self { forward, bodies, theta, path: forward.path(theta), shutter, lines: Vec::new() };
+        sight.lines =
+            (0..sight.shutter.line_count).map(|l| sight.poses(sight.shutter.line_middle_s(l))).collect();
+        sight
+    }
+
+    /// The camera in each body's coordinates.
+    fn poses(&self, time_s: f64) -> Vec<Pose> {
+        let camera = self.path.pose_at(time_s);
+        let pose = |b: &Body| match b.object {
+            None => camera,
+            Some(o) => self.forward.scene.objects[o].world_from_object(time_s).inverse().then_from(&camera),
+        };
+        self.bodies.iter().map(pose).collect()
+    }
+
+    /// What a place of the picture sees. `guess`: a body and its triangle.
+    fn meet(&self, px: DVec2, poses: &[Pose], guess: Option<(usize, u32)>) -> Option<(usize, Hit)> {
+        let k = &self.forward.intrinsics;
+        let f = self.theta.get(P::Focal) * DVec2::new(k.fx, k.fy);
+        let ray = ((self.forward.without_lens(px, self.theta) - DVec2::new(k.cx, k.cy)) / f).extend(1.0);
+        let mut best: Option<(usize, Hit)> = None;
+        for (b, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
+            let most = best.map_or(f32::INFINITY, |(_, hit)| hit.t);
+            let (from, along) = (pose.translation_m.as_vec3(), (pose.rotation * ray).as_vec3());
+            let likely = guess.filter(|g| g.0 == b).map(|g| g.1);
+            best = body.meet(from, along, most, likely).map(|hit| (b, hit)).or(best);
+        }
+        best
+    }
+
+    fn line_of(&self, i: usize) -> u32 {
+        let k = &self.forward.intrinsics;
+        self.theta.scan_order.line_of(i as u32 % k.width, i as u32 / k.width, k.width, k.height)
+    }
+
+    /// What the middle of each pixel sees.
+    fn middles(&self) -> Vec<Option<(usize, Hit)>> {
+        let (w, h) = (self.forward.intrinsics.width as usize, self.forward.intrinsics.height as usize);
+        let row = |y: usize| {
+            let mut last = None;
+            (0..w).map(move |x| {
+                let px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                let hit = self.meet(px, &self.lines[self.line_of(y * w + x) as usize], last);
+                last = hit.map(|(b, h)| (b, h.triangle[0]));
+                hit
+            })
+        };
+        (0..h).into_par_iter().flat_map_iter(row).collect()
+    }
+
+    /// What the parts of a pixel see over its exposure, and how bright that is.
+    fn parts(
+        &self,
+        i: usize,
+        guess: Option<(usize, u32)>,
+        shader: &Shader<'_>,
+    ) -> [Option<(Hit, [f32; 3])>; PARTS] {
+        let w = self.forward.intrinsics.width as usize;
+        let line = self.line_of(i);
+        std::array::from_fn(|s| {
+            let part = |v: f64| (v + 0.5) / PARTS as f64;
+            let px = DVec2::new((i % w) as f64 + part(s as f64), (i / w) as f64 + part(ROOKS[s]));
+            let hit = if self.shutter.exposure_time_s > 0.0 {
+                let when = part(ROOKS[(s + 3) % PARTS]) * self.shutter.exposure_time_s;
+                self.meet(px, &self.poses(self.shutter.line_start_s(line) + when), guess)
+            } else {
+                self.meet(px, &self.lines[line as usize], guess)
+            };
+            hit.map(|(_, h)| (h, shader.radiance(h.triangle[1] as usize, h.corners.map(f64::from))))
+        })
+    }
+}
+
+impl Forward {
+    /// Cells that the pixels of a frame see.
+    pub(super) fn surface_of(&self, bodies: &[Body], grid: &mut Grid, at: usize, theta: &Theta) -> Surface {
+        let (w, h) = (self.intrinsics.width as usize, self.intrinsics.height as usize);
+        let sight = Sight::new(self, bodies, at, theta);
+        let hits = sight.middles();
+        let groups: Vec<u32> = hits
+            .iter()
+            .map(|h| h.as_ref().map_or(NONE, |(_, h)| grid.group_of(h.surface, h.normal)))
+            .collect();
+        let kinds: Vec<u32> = hits.iter().map(|h| h.as_ref().map_or(NONE, |(_, h)| h.surface)).collect();
+        let (mut cell, mut local) = (vec![NONE; w * h], vec![[0.0; 3]; w * h]);
+        let (mut clean, mut border) = (vec![false; w * h], Vec::new());
+        for (i, hit) in hits.iter().enumerate() {
+            let Some((_, hit)) = hit else { continue };
+            (cell[i], local[i]) = grid.place(groups[i], hit.at);
+            let (x, y) = (i % w, i / w);
+            if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
+                continue;
+            }
+            let near = [i - 1, i + 1, i - w, i + w, i - w - 1, i - w + 1, i + w - 1, i + w + 1];
+            if near.iter().any(|&n| groups[n] != groups[i]) {
+                border.push(i);
+            } else {
+                clean[i] = [i - 2, i + 2, i - 2 * w, i + 2 * w].iter().all(|&n| kinds[n] == kinds[i]);
+            }
+        }
+        let shader = Shader::new(&self.scene, sight.shutter.middle_s(), DVec3::ZERO);
+        let guess = |i: usize| hits[i].map(|(b, h)| (b, h.triangle[0]));
+        let parts: Vec<_> =
+            border.par_iter().map(|&i| (i as u32, sight.parts(i, guess(i), &shader))).collect();
+        let mixed = parts.into_iter().filter_map(|(i, parts)| Some((i, shared(grid, &parts)?))).collect();
+        Surface { cell, local, clean, mixed }
+    }
+}
+
+/// Parts of a pixel by their shares of its light; nothing where there is none.
+fn shared(grid: &mut Grid, parts: &[Option<(Hit, [f32; 3])>; PARTS]) -> Option<[Part; PARTS]> {
+    let sums = [0, 1, 2].map(|c| parts.iter().flatten().map(|p| p.1[c]).sum::<f32>());
+    let nothing = Part { cell: NONE, local: [0.0; 3], share: [0.0; 3] };
+    let mut out = [nothing; PARTS];
+    for (to, (hit, light)) in out.iter_mut().zip(parts.iter().flatten()) {
+        let group = grid.group_of(hit.surface, hit.normal);
+        let (cell, local) = grid.place(group, hit.at);
+        *to = Part { cell, local, share: [0, 1, 2].map(|c| light[c] / sums[c].max(1e-9)) };
+    }
+    sums.iter().all(|s| *s > 0.0).then_some(out)
+}

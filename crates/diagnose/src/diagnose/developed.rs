@@ -1,0 +1,166 @@
+//! From radiance to delivered pictures, and the last of these, kept: a search asks for the picture of one point again and again
+//! (as the end of a step, the beginning of the next, the model to be compared with).
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::discrepancy::{DRAWS, off_by};
+use super::flips::Flips;
+use super::forward::{Forward, Quality};
+use super::model::{P, Theta};
+use super::settings::settings_of;
+use super::tone::Tone;
+use shutterbug::chain::View;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+use shutterbug::reference::moments::{expected, through_file};
+
+/// Most bytes of pictures that are kept.
+const KEPT_BYTES: usize = 256 << 20;
+
+/// Place, how well it is rendered, whether by the engine's own lens, the frame's light, and the point.
+type Key = (usize, Quality, bool, u64, Vec<u64>);
+
+/// Sets of draws that are kept, see [`Forward::flipped`].
+const KEPT_DRAWS: usize = 4;
+
+/// By frame and draw: differences, DN.
+pub(super) type Flipped = Vec<Vec<Arc<Plane<f32>>>>;
+
+/// Delivered pictures by what they show, with the time of their last use.
+#[derive(Default)]
+pub(super) struct Developed {
+    kept: HashMap<Key, (u64, Arc<Plane<f32>>)>,
+    clock: u64,
+    /// By what they show, the last first.
+    flipped: Vec<(String, Flipped)>,
+}
+
+impl Developed {
+    pub(super) fn clear(&mut self) {
+        self.kept.clear();
+        self.flipped.clear();
+    }
+
+    fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
+        self.clock += 1;
+        let entry = self.kept.get_mut(key)?;
+        entry.0 = self.clock;
+        Some(entry.1.clone())
+    }
+
+    /// Keeps a picture. Where there is no more room the half that nobody has asked for longest goes.
+    fn keep(&mut self, key: Key, plane: Arc<Plane<f32>>) {
+        let most = (KEPT_BYTES / (4 * plane.data.len()).max(1)).max(8);
+        if self.kept.len() >= most {
+            let mut ages: Vec<u64> = self.kept.values().map(|(age, _)| *age).collect();
+            let middle = ages.len() / 2;
+            let oldest = *ages.select_nth_unstable(middle).1;
+            self.kept.retain(|_, (age, _)| *age > oldest);
+        }
+        self.clock += 1;
+        self.kept.insert(key, (self.clock, plane));
+    }
+}
+
+impl Forward {
+    /// Values as delivered, DN, without noise; by place.
+    pub(super) fn simulate(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Plane<f32>>> {
+        Ok(self.pictures(frames, theta, quality)?.iter().map(|p| (**p).clone()).collect())
+    }
+
+    /// The same, shared with whoever asks next.
+    pub(super) fn pictures(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
+        let point = theta.bits();
+        let key = |at: usize| (at, quality, self.native, self.light[at].to_bits(), point.clone());
+        let keys: Vec<Key> = frames.iter().map(|&at| key(at)).collect();
+        let mut found: Vec<Option<Arc<Plane<f32>>>> = keys.iter().map(|key| self.recall(key)).collect();
+        let missing: Vec<usize> = (0..frames.len()).filter(|&i| found[i].is_none()).collect();
+        if !missing.is_empty() {
+            let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
+            let radiance = self.radiance(&places, theta, quality)?;
+            let tone = Tone::new(theta);
+            let develop = |(&at, r): (&usize, &Arc<Plane<f32>>)| Arc::new(self.develop(at, r, theta, &tone));
+            let done: Vec<_> = places.par_iter().zip(&radiance).map(develop).collect();
+            for (i, plane) in missing.into_iter().zip(done) {
+                self.bench.developed.keep(keys[i].clone(), plane.clone());
+                found[i] = Some(plane);
+            }
+        }
+        Ok(found.into_iter().map(|f| f.expect("just developed")).collect())
+    }
+
+    fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
+        let kept = self.bench.developed.recall(key);
+        if kept.is_some() || !self.trying { kept } else { self.aside.developed.recall(key) }
+    }
+
+    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no compression, or
+    /// where pixels share their chroma before it.
+    pub(super) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
+        let tone = Tone::new(theta);
+        if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
+            return Ok(Vec::new());
+        }
+        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let of = |dn: &Arc<Plane<f32>>| {
+            let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
+            let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
+            Flips::of(dn, &variance, theta.get(P::Quality) as u8)
+        };
+        Ok(before.par_iter().map(of).collect())
+    }
+
+    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its compression, DN, one a
+    /// draw. A coefficient near a threshold of the quantizer goes the other way, in every block of that colour. Nothing without
+    /// compression, which spreads nothing.
+    pub(super) fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
+        if !theta.is_on(P::Quality) {
+            return Ok(vec![Vec::new(); frames.len()]);
+        }
+        let key = format!("{frames:?} {quality:?} {} {:?} {theta:?}", self.native, self.light);
+        if let Some((_, known)) = self.bench.developed.flipped.iter().find(|(k, _)| *k == key) {
+            return Ok(known.clone());
+        }
+        let (settings, tone) = (settings_of(theta), Tone::new(theta));
+        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let after = self.pictures(frames, theta, quality)?;
+        let less = |mut a: Plane<f32>, b: &Plane<f32>| {
+            a.data.iter_mut().zip(&b.data).for_each(|(a, b)| *a -= b);
+            a
+        };
+        let one = |i: usize| -> Vec<Arc<Plane<f32>>> {
+            let drawn = |draw| through_file(&off_by(&before[i], draw, frames[i]), &settings, &tone);
+            (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
+        };
+        let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();
+        let kept = &mut self.bench.developed.flipped;
+        kept.truncate(KEPT_DRAWS - 1);
+        kept.insert(0, (key, flipped.clone()));
+        Ok(flipped)
+    }
+
+    /// Develops the radiance of a frame.
+    pub(super) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
+        let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
+        let settings = settings_of(theta);
+        if self.light[at] == 1.0 {
+            return expected(radiance, &settings, &view, tone);
+        }
+        let light = self.light[at] as f32;
+        let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
+        expected(&lit, &settings, &view, tone)
+    }
+}

@@ -1,0 +1,208 @@
+//! How the content of a picture moves when a parameter of the geometry changes: what derivatives are made of, without a
+//! render.
+
+use glam::{DQuat, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::forward::Forward;
+use super::model::{P, Theta};
+use shutterbug::camera::Pose;
+use shutterbug::plane::Plane;
+
+/// Time over which a velocity is taken, s.
+const STEP_S: f64 = 1e-3;
+
+/// Displacement of the place that each pixel reads, px, per channel (one entry where channels agree).
+pub(super) struct Flow(pub Vec<Vec<[f32; 2]>>);
+
+impl Forward {
+    /// Velocity of the content at the time at which each pixel is exposed, px/s, shape `[height, width, 2]`.
+    pub(super) fn velocity(&self, at: usize, theta: &Theta) -> Plane<f32> {
+        let sharp = &self.sharp[at];
+        if self.static_camera || self.is_unposed() {
+            return sharp.velocity.clone();
+        }
+        let shutter = self.shutter(at, theta);
+        let time_s = |line: u32| shutter.line_middle_s(line);
+        let mut velocity = self.camera_velocity(&sharp.depth, theta, time_s);
+        if let Some(own) = &sharp.own {
+            velocity.data.iter_mut().zip(&own.data).for_each(|(v, o)| *v += o);
+        }
+        velocity
+    }
+
+    /// The part of the velocity that is the camera's; `time_s` gives the time of a line by its place in scan order.
+    pub(super) fn camera_velocity(
+        &self,
+        depth: &Plane<f32>,
+        theta: &Theta,
+        time_s: impl Fn(u32) -> f64,
+    ) -> Plane<f32> {
+        let k = &self.intrinsics;
+        let (w, h) = (depth.width, depth.height);
+        let order = theta.scan_order;
+        let path = self.path(theta);
+        let (first_s, last_s) = path.span_s();
+        // The content in the camera's space a moment later, from that of now.
+        let moves: Vec<Pose> = (0..order.line_count(k.width, k.height))
+            .map(|line| {
+                let t = time_s(line).clamp(first_s, (last_s - STEP_S).max(first_s));
+                path.pose_at(t + STEP_S).inverse().then_from(&path.pose_at(t))
+            })
+            .collect();
+        let f = theta.get(P::Focal) * DVec2::new(k.fx, k.fy);
+        let centre = DVec2::new(k.cx, k.cy);
+        let data: Vec<f32> = (0..w * h)
+            .into_par_iter()
+            .flat_map_iter(|i| {
+                let (x, y) = (i % w, i / w);
+                let z = f64::from(depth.data[i]);
+                let line = order.line_of(x as u32, y as u32, k.width, k.height);
+                let pose = &moves[line as usize];
+                let at = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - centre) / f;
+                let ray = at.extend(1.0);
+                let then = pose.rotation * ray
+                    + if z.is_finite() { pose.translation_m / z.max(0.05) } else { DVec3::ZERO };
+                let moved = f * (then.truncate() / then.z.max(0.05) - at) / STEP_S;
+                [moved.x as f32, moved.y as f32]
+            })
+            .collect();
+        Plane { width: w, height: h, channels: 2, data }
+    }
+
+    /// Where a point of the picture lies in the picture of the given camera at the given pose, px.
+    pub(super) fn source(&self, px: DVec2, theta: &Theta, channel: usize) -> DVec2 {
+        let k = &self.intrinsics;
+        let centre = DVec2::new(k.cx, k.cy);
+        let scale = [theta.get(P::ScaleR), 1.0, theta.get(P::ScaleB)][channel];
+        let ratio = theta.get(P::Focal);
+        let distorted = (px - centre) / scale / (ratio * DVec2::new(k.fx, k.fy));
+        let undistorted = undistort(distorted, theta);
+        let turn = DVec3::new(theta.get(P::RotX), theta.get(P::RotY), theta.get(P::RotZ));
+        let ray = DQuat::from_scaled_axis(turn) * undistorted.extend(1.0);
+        centre + DVec2::new(k.fx, k.fy) * ray.truncate() / ray.z.max(0.05)
+    }
+
+    /// Where a point of the picture lies without the lens, px, for the focal length of `theta`.
+    pub(super) fn without_lens(&self, px: DVec2, theta: &Theta) -> DVec2 {
+        let k = &self.intrinsics;
+        let centre = DVec2::new(k.cx, k.cy);
+        let f = theta.get(P::Focal) * DVec2::new(k.fx, k.fy);
+        centre + f * undistort((px - centre) / f, theta)
+    }
+
+    /// The displacement that a step of a parameter of the set-up or the lens makes.
+    pub(super) fn flow_of_remap(&self, theta: &Theta, p: P, step: f64) -> Flow {
+        let k = &self.intrinsics;
+        let (w, h) = (k.width as usize, k.height as usize);
+        let moved = theta.with(p, theta.get(p) + step);
+        let of = |channel: usize| -> Vec<[f32; 2]> {
+            (0..w * h)
+                .into_par_iter()
+                .map(|i| {
+                    let px = DVec2::new((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
+                    let (now, then) = (self.source(px, theta, channel), self.source(px, &moved, channel));
+                    (then - now).as_vec2().to_array()
+                })
+                .collect()
+        };
+        let none = || vec![[0.0; 2]; w * h];
+        Flow(match p {
+            P::ScaleR => vec![of(0), none(), none()],
+            P::ScaleB => vec![none(), none(), of(2)],
+            _ => vec![of(1)],
+        })
+    }
+
+    /// The displacement that a step of an offset or a readout makes in a frame whose content moves with `velocity`.
+    pub(super) fn flow_of_time(&self, theta: &Theta, velocity: &Plane<f32>, p: P, step: f64) -> Flow {
+        let k = &self.intrinsics;
+        let order = theta.scan_order;
+        let count = f64::from(order.line_count(k.width, k.height));
+        let w = velocity.width;
+        let flow = velocity.data.chunks_exact(2).enumerate().map(|(i, v)| {
+            let part = if p == P::Readout {
+                let line = order.line_of((i % w) as u32, (i / w) as u32, k.width, k.height);
+                f64::from(line) / count
+            } else {
+                1.0
+            };
+            let late_s = (step * part) as f32;
+            [-v[0] * late_s, -v[1] * late_s]
+        });
+        Flow(vec![flow.collect()])
+    }
+}
+
+/// The picture with its content displaced, to first order.
+pub(super) fn displaced(radiance: &Plane<f32>, flow: &Flow) -> Plane<f32> {
+    let (w, h) = (radiance.width, radiance.height);
+    let mut out = radiance.clone();
+    for y in 0..h {
+        let (above, below) = (radiance.row(y.saturating_sub(1)), radiance.row((y + 1).min(h - 1)));
+        let row = radiance.row(y);
+        for x in 0..w {
+            let (left, right) = (3 * x.saturating_sub(1), 3 * (x + 1).min(w - 1));
+            for c in 0..3 {
+                let [dx, dy] = flow.0[c.min(flow.0.len() - 1)][y * w + x];
+                out.data[3 * (y * w + x) + c] += 0.5
+                    * ((row[right + c] - row[left + c]) * dx + (below[3 * x + c] - above[3 * x + c]) * dy);
+            }
+        }
+    }
+    out
+}
+
+/// Undistorted point of a distorted one (both over the focal length), by Newton's method on the radius and the
+/// tangential part.
+pub(super) fn undistort(distorted: DVec2, theta: &Theta) -> DVec2 {
+    let [k1, k2, p1, p2, k3] = [P::K1, P::K2, P::P1, P::P2, P::K3].map(|p| theta.get(p));
+    if [k1, k2, p1, p2, k3] == [0.0; 5] {
+        return distorted;
+    }
+    let mut at = distorted;
+    for _ in 0..12 {
+        let r2 = at.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let tangential = DVec2::new(
+            2.0 * p1 * at.x * at.y + p2 * (r2 + 2.0 * at.x * at.x),
+            p1 * (r2 + 2.0 * at.y * at.y) + 2.0 * p2 * at.x * at.y,
+        );
+        let error = at * radial + tangential - distorted;
+        // The radial slope alone suffices: tangential terms are small. Never steps over a fold.
+        let slope = (1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + 7.0 * r2 * k3))).max(0.3);
+        let along = if r2 > 0.0 { at * (error.dot(at) / r2) } else { DVec2::ZERO };
+        at -= along / slope + (error - along) / radial.max(0.3);
+        if error.length_squared() < 1e-20 {
+            break;
+        }
+    }
+    at
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn undistortion_inverts_the_contract_s_formula() {
+        let mut theta = Theta::neutral();
+        for (k1, k2, p1, p2) in
+            [(0.19, -0.015, 0.0, 0.0), (-0.1, -0.02, 0.003, -0.002), (-0.3, 0.1, 0.0, 0.01)]
+        {
+            for (p, v) in [(P::K1, k1), (P::K2, k2), (P::P1, p1), (P::P2, p2)] {
+                theta.set(p, v);
+            }
+            for (x, y) in [(0.0, 0.0), (0.3, -0.2), (-0.55, 0.4), (0.02, 0.5)] {
+                let r2: f64 = x * x + y * y;
+                let radial = 1.0 + k1 * r2 + k2 * r2 * r2;
+                let distorted = DVec2::new(
+                    x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                    y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+                );
+                let back = undistort(distorted, &theta);
+                assert!((back - DVec2::new(x, y)).length() < 1e-6, "{k1} {k2}: {back} for {x} {y}");
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Compares real with simulated frames, names the effects that the simulation lacks, fits them, and reports how far the
+//! gap shrinks on frames that no fit has seen.
+//!
+//! ```text
+//! capture ─ evidence (fit | choose | report) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
+//! ```
+
+mod apart;
+mod choices;
+mod comb;
+mod cover;
+mod decide;
+mod describe;
+mod description;
+mod developed;
+mod discrepancy;
+mod ending;
+mod evidence;
+mod exchange;
+mod fit;
+mod flicker;
+mod flow;
+mod forward;
+mod hot;
+mod intervals;
+mod journal;
+mod judge;
+mod levels;
+mod light;
+mod linear;
+mod model;
+mod noise;
+mod normal;
+mod output;
+mod pair;
+mod pairs;
+mod parts;
+pub mod percepts;
+mod placed;
+mod places;
+mod question;
+mod report;
+mod residue;
+mod run;
+mod score;
+mod search;
+mod sentences;
+mod settings;
+mod setup_checks;
+mod shown;
+mod smear;
+mod starts;
+mod support;
+mod task;
+mod tone;
+mod unpaired;
+mod vector;
+mod weighing;
+mod wide;
+
+// What compression does to blocks belongs to the effect; files here name it as neighbours.
+use shutterbug::effects::jpeg::{dct, flips, packing};
+
+pub use pair::Pair;
+pub use report::{
+    Alignment, Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input,
+    LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict,
+    WaterfallStep, Where,
+};
+pub use run::{DiagnoseOptions, Diagnosis, Progress, changes_places, diagnose, diagnose_pair, effect_names};
+pub use unpaired::{Unpaired, diagnose_unpaired};

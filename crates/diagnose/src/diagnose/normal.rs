@@ -1,0 +1,216 @@
+//! The normal equations of a fit. Derivatives by parameters of the geometry come from how the content moves, so that an
+//! iteration costs one render: near the solution they need only point the right way, the residual is exact.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::description::PoseShare;
+use super::fit::{Level, Target, bounded, hide, pooled, residual};
+use super::flicker::retuned;
+use super::flow::{Flow, displaced};
+use super::forward::Forward;
+use super::linear::solve;
+use super::model::{P, Theta};
+use super::tone::Tone;
+use super::weighing::Weighing;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+/// Normal equations in units of the parameters' steps.
+pub(super) struct Equations {
+    pub a: Vec<Vec<f64>>,
+    pub b: Vec<f64>,
+    /// What it was made of, by frame.
+    pub values: Vec<FrameValues>,
+    /// Sum of the weights of all values, per DN^2.
+    pub weight: f64,
+    /// How differences were weighed, and their mean cost.
+    pub weighing: Arc<Weighing>,
+    pub cost: f64,
+    /// Number of values.
+    pub count: f64,
+    /// What poses do, by frame, where they are open.
+    pub poses: Vec<PoseShare>,
+}
+
+/// What one frame contributes.
+struct Share {
+    a: Vec<Vec<f64>>,
+    b: Vec<f64>,
+    cost: f64,
+    weight: f64,
+}
+
+/// Residual and derivatives of one frame.
+pub(super) type FrameValues = (Vec<f32>, Vec<Vec<f32>>);
+
+/// How the derivative by a parameter is had.
+enum Column {
+    /// Renders at the stepped place.
+    Render(Vec<std::sync::Arc<Plane<f32>>>),
+    /// A displacement of the content, the same for all frames.
+    Remap(Flow),
+    /// A shift in time.
+    Time,
+    /// Values alone change.
+    Value,
+}
+
+/// The normal equations at `theta`; differences are weighed as in `known`, or as they are at `theta`.
+pub(super) fn linearise(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    theta: &Theta,
+    free: &[P],
+    level: &Level,
+    known: Option<Arc<Weighing>>,
+) -> Result<Equations> {
+    let radiance = forward.radiance(frames, theta, level.quality)?;
+    // On coarse pictures steps are longer: a derivative should see what a block sees.
+    let stretch = if level.block >= 4 { 3.0 } else { 1.0 };
+    let mut columns = Vec::new();
+    for &p in free {
+        let step = step_of(forward, theta, p, stretch);
+        let changed = match p {
+            P::FlickerF => retuned(theta, theta.get(p) + step, forward.middle_s()),
+            p => theta.with(p, theta.get(p) + step),
+        };
+        let changed = changed.with(P::Quality, 0.0);
+        let column = match p {
+            P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
+            P::Offset | P::Readout => Column::Time,
+            p if p.is_remap() => Column::Remap(forward.flow_of_remap(theta, p, step)),
+            _ => Column::Value,
+        };
+        columns.push((p, step, changed, column));
+    }
+    let tone = Tone::new(theta);
+    let own = |c: &(P, f64, Theta, Column)| matches!(c.3, Column::Value).then(|| Tone::new(&c.2));
+    let tones: Vec<Option<Tone>> = columns.par_iter().map(own).collect();
+    // A compressor's steps have no slope: derivatives are taken before it.
+    let smooth = theta.with(P::Quality, 0.0);
+    let bases = forward.pictures(frames, &smooth, level.quality)?;
+    let delivered = forward.pictures(frames, theta, level.quality)?;
+    let shared = &*forward;
+    let timed = columns.iter().any(|c| matches!(c.3, Column::Time));
+    let by_frame: Vec<FrameValues> = frames
+        .par_iter()
+        .enumerate()
+        .map(|(i, &at)| {
+            let base = &bases[i];
+            let r = residual(target, at, &delivered[i], level.block);
+            let velocity = timed.then(|| shared.velocity(at, theta));
+            let derivative =
+                |((p, step, changed, column), own): (&(P, f64, Theta, Column), &Option<Tone>)| {
+                    let moved;
+                    let other = match column {
+                        Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
+                        Column::Remap(flow) => {
+                            moved = displaced(&radiance[i], flow);
+                            shared.develop(at, &moved, &smooth, &tone)
+                        }
+                        Column::Time => {
+                            let velocity = velocity.as_ref().expect("made where it is needed");
+                            moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
+                            shared.develop(at, &moved, changed, &tone)
+                        }
+                        Column::Value => {
+                            shared.develop(at, &radiance[i], changed, own.as_ref().unwrap_or(&tone))
+                        }
+                    };
+                    let unit = (p.spec().step / step) as f32;
+                    let mut d: Vec<f32> =
+                        other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
+                    hide(target, at, &mut d);
+                    pooled(&d, base.width, base.height, level.block)
+                };
+            (r, columns.par_iter().zip(&tones).map(derivative).collect())
+        })
+        .collect();
+    let weighing = match known {
+        Some(known) => known,
+        None => {
+            let residuals: Vec<&[f32]> = by_frame.iter().map(|f| &f.0[..]).collect();
+            Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
+        }
+    };
+    let mut by_frame = by_frame;
+    let poses = forward.beside_description(frames, theta, &radiance, level, &weighing, &mut by_frame);
+    Ok(Equations { poses, ..assemble(by_frame, free.len(), weighing) })
+}
+
+/// Step of a numeric derivative, away from the end of the range.
+fn step_of(forward: &Forward, theta: &Theta, p: P, stretch: f64) -> f64 {
+    let mut step = p.spec().step * if p.is_time() || p.is_remap() { stretch } else { 1.0 };
+    if p.spec().unit == "px" && p.spec().neutral == 0.0 && theta.get(p) < 0.3 {
+        // A blur's slope at none is none.
+        step = 0.4;
+    }
+    let changed = bounded(forward, theta.with(p, theta.get(p) + step));
+    if (changed.get(p) - theta.get(p)).abs() < 0.5 * step { -step } else { step }
+}
+
+pub(super) fn assemble(frames: Vec<FrameValues>, n: usize, weighing: Arc<Weighing>) -> Equations {
+    let count = frames.iter().map(|f| f.0.len()).sum::<usize>().max(1) as f64;
+    let shares: Vec<Share> =
+        (0..frames.len()).into_par_iter().map(|f| share(&frames[f], f, &weighing)).collect();
+    let mut e = Equations {
+        a: vec![vec![0.0; n]; n],
+        b: vec![0.0; n],
+        weight: shares.iter().map(|s| s.weight).sum(),
+        weighing,
+        cost: shares.iter().map(|s| s.cost).sum::<f64>() / count,
+        count,
+        values: frames,
+        poses: Vec::new(),
+    };
+    for s in shares {
+        for i in 0..n {
+            (0..n).for_each(|j| e.a[i][j] += s.a[i][j]);
+            e.b[i] += s.b[i];
+        }
+    }
+    e
+}
+
+/// One frame's share, with the weights of its differences.
+fn share((r, columns): &FrameValues, frame: usize, weighing: &Weighing) -> Share {
+    let n = columns.len();
+    let weights = weighing.weights(frame, r);
+    let mut a = vec![vec![0.0; n]; n];
+    // Sums over runs in f32 would lose digits.
+    let product = |w: &[f32], d: &[f32], o: &[f32]| -> f64 {
+        w.iter().zip(d).zip(o).map(|((&w, &d), &o)| f64::from(w * d * o)).sum()
+    };
+    for i in 0..n {
+        for j in i..n {
+            a[i][j] = product(&weights, &columns[i], &columns[j]);
+            a[j][i] = a[i][j];
+        }
+    }
+    let b = columns.iter().map(|d| product(&weights, r, d)).collect();
+    let weight = weights.iter().map(|w| f64::from(*w)).sum();
+    Share { a, b, cost: weighing.cost(frame, r), weight }
+}
+
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
+/// fit.
+pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
+    let gain = |members: &[P]| -> f64 {
+        let mut at: Vec<usize> = members.iter().filter_map(|p| all.iter().position(|a| a == p)).collect();
+        at.sort_unstable();
+        at.dedup();
+        at.retain(|&i| e.a[i][i] > 0.0);
+        let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| e.a[i][j]).collect()).collect();
+        let b: Vec<f64> = at.iter().map(|&i| e.b[i]).collect();
+        solve(&a, &b, 1e-6).map_or(0.0, |x| 0.5 * x.iter().zip(&b).map(|(x, b)| x * b).sum::<f64>())
+    };
+    let alone = gain(held);
+    let beside = groups.iter().map(|g| {
+        let members: Vec<P> = held.iter().chain(g).copied().collect();
+        (gain(&members) - alone) / (e.cost * e.count).max(1e-9)
+    });
+    beside.collect()
+}

@@ -1,0 +1,135 @@
+//! A diagnosis as files: `report.json`, `camera.toml`, and pictures of every frame.
+
+use std::fs;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::report::{FrameEntry, FramePictures, Maps, Report};
+use super::run::Diagnosis;
+use shutterbug::capture::Capture;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
+
+/// One frame, before and after.
+pub(super) struct Shown {
+    pub index: usize,
+    pub start_s: f64,
+    pub held_out: bool,
+    pub scores: [f64; 2],
+    pub real: Plane<f32>,
+    pub before: Plane<f32>,
+    pub after: Plane<f32>,
+}
+
+impl Diagnosis {
+    /// Writes `camera.toml`, the pictures and, last, `report.json` into a folder; returns the report with the pictures'
+    /// paths.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn write(mut self, folder: &Path, capture: &Capture) -> Result<Report> {
+        for name in ["real", "simulated", "diagnosed", "difference_before", "difference_after"] {
+            let path = folder.join(name);
+            fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
+        }
+        write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
+        self.description.write(folder, capture)?;
+        let scale_dn = scale(&self.frames);
+        self.report.frames = self
+            .frames
+            .par_iter()
+            .map(|f| write_frame(folder, f, capture, scale_dn))
+            .collect::<Result<_>>()?;
+        self.report.maps = write_maps(folder, &self.frames, scale_dn)?;
+        super::task::write(folder, &self.frames, &self.percepts)?;
+        self.report.write(folder)?;
+        Ok(self.report)
+    }
+}
+
+/// Full white of the difference pictures: what 97 % of the differences before stay below, at least 8 DN. (More, and a gap
+/// at edges leaves all else black.)
+fn scale(frames: &[Shown]) -> f64 {
+    let mut all: Vec<f32> = frames
+        .iter()
+        .flat_map(|f| f.real.data.iter().zip(&f.before.data).step_by(17).map(|(r, s)| (r - s).abs()))
+        .collect();
+    if all.is_empty() {
+        return 8.0;
+    }
+    f64::from(percentile(&mut all, 97)).max(8.0).ceil()
+}
+
+fn percentile(values: &mut [f32], percent: usize) -> f32 {
+    let at = values.len() * percent / 100;
+    *values.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+pub(super) fn bytes(plane: &Plane<f32>) -> Plane<u8> {
+    let data = plane.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
+    Plane { width: plane.width, height: plane.height, channels: plane.channels, data }
+}
+
+fn difference(real: &Plane<f32>, other: &Plane<f32>, scale_dn: f64) -> Plane<u8> {
+    let factor = (255.0 / scale_dn) as f32;
+    let data = real.data.iter().zip(&other.data).map(|(r, s)| ((r - s).abs() * factor).min(255.0) as u8);
+    Plane { width: real.width, height: real.height, channels: 3, data: data.collect() }
+}
+
+fn write_frame(folder: &Path, f: &Shown, capture: &Capture, scale_dn: f64) -> Result<FrameEntry> {
+    let name = |kind: &str| format!("{kind}/{:06}.png", f.index);
+    let pictures = FramePictures {
+        real: name("real"),
+        simulated: name("simulated"),
+        diagnosed: name("diagnosed"),
+        difference_before: name("difference_before"),
+        difference_after: name("difference_after"),
+    };
+    write_png_atomic(&folder.join(&pictures.real), &bytes(&f.real))?;
+    write_png_atomic(&folder.join(&pictures.simulated), &bytes(&f.before))?;
+    write_png_atomic(&folder.join(&pictures.diagnosed), &bytes(&f.after))?;
+    let to = folder.join(&pictures.difference_before);
+    write_png_atomic(&to, &difference(&f.real, &f.before, scale_dn))?;
+    let to = folder.join(&pictures.difference_after);
+    write_png_atomic(&to, &difference(&f.real, &f.after, scale_dn))?;
+    Ok(FrameEntry {
+        index: f.index,
+        filename: capture.frames[f.index].filename.clone(),
+        time_s: f.start_s,
+        held_out: f.held_out,
+        before: f.scores[0],
+        after: f.scores[1],
+        pictures,
+    })
+}
+
+/// Mean maps over the held-out frames.
+fn write_maps(folder: &Path, frames: &[Shown], scale_dn: f64) -> Result<Maps> {
+    let held: Vec<&Shown> = frames.iter().filter(|f| f.held_out).collect();
+    let Some(first) = held.first() else { return Ok(Maps::default()) };
+    let (w, h) = (first.real.width, first.real.height);
+    let mut sums = [[0.0f32; 4].to_vec(), Vec::new(), Vec::new(), Vec::new()];
+    sums.iter_mut().for_each(|s| *s = vec![0.0f32; w * h * 3]);
+    for f in &held {
+        for i in 0..w * h * 3 {
+            let (b, a) = (f.real.data[i] - f.before.data[i], f.real.data[i] - f.after.data[i]);
+            sums[0][i] += b.abs();
+            sums[1][i] += a.abs();
+            sums[2][i] += b;
+            sums[3][i] += a;
+        }
+    }
+    // Both pairs on one scale of their own: means are smaller than what single frames differ by.
+    let mut means: Vec<f32> = sums[0].iter().map(|v| v / held.len() as f32).collect();
+    let mean_scale_dn = f64::from(percentile(&mut means, 98)).max(4.0).ceil();
+    let factor = 255.0 / mean_scale_dn as f32 / held.len() as f32;
+    let names = ["map_before.png", "map_after.png", "bias_before.png", "bias_after.png"];
+    for (i, (sum, name)) in sums.iter().zip(names).enumerate() {
+        let shade = |v: f32| if i < 2 { v * factor } else { 128.0 + 0.5 * v * factor };
+        let data = sum.iter().map(|&v| shade(v).clamp(0.0, 255.0) as u8).collect();
+        write_png_atomic(&folder.join(name), &Plane { width: w, height: h, channels: 3, data })?;
+    }
+    let [before, after, bias_before, bias_after] = names.map(str::to_owned);
+    Ok(Maps { scale_dn, mean_scale_dn, before, after, bias_before, bias_after })
+}

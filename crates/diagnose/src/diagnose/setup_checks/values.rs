@@ -1,0 +1,70 @@
+//! Values that mean something else: linear, encoded twice, colours in another order, no colours, a negative.
+
+use super::thumbs::{Thumb, apart};
+use super::{Pairs, median};
+use shutterbug::plane::{Plane, srgb_decode, srgb_encode};
+
+/// Difference from which on the question is asked, DN.
+const LEAST_DN: f64 = 5.0;
+/// What another meaning must leave of the difference.
+const LEFT: f64 = 0.35;
+/// What it must leave of what one gain a colour leaves: brightness and white balance are a camera's.
+const LEFT_OF_GAINS: f64 = 0.5;
+
+/// Frames without colours of a scene that has some.
+pub(super) fn grey(pairs: &Pairs) -> Option<String> {
+    let colour = |t: &Thumb| {
+        let spread = |p: &[f32]| f64::from(p[0].max(p[1]).max(p[2]) - p[0].min(p[1]).min(p[2]));
+        t.dn.data.chunks_exact(3).map(spread).sum::<f64>() / (t.dn.data.len() / 3).max(1) as f64
+    };
+    let of = |all: &[Thumb]| median(all.iter().map(colour).collect());
+    (of(&pairs.real) < 0.75 && of(&pairs.simulated) > 6.0).then(|| {
+        "the real frames are grey, the simulation has colours: the camera, or what read it, drops them"
+            .to_owned()
+    })
+}
+
+/// How values may have been meant.
+type Reading<'a> = &'a dyn Fn(&Thumb) -> Plane<f32>;
+
+/// Values under which the frames fit, if they do not as they are.
+pub(super) fn coded(pairs: &Pairs) -> Option<String> {
+    let as_is = pairs.median(|r, s| apart(&r.dn, &s.dn));
+    if as_is < LEAST_DN {
+        return None;
+    }
+    let tried: [(&str, Reading<'_>); 4] = [
+        (
+            "linear (raw) values, not sRGB: encode them, or they are taken for dark frames of high contrast",
+            &|s| s.decoded.clone(),
+        ),
+        ("encoded twice: decode them once", &|s| s.encoded.clone()),
+        ("read with red and blue swapped (BGR for RGB)", &|s| each(&s.dn, |p| [p[2], p[1], p[0]])),
+        ("negatives", &|s| each(&s.dn, |p| [255.0 - p[0], 255.0 - p[1], 255.0 - p[2]])),
+    ];
+    let best = tried.map(|(name, change)| (pairs.median(|r, s| apart(&r.dn, &change(s))), name));
+    let (left, name) = best.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let gains = pairs.median(|r, s| apart(&r.dn, &with_gains(&s.dn, &r.dn)));
+    (left < LEFT * as_is && left < LEFT_OF_GAINS * gains).then(|| {
+        format!(
+            "the real frames look {name} ({as_is:.1} DN from the simulation as they are, {left:.1} DN so)"
+        )
+    })
+}
+
+fn each(plane: &Plane<f32>, f: impl Fn(&[f32]) -> [f32; 3]) -> Plane<f32> {
+    Plane::from_fn(plane.width, plane.height, |x, y| f(plane.pixel(x, y)))
+}
+
+/// With the gain of each colour, in linear light, that brings its mean to that of the other picture.
+fn with_gains(plane: &Plane<f32>, to: &Plane<f32>) -> Plane<f32> {
+    let linear = |p: &Plane<f32>, c: usize| {
+        p.data.iter().skip(c).step_by(3).map(|v| srgb_decode((v / 255.0).clamp(0.0, 1.0))).sum::<f32>()
+    };
+    let gains = [0, 1, 2].map(|c| linear(to, c) / linear(plane, c).max(1e-6));
+    each(plane, |p| {
+        [0, 1, 2].map(|c| {
+            255.0 * srgb_encode((gains[c] * srgb_decode((p[c] / 255.0).clamp(0.0, 1.0))).clamp(0.0, 1.0))
+        })
+    })
+}

@@ -1,0 +1,286 @@
+//! Which effects make the simulator's frames show the marks of the real ones: each is put on the simulated frames, and their marks
+//! are measured again, so that whatever an effect does to a mark is in the comparison (rounding, encoding, compression).
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::fingerprint::{Fingerprint, Known, apart, common, squares};
+use super::marks::{BINS, EDGES, LINEAR, bin_dn};
+use crate::diagnose::judge::quantile_of_length;
+use crate::diagnose::linear::solve;
+use crate::diagnose::model::{P, Theta, candidate_of};
+use crate::diagnose::settings::settings_of;
+use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
+use shutterbug::chain::View;
+use shutterbug::effects;
+use shutterbug::error::Result;
+use shutterbug::plane::{Plane, srgb_decode};
+use shutterbug::reference::chain;
+
+/// Candidates whose marks stand whatever is seen, with the values from which fits begin.
+pub(super) const NAMES: [(&str, &[f64]); 6] = [
+    ("defocus", &[0.5, 1.0, 2.0]),
+    ("shot_noise", &[1e-4, 6e-4, 3e-3]),
+    ("row_noise", &[2e-3, 1e-2]),
+    ("read_noise", &[2e-3, 8e-3, 3e-2]),
+    ("chromatic_aberration", &[1.001]),
+    ("sharpening", &[0.5, 1.5]),
+];
+/// Those that widen or narrow edges both ways: what does so one way is motion.
+const SHARPNESS: [&str; 2] = ["defocus", "sharpening"];
+/// Steps of a fit.
+const STEPS: usize = 6;
+/// Part of a parameter by which its slope is measured.
+const PART: f64 = 0.25;
+
+/// Linear radiance of simulated frames, shape `[height, width, 4]`.
+pub(super) struct Simulated(pub Vec<Plane<f32>>);
+
+impl Simulated {
+    /// The frames as a camera delivers them, DN.
+    pub(super) fn delivered(&self, theta: &Theta, seed: u64) -> Vec<Plane<f32>> {
+        let settings = settings_of(theta);
+        let one = |(i, radiance): (usize, &Plane<f32>)| {
+            let (width, height) = (radiance.width as u32, radiance.height as u32);
+            let (w, h) = (f64::from(width), f64::from(height));
+            let intrinsics = Intrinsics { width, height, fx: w, fy: w, cx: 0.5 * w, cy: 0.5 * h };
+            let shutter = ShutterTiming {
+                start_s: 0.0,
+                exposure_time_s: 0.0,
+                readout_time_s: 0.0,
+                scan_order: ScanOrder::TopToBottom,
+                line_count: height,
+            };
+            let view = View { intrinsics, shutter, frame: i as u32, seed };
+            let lens = magnified(radiance, theta);
+            chain::picture(effects::LIST, &settings, &view, lens.as_ref().unwrap_or(radiance)).to_f32()
+        };
+        self.0.par_iter().enumerate().map(one).collect()
+    }
+
+    fn fingerprint(&self, theta: &Theta) -> Fingerprint {
+        Fingerprint::of(&self.delivered(theta, 1), packed_dn2(theta))
+    }
+}
+
+/// Variance that the compression of `theta` may leave of a flat place, or take from its noise, DN^2: its finest step, rounded.
+pub(super) fn packed_dn2(theta: &Theta) -> f64 {
+    if !theta.is_on(P::Quality) {
+        return 0.0;
+    }
+    let steps = crate::diagnose::dct::steps(theta.get(P::Quality) as u8, false);
+    let finest = steps.iter().copied().fold(f32::INFINITY, f32::min);
+    f64::from(finest * finest) / 12.0
+}
+
+/// Red and blue at their own magnification, which the chain leaves to the engine.
+fn magnified(radiance: &Plane<f32>, theta: &Theta) -> Option<Plane<f32>> {
+    let scales = [theta.get(P::ScaleR), 1.0, theta.get(P::ScaleB)];
+    if scales == [1.0; 3] {
+        return None;
+    }
+    let centre = [0.5 * radiance.width as f64, 0.5 * radiance.height as f64];
+    let read = |x: usize, y: usize, c: usize| {
+        let place = |v: usize, k: usize| (centre[k] + (v as f64 + 0.5 - centre[k]) / scales[c]) as f32;
+        crate::diagnose::pair::channel_at(radiance, [place(x, 0), place(y, 1)], c)
+    };
+    Some(Plane::from_fn(radiance.width, radiance.height, |x, y| {
+        [read(x, y, 0), radiance.pixel(x, y)[1], read(x, y, 2), radiance.pixel(x, y)[3]]
+    }))
+}
+
+/// What explains the marks.
+pub(super) struct Chosen {
+    pub theta: Theta,
+    pub set: Vec<&'static str>,
+    /// Half widths of 95 % intervals.
+    pub half: BTreeMap<P, f64>,
+    /// By mark: whether both folders have it.
+    pub counted: Vec<bool>,
+}
+
+/// Chooses effects one by one for as long as the next makes marks agree better beyond chance.
+///
+/// # Errors
+/// Those of `step`, which is told of every candidate.
+pub(super) fn choose(
+    real: &Fingerprint,
+    simulated: &Simulated,
+    base: &Theta,
+    names: &[&'static str],
+    mut step: impl FnMut(&'static str) -> Result<()>,
+) -> Result<Chosen> {
+    let mut chosen =
+        Chosen { theta: base.clone(), set: Vec::new(), half: BTreeMap::new(), counted: Vec::new() };
+    let plain = simulated.fingerprint(base);
+    let counted = common(real, &plain);
+    let mut left = squares(&apart(real, &plain), &counted);
+    loop {
+        let mut best: Option<(f64, &'static str, Theta)> = None;
+        for (name, starts) in NAMES.into_iter().filter(|(n, _)| names.contains(n) && !chosen.set.contains(n))
+        {
+            step(name)?;
+            let mut free = parameters(&chosen.set);
+            free.extend(parameters(&[name]));
+            let (theta, cost) = fit(real, (simulated, &counted), &chosen.theta, &free, (name, starts));
+            tracing::info!(
+                "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
+                chosen.set,
+                values(&theta, name)
+            );
+            let fewest = parameters(&[name]).len();
+            let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2)
+                && (!SHARPNESS.contains(&name) || shows_in_edges(real, simulated, [&chosen.theta, &theta]));
+            if beyond && best.as_ref().is_none_or(|b| cost < b.0) {
+                best = Some((cost, name, theta));
+            }
+        }
+        let Some((cost, name, theta)) = best else { break };
+        (left, chosen.theta) = (cost, theta);
+        chosen.set.push(name);
+    }
+    tell(real, &plain, &simulated.fingerprint(&chosen.theta));
+    chosen.counted = counted;
+    chosen.half = half_widths(real, simulated, &chosen);
+    Ok(chosen)
+}
+
+/// Whether edges themselves show a sharpness: they are explained by it, beyond chance, and those across and down alike.
+fn shows_in_edges(real: &Fingerprint, simulated: &Simulated, [without, with]: [&Theta; 2]) -> bool {
+    let off = |theta: &Theta| {
+        let all = apart(real, &simulated.fingerprint(theta));
+        EDGES.map(|k| all[k].unwrap_or(0.0))
+    };
+    let (before, after) = (off(without), off(with));
+    let most = quantile_of_length(EDGES.len(), 1);
+    let square = |z: [f64; 2]| z[0] * z[0] + z[1] * z[1];
+    let told = square(before) - square(after) > quantile_of_length(SHARPNESS.len(), 1).powi(2);
+    told && after.iter().all(|z| z.abs() < most)
+}
+
+/// Puts all marks into the log: of the real frames, of the simulated ones, and with what was chosen.
+fn tell(real: &Fingerprint, before: &Fingerprint, after: &Fingerprint) {
+    let figure = |k: Option<Known>| k.map_or("-".to_owned(), |k| format!("{:.4} +- {:.4}", k.value, k.error));
+    let one = |mark: usize| {
+        let [r, b, a] = [real, before, after].map(|f| figure(f.0[mark]));
+        format!("{}: real {r}, simulated {b}, with effects {a}", super::marks::name(mark))
+    };
+    tracing::info!("marks: {}", (0..real.0.len()).map(one).collect::<Vec<_>>().join("; "));
+}
+
+fn values(theta: &Theta, name: &'static str) -> Vec<f64> {
+    parameters(&[name]).into_iter().map(|p| theta.get(p)).collect()
+}
+
+pub(super) fn parameters(set: &[&'static str]) -> Vec<P> {
+    set.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect()
+}
+
+/// Fits `free` from the best of some values of a candidate; parameters and the sum of squares that is left.
+fn fit(
+    real: &Fingerprint,
+    (simulated, counted): (&Simulated, &[bool]),
+    base: &Theta,
+    free: &[P],
+    (name, starts): (&'static str, &[f64]),
+) -> (Theta, f64) {
+    let cost = |theta: &Theta| squares(&apart(real, &simulated.fingerprint(theta)), counted);
+    let own = parameters(&[name]);
+    let begin = |v: &f64| {
+        let mut theta = base.clone();
+        theta.set(own[0], *v);
+        // What goes with it begins at a middling value: 0 has no slope.
+        for &p in &own[1..] {
+            theta.set(p, if p.spec().neutral > 0.0 { p.spec().neutral } else { 1.0 });
+        }
+        let cost = cost(&theta);
+        (cost, theta)
+    };
+    let (mut best, mut theta) = starts
+        .iter()
+        .map(begin)
+        .chain(by_brightness(real, base, free).map(|theta| (cost(&theta), theta)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .expect("every candidate has a value to begin with");
+    let mut damping = 1e-3;
+    for _ in 0..STEPS {
+        let Some((a, b)) = equations(real, simulated, &theta, free) else { break };
+        let Some(step) = solve(&a, &b, damping) else { break };
+        let mut moved = theta.clone();
+        for (&p, s) in free.iter().zip(&step) {
+            moved.set(p, theta.get(p) + s);
+        }
+        let now = cost(&moved);
+        let gain = best - now;
+        if gain > 0.0 {
+            (best, theta) = (now, moved);
+            damping *= 0.3;
+        } else {
+            damping = (damping * 30.0).min(10.0);
+        }
+        if gain.abs() < 0.01 {
+            break;
+        }
+    }
+    (theta, best)
+}
+
+/// Shot noise and read noise as the line through the variances of the real frames over brightness: where a fit of both begins.
+fn by_brightness(real: &Fingerprint, base: &Theta, free: &[P]) -> Option<Theta> {
+    if !free.contains(&P::Shot) || !free.contains(&P::Read) {
+        return None;
+    }
+    let (mut a, mut b) = (vec![vec![0.0; 2]; 2], vec![0.0; 2]);
+    for (bin, known) in real.0.iter().take(BINS).enumerate() {
+        let Some(known) = known else { continue };
+        let [from, to] = bin_dn(bin);
+        let level = f64::from(srgb_decode((0.5 * (from + to) / 255.0) as f32));
+        let (weight, g) = (1.0 / (known.error * known.error), [LINEAR, LINEAR * level]);
+        for i in 0..2 {
+            b[i] += weight * g[i] * known.value;
+            (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);
+        }
+    }
+    let line = solve(&a, &b, 0.0)?;
+    let theta = base.with(P::Read, line[0].max(1e-8).sqrt()).with(P::Shot, line[1].max(1e-6));
+    Some(theta)
+}
+
+/// Normal equations of a step of `free`.
+fn equations(
+    real: &Fingerprint,
+    simulated: &Simulated,
+    theta: &Theta,
+    free: &[P],
+) -> Option<(Vec<Vec<f64>>, Vec<f64>)> {
+    let now = simulated.fingerprint(theta);
+    let off = apart(real, &now);
+    let slopes: Vec<Vec<Option<f64>>> = free
+        .iter()
+        .map(|&p| {
+            let by = (PART * (theta.get(p) - p.spec().neutral).abs()).max(0.02 * p.spec().step);
+            let there = apart(real, &simulated.fingerprint(&theta.with(p, theta.get(p) + by)));
+            off.iter().zip(&there).map(|(a, b)| Some(((*a)? - (*b)?) / by)).collect()
+        })
+        .collect();
+    let product = |a: &[Option<f64>], b: &[Option<f64>]| -> f64 {
+        a.iter().zip(b).filter_map(|(a, b)| Some((*a)? * (*b)?)).sum()
+    };
+    let a: Vec<Vec<f64>> = slopes.iter().map(|i| slopes.iter().map(|j| product(i, j)).collect()).collect();
+    let b: Vec<f64> = slopes.iter().map(|j| product(j, &off)).collect();
+    (0..free.len()).all(|i| a[i][i] > 0.0).then_some((a, b))
+}
+
+/// Half widths of 95 % intervals: from the curvature, wider where marks disagree.
+fn half_widths(real: &Fingerprint, simulated: &Simulated, chosen: &Chosen) -> BTreeMap<P, f64> {
+    let free = parameters(&chosen.set);
+    let Some((a, _)) = equations(real, simulated, &chosen.theta, &free) else { return BTreeMap::new() };
+    let off = apart(real, &simulated.fingerprint(&chosen.theta));
+    let count = off.iter().flatten().count().saturating_sub(free.len()).max(1) as f64;
+    let there: Vec<bool> = off.iter().map(Option::is_some).collect();
+    let wider = (squares(&off, &there) / count).max(1.0).sqrt();
+    let unit = |i: usize| (0..free.len()).map(|j| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
+    let half = |i: usize| Some(1.96 * wider * solve(&a, &unit(i), 1e-9)?[i].max(0.0).sqrt());
+    free.iter().enumerate().filter_map(|(i, &p)| Some((p, half(i)?))).collect()
+}

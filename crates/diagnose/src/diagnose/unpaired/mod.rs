@@ -1,0 +1,146 @@
+//! Two folders that show different moments: what the camera leaves in every picture, whatever it shows, is compared.
+//!
+//! ```text
+//! real frames ─ marks ─────────────────────────────┐
+//! simulated frames ─ effects put on them ─ marks ──┴─ distance ─ choice of effects ─ Report
+//! ```
+//!
+//! Marks are noise by brightness, its likeness from neighbour to neighbour, noise of rows and columns, the width of the sharpest
+//! edges, and the places of red and blue. What a compression, shared colour or a coarse converter does can be read from the real
+//! frames alone. Brightness, colours, shading and fall-off may be content and are never named; lens, pose, readout and exposure
+//! time cannot be known from frames that are not paired.
+
+mod choose;
+mod fingerprint;
+mod marks;
+mod outcome;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::evidence::Evidence;
+use super::model::Theta;
+use super::pair::{Pair, linear_of, pictures};
+use super::report::Report;
+use super::run::{DiagnoseOptions, Progress, candidates};
+use choose::{Chosen, Simulated, choose};
+use fingerprint::Fingerprint;
+use shutterbug::capture::CameraFile;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::{Plane, read_rgb8};
+
+/// Fewest frames a folder: three to fit and three to judge, or nobody knows how much frames differ.
+const FEWEST_FRAMES: usize = 6;
+/// Most frames of a folder that are looked at.
+const MOST_FRAMES: usize = 24;
+/// Most pixels of the frames of a folder that are looked at: marks are means, and memory is not endless.
+const MOST_PX: usize = 60_000_000;
+
+/// Frames of a folder: every other one to fit, the rest to judge.
+struct Folder {
+    names: Vec<String>,
+    /// Columns and rows of the first, px.
+    size: [u32; 2],
+    fit: Vec<usize>,
+    held: Vec<usize>,
+}
+
+impl Folder {
+    /// # Errors
+    /// Too few pictures.
+    fn list(path: &Path) -> Result<Self> {
+        let all = pictures(path)?;
+        if all.len() < FEWEST_FRAMES {
+            let found = format!("{} pictures", all.len());
+            let expected = format!("at least {FEWEST_FRAMES}: half of them are kept to judge by");
+            return Err(Error::input(path, None, found, expected));
+        }
+        let first = read_rgb8(&path.join(&all[0]))?;
+        let most = (MOST_PX / (first.width * first.height).max(1)).clamp(FEWEST_FRAMES, MOST_FRAMES);
+        let count = all.len().min(most);
+        let names: Vec<String> = (0..count).map(|i| all[i * all.len() / count].clone()).collect();
+        let (fit, held) = (0..count).partition(|i| i % 2 == 0);
+        Ok(Self { names, size: [first.width as u32, first.height as u32], fit, held })
+    }
+}
+
+/// A finished comparison.
+pub struct Unpaired {
+    /// What was found.
+    pub report: Report,
+    /// The simulator's camera with the effects found.
+    pub camera: CameraFile,
+    shown: Vec<outcome::Shown>,
+}
+
+/// All frames that are compared.
+struct Frames {
+    real: Vec<Arc<Plane<f32>>>,
+    simulated: Simulated,
+}
+
+/// Compares two folders that show different moments. No device is needed.
+///
+/// # Errors
+/// Folders without enough pictures, pictures that cannot be read, names in `without` that are no candidate's.
+pub fn diagnose_unpaired(
+    sim: &Path,
+    real: &Path,
+    options: &DiagnoseOptions,
+    progress: &mut dyn Progress,
+) -> Result<Unpaired> {
+    let clock = Instant::now();
+    let names = candidates(options)?;
+    let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
+    let mut notes = Vec::new();
+    let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
+    progress.step("reading", "both folders", 1, 1);
+    let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear)?;
+    let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear)?;
+    let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
+    let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
+    let (base, read_off) = shown.put(&Theta::neutral());
+    let marks = Fingerprint::of(&fit.real, choose::packed_dn2(&base));
+    let steps = choose::NAMES.len();
+    let mut step = 0;
+    let chosen = choose(&marks, &fit.simulated, &base, &names, |name| {
+        if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
+            return Err(Error::DiagnosisInterrupted {
+                at: format!("effects that leave marks, {name}"),
+                kept: None,
+            });
+        }
+        progress.step("effects that leave marks", name, step % steps + 1, steps);
+        step += 1;
+        Ok(())
+    })?;
+    let noise_seen = chosen.counted[..marks::BINS].iter().any(|c| *c);
+    let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names, noise_seen };
+    let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
+    report.input.capture = format!("{} beside {}", sim.display(), real.display());
+    report.input.seed = options.seed;
+    report.input.seconds = clock.elapsed().as_secs_f64();
+    let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
+    super::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
+    Ok(Unpaired { report, camera, shown })
+}
+
+fn read(
+    sim: &Path,
+    (sims, of_sim): (&Folder, &[usize]),
+    real: &Path,
+    (reals, of_real): (&Folder, &[usize]),
+    linear: bool,
+) -> Result<Frames> {
+    let dn = |i: &usize| -> Result<Arc<Plane<f32>>> {
+        Ok(Arc::new(read_rgb8(&real.join(&reals.names[*i]))?.to_f32()))
+    };
+    let radiance = |i: &usize| -> Result<Plane<f32>> {
+        let plane = linear_of(&sim.join(&sims.names[*i]), linear)?;
+        let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
+        Ok(Plane { channels: 4, data, ..plane })
+    };
+    let simulated = Simulated(of_sim.iter().map(radiance).collect::<Result<_>>()?);
+    Ok(Frames { real: of_real.iter().map(dn).collect::<Result<_>>()?, simulated })
+}

@@ -1,0 +1,354 @@
+//! What a comparison of two folders says: distance of their marks before and after, effects with shares, and what such frames
+//! cannot tell.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::choose::{NAMES, packed_dn2};
+use super::fingerprint::{Fingerprint, apart, distance};
+use super::marks::{BINS, bin_dn, name};
+use super::{Chosen, Folder, Frames, Unpaired};
+use crate::diagnose::describe::undetermined;
+use crate::diagnose::judge::quantile;
+use crate::diagnose::model::{Theta, candidate_of};
+use crate::diagnose::output::bytes;
+use crate::diagnose::report::*;
+use crate::diagnose::run::changes_places;
+use shutterbug::error::{Error, Result};
+use shutterbug::plane::stats::luma;
+use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
+
+/// Mean size of a normal variable, standard errors: what the marks of two folders of one camera are apart.
+const BY_CHANCE: f64 = 0.798;
+/// How many times grain is shown enlarged in contrast.
+const GRAIN: f32 = 8.0;
+/// Most frames with pictures.
+const MOST_SHOWN: usize = 8;
+/// What cannot be known from frames that are not paired.
+const NEEDS_PAIRS: &str = "cannot be known from frames that are not paired";
+/// What may be content.
+const MAY_BE_CONTENT: &str = "what it does to brightness or colours may be what the frames show";
+
+/// What compression hides.
+const HIDDEN_BY_COMPRESSION: [&str; 5] =
+    ["shot_noise", "row_noise", "read_noise", "chroma_subsampling", "quantization"];
+
+/// Effects that are measured in flat places.
+const NOISES: [&str; 3] = ["shot_noise", "row_noise", "read_noise"];
+/// Why they are not told of.
+const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
+
+/// What was compared, and what came of it.
+pub(super) struct What<'a> {
+    pub held: &'a Frames,
+    /// Effects that the real frames show by themselves.
+    pub read_off: &'a [&'static str],
+    pub chosen: &'a Chosen,
+    pub names: &'a [&'static str],
+    /// Whether both folders have flat places of like brightness, in which noise can be compared.
+    pub noise_seen: bool,
+}
+
+/// A frame's pictures.
+pub(super) struct Shown {
+    index: usize,
+    filename: String,
+    pictures: [Plane<f32>; 5],
+    apart: [f64; 2],
+}
+
+impl What<'_> {
+    /// All effects that were found.
+    fn set(&self) -> Vec<&'static str> {
+        self.read_off.iter().chain(&self.chosen.set).copied().collect()
+    }
+}
+
+/// The report, and pictures of the held-out frames.
+pub(super) fn report(
+    what: &What<'_>,
+    folders: (&Folder, &Folder),
+    notes: Vec<String>,
+) -> (Report, Vec<Shown>) {
+    let packed = packed_dn2(&what.chosen.theta);
+    let real = Fingerprint::of(&what.held.real, packed);
+    let seen = |theta: &Theta| {
+        let frames = what.held.simulated.delivered(theta, 2);
+        (apart(&real, &Fingerprint::of(&frames, packed)), frames)
+    };
+    let (before, plain) = seen(&Theta::neutral());
+    let (after, made) = seen(&what.chosen.theta);
+    let gap = gap(&before, &after, what.held.real.len());
+    let left = left(&after);
+    let set = what.set();
+    let verdict = match (set.is_empty(), left.is_empty()) {
+        (true, true) => Verdict::NoGap,
+        (false, true) => Verdict::Explained,
+        (false, false) => Verdict::PartlyExplained,
+        (true, false) => Verdict::UnknownEffect,
+    };
+    let effects = effects(what, &real, &gap);
+    let [first, ..] = &what.held.real[..] else { unreachable!("three frames at least are held out") };
+    let input = Input {
+        kind: "unpaired".to_owned(),
+        width: first.width as u32,
+        height: first.height as u32,
+        frames_listed: folders.1.names.len(),
+        fit_frames: folders.1.fit.clone(),
+        held_out_frames: folders.1.held.clone(),
+        compared_share: 1.0,
+        device: "none: frames are given".to_owned(),
+        method: "marks of frames that are not paired".to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
+        ..Input::default()
+    };
+    let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
+    let mut notes = notes;
+    if !what.noise_seen {
+        notes.push(format!("noise could not be compared: {NO_FLAT_PLACES}"));
+    }
+    let report = Report {
+        verdict,
+        sentence: sentence(verdict, &gap, &effects, &left),
+        waterfall: Vec::new(),
+        candidates: candidates(what, &gap),
+        places: places(&before, &after, &real),
+        measures: Vec::new(),
+        percepts: Percepts::default(),
+        frames: Vec::new(),
+        maps: Maps::default(),
+        input,
+        bootstrap: Bootstrap::default(),
+        warnings: notes,
+        next: Vec::new(),
+        effects,
+        gap,
+    };
+    (report, shown)
+}
+
+fn gap(before: &[Option<f64>], after: &[Option<f64>], held_out_frames: usize) -> Gap {
+    let [b, a] = [before, after].map(distance);
+    let closed = if b > BY_CHANCE { ((b - a) / (b - BY_CHANCE)).clamp(0.0, 1.0) } else { 0.0 };
+    // Each mark is one draw.
+    let scatter = |z: &[Option<f64>]| {
+        let (mean, n) = (distance(z), z.iter().flatten().count().max(2) as f64);
+        let square: f64 = z.iter().flatten().map(|z| (z.abs() - mean).powi(2)).sum();
+        (square / (n - 1.0) / n).sqrt()
+    };
+    let around = |v: f64, z: &[Option<f64>]| [-1.96, 1.96].map(|k| (v + k * scatter(z)).max(0.0));
+    let half = 1.96 * scatter(after) / (b - BY_CHANCE).max(scatter(before)).max(1e-9);
+    Gap {
+        unit: "standard errors".to_owned(),
+        before: b,
+        after: a,
+        floor: BY_CHANCE,
+        closed_fraction: closed,
+        closed_fraction_ci95: [(closed - half).max(0.0), (closed + half).min(1.0)],
+        held_out_frames,
+        before_ci95: around(b, before),
+        after_ci95: around(a, after),
+        renderer_difference: BY_CHANCE,
+    }
+}
+
+/// Marks that are further apart than chance makes any of them.
+fn left(after: &[Option<f64>]) -> Vec<String> {
+    let limit = quantile(2 * after.len());
+    let beyond = |(k, z): (usize, &Option<f64>)| z.is_some_and(|z| z.abs() > limit).then(|| name(k));
+    after.iter().enumerate().filter_map(beyond).collect()
+}
+
+fn effects(what: &What<'_>, real: &Fingerprint, gap: &Gap) -> Vec<EffectFound> {
+    let set = what.set();
+    let theta = &what.chosen.theta;
+    let packed = packed_dn2(&what.chosen.theta);
+    let distance_of = |theta: &Theta| {
+        let frames = what.held.simulated.delivered(theta, 2);
+        distance(&apart(real, &Fingerprint::of(&frames, packed)))
+    };
+    let without: Vec<f64> = set.iter().map(|n| distance_of(&theta.without(candidate_of(n)))).collect();
+    let gains: Vec<f64> = without.iter().map(|w| (w - gap.after).max(1e-3)).collect();
+    let total: f64 = gains.iter().sum();
+    let one = |(i, name): (usize, &&'static str)| {
+        let others = set.iter().filter(|n| n != &name);
+        let alone = others.fold(theta.clone(), |t, n| t.without(candidate_of(n)));
+        EffectFound {
+            name: (*name).to_owned(),
+            share: gains[i] / total,
+            parameters: theta.report(candidate_of(name), &what.chosen.half),
+            camera: true,
+            gap_without: without[i],
+            gap_with: gap.after,
+            gap_alone: distance_of(&alone),
+            gain_ci95: [gains[i]; 2],
+            alternatives: Vec::new(),
+            footage: String::new(),
+        }
+    };
+    let mut out: Vec<EffectFound> = set.iter().enumerate().map(one).collect();
+    out.sort_by(|a, b| b.share.total_cmp(&a.share));
+    out
+}
+
+/// What became of the candidates that were not found.
+fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
+    let (set, packed) = (what.set(), packed_dn2(&what.chosen.theta) > 0.0);
+    let left_out = what.names.iter().filter(|n| !set.contains(n));
+    let one = |n: &&'static str| {
+        if packed && HIDDEN_BY_COMPRESSION.contains(n) {
+            return undetermined(n, "compression hides it in the real frames", "frames without compression");
+        }
+        if !what.noise_seen && NOISES.contains(n) {
+            return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
+        }
+        if NAMES.iter().any(|(tried, _)| tried == n) {
+            return rejected(
+                n,
+                "put on the simulated frames it does not bring their marks nearer to the real ones",
+                gap.after,
+            );
+        }
+        if ["jpeg", "chroma_subsampling", "quantization"].contains(n) {
+            return rejected(n, "the real frames do not show it", gap.after);
+        }
+        if changes_places(n) || candidate_of(n).needs_motion {
+            return undetermined(
+                n,
+                NEEDS_PAIRS,
+                "frames of both at the same moments, with depth/ and trajectory.tum or motion/",
+            );
+        }
+        undetermined(n, MAY_BE_CONTENT, "simulated frames of the same moments as the real ones")
+    };
+    left_out.map(one).collect()
+}
+
+fn rejected(name: &str, why: &str, gap_with: f64) -> Candidate {
+    Candidate {
+        name: name.to_owned(),
+        state: CandidateState::Rejected,
+        why: why.to_owned(),
+        gap_with: Some(gap_with),
+        parameters: BTreeMap::new(),
+        footage: String::new(),
+    }
+}
+
+/// By brightness: how far the noise of both folders is apart.
+fn places(before: &[Option<f64>], after: &[Option<f64>], real: &Fingerprint) -> Where {
+    let bin = |k: usize| {
+        let (b, a, known) = (before[k]?, after[k]?, real.0[k]?);
+        let [from, to] = bin_dn(k);
+        let label = format!(
+            "{from:.0} to {to:.0} DN: the real frames' noise is {:.2} DN",
+            known.value.max(0.0).sqrt()
+        );
+        let (bias_before, bias_after) = (b, a);
+        Some(Bin {
+            from,
+            to,
+            label,
+            before: b.abs(),
+            after: a.abs(),
+            bias_before,
+            bias_after,
+            weight: 1.0 / BINS as f64,
+        })
+    };
+    let mut far: Vec<(f64, usize)> =
+        before.iter().enumerate().filter_map(|(k, z)| Some((z.as_ref()?.abs(), k))).collect();
+    far.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let limit = quantile(2 * before.len());
+    let said =
+        |&(z, k): &(f64, usize)| format!("The folders are {z:.1} standard errors apart in {}.", name(k));
+    Where {
+        summary: far.iter().filter(|f| f.0 > limit).take(3).map(said).collect(),
+        by_intensity: (0..BINS).filter_map(bin).collect(),
+        ..Where::default()
+    }
+}
+
+fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String]) -> String {
+    let names: Vec<String> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
+    let names = names.join(", ");
+    let rest = left.join(", ");
+    match verdict {
+        Verdict::NoGap => "The marks that the camera leaves in every picture are alike in both folders; what needs pairs is not known."
+            .to_owned(),
+        Verdict::Explained => format!(
+            "The simulation lacks {names}: with that the marks of both folders are {:.1} standard errors apart, before {:.1}.",
+            gap.after, gap.before
+        ),
+        Verdict::PartlyExplained => format!(
+            "The simulation lacks {names} (marks {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
+            gap.after, gap.before
+        ),
+        Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
+    }
+}
+
+/// Pictures of the held-out frames; `plain` and `made` are the simulated ones without and with what was found.
+fn shown(
+    what: &What<'_>,
+    reals: &Folder,
+    plain: Vec<Plane<f32>>,
+    made: Vec<Plane<f32>>,
+    apart: [f64; 2],
+) -> Vec<Shown> {
+    let mut out = Vec::new();
+    let held = reals.held.iter().zip(&what.held.real).take(MOST_SHOWN);
+    for (((&index, real), plain), made) in held.zip(plain).zip(made) {
+        let (of_real, of_made) = (grain(real), grain(&made));
+        let filename = reals.names[index].clone();
+        out.push(Shown {
+            index,
+            filename,
+            pictures: [(**real).clone(), plain, made, of_real, of_made],
+            apart,
+        });
+    }
+    out
+}
+
+/// What single values differ by from their neighbours, on middle grey.
+fn grain(dn: &Plane<f32>) -> Plane<f32> {
+    let (w, h) = (dn.width, dn.height);
+    let at = |x: usize, y: usize| luma(dn.pixel(x.min(w - 1), y.min(h - 1)));
+    Plane::from_fn(w, h, |x, y| {
+        let around = at(x.saturating_sub(2), y) + at(x + 2, y) + at(x, y.saturating_sub(2)) + at(x, y + 2);
+        [(128.0 + GRAIN * (at(x, y) - 0.25 * around)).clamp(0.0, 255.0); 3]
+    })
+}
+
+impl Unpaired {
+    /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures' paths.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn write(mut self, folder: &Path) -> Result<Report> {
+        const KINDS: [&str; 5] = ["real", "simulated", "diagnosed", "grain_real", "grain_diagnosed"];
+        for kind in KINDS {
+            let path = folder.join(kind);
+            fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
+        }
+        write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
+        let one = |f: &Shown| -> Result<FrameEntry> {
+            let names = KINDS.map(|kind| format!("{kind}/{:06}.png", f.index));
+            for (name, picture) in names.iter().zip(&f.pictures) {
+                write_png_atomic(&folder.join(name), &bytes(picture))?;
+            }
+            let [real, simulated, diagnosed, difference_before, difference_after] = names;
+            let pictures = FramePictures { real, simulated, diagnosed, difference_before, difference_after };
+            let (filename, [before, after]) = (f.filename.clone(), f.apart);
+            Ok(FrameEntry { index: f.index, filename, time_s: 0.0, held_out: true, before, after, pictures })
+        };
+        self.report.frames = self.shown.par_iter().map(one).collect::<Result<_>>()?;
+        self.report.write(folder)?;
+        Ok(self.report)
+    }
+}

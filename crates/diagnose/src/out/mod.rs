@@ -1,0 +1,296 @@
+//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest says what of
+//! ([`recorded_reads`]).
+
+mod account;
+mod lock;
+mod manifest;
+mod overlap;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, Weak};
+
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{is_temporary, replace};
+
+use lock::{LOCK_FILE, Lock};
+use manifest::{Appender, Manifest};
+
+pub use account::{note_read, record_reads, recorded_reads, sha256_hex};
+pub use manifest::MANIFEST_FILE;
+pub use overlap::refuse_overlap;
+
+/// How a command uses its folder.
+#[derive(Clone, Copy, Debug)]
+pub struct OutRules<'a> {
+    /// The command's name, as in the manifest.
+    pub command: &'static str,
+    /// What it reads: files and folders that the output must not overlap. What [`recorded_reads`] has is added.
+    pub inputs: &'a [&'a Path],
+    /// Write there although the folder holds what no run of this command made there.
+    pub overwrite: bool,
+    /// Files of an earlier run may stay, and one that is not as it was made is made again.
+    pub goes_on: bool,
+}
+
+/// A folder that holds only what this program made there, and is held by one process. Nothing in it is touched by opening:
+/// [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on [`shutterbug::files::write_atomic`] names
+/// every file below the folder in the manifest.
+#[derive(Debug)]
+pub struct Out(Arc<Held>);
+
+/// Shared with whoever writes below the folder.
+#[derive(Debug)]
+struct Held {
+    root: PathBuf,
+    command: &'static str,
+    state: Mutex<State>,
+    /// Whether the folder was not there before.
+    made: bool,
+    lock: Option<Lock>,
+}
+
+#[derive(Debug)]
+enum State {
+    Opened(Manifest),
+    Writing(Appender),
+}
+
+static OPEN: Mutex<Vec<Weak<Held>>> = Mutex::new(Vec::new());
+
+impl Out {
+    /// Takes the folder; makes it if it is absent.
+    ///
+    /// # Errors
+    /// A folder that overlaps an input; that holds files which its manifest does not name or which were changed since
+    /// (unless `overwrite`); that another command made; that another process writes to; that cannot be read or made.
+    pub fn open(root: &Path, rules: &OutRules<'_>) -> Result<Self> {
+        account::keep();
+        let read = recorded_reads();
+        refuse_overlap(root, rules.inputs.iter().copied().chain(read.keys().map(PathBuf::as_path)))?;
+        // By name alone, before a lock file is put there; again when nobody else can change it.
+        check(root, &Manifest::read(root)?.unwrap_or_default(), rules, false)?;
+        let made = !root.exists();
+        fs::create_dir_all(root).map_err(|e| Error::io(root, "create the folder", e))?;
+        let lock = Lock::take(root)?;
+        let manifest = Manifest::read(root)?.unwrap_or_default();
+        check(root, &manifest, rules, true)?;
+        let state = Mutex::new(State::Opened(manifest));
+        let held =
+            Arc::new(Held { root: root.to_owned(), command: rules.command, state, made, lock: Some(lock) });
+        let mut open = OPEN.lock().unwrap_or_else(|e| e.into_inner());
+        open.retain(|h| h.strong_count() > 0);
+        open.push(Arc::downgrade(&held));
+        drop(open);
+        Ok(Self(held))
+    }
+
+    /// Whether the file of that name was made here and is as it was, to the last byte.
+    pub fn has(&self, name: &str) -> bool {
+        match &*self.0.state() {
+            State::Opened(manifest) => manifest.is_whole(&self.0.root, name),
+            State::Writing(appender) => appender.manifest.is_whole(&self.0.root, name),
+        }
+    }
+
+    /// Removes what an earlier run made and is as it was; the manifest is this run's. To be called when nothing but writing
+    /// is left that could fail.
+    ///
+    /// # Errors
+    /// Files that cannot be removed or written.
+    pub fn start(&self) -> Result<()> {
+        let mut state = self.0.state();
+        let State::Opened(before) = &*state else { return Ok(()) };
+        remove_temporary(&self.0.root);
+        for name in before.names().filter(|n| before.is_whole(&self.0.root, n)) {
+            let path = self.0.root.join(name);
+            fs::remove_file(&path).map_err(|e| Error::io(&path, "remove the earlier run's", e))?;
+            // The folders that it was in, where that was the last of them.
+            let folders = path.ancestors().skip(1).take_while(|f| *f != self.0.root);
+            folders.take_while(|f| fs::remove_dir(f).is_ok()).for_each(drop);
+        }
+        *state = State::Writing(before.emptied(self.0.command).write(&self.0.root)?);
+        Ok(())
+    }
+
+    /// Keeps what an earlier run made and is as it was.
+    ///
+    /// # Errors
+    /// A manifest that cannot be written.
+    pub fn go_on(&self) -> Result<()> {
+        let mut state = self.0.state();
+        let State::Opened(before) = &*state else { return Ok(()) };
+        remove_temporary(&self.0.root);
+        *state = State::Writing(before.kept(&self.0.root, self.0.command).write(&self.0.root)?);
+        Ok(())
+    }
+
+    /// Names a file that grows in place, which may be before anything is removed.
+    ///
+    /// # Errors
+    /// A manifest that cannot be written.
+    pub fn working(&self, name: &str) -> Result<()> {
+        match &mut *self.0.state() {
+            State::Writing(appender) => appender.working(name),
+            State::Opened(manifest) if manifest.is_working(name) => Ok(()),
+            State::Opened(manifest) => {
+                if manifest.command.is_empty() {
+                    self.0.command.clone_into(&mut manifest.command);
+                }
+                let mut appender = manifest.write(&self.0.root)?;
+                appender.working(name)?;
+                *manifest = appender.manifest;
+                Ok(())
+            }
+        }
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        drop(self.lock.take());
+        if self.made {
+            // Of a run that never began nothing is left. A folder that holds something stays.
+            let _ = fs::remove_dir(&self.root);
+        }
+    }
+}
+
+impl Held {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|e| e.into_inner())
+    }
+
+    /// Puts a file below the folder in place, named.
+    fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
+        self.refuse_links(name)?;
+        replace(path, bytes, |file| {
+            file.sync_data().map_err(|e| Error::io(path, "write", e))?;
+            match &mut *self.state() {
+                State::Writing(appender) => appender.file(name, bytes),
+                // A bug, but none that may cost a file.
+                State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
+            }
+        })
+    }
+
+    /// A folder that is a link would lead out of the output.
+    fn refuse_links(&self, name: &str) -> Result<()> {
+        let folders = Path::new(name).ancestors().skip(1).filter(|f| !f.as_os_str().is_empty());
+        for folder in folders.map(|f| self.root.join(f)) {
+            if folder.symlink_metadata().is_ok_and(|m| !m.is_dir()) {
+                return Err(Error::input(&folder, None, "a link", "a folder, or nothing"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The open folder that a path lies below, and its name there.
+fn holder(path: &Path) -> Option<(Arc<Held>, String)> {
+    let open = OPEN.lock().unwrap_or_else(|e| e.into_inner());
+    let held = open.iter().filter_map(Weak::upgrade);
+    let below = held.filter_map(|h| Some((name_below(&h.root, path)?, h)));
+    below.map(|(name, h)| (h, name)).min_by_key(|(_, name)| name.len())
+}
+
+fn name_below(root: &Path, path: &Path) -> Option<String> {
+    let name = path.strip_prefix(root).ok()?;
+    (!name.as_os_str().is_empty()).then(|| name.to_string_lossy().replace('\\', "/"))
+}
+
+/// Names a file below an open folder that grows in place; elsewhere there is no manifest to name it in.
+///
+/// # Errors
+/// A manifest that cannot be written.
+pub fn grows(path: &Path) -> Result<()> {
+    holder(path).map_or(Ok(()), |(held, name)| Out(held).working(&name))
+}
+
+/// Names a folder below an open one that another process fills, with a manifest of its own.
+///
+/// # Errors
+/// A manifest that cannot be written.
+pub fn made_elsewhere(path: &Path) -> Result<()> {
+    let Some((held, name)) = holder(path) else { return Ok(()) };
+    match &mut *held.state() {
+        State::Writing(appender) => appender.folder(&name),
+        State::Opened(_) => Ok(()),
+    }
+}
+
+/// Refuses a folder with anything that the manifest does not name; `to_the_byte`: or that is not as it says.
+fn check(root: &Path, manifest: &Manifest, rules: &OutRules<'_>, to_the_byte: bool) -> Result<()> {
+    if rules.overwrite {
+        return Ok(());
+    }
+    if !manifest.command.is_empty() && manifest.command != rules.command {
+        let found = format!("what `{}` made", manifest.command);
+        return Err(Error::input(root, None, found, "another --out, or --overwrite"));
+    }
+    let mut foreign = Vec::new();
+    list_foreign(root, "", manifest, (to_the_byte && !rules.goes_on, &mut foreign))?;
+    if foreign.is_empty() {
+        return Ok(());
+    }
+    let more = if foreign.len() > 3 { format!(" and {} more", foreign.len() - 3) } else { String::new() };
+    let names = foreign.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+    let found = format!("files that no run made there, or that were changed since ({names}{more})");
+    Err(Error::input(
+        root,
+        None,
+        found,
+        "an --out that is new, empty or an earlier run's alone, or --overwrite",
+    ))
+}
+
+/// Adds the names, below `root`, of everything that is not the manifest's.
+fn list_foreign(
+    root: &Path,
+    below: &str,
+    manifest: &Manifest,
+    (to_the_byte, foreign): (bool, &mut Vec<String>),
+) -> Result<()> {
+    let folder = root.join(below);
+    let entries = match fs::read_dir(&folder) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(Error::io(&folder, "list", e)),
+    };
+    for entry in entries {
+        let entry = entry.map_err(|e| Error::io(&folder, "list", e))?;
+        let kind = entry.file_type().map_err(|e| Error::io(&folder, "list", e))?;
+        let last = entry.file_name().to_string_lossy().into_owned();
+        let name = if below.is_empty() { last.clone() } else { format!("{below}/{last}") };
+        if kind.is_dir() {
+            if !manifest.names_folder(&name) {
+                list_foreign(root, &name, manifest, (to_the_byte, foreign))?;
+            }
+            continue;
+        }
+        let ours = kind.is_file()
+            && (last == LOCK_FILE
+                || is_temporary(&last)
+                || (name == MANIFEST_FILE && !manifest.command.is_empty())
+                || manifest.is_working(&name)
+                || (manifest.names_file(&name) && (!to_the_byte || manifest.is_whole(root, &name))));
+        if !ours {
+            foreign.push(name);
+        }
+    }
+    foreign.sort();
+    Ok(())
+}
+
+/// What runs that were killed have left of files that they were writing.
+fn remove_temporary(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() {
+            remove_temporary(&entry.path());
+        } else if kind.is_file() && is_temporary(&entry.file_name().to_string_lossy()) {
+            // Nothing depends on it: it is in the way of nobody.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}

@@ -1,7 +1,0 @@
-//! The command line; see `shutterbug --help`.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    shutterbug::cli::run()
-}

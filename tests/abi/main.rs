@@ -1,0 +1,25 @@
+//! The C library as its hosts meet it: the header, every call, careless hands, GPU images, the installed files.
+
+mod abuse;
+mod conventions;
+mod fuzz;
+mod gpu_image;
+mod install;
+mod layout;
+mod outside;
+mod outside_path;
+mod planes;
+mod sharing;
+
+#[path = "../support/capi/host.rs"]
+mod capi_host;
+#[path = "../support/capi/mod.rs"]
+mod capi_support;
+#[path = "../support/gpu/mod.rs"]
+mod gpu_support;
+#[path = "../support/capi/header.rs"]
+mod header;
+#[path = "../support/capi/installed.rs"]
+mod installed;
+#[path = "../support/outside/mod.rs"]
+mod outside_support;

@@ -1,0 +1,80 @@
+//! Nothing is claimed that was not seen.
+
+use shutterbug::plane::{Plane, read_rgb8, write_png_atomic};
+
+use super::*;
+
+const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() { copy(&path, &target) } else { assert!(fs::copy(&path, target).unwrap() > 0) }
+    }
+}
+
+/// P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
+/// asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
+#[test]
+fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
+    if !device_is_there("frames_that_are_mirrored_are_said_to_be_before_anything_else") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    copy(Path::new(DEMO), &capture);
+    let made = folder.path().join("made");
+    let mut simulate = shutterbug();
+    assert_done(&simulate.arg("simulate").arg(&capture).arg("--out").arg(&made).output().unwrap());
+    let diagnose = |out: &str, limit_s: &str| {
+        let out = folder.path().join(out);
+        let mut command = shutterbug();
+        command.arg("diagnose").arg(&capture).arg("--out").arg(&out).args(["--time-limit-s", limit_s]);
+        assert_done(&command.output().unwrap());
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+        report
+    };
+    fs::create_dir_all(capture.join("real")).unwrap();
+    for i in 0..6 {
+        fs::copy(made.join(format!("{i:06}.png")), capture.join(format!("real/{i:06}.png"))).unwrap();
+    }
+    let control = diagnose("control", "18446744073709551615");
+    assert_eq!(control["verdict"], "no_gap", "{}", control["sentence"]);
+    assert!(!control["sentence"].as_str().unwrap().contains("set-up"));
+    for i in 0..6 {
+        let path = capture.join(format!("real/{i:06}.png"));
+        let picture = read_rgb8(&path).unwrap();
+        let mirrored = Plane::from_fn(picture.width, picture.height, |x, y| {
+            let p = picture.pixel(picture.width - 1 - x, y);
+            [p[0], p[1], p[2]]
+        });
+        write_png_atomic(&path, &mirrored).unwrap();
+    }
+    let report = diagnose("mirrored", "1");
+    let sentence = report["sentence"].as_str().unwrap();
+    assert!(sentence.starts_with("Look at the set-up") && sentence.contains("mirrored"), "{sentence}");
+    assert!(report["warnings"][0].as_str().unwrap().contains("mirrored"), "{}", report["warnings"]);
+}
+
+/// A2: a diagnosis that cannot begin is an error and no wrong answer; a run without cases is none (N7: tests/cli/abuse/messages.rs).
+#[test]
+fn withhold_without_a_device_is_an_error_and_no_wrong_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut command = shutterbug();
+    command
+        .args(["withhold", "--count", "1", "--width", "64", "--height", "48", "--frames", "4", "--out"])
+        .arg(&out);
+    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    assert_refused(
+        &command.output().unwrap(),
+        1,
+        &["case-000/capture", "a diagnosis that ended with", "no Vulkan device"],
+    );
+    assert!(!out.join("case-000/score.json").exists(), "the case is not done");
+    // The folder is the run's own all the same: it can go on there.
+    assert_refused(&command.output().unwrap(), 1, &["a diagnosis that ended with"]);
+}

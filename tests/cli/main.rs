@@ -1,0 +1,21 @@
+//! The program as users call it: what it writes, what it refuses, what hostile input does to it.
+
+mod abuse;
+mod auto_exposure;
+mod board;
+mod calibrate_noise;
+mod diagnose_after;
+mod exposure;
+mod formats;
+mod gather_kernels;
+mod pairs;
+mod simulate;
+
+#[path = "../support/board/mod.rs"]
+mod board_support;
+#[path = "../support/capi/mod.rs"]
+mod capi_support;
+#[path = "../support/diagnose/mod.rs"]
+mod diagnose_support;
+#[path = "../support/gpu/mod.rs"]
+mod gpu_support;

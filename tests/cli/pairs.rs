@@ -1,0 +1,125 @@
+//! Frames of any simulator beside real ones, without a scene: pairs with planes, pairs that are only roughly aligned, folders of
+//! different moments. Skipped by name where `../shared/data/pairs-dev` is not there.
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn shared() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/pairs-dev");
+    if !folder.is_dir() {
+        eprintln!("SKIPPED: {} is not there", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+fn diagnose(sim: &Path, real: &Path, out: &Path, more: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));
+    command.arg("diagnose").args(["--sim".as_ref(), sim.as_os_str(), "--real".as_ref(), real.as_os_str()]);
+    command.arg("--out").arg(out).args(more).output().unwrap()
+}
+
+fn report(sim: &Path, real: &Path, more: &[&str]) -> Value {
+    let out = tempfile::tempdir().unwrap();
+    let done = diagnose(sim, real, out.path(), more);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(out.path().join("report.html").is_file() && out.path().join("camera.toml").is_file());
+    serde_json::from_slice(&std::fs::read(out.path().join("report.json")).unwrap()).unwrap()
+}
+
+/// The camera's effects, sorted.
+fn names(report: &Value) -> Vec<&str> {
+    let all = report["effects"].as_array().unwrap();
+    let mut names: Vec<&str> =
+        all.iter().filter(|e| e["camera"] != false).map(|e| e["name"].as_str().unwrap()).collect();
+    names.sort_unstable();
+    names
+}
+
+fn parameter(report: &Value, name: &str, parameter: &str) -> f64 {
+    let all = report["effects"].as_array().unwrap();
+    let effect = all.iter().find(|e| e["name"] == name).unwrap_or_else(|| panic!("{name} is not found"));
+    effect["parameters"][parameter]["value"].as_f64().unwrap()
+}
+
+fn near(found: f64, truth: f64) {
+    assert!((found / truth - 1.0).abs() < 0.05, "{found} for {truth}");
+}
+
+#[test]
+fn depth_and_motion_are_enough_for_a_shutter_in_a_room_lit_otherwise() {
+    let Some(data) = shared() else { return };
+    let found = report(&data.join("p00/sim"), &data.join("p00/real"), &[]);
+    assert_eq!(names(&found), ["read_noise", "rolling_shutter"]);
+    near(parameter(&found, "rolling_shutter", "readout_time_s"), 0.017051);
+    near(parameter(&found, "read_noise", "sigma"), 0.00878);
+    assert_eq!(found["verdict"], "explained");
+    assert_eq!(found["input"]["alignment"]["kind"], "exact");
+}
+
+#[test]
+fn pictures_that_lie_roughly_on_each_other_tell_values_and_sharpness_and_no_geometry() {
+    let Some(data) = shared() else { return };
+    let found = report(&data.join("p01/sim"), &data.join("p01/real"), &[]);
+    assert_eq!(names(&found), ["defocus", "gamma"]);
+    near(parameter(&found, "defocus", "sigma_px"), 1.018);
+    near(parameter(&found, "gamma", "exponent"), 1.2867);
+    assert_eq!(found["input"]["alignment"]["kind"], "rough");
+    let state = |name: &str| {
+        let all = found["candidates"].as_array().unwrap();
+        all.iter().find(|c| c["name"] == name).unwrap()["state"].clone()
+    };
+    assert_eq!(state("rolling_shutter"), "undetermined");
+    assert_eq!(state("lens_distortion"), "undetermined");
+}
+
+#[test]
+fn folders_of_different_moments_tell_noise_and_shared_colour() {
+    let Some(data) = shared() else { return };
+    let found = report(&data.join("p02/sim"), &data.join("p02/real"), &["--unpaired"]);
+    assert_eq!(names(&found), ["chroma_subsampling", "shot_noise"]);
+    near(parameter(&found, "shot_noise", "full_well_e"), 1465.0);
+    assert_eq!(found["verdict"], "explained");
+}
+
+/// Real frames that are the simulated ones: nothing is found, paired or not, and a gap is not invented.
+#[test]
+fn a_folder_beside_itself_has_no_gap() {
+    let Some(data) = shared() else { return };
+    let sim = data.join("p01/sim");
+    for more in [&[][..], &["--unpaired"]] {
+        let found = report(&sim, &sim, more);
+        assert_eq!((names(&found).len(), &found["verdict"]), (0, &Value::from("no_gap")), "{more:?}");
+    }
+}
+
+#[test]
+fn what_is_wrong_with_two_folders_is_one_clear_line() {
+    let (sim, real, out) =
+        (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let said = |more: &[&str]| {
+        let done = diagnose(sim.path(), real.path(), &out.path().join("o"), more);
+        assert_eq!(done.status.code(), Some(1));
+        String::from_utf8(done.stderr).unwrap()
+    };
+    assert!(said(&[]).contains("no picture"));
+    let picture = |folder: &Path, name: &str, side: u32| {
+        image::RgbImage::from_pixel(side, side, image::Rgb([90, 90, 90])).save(folder.join(name)).unwrap();
+    };
+    (0..4).for_each(|i| picture(sim.path(), &format!("{i:03}.png"), 64));
+    picture(real.path(), "a.png", 64);
+    assert!(said(&[]).contains("no name in both"));
+    assert!(said(&["--unpaired"]).contains("4 pictures"));
+    (0..4).for_each(|i| picture(real.path(), &format!("{i:03}.png"), 32));
+    let sizes = said(&[]);
+    assert!(sizes.contains("32x32") && sizes.contains("64x64"), "{sizes}");
+    std::fs::write(sim.path().join("match.csv"), "sim,real\n000.png,missing.png\n").unwrap();
+    assert!(said(&[]).contains("match.csv:2"));
+    let usage = Command::new(env!("CARGO_BIN_EXE_shutterbug"))
+        .args(["diagnose", "--out", "x", "--sim", "y"])
+        .output();
+    assert_eq!(usage.unwrap().status.code(), Some(2));
+}

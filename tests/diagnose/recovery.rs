@@ -1,0 +1,121 @@
+//! Hidden effects are found, with their parameters, and nothing else is; what is no candidate is not sold as one.
+#![allow(clippy::unwrap_used)]
+
+use crate::diagnose_support::{frames_of, make, names, near, parameter, run};
+use crate::gpu_support::device;
+use shutterbug::capture::Capture;
+use shutterbug::engine::{ExactOptions, Method};
+use shutterbug::plane::metrics::mean_absolute_difference;
+use shutterbug_diagnose::diagnose::{CandidateState, Report, Verdict};
+
+#[test]
+fn nothing_hidden_is_no_gap() {
+    let Some(context) = device("nothing_hidden") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "", "", 1.0, 1);
+    let report = run(&context.0, &capture, &[]).report;
+    assert_eq!(report.verdict, Verdict::NoGap, "{:?} {:?}", report.gap, names(&report));
+    assert!(report.effects.is_empty() && report.gap.before < 0.3, "{:?}", report.gap);
+    // Control: the same frames against a camera that claims a rolling shutter are a gap.
+    let wrong = "[rolling_shutter]\nreadout_time_s = 0.02\n";
+    std::fs::write(folder.path().join("camera.toml"), format!("{}{wrong}", crate::diagnose_support::CAMERA))
+        .unwrap();
+    let capture = Capture::read(folder.path(), None).unwrap();
+    let report = run(&context.0, &capture, &[]).report;
+    assert_ne!(report.verdict, Verdict::NoGap, "{:?}", report.gap);
+    assert!(report.gap.before > 1.0, "{:?}", report.gap);
+}
+
+#[test]
+fn shutter_and_blur_are_told_apart_and_camera_toml_reproduces_them() {
+    let Some(context) = device("shutter_and_blur") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = "[rolling_shutter]\nreadout_time_s = 0.021\nscan_order = \"bottom_to_top\"\n[motion_blur]\nexposure_time_s = 0.012\n";
+    let capture = make(&context.0, folder.path(), hidden, "", 1.0, 2);
+    let diagnosis = run(&context.0, &capture, &[]);
+    let report = &diagnosis.report;
+    assert_eq!(names(report), ["motion_blur", "rolling_shutter"], "{:?}", report.gap);
+    near(report, "rolling_shutter", "readout_time_s", 0.021, 0.03);
+    near(report, "motion_blur", "exposure_time_s", 0.012, 0.03);
+    assert_eq!(report.verdict, Verdict::Explained);
+    assert!(report.gap.closed_fraction > 0.93, "{:?}", report.gap);
+    let shares: f64 = report.effects.iter().map(|e| e.share).sum();
+    assert!((shares - 1.0).abs() < 1e-9 && report.effects[0].share >= report.effects[1].share);
+    let offset = report.candidates.iter().find(|c| c.name == "time_offset").unwrap();
+    assert_eq!(offset.state, CandidateState::Rejected, "imitates part of both");
+    assert!(offset.gap_with.unwrap() < 0.9 * report.gap.before, "the imitation is worth a test: {offset:?}");
+
+    // What was written is what `simulate` reads, and gives the reported difference.
+    let out = tempfile::tempdir().unwrap();
+    let report = diagnosis.write(out.path(), &capture).unwrap();
+    let text = std::fs::read_to_string(out.path().join("report.json")).unwrap();
+    let read = Report::from_json(out.path(), &text).unwrap().effects;
+    assert_eq!(read.len(), report.effects.len());
+    for (read, written) in read.iter().zip(&report.effects) {
+        // The last digit of a number may be rounded on its way through a text.
+        assert_eq!(read.name, written.name);
+        assert!((read.gap_with - written.gap_with).abs() < 1e-9 && (read.share - written.share).abs() < 1e-9);
+    }
+    let camera = out.path().join("camera.toml");
+    let diagnosed = Capture::read(folder.path(), Some(&camera)).unwrap();
+    let simulated = frames_of(&context.0, &diagnosed, Method::Exact(ExactOptions::default()));
+    let difference = |pictures: &[shutterbug::plane::Plane<u8>]| -> f64 {
+        let held = &report.input.held_out_frames;
+        let one = |&f: &usize| {
+            let path = folder.path().join(format!("real/{f:06}.png"));
+            mean_absolute_difference(&pictures[f], &shutterbug::plane::read_rgb8(&path).unwrap())
+        };
+        held.iter().map(one).sum::<f64>() / held.len() as f64
+    };
+    let after = report.measures.iter().find(|m| m.name == "mean_absolute_difference").unwrap();
+    assert!((difference(&simulated) - after.after).abs() < 0.05, "{} {after:?}", difference(&simulated));
+    let given = frames_of(&context.0, &capture, Method::Exact(ExactOptions::default()));
+    assert!((difference(&given) - after.before).abs() < 0.1 && after.before > after.after + 1.0, "control");
+}
+
+#[test]
+fn values_and_noise_are_told_apart() {
+    let Some(context) = device("values_and_noise") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = "[vignetting]\na1 = -0.4\na2 = 0.05\n[read_noise]\nsigma = 0.012\n";
+    let capture = make(&context.0, folder.path(), hidden, "", 1.0, 3);
+    let report = run(&context.0, &capture, &[]).report;
+    assert_eq!(names(&report), ["read_noise", "vignetting"], "{:?}", report.gap);
+    near(&report, "read_noise", "sigma", 0.012, 0.05);
+    let (a1, _) = parameter(&report, "vignetting", "a1");
+    let (a2, _) = parameter(&report, "vignetting", "a2");
+    assert!((a1 + a2 + 0.35).abs() < 0.02, "corner {a1} + {a2}");
+    assert!(report.gap.floor > 0.5 && report.gap.after < 1.1 * report.gap.floor, "{:?}", report.gap);
+}
+
+#[test]
+fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
+    let Some(context) = device("no_candidate") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "[black_level]\noffset = 0.05\n", "", 1.0, 4);
+    let with = run(&context.0, &capture, &[]).report;
+    assert_eq!(names(&with), ["black_level"], "control: with it the cause is named");
+    near(&with, "black_level", "offset", 0.05, 0.03);
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = "[rolling_shutter]\nreadout_time_s = 0.03\nscan_order = \"right_to_left\"\n";
+    let capture = make(&context.0, folder.path(), hidden, "", 1.0, 5);
+    let without = run(&context.0, &capture, &["rolling_shutter"]).report;
+    assert_ne!(without.verdict, Verdict::Explained, "{:?} {:?}", without.gap, names(&without));
+    assert_ne!(without.verdict, Verdict::NoGap);
+    assert!(without.effects.iter().all(|e| e.name != "rolling_shutter"));
+}
+
+#[test]
+fn without_motion_time_is_undetermined() {
+    let Some(context) = device("without_motion") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "[exposure_gain]\ngain = 0.9\n", "", 0.0, 6);
+    let report = run(&context.0, &capture, &[]).report;
+    assert_eq!(names(&report), ["exposure_gain"]);
+    near(&report, "exposure_gain", "gain", 0.9, 0.01);
+    for name in ["rolling_shutter", "motion_blur", "time_offset"] {
+        let c = report.candidates.iter().find(|c| c.name == name).unwrap();
+        assert_eq!(c.state, CandidateState::Undetermined, "{name}");
+        assert!(!c.footage.is_empty());
+    }
+}

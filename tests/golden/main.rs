@@ -1,0 +1,10 @@
+//! Small pictures that are kept beside these files. A change of one is a decision: `SHUTTERBUG_BLESS=1 cargo test --release
+//! --test golden` writes them anew; look at them, then commit.
+
+mod effects;
+mod frames;
+
+#[path = "../support/effects/mod.rs"]
+mod effects_support;
+#[path = "../support/gpu/mod.rs"]
+mod gpu_support;

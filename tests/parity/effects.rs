@@ -1,0 +1,124 @@
+//! Every effect's kernel against its reference, on random radiance and odd sizes, one by one and all together.
+#![allow(clippy::unwrap_used)]
+
+use crate::effects_support::{random_radiance, view, visible};
+use crate::gpu_support::device;
+use shutterbug::camera::ScanOrder;
+use shutterbug::chain::{Settings, Stage, View};
+use shutterbug::effects::LIST;
+use shutterbug::engine::PixelChain;
+use shutterbug::plane::Plane;
+use shutterbug::reference::chain::{picture, values};
+
+const SIZES: [[u32; 2]; 4] = [[1, 1], [3, 2], [67, 41], [130, 97]];
+
+/// Encoded values are of a power that devices round in their own way: 8 units of 2^-24 relative, times what sharpening
+/// and matrices make of it.
+const ROUNDING: f32 = 4e-6;
+/// Where a value is rounded to a whole (electrons, steps), a rounding error before it can be a whole step after it: so
+/// many values in a million may be further off.
+const FLIPS: f64 = 500.0;
+
+/// Values further off than rounding, in a million, and the largest difference.
+fn off(a: &Plane<f32>, b: &Plane<f32>) -> (f64, f32) {
+    let differences = a.data.iter().zip(&b.data).map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() });
+    let (mut count, mut most) = (0, 0.0_f32);
+    for d in differences {
+        // NaN counts.
+        count += usize::from(!(d <= ROUNDING));
+        most = if d <= most { most } else { d };
+    }
+    (1e6 * count as f64 / a.data.len() as f64, most)
+}
+
+fn compare(chain: &mut PixelChain, name: &str, settings: &Settings, view: &View, radiance: &Plane<f32>) {
+    let got = chain.values(settings, view).unwrap();
+    let want = values(LIST, settings, view, radiance);
+    let (flips, most) = off(&got, &want);
+    eprintln!(
+        "{name} {}x{}: {flips:.0} in a million beyond rounding, largest {most:.2e}",
+        got.width, got.height
+    );
+    assert!(flips <= FLIPS, "{name}: {flips} in a million beyond rounding, largest {most}");
+    let (got, want) = (chain.picture(settings, view).unwrap(), picture(LIST, settings, view, radiance));
+    let levels = got.data.iter().zip(&want.data).filter(|(a, b)| a != b).count();
+    // A JPEG makes one level into several.
+    let allowed = if settings.has("jpeg") { 0.2 } else { 2e-3 };
+    assert!(levels as f64 <= allowed * got.data.len() as f64 + 1.0, "{name}: {levels} values differ");
+}
+
+fn everything() -> Settings {
+    let mut all = Settings::default();
+    for effect in LIST.iter().filter(|e| matches!(e.stage(), Stage::Pixel(..))) {
+        let own = visible(*effect);
+        for spec in effect.specs() {
+            all.set(*effect, spec.name, own.get(effect.id(), spec.name).unwrap()).unwrap();
+        }
+    }
+    all
+}
+
+#[test]
+fn every_kernel_is_its_reference() {
+    let Some(context) = device("every_kernel_is_its_reference") else { return };
+    for [width, height] in SIZES {
+        let (mut view, radiance) = (view(width, height), random_radiance(width as usize, height as usize));
+        view.shutter.scan_order = if width == 67 { ScanOrder::RightToLeft } else { ScanOrder::BottomToTop };
+        let (w, h) = (width, height);
+        view.shutter.line_count = view.shutter.scan_order.line_count(w, h);
+        let mut chain = PixelChain::new(&context.0, [width, height]).unwrap();
+        chain.load(&radiance).unwrap();
+        compare(&mut chain, "none", &Settings::default(), &view, &radiance);
+        for effect in LIST.iter().filter(|e| matches!(e.stage(), Stage::Pixel(..))) {
+            compare(&mut chain, effect.id(), &visible(*effect), &view, &radiance);
+            for spec in effect.specs() {
+                // Parts of an effect are kernels of their own.
+                let mut alone = Settings::default();
+                alone.set(*effect, spec.name, visible(*effect).get(effect.id(), spec.name).unwrap()).unwrap();
+                let name = format!("{}.{}", effect.id(), spec.name);
+                compare(&mut chain, &name, &alone, &view, &radiance);
+            }
+        }
+        // Wider than what is unrolled.
+        let wide =
+            [("defocus", "sigma_px", 4.0), ("sharpening", "amount", 1.0), ("sharpening", "radius_px", 5.0)];
+        compare(&mut chain, "wide", &crate::effects_support::settings(&wide), &view, &radiance);
+        compare(&mut chain, "all", &everything(), &view, &radiance);
+    }
+}
+
+/// Control: the comparison sees a reference that is wrong by little.
+#[test]
+fn a_wrong_reference_is_seen() {
+    let Some(context) = device("a_wrong_reference_is_seen") else { return };
+    let (view, radiance) = (view(67, 41), random_radiance(67, 41));
+    let mut chain = PixelChain::new(&context.0, [67, 41]).unwrap();
+    chain.load(&radiance).unwrap();
+    for effect in LIST.iter().filter(|e| matches!(e.stage(), Stage::Pixel(..))) {
+        let settings = visible(*effect);
+        let got = chain.values(&settings, &view).unwrap();
+        let mut brighter = radiance.clone();
+        brighter.data.iter_mut().for_each(|v| *v *= 1.001);
+        let (flips, _) = off(&got, &values(LIST, &settings, &view, &brighter));
+        assert!(flips > 10.0 * FLIPS, "{}: a brighter picture is taken for the same ({flips})", effect.id());
+    }
+    for (what, other) in [("frame", View { frame: 4, ..view }), ("seed", View { seed: 7, ..view })] {
+        let (a, b) =
+            (chain.values(&everything(), &view).unwrap(), chain.values(&everything(), &other).unwrap());
+        assert!(off(&a, &b).0 > 10.0 * FLIPS, "{what} changes nothing");
+    }
+}
+
+/// Pipelines and pictures are made once a plan: the second round of the same settings gives the same pixels.
+#[test]
+fn settings_may_alternate() {
+    let Some(context) = device("settings_may_alternate") else { return };
+    let (view, radiance) = (view(67, 41), random_radiance(67, 41));
+    let mut chain = PixelChain::new(&context.0, [67, 41]).unwrap();
+    chain.load(&radiance).unwrap();
+    let kinds = [Settings::default(), everything(), visible(crate::effects_support::by_id("defocus"))];
+    let first: Vec<_> = kinds.iter().map(|s| chain.picture(s, &view).unwrap()).collect();
+    let second: Vec<_> = kinds.iter().map(|s| chain.picture(s, &view).unwrap()).collect();
+    assert_eq!(first, second);
+    assert!(first[0] != first[1] && first[1] != first[2], "control");
+}

@@ -1,0 +1,16 @@
+//! Without a device: what must hold of scenes, captures, effects, random numbers and the sources themselves, on random and on
+//! hostile input.
+
+mod bad_input;
+mod captures;
+mod effects_closed_forms;
+mod effects_noise;
+mod effects_registry;
+mod layering;
+mod noise_statistics;
+mod paper_closed_form;
+mod scenes;
+mod scenes_hostile;
+
+#[path = "../support/effects/mod.rs"]
+mod effects_support;
