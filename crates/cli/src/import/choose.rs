@@ -35,12 +35,15 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
     let frame = request.camera_frame.clone().unwrap_or(first_frame);
     let chosen = Chosen { log, all, request, pictures, frame };
     let mut notes = Vec::new();
-    let Timed { mut times_ns, mut frame_of } = chosen.times(&mut notes)?;
-    let period_ns = periods_ns(&times_ns);
+    let mut timed = chosen.times(&mut notes)?;
+    let period_ns = periods_ns(&timed.times_ns);
     let poses = poses_of(&chosen, &mut notes)?;
     if let Some(poses) = &poses {
-        keep_covered(&chosen, poses, period_ns, (&mut times_ns, &mut frame_of), &mut notes)?;
+        keep_covered(&chosen, poses, period_ns, &mut timed, &mut notes)?;
     }
+    timed.thin(request.every.max(1));
+    let Timed { times_ns, frame_of } = timed;
+    let period_ns = periods_ns(&times_ns);
     let mut texts = Vec::new();
     if let Some(camera) = chosen.camera(&mut notes)? {
         let rate_hz = if period_ns > 0 { Some(1e9 / period_ns as f64) } else { None };
@@ -58,6 +61,7 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
     texts.extend(imu.map(|text| ("imu.csv", text)));
     notes.extend(all.first.get(&pictures).and_then(|f| super::pixels::note(&f.encoding)));
     Ok(Prepared {
+        path: log.path.clone(),
         times_ns,
         names: None,
         poses: poses.unwrap_or_default(),
@@ -84,7 +88,7 @@ fn keep_covered(
     chosen: &Chosen<'_>,
     poses: &[(i64, shutterbug::camera::Pose)],
     period_ns: i64,
-    (times_ns, frame_of): (&mut Vec<i64>, &mut [Option<usize>]),
+    Timed { times_ns, frame_of }: &mut Timed,
     notes: &mut Vec<String>,
 ) -> Result<()> {
     let (Some((from, _)), Some((to, _))) = (poses.first(), poses.last()) else { return Ok(()) };
@@ -222,7 +226,7 @@ impl Chosen<'_> {
         }
         self.note_faults(self.pictures, notes)?;
         let shots = self.all.shots.get(&self.pictures).map_or(&[][..], Vec::as_slice);
-        Ok(timed(shots, self.request.every.max(1), name, notes))
+        Ok(timed(shots, name, notes))
     }
 
     /// The camera, where there is one. One that was not asked for by name is only taken if it fits.

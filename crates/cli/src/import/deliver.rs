@@ -110,7 +110,7 @@ fn finish(
     if motion.frames.is_empty() {
         let found = left_out
             .map_or_else(|| "no picture".to_owned(), |(n, why)| format!("{n} pictures, none of use ({why})"));
-        return Err(Error::input(folder, None, found, "at least one frame"));
+        return Err(Error::input(&prepared.path, None, found, "at least one frame"));
     }
     let mut files = Vec::new();
     let mut texts: Vec<(&'static str, String)> = prepared.texts.clone();

@@ -51,14 +51,14 @@ pub(super) fn prepare(kind: Kind, folder: &Path, request: &Request) -> Result<Pr
 /// KITTI's poses alone.
 pub(super) fn prepare_poses(file: &Path, request: &Request) -> Result<Prepared> {
     let motion = read_kitti(file, request.times.as_deref())?;
-    prepared(motion, Vec::new(), None, request)
+    prepared(motion, Vec::new(), (file, None), request)
 }
 
 /// Puts a data set's parts together. `folder`: where the pictures are; if there are none, the tables are written alone.
 fn prepared(
     motion: Motion,
     mut texts: Vec<(&'static str, String)>,
-    folder: Option<&Path>,
+    (recording, folder): (&Path, Option<&Path>),
     request: &Request,
 ) -> Result<Prepared> {
     let Motion { camera, frames, poses, mut notes } = motion;
@@ -76,6 +76,7 @@ fn prepared(
         None => Pictures::Missing,
     };
     Ok(Prepared {
+        path: recording.to_owned(),
         times_ns: kept.iter().map(|f| f.timestamp_ns).collect(),
         names: Some(kept.into_iter().map(|f| f.filename).collect()),
         poses,
@@ -131,7 +132,7 @@ fn euroc(folder: &Path, request: &Request) -> Result<Prepared> {
     let mut motion = motion;
     let body_from_camera = motion.camera.as_ref().and_then(|c| c.body_from_camera);
     let imu = euroc_imu(&root.join("imu0"), name, body_from_camera, &mut motion.notes)?;
-    prepared(motion, imu.into_iter().collect(), Some(&camera_folder.join("data")), request)
+    prepared(motion, imu.into_iter().collect(), (folder, Some(&camera_folder.join("data"))), request)
 }
 
 /// `imu0`, turned into the camera's axes where both sensors say how they sit.
@@ -183,7 +184,7 @@ fn tum(folder: &Path, request: &Request) -> Result<Prepared> {
         let times: Vec<i64> = motion.frames.iter().map(|f| f.timestamp_ns).collect();
         motion.keep_covered(&truth, super::frames::periods_ns(&times))?;
     }
-    prepared(motion, Vec::new(), Some(&pictures_in), request)
+    prepared(motion, Vec::new(), (folder, Some(&pictures_in)), request)
 }
 
 fn kitti(folder: &Path, request: &Request) -> Result<Prepared> {
@@ -223,7 +224,7 @@ fn kitti(folder: &Path, request: &Request) -> Result<Prepared> {
     for (_, pose) in &mut motion.poses {
         *pose = pose.then_from(&Pose { translation_m: k.1, ..Pose::IDENTITY });
     }
-    prepared(motion, Vec::new(), Some(&pictures_in), request)
+    prepared(motion, Vec::new(), (folder, Some(&pictures_in)), request)
 }
 
 fn kitti_frames(times: &Path) -> Result<Motion> {

@@ -10,8 +10,8 @@ pub(super) struct Timed {
     pub(super) frame_of: Vec<Option<usize>>,
 }
 
-/// Orders pictures by their stamps; where these say nothing, by when they were recorded. Every `every`-th is kept.
-pub(super) fn timed(shots: &[Option<Shot>], every: usize, topic: &str, notes: &mut Vec<String>) -> Timed {
+/// Orders pictures by their stamps; where these say nothing, by when they were recorded.
+pub(super) fn timed(shots: &[Option<Shot>], topic: &str, notes: &mut Vec<String>) -> Timed {
     let known: Vec<(usize, Shot)> = shots.iter().enumerate().filter_map(|(i, s)| Some((i, (*s)?))).collect();
     let unset = known.iter().all(|(_, s)| s.stamp_ns == 0)
         || (known.len() > 1 && known.iter().all(|(_, s)| s.stamp_ns == known[0].1.stamp_ns));
@@ -38,11 +38,21 @@ pub(super) fn timed(shots: &[Option<Shot>], every: usize, topic: &str, notes: &m
         notes.push(format!("{lost} pictures of `{topic}` have the stamp of another and are left out"));
     }
     let mut result = Timed { times_ns: Vec::new(), frame_of: vec![None; shots.len()] };
-    for (message, shot) in order.into_iter().step_by(every) {
+    for (message, shot) in order {
         result.frame_of[message] = Some(result.times_ns.len());
         result.times_ns.push(time(&shot));
     }
     result
+}
+
+impl Timed {
+    /// Keeps every so many-th frame.
+    pub(super) fn thin(&mut self, every: usize) {
+        self.times_ns = self.times_ns.iter().copied().step_by(every).collect();
+        for place in &mut self.frame_of {
+            *place = place.filter(|p| p % every == 0).map(|p| p / every);
+        }
+    }
 }
 
 /// The median time between frames, ns; 0 for one frame.
@@ -64,20 +74,21 @@ mod tests {
     fn pictures_are_sorted_and_said_to_be() {
         let shots = [shot(30, 1), shot(10, 2), None, shot(20, 3), shot(20, 4)];
         let mut notes = Vec::new();
-        let all = timed(&shots, 1, "/c", &mut notes);
+        let all = timed(&shots, "/c", &mut notes);
         assert_eq!(all.times_ns, [10, 20, 30]);
         assert_eq!(all.frame_of, [Some(2), Some(0), None, Some(1), None]);
         assert!(notes.iter().any(|n| n.starts_with("1 pictures of `/c` come after")), "{notes:?}");
         assert!(notes.iter().any(|n| n.starts_with("1 pictures of `/c` have the stamp")), "{notes:?}");
-        assert_eq!(timed(&shots, 2, "/c", &mut notes).times_ns, [10, 30]);
         assert_eq!((periods_ns(&all.times_ns), periods_ns(&[7])), (10, 0));
+        all.thin(2);
+        assert_eq!((all.times_ns, all.frame_of), (vec![10, 30], vec![Some(1), Some(0), None, None, None]));
     }
 
     #[test]
     fn without_stamps_the_time_of_recording_counts() {
         for stamp in [0, 77] {
             let mut notes = Vec::new();
-            let all = timed(&[shot(stamp, 5), shot(stamp, 9)], 1, "/c", &mut notes);
+            let all = timed(&[shot(stamp, 5), shot(stamp, 9)], "/c", &mut notes);
             assert_eq!(all.times_ns, [5, 9]);
             assert!(notes[0].contains("no stamps"), "{notes:?}");
         }

@@ -99,9 +99,10 @@ impl Gathered {
                 let shots = self.shots.entry(place).or_default();
                 shots.push(None);
                 let picture = messages::picture(topic, data)?;
+                self.first.entry(place).or_insert_with(|| first(picture.frame.clone(), &picture.body));
+                pixels::check(&picture.body)?;
                 let shot = Shot { stamp_ns: picture.stamp_ns, recorded_ns: message.recorded_ns };
                 *shots.last_mut().expect("one was pushed") = Some(shot);
-                self.first.entry(place).or_insert_with(|| first(picture.frame, &picture.body));
             }
             Kind::CameraInfo => {
                 let info = messages::camera_info(topic, data)?;

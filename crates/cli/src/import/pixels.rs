@@ -131,13 +131,23 @@ fn packed(format: &str, data: &[u8]) -> Result<PictureFile, Fault> {
     Ok(PictureFile { ending, bytes: data.to_vec() })
 }
 
-fn raw(
+/// Whether a picture can be made of a message, as far as that is seen without its values.
+pub(super) fn check(body: &Body<'_>) -> Result<(), Fault> {
+    match body {
+        Body::Raw { width, height, encoding, step, data, .. } => {
+            checked([*width, *height], encoding, *step as usize, data).map(|_| ())
+        }
+        Body::Packed { .. } => size_px(body).map(|_| ()),
+    }
+}
+
+/// How the values lie, and bytes of a row.
+fn checked(
     [width, height]: [u32; 2],
     encoding: &str,
-    big_endian: bool,
     step: usize,
     data: &[u8],
-) -> Result<PictureFile, Fault> {
+) -> Result<(Layout, usize), Fault> {
     let Some(layout) = layout(encoding) else {
         let found = format!("the encoding `{}`", super::shortened(encoding));
         return Err(Fault::new(found, format!("one of {KNOWN}")));
@@ -156,6 +166,18 @@ fn raw(
         let found = format!("{} bytes, {step} a row, for {width}x{height} px in {encoding}", data.len());
         return Err(Fault::new(found, format!("at least {row} bytes a row and all rows")));
     }
+    Ok((layout, row))
+}
+
+fn raw(
+    [width, height]: [u32; 2],
+    encoding: &str,
+    big_endian: bool,
+    step: usize,
+    data: &[u8],
+) -> Result<PictureFile, Fault> {
+    let (layout, row) = checked([width, height], encoding, step, data)?;
+    let height = height as usize;
     let mut values = Vec::with_capacity(height * row);
     for y in 0..height {
         append_row(&data[y * step..][..row], layout, big_endian, &mut values);

@@ -35,6 +35,8 @@ pub struct Request {
 /// What will be written, but for the pictures' values.
 #[derive(Debug)]
 pub struct Prepared {
+    /// The recording.
+    pub(super) path: PathBuf,
     /// Of the frames, increasing.
     pub(super) times_ns: Vec<i64>,
     /// The frames' file names, where they have some already; else numbers.

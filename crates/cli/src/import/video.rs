@@ -102,6 +102,11 @@ impl Drop for Running {
 fn first_line(said: &str, path: &Path) -> String {
     let shown = format!("file:{}", path.display());
     let line = said.lines().map(|l| l.replace(&shown, "the file")).find(|l| !l.trim().is_empty());
+    // `[h264 @ 0x55a69fc1f5c0]`: where in memory it works is nobody's concern.
+    let line = line.map(|l| match (l.find(" @ 0x"), l.find(']')) {
+        (Some(from), Some(to)) if from < to => format!("{}{}", &l[..from], &l[to..]),
+        _ => l,
+    });
     one_line(line.unwrap_or_default().trim()).chars().take(200).collect()
 }
 
@@ -211,7 +216,9 @@ impl Video {
         let shot = |t: &i64| Some(Shot { stamp_ns: *t, recorded_ns: *t });
         let shots: Vec<_> = self.times_ns.iter().map(shot).collect();
         let mut notes = Vec::new();
-        let Timed { times_ns, frame_of } = timed(&shots, request.every.max(1), "the video", &mut notes);
+        let mut timed = timed(&shots, "the video", &mut notes);
+        timed.thin(request.every.max(1));
+        let Timed { times_ns, frame_of } = timed;
         // The note on stamps there is of drivers.
         notes.retain(|n| !n.starts_with("stamps are") && !n.contains("has no stamps"));
         let period_ms = periods_ns(&times_ns) as f64 * 1e-6;
@@ -228,8 +235,18 @@ impl Video {
         }
         let broken = self.broken(self.times_ns.len(), self.damage.as_deref());
         let broken = broken.map(|(found, expected)| Error::input(&self.path, None, found, expected));
+        let path = self.path.clone();
         let pictures = Pictures::Video { video: self, frame_of };
-        Prepared { times_ns, names: None, poses: Vec::new(), texts: Vec::new(), notes, pictures, broken }
+        Prepared {
+            path,
+            times_ns,
+            names: None,
+            poses: Vec::new(),
+            texts: Vec::new(),
+            notes,
+            pictures,
+            broken,
+        }
     }
 
     fn broken(&self, frames: usize, damage: Option<&str>) -> Option<Error2> {
