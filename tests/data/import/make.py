@@ -45,7 +45,7 @@ def messages(store, ros1):
     tree = types["tf2_msgs/msg/TFMessage"]
     optical = quaternion(x=-0.5, y=0.5, z=-0.5, w=0.5)
     yield START, "/tf_static", "tf2_msgs/msg/TFMessage", tree([link(START, "base", "optical", (0.1, 0.0, 0.2), optical)])
-    for i in range(-1, 6):
+    for i in range(-1, 8):
         ns = START + i * 20_000_000
         yield ns, "/tf", "tf2_msgs/msg/TFMessage", tree([link(ns, "map", "base", (0.1 * i, 0.0, 0.0), turn(0.05 * i))])
         spin, gravity = vector(0.0, 0.0, 2.5), vector(0.0, 0.0, 9.8)
@@ -61,7 +61,7 @@ def messages(store, ros1):
             types["geometry_msgs/msg/PoseWithCovariance"](where, np.zeros(36)),
             types["geometry_msgs/msg/TwistWithCovariance"](speed, np.zeros(36)),
         )
-        if i % 2 or i < 0:
+        if i % 2 or not 0 <= i < 2 * FRAMES:
             continue
         data = np.ascontiguousarray(picture(i // 2)[..., ::-1]).reshape(-1)
         at = header(ns + 3, "optical")
