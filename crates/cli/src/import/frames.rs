@@ -74,7 +74,7 @@ mod tests {
     fn pictures_are_sorted_and_said_to_be() {
         let shots = [shot(30, 1), shot(10, 2), None, shot(20, 3), shot(20, 4)];
         let mut notes = Vec::new();
-        let all = timed(&shots, "/c", &mut notes);
+        let mut all = timed(&shots, "/c", &mut notes);
         assert_eq!(all.times_ns, [10, 20, 30]);
         assert_eq!(all.frame_of, [Some(2), Some(0), None, Some(1), None]);
         assert!(notes.iter().any(|n| n.starts_with("1 pictures of `/c` come after")), "{notes:?}");
