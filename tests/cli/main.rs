@@ -9,6 +9,10 @@ mod diagnose_after;
 mod exposure;
 mod formats;
 mod gather_kernels;
+mod import;
+mod import_folders;
+mod import_hostile;
+mod import_video;
 mod pairs;
 mod reference;
 mod simulate;
@@ -21,3 +25,5 @@ mod capi_support;
 mod diagnose_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
+#[path = "../support/import/mod.rs"]
+mod import_support;

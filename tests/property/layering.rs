@@ -72,6 +72,7 @@ const CRATES: &[Crate] = &[
         sources: "crates/cli/src",
         layers: &[
             pure("formats", &["capture", "camera", "chain", "effects", "scene", "plane", "files", "error"]),
+            pure("import", &["formats", "capture", "camera", "plane", "files", "out", "error"]),
             Layer { module: "cli", uses: Uses::All, ash: false, unsafe_code: false },
             Layer { module: "main", uses: Uses::All, ash: false, unsafe_code: false },
             Layer { module: "lib", uses: Uses::All, ash: false, unsafe_code: false },

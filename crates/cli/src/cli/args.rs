@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 
 use super::args_board::Board;
 use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout};
+use super::args_import::Import;
 use crate::formats::Format;
 use shutterbug::engine::{
     AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
@@ -42,7 +43,7 @@ pub enum Command {
     /// Cameras in other tools' files
     #[command(subcommand)]
     Camera(Camera),
-    /// Make frames.csv, trajectory.tum and, where it can, camera.toml of a recording
+    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list it without --out
     Import(Import),
     /// Make a capture of photographs or a recording of a calibration target: a pinhole, poses, the board as a scene
     Board(Board),
@@ -81,25 +82,6 @@ pub struct Convert {
     /// Which camera of a camchain (else the first)
     #[arg(long)]
     pub name: Option<String>,
-}
-
-/// Arguments of `import`.
-#[derive(Debug, clap::Args)]
-pub struct Import {
-    /// A EuRoC mav0 folder (or the one above it), or a file of KITTI poses
-    pub input: PathBuf,
-    /// Folder for the files; made if absent
-    #[arg(long)]
-    pub out: PathBuf,
-    /// EuRoC: which camera's folder
-    #[arg(long, default_value = "cam0")]
-    pub name: String,
-    /// KITTI: the poses' times (else times.txt beside them)
-    #[arg(long)]
-    pub times: Option<PathBuf>,
-    /// Replace files that are there
-    #[arg(long)]
-    pub overwrite: bool,
 }
 
 /// `--from`, `--to`.

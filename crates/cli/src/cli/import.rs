@@ -1,50 +1,126 @@
-//! `shutterbug import`: a recording's motion as a capture's files.
+//! `shutterbug import`: a recording as a folder that can be diagnosed, or what it holds.
 
-use std::fs;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
-use super::args::Import;
-use super::terminal::say;
-use crate::formats::{Format, read_euroc, read_kitti, write_camera};
+use super::args_import::Import;
+use super::interrupt::Interrupt;
+use super::terminal::{print, say};
+use crate::import::{Delivered, Prepared, Recording, deliver};
 use shutterbug::error::{Error, Result};
-use shutterbug::files::write_single;
-use shutterbug_diagnose::out::recorded_reads;
+use shutterbug::files::{Limit, read_if_there, write_atomic};
+use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
 
-/// Writes frames.csv, trajectory.tum and, where the recording has a camera, camera.toml.
+/// Time between two lines of progress.
+const LOG_INTERVAL: Duration = Duration::from_secs(2);
+/// The options and sources of an import, in its folder.
+const RUN_FILE: &str = "import.json";
+
+/// Runs the command.
 pub fn run(args: &Import) -> Result<()> {
-    let motion = if args.input.is_dir() {
-        read_euroc(&args.input, Some(&args.name))?
-    } else {
-        read_kitti(&args.input, args.times.as_deref())?
+    let recording = Recording::open(&args.input)?;
+    let mut said = Instant::now();
+    let mut progress = |at: u64, all: u64| {
+        if said.elapsed() >= LOG_INTERVAL {
+            said = Instant::now();
+            say(format_args!("reading: {} %", 100 * at / all.max(1)));
+        }
+        Ok(())
     };
-    let mut notes = motion.notes.clone();
-    let mut files = vec![("frames.csv", motion.frames_csv()), ("trajectory.tum", motion.trajectory_tum())];
-    if let Some(camera) = &motion.camera {
-        // Its place on the body is in the trajectory now.
-        let camera = crate::formats::CameraModel { body_from_camera: None, ..camera.clone() };
-        let (text, left_out) = write_camera(&camera, Format::Toml, &args.out.join("camera.toml"), None)?;
-        notes.extend(left_out);
-        files.push(("camera.toml", text));
-    }
-    if !args.overwrite
-        && let Some((name, _)) = files.iter().find(|(name, _)| args.out.join(name).exists())
-    {
-        let expected = "no such file yet, or --overwrite";
-        return Err(Error::input(&args.out.join(name), None, "a file", expected));
-    }
-    let inputs: Vec<_> = recorded_reads().into_keys().collect();
-    fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, "create the folder", e))?;
-    for (name, text) in &files {
-        write_single(&args.out.join(name), text.as_bytes(), args.overwrite, &inputs)?;
-    }
-    for note in &notes {
+    let Some(folder) = &args.out else {
+        let (text, broken) = recording.listing(&mut progress)?;
+        print(text)?;
+        return broken.map_or(Ok(()), Err);
+    };
+    refuse_finished(args, folder)?;
+    let rules = OutRules {
+        command: "import",
+        inputs: &[&args.input],
+        overwrite: args.overwrite,
+        goes_on: args.resume,
+    };
+    let out = Out::open(folder, &rules)?;
+    let prepared = recording.prepare(&args.request(), &mut progress)?;
+    let goes_on = begin(args, folder, &out)?;
+    let delivered = write(args, folder, &prepared, (&out, goes_on))?;
+    for note in &prepared.notes {
         tracing::warn!("{}: {note}", args.input.display());
     }
-    let names: Vec<_> = files.iter().map(|(name, _)| *name).collect();
-    report(&args.out, &names, motion.frames.len(), motion.poses.len());
-    Ok(())
+    report(args, folder, &prepared, &delivered);
+    let broken = delivered.broken.map(|(found, expected)| Error::input(&args.input, None, found, expected));
+    broken.or(prepared.broken()).map_or(Ok(()), Err)
 }
 
-fn report(out: &Path, names: &[&str], frames: usize, poses: usize) {
-    say(format_args!("{frames} frames and {poses} poses: {} written to {}", names.join(", "), out.display()));
+/// An import that is done is replaced only when that is asked for.
+fn refuse_finished(args: &Import, folder: &Path) -> Result<()> {
+    let path = folder.join("frames.csv");
+    if args.overwrite || args.resume || path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    Err(Error::input(&path, None, "a file", "no such file yet, --resume or --overwrite"))
+}
+
+/// Writes what this run is; whether it goes on with an earlier one, which was the same.
+fn begin(args: &Import, folder: &Path, out: &Out) -> Result<bool> {
+    let path = folder.join(RUN_FILE);
+    let now = run_json(args);
+    let before = if args.resume { read_if_there(&path, Limit::OWN)? } else { None };
+    if before.as_ref().is_some_and(|b| *b != now.as_bytes()) {
+        let found = "frames of an import with other input or options";
+        return Err(Error::input(
+            &path,
+            None,
+            found,
+            "the same as now; use another --out, or leave out --resume",
+        ));
+    }
+    let goes_on = before.is_some();
+    if goes_on {
+        out.go_on()?;
+    } else {
+        out.start()?;
+    }
+    write_atomic(&path, now.as_bytes())?;
+    Ok(goes_on)
+}
+
+/// Everything that decides what is written: the options, and every file that was read.
+fn run_json(args: &Import) -> String {
+    let files: serde_json::Map<_, _> =
+        recorded_reads().into_iter().map(|(path, mark)| (path.display().to_string(), mark.into())).collect();
+    let value = serde_json::json!({
+        "shutterbug": env!("CARGO_PKG_VERSION"),
+        "request": format!("{:?}", args.request()),
+        "capture": args.capture,
+        "files": files,
+    });
+    serde_json::to_string_pretty(&value).expect("strings serialize") + "\n"
+}
+
+fn write(args: &Import, folder: &Path, prepared: &Prepared, out: (&Out, bool)) -> Result<Delivered> {
+    let interrupt = Interrupt::listen();
+    let mut said = Instant::now();
+    let mut watch = |done: usize, total: usize| {
+        if interrupt.requested() && done < total {
+            return Err(Error::Interrupted { done, total });
+        }
+        if said.elapsed() >= LOG_INTERVAL {
+            said = Instant::now();
+            say(format_args!("{done} of {total} frames"));
+        }
+        Ok(())
+    };
+    let pictures = if args.capture { "real" } else { "" };
+    deliver(prepared, (folder, pictures), out, &mut watch)
+}
+
+fn report(args: &Import, folder: &Path, prepared: &Prepared, delivered: &Delivered) {
+    if let Some((count, first)) = &delivered.left_out {
+        say(format_args!("{}: {count} pictures are left out: {first}", args.input.display()));
+    }
+    let (names, to) = (delivered.files.join(", "), folder.display());
+    say(format_args!("{} frames and {} poses: {names} written to {to}", delivered.frames, prepared.poses()));
+    if delivered.files.contains(&"trajectory.tum") && args.capture {
+        say("with a scene.obj `shutterbug diagnose` names what the camera does");
+    }
 }

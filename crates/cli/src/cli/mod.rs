@@ -3,6 +3,7 @@
 mod args;
 mod args_board;
 mod args_calibrate;
+mod args_import;
 mod begin;
 mod board;
 mod calibrate;
@@ -90,6 +91,7 @@ fn run_command(command: &Command) -> Result<()> {
             | Command::Withhold(_)
             | Command::Board(_)
             | Command::Calibrate(_)
+            | Command::Import(_)
     ) {
         start_threads()?;
     }

@@ -25,7 +25,7 @@ use std::path::Path;
 pub use capture::read_capture;
 pub use kalibr_target::{KalibrTarget, read_target};
 pub use model::{CameraModel, Imported};
-pub use motion::{Motion, read_euroc, read_kitti};
+pub use motion::{Motion, body_from_sensor, read_euroc, read_kitti, read_times};
 pub use presets::{PRESETS, Preset, apply_preset, preset};
 
 use shutterbug::capture::{CameraFile, read_text};

@@ -56,7 +56,7 @@ impl Motion {
     }
 
     /// Leaves out frames whose exposure and readout (taken as one frame period at most) the poses do not cover.
-    fn keep_covered(&mut self, path: &Path, period_ns: i64) -> Result<()> {
+    pub(crate) fn keep_covered(&mut self, path: &Path, period_ns: i64) -> Result<()> {
         let (Some(first), Some(last)) = (self.poses.first(), self.poses.last()) else { return Ok(()) };
         let (from, to) = (first.0, last.0);
         let before = self.frames.len();
@@ -121,10 +121,15 @@ pub fn read_euroc(folder: &Path, camera: Option<&str>) -> Result<Motion> {
 
 /// `T_BS` of the ground truth's own sensor, if it says one.
 fn body_from_truth(path: &Path) -> Result<Option<Pose>> {
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let documents = yaml::parse(path, &read_text(path, "the tracked sensor", Limit::SETTINGS)?)?;
+    if path.is_file() { body_from_sensor(path) } else { Ok(None) }
+}
+
+/// `T_BS` of a sensor's `sensor.yaml`, if it says one.
+///
+/// # Errors
+/// A file that is missing or holds something else; with file and line.
+pub fn body_from_sensor(path: &Path) -> Result<Option<Pose>> {
+    let documents = yaml::parse(path, &read_text(path, "a sensor.yaml", Limit::SETTINGS)?)?;
     euroc::body_from_sensor(&Field::top(path, &documents[0]))
 }
 
@@ -180,10 +185,7 @@ pub fn read_kitti(poses_path: &Path, times: Option<&Path>) -> Result<Motion> {
     let text = read_text(poses_path, "KITTI poses: lines of twelve numbers, a 3x4 matrix", Limit::TABLE)?;
     let poses = parse_kitti_poses(poses_path, &text)?;
     let times_path = times.map_or_else(|| times_beside(poses_path), Path::to_owned);
-    let times = parse_times(
-        &times_path,
-        &read_text(&times_path, "the poses' times: one number of s a line (--times)", Limit::TABLE)?,
-    )?;
+    let times = read_times(&times_path)?;
     if times.len() != poses.len() {
         let found = format!("{} times for {} poses of {}", times.len(), poses.len(), poses_path.display());
         return Err(Error::input(&times_path, None, found, "one time a pose"));
@@ -217,6 +219,14 @@ fn times_beside(poses: &Path) -> PathBuf {
         Some(path) if !beside.is_file() && path.is_file() => path,
         _ => beside,
     }
+}
+
+/// KITTI's `times.txt`: increasing times, ns.
+///
+/// # Errors
+/// What is missing or wrong, with file and line.
+pub fn read_times(path: &Path) -> Result<Vec<i64>> {
+    parse_times(path, &read_text(path, "the poses' times: one number of s a line (--times)", Limit::TABLE)?)
 }
 
 /// One pose a line.

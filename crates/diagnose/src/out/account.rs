@@ -30,6 +30,13 @@ pub fn recorded_reads() -> BTreeMap<PathBuf, String> {
     READ.lock().unwrap_or_else(|e| e.into_inner()).clone().unwrap_or_default()
 }
 
+/// Notes a file that was read piece by piece, with what tells it from others.
+pub fn note_read(shown: &Path, mark: String) {
+    if let Some(read) = READ.lock().unwrap_or_else(|e| e.into_inner()).as_mut() {
+        read.insert(shown.to_owned(), mark);
+    }
+}
+
 /// From now on, what is written below an open folder is named in its manifest.
 pub(super) fn keep() {
     set_watcher(&Account);

@@ -16,7 +16,7 @@ use shutterbug::files::{is_temporary, replace};
 use lock::{LOCK_FILE, Lock};
 use manifest::{Appender, Manifest};
 
-pub use account::{record_reads, recorded_reads, sha256_hex};
+pub use account::{note_read, record_reads, recorded_reads, sha256_hex};
 pub use manifest::MANIFEST_FILE;
 pub use overlap::refuse_overlap;
 

@@ -1,0 +1,222 @@
+//! Writes what was decided: the pictures one by one, each complete or not there, then the tables that name them.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::messages::picture;
+use super::pixels::{PictureFile, file_of};
+use super::prepared::{Pictures, Prepared};
+use super::wire::Fault;
+use shutterbug::error::{Error, Result};
+use shutterbug::files::{Limit, read, write_atomic};
+use shutterbug_diagnose::out::Out;
+
+/// Pictures that are worked on at a time, and bytes of them.
+const BATCH: usize = 32;
+const BATCH_BYTES: usize = 256 << 20;
+
+/// Called with frames done and wanted; an error stops the work.
+pub type Watch<'a> = dyn FnMut(usize, usize) -> Result<()> + 'a;
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Delivered {
+    /// Frames that are in `frames.csv`.
+    pub frames: usize,
+    /// Further files, by name.
+    pub files: Vec<&'static str>,
+    /// Pictures that could not be made, and why the first could not.
+    pub left_out: Option<(usize, String)>,
+    /// What became apparent only while the pictures were read.
+    pub broken: Option<Error2>,
+}
+
+/// Found, expected.
+pub type Error2 = (String, String);
+
+/// Makes a picture's file.
+type Make<'a> = Box<dyn FnOnce() -> std::result::Result<PictureFile, Fault> + Send + 'a>;
+
+/// Names that files got, and work in hand.
+struct Writer<'w, 'a> {
+    folder: PathBuf,
+    fixed: Option<&'a [String]>,
+    names: Vec<Option<String>>,
+    done: usize,
+    batch: Vec<(usize, Make<'a>)>,
+    batch_bytes: usize,
+    faults: Vec<(usize, Fault)>,
+    watch: &'w mut Watch<'a>,
+}
+
+/// Writes all files below `folder`, pictures into its folder `pictures` (empty: beside the tables). What `out` has as it was made is
+/// kept if the run goes on.
+///
+/// # Errors
+/// Files that cannot be written; a recording that cannot be read; no picture at all; what `watch` returns.
+pub fn deliver(
+    prepared: &Prepared,
+    (folder, pictures): (&Path, &str),
+    (out, goes_on): (&Out, bool),
+    watch: &mut Watch<'_>,
+) -> Result<Delivered> {
+    let count = prepared.times_ns.len();
+    let mut names = vec![None; count];
+    if goes_on {
+        kept(prepared, pictures, out, &mut names);
+    }
+    let place = if pictures.is_empty() { folder.to_owned() } else { folder.join(pictures) };
+    if !matches!(prepared.pictures, Pictures::Missing) {
+        std::fs::create_dir_all(&place).map_err(|e| Error::io(&place, "create the folder", e))?;
+    }
+    let done = names.iter().flatten().count();
+    let fixed = prepared.names.as_deref();
+    let (batch, faults) = (Vec::new(), Vec::new());
+    let mut writer = Writer { folder: place, fixed, names, done, batch, batch_bytes: 0, faults, watch };
+    let broken = writer.pictures(prepared)?;
+    let (names, faults) = (writer.names, writer.faults);
+    finish(prepared, folder, names, faults, broken)
+}
+
+/// Frames that an earlier run has finished.
+fn kept(prepared: &Prepared, pictures: &str, out: &Out, names: &mut [Option<String>]) {
+    for (frame, name) in names.iter_mut().enumerate() {
+        let candidates = match &prepared.names {
+            Some(fixed) => vec![fixed[frame].clone()],
+            None => ["png", "jpg"].iter().map(|e| format!("{frame:06}.{e}")).collect(),
+        };
+        let below = |n: &String| if pictures.is_empty() { n.clone() } else { format!("{pictures}/{n}") };
+        *name = candidates.into_iter().find(|n| out.has(&below(n)));
+    }
+}
+
+/// The tables, last: a folder with `frames.csv` is whole.
+fn finish(
+    prepared: &Prepared,
+    folder: &Path,
+    mut names: Vec<Option<String>>,
+    faults: Vec<(usize, Fault)>,
+    broken: Option<Error2>,
+) -> Result<Delivered> {
+    if matches!(prepared.pictures, Pictures::Missing) {
+        names = prepared.names.iter().flatten().cloned().map(Some).collect();
+    }
+    let motion = prepared.motion(&names);
+    let left_out = faults.first().map(|(frame, fault)| {
+        let why = format!("found {}; expected {}", fault.found, fault.expected);
+        (faults.len(), format!("the picture of {} ns: {why}", prepared.times_ns[*frame]))
+    });
+    if motion.frames.is_empty() {
+        let found = left_out
+            .map_or_else(|| "no picture".to_owned(), |(n, why)| format!("{n} pictures, none of use ({why})"));
+        return Err(Error::input(&prepared.path, None, found, "at least one frame"));
+    }
+    let mut files = Vec::new();
+    let mut texts: Vec<(&'static str, String)> = prepared.texts.clone();
+    if !prepared.poses.is_empty() {
+        texts.push(("trajectory.tum", motion.trajectory_tum()));
+    }
+    texts.push(("frames.csv", motion.frames_csv()));
+    for (name, text) in texts {
+        write_atomic(&folder.join(name), text.as_bytes())?;
+        files.push(name);
+    }
+    Ok(Delivered { frames: motion.frames.len(), files, left_out, broken })
+}
+
+impl<'a> Writer<'_, 'a> {
+    fn pictures(&mut self, prepared: &'a Prepared) -> Result<Option<Error2>> {
+        let mut broken = None;
+        match &prepared.pictures {
+            Pictures::Log { log, topic, frame_of } => {
+                let mut number = 0;
+                log.each(&mut |_| Ok(()), &mut |topics, message| {
+                    if message.topic != *topic {
+                        return Ok(());
+                    }
+                    let frame = frame_of.get(number).copied().flatten();
+                    number += 1;
+                    let Some(frame) = self.wanted(frame) else { return Ok(()) };
+                    let (topic, data) = (topics[*topic].clone(), message.data.to_vec());
+                    let bytes = data.len();
+                    self.add(frame, bytes, Box::new(move || file_of(&picture(&topic, &data)?.body)))
+                })?;
+            }
+            Pictures::Files(paths) => {
+                for (frame, path) in paths.iter().enumerate() {
+                    if self.wanted(Some(frame)).is_some() {
+                        self.add(frame, 0, Box::new(move || copied(path)))?;
+                    }
+                }
+            }
+            Pictures::Video { video, frame_of } => {
+                broken = video.each(&mut |number, size, values| {
+                    let Some(frame) = self.wanted(frame_of.get(number).copied().flatten()) else {
+                        return Ok(());
+                    };
+                    let bytes = values.len();
+                    self.add(frame, bytes, Box::new(move || super::video::png_of(size, &values)))
+                })?;
+            }
+            Pictures::Missing => {}
+        }
+        self.flush()?;
+        Ok(broken)
+    }
+
+    /// The frame, if it is one and is not there yet.
+    fn wanted(&self, frame: Option<usize>) -> Option<usize> {
+        frame.filter(|f| self.names.get(*f).is_some_and(Option::is_none))
+    }
+
+    fn add(&mut self, frame: usize, bytes: usize, make: Make<'a>) -> Result<()> {
+        self.batch.push((frame, make));
+        self.batch_bytes += bytes;
+        if self.batch.len() >= BATCH || self.batch_bytes >= BATCH_BYTES { self.flush() } else { Ok(()) }
+    }
+
+    /// Makes and writes what is in hand, at once.
+    fn flush(&mut self) -> Result<()> {
+        let batch = std::mem::take(&mut self.batch);
+        self.batch_bytes = 0;
+        let (folder, fixed) = (&self.folder, self.fixed);
+        let made: Vec<(usize, Result<std::result::Result<String, Fault>>)> = batch
+            .into_par_iter()
+            .map(|(frame, make)| (frame, written(folder, fixed.map(|f| f[frame].as_str()), frame, make)))
+            .collect();
+        for (frame, result) in made {
+            match result? {
+                Ok(name) => {
+                    self.names[frame] = Some(name);
+                    self.done += 1;
+                }
+                Err(fault) => self.faults.push((frame, fault)),
+            }
+        }
+        (self.watch)(self.done, self.names.len())
+    }
+}
+
+fn written(
+    folder: &Path,
+    fixed: Option<&str>,
+    frame: usize,
+    make: Make<'_>,
+) -> Result<std::result::Result<String, Fault>> {
+    let file = match make() {
+        Ok(file) => file,
+        Err(fault) => return Ok(Err(fault)),
+    };
+    let name = fixed.map_or_else(|| format!("{frame:06}.{}", file.ending), str::to_owned);
+    write_atomic(&folder.join(&name), &file.bytes)?;
+    Ok(Ok(name))
+}
+
+/// A picture's file as it is, looked at once.
+fn copied(path: &Path) -> std::result::Result<PictureFile, Fault> {
+    let fault = |e: Error| Fault::new(e.to_string(), "a whole JPEG or PNG");
+    let bytes = read(path, Limit::PICTURE).map_err(fault)?;
+    shutterbug::plane::decode_picture(path, &bytes).map_err(fault)?;
+    Ok(PictureFile { ending: "", bytes })
+}

@@ -1,0 +1,94 @@
+//! An import that is decided and not yet written.
+
+use std::path::PathBuf;
+
+use super::log::Log;
+use super::video::Video;
+use crate::formats::Motion;
+use shutterbug::camera::{Pose, Stamp};
+use shutterbug::capture::FrameEntry;
+use shutterbug::error::Error;
+
+/// What of a recording is wanted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Request {
+    /// The topic of pictures, where there are several.
+    pub topic: Option<String>,
+    /// The camera's topic, or `none`; without it, the one beside the pictures.
+    pub camera_info: Option<String>,
+    /// A topic of poses, `tf`, `tf:PARENT`, `tf:PARENT->CHILD` or `none`.
+    pub poses: Option<String>,
+    /// The inertial sensor's topic, or `none`.
+    pub imu: Option<String>,
+    /// The frame whose poses the topic holds, where its messages do not say it.
+    pub body: Option<String>,
+    /// The camera's frame, where pictures do not say it.
+    pub camera_frame: Option<String>,
+    /// Every so many-th picture; 0 and 1: all.
+    pub every: usize,
+    /// EuRoC and KITTI: which camera's folder.
+    pub name: Option<String>,
+    /// KITTI: the poses' times.
+    pub times: Option<PathBuf>,
+}
+
+/// What will be written, but for the pictures' values.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The recording.
+    pub(super) path: PathBuf,
+    /// Of the frames, increasing.
+    pub(super) times_ns: Vec<i64>,
+    /// The frames' file names, where they have some already; else numbers.
+    pub(super) names: Option<Vec<String>>,
+    /// World from camera at increasing times, ns; empty where they are not known.
+    pub(super) poses: Vec<(i64, Pose)>,
+    /// Further files: name and text.
+    pub(super) texts: Vec<(&'static str, String)>,
+    /// What was left out or assumed.
+    pub notes: Vec<String>,
+    pub(super) pictures: Pictures,
+    /// What is wrong with the recording although a part of it can be imported.
+    pub(super) broken: Option<Error>,
+}
+
+/// Where the pictures come from.
+#[derive(Clone, Debug)]
+pub(super) enum Pictures {
+    /// Messages of a topic; which frame each is.
+    Log { log: Log, topic: usize, frame_of: Vec<Option<usize>> },
+    /// Files, one a frame.
+    Files(Vec<PathBuf>),
+    /// Frames of a video; which of its pictures each is.
+    Video { video: Video, frame_of: Vec<Option<usize>> },
+    /// They are not there.
+    Missing,
+}
+
+impl Prepared {
+    /// How many frames there will be, if all can be read.
+    pub fn frames(&self) -> usize {
+        self.times_ns.len()
+    }
+
+    /// How many poses there are.
+    pub fn poses(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// What is wrong with the recording although a part of it was imported.
+    pub fn broken(self) -> Option<Error> {
+        self.broken
+    }
+
+    /// The texts of `frames.csv` and `trajectory.tum`, with the frames that got a name.
+    pub(super) fn motion(&self, names: &[Option<String>]) -> Motion {
+        let epoch_ns = shutterbug::capture::clock_epoch_ns(self.times_ns.first().copied().unwrap_or(0));
+        let entry = |(&timestamp_ns, name): (&i64, &Option<String>)| {
+            let start_s = Stamp::from_ns(timestamp_ns).seconds_since(epoch_ns);
+            Some(FrameEntry { timestamp_ns, start_s, filename: name.clone()? })
+        };
+        let frames = self.times_ns.iter().zip(names).filter_map(entry).collect();
+        Motion { camera: None, frames, poses: self.poses.clone(), notes: Vec::new() }
+    }
+}

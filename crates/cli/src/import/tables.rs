@@ -1,0 +1,99 @@
+//! Tables of data sets: lines of numbers.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::messages::checked_pose;
+use super::poses::IMU_HEADER;
+use shutterbug::camera::{Pose, Stamp};
+use shutterbug::capture::read_text;
+use shutterbug::error::{Error, Result};
+use shutterbug::files::Limit;
+
+/// Line numbers from 1 and lines with content.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
+    lines.map(|(i, l)| (i + 1, l.trim())).filter(|(_, l)| !l.is_empty() && !l.starts_with('#'))
+}
+
+fn seconds(path: &Path, line: usize, text: &str) -> Result<i64> {
+    let stamp = Stamp::parse_seconds(text).map_err(|_| {
+        let found = format!("time `{}`", super::shortened(text));
+        Error::input(path, line, found, "a number of s within 292 years of zero")
+    })?;
+    // Half a ns is below what a frame's timestamp can hold.
+    Ok(stamp.ns.saturating_add(stamp.fraction_ns.round() as i64))
+}
+
+fn increasing(path: &Path, line: usize, ns: i64, last: Option<i64>) -> Result<()> {
+    match last {
+        Some(last) if ns <= last => {
+            Err(Error::input(path, line, format!("time {ns} ns after {last} ns"), "times that increase"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// TUM's `rgb.txt`: `seconds folder/name.png` a line.
+pub(super) fn tum_list(path: &Path) -> Result<Vec<(i64, String)>> {
+    let expected = "lines of `seconds rgb/name.png`";
+    let text = read_text(path, expected, Limit::TABLE)?;
+    let mut files: Vec<(i64, String)> = Vec::new();
+    for (line, content) in lines(&text) {
+        let Some((time, name)) = content.split_once(char::is_whitespace) else {
+            return Err(Error::input(path, line, format!("`{}`", super::shortened(content)), expected));
+        };
+        let (ns, name) = (seconds(path, line, time)?, name.trim());
+        increasing(path, line, ns, files.last().map(|f| f.0))?;
+        let folder = |n: &str| n.rsplit_once('/').map_or(String::new(), |(f, _)| f.to_owned());
+        let out = name.starts_with('/') || name.split('/').any(|part| part == ".." || part.is_empty());
+        if out || files.first().is_some_and(|(_, first)| folder(first) != folder(name)) {
+            let found = format!("file `{}`", super::shortened(name));
+            return Err(Error::input(path, line, found, "files of one folder below this one"));
+        }
+        files.push((ns, name.to_owned()));
+    }
+    if files.is_empty() { Err(Error::input(path, None, "no picture", expected)) } else { Ok(files) }
+}
+
+/// TUM's `groundtruth.txt`: `seconds tx ty tz qx qy qz qw` a line, camera to world.
+pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
+    let expected = "eight numbers: t tx ty tz qx qy qz qw";
+    let text = read_text(path, expected, Limit::TABLE)?;
+    let mut poses: Vec<(i64, Pose)> = Vec::new();
+    for (line, content) in lines(&text) {
+        let fields: Vec<&str> = content.split_whitespace().collect();
+        let numbers: Vec<f64> = fields.iter().skip(1).filter_map(|f| f.parse().ok()).collect();
+        let [x, y, z, qx, qy, qz, qw] = numbers[..] else {
+            return Err(Error::input(path, line, format!("`{}`", super::shortened(content)), expected));
+        };
+        let ns = seconds(path, line, fields[0])?;
+        increasing(path, line, ns, poses.last().map(|p| p.0))?;
+        let pose = checked_pose([x, y, z], [qx, qy, qz, qw]);
+        poses.push((ns, pose.map_err(|f| Error::input(path, line, f.found, f.expected))?));
+    }
+    if poses.is_empty() { Err(Error::input(path, None, "no pose", expected)) } else { Ok(poses) }
+}
+
+/// EuRoC's `imu0/data.csv` with its axes turned.
+pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Result<String> {
+    let expected = "timestamp [ns] and six numbers: rates [rad/s], accelerations [m/s^2]";
+    let mut out = format!("# axes {axes}\n{IMU_HEADER}\n");
+    let mut last = None;
+    for (line, content) in lines(text) {
+        let fields: Vec<&str> = content.split(',').map(str::trim).collect();
+        let numbers: Vec<f64> =
+            fields.iter().skip(1).filter_map(|f| f.parse().ok()).filter(|n: &f64| n.is_finite()).collect();
+        let (Ok(ns), [wx, wy, wz, ax, ay, az]) = (fields[0].parse::<i64>(), &numbers[..]) else {
+            return Err(Error::input(path, line, format!("`{}`", super::shortened(content)), expected));
+        };
+        increasing(path, line, ns, last)?;
+        last = Some(ns);
+        let (w, a) = (turn * DVec3::new(*wx, *wy, *wz), turn * DVec3::new(*ax, *ay, *az));
+        writeln!(out, "{ns},{:?},{:?},{:?},{:?},{:?},{:?}", w.x, w.y, w.z, a.x, a.y, a.z)
+            .expect("writing to a String cannot fail");
+    }
+    if last.is_none() { Err(Error::input(path, None, "no sample", expected)) } else { Ok(out) }
+}

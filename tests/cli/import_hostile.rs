@@ -1,0 +1,207 @@
+//! Recordings that are damaged or lie: one sentence each, with the file, the place, what was found and what was expected.
+
+use std::fs;
+use std::path::Path;
+
+use shutterbug_cli::import::{Recording, Request};
+
+use crate::import::data;
+use crate::import_support::{
+    START_NS, chunk, image, import, last_line, mcap, message, pictures, record, text, topic, topic_in,
+};
+
+/// Imports the bytes as a file of that name: exit code, the last line of what was said, and how many frames came out.
+fn imported(name: &str, bytes: &[u8], more: &[&str]) -> (i32, String, usize) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join(name), folder.path().join("out"));
+    fs::write(&file, bytes).expect("written");
+    let (code, _, said) = import(&[&[text(&file).as_str(), "--out", &text(&out)][..], more].concat());
+    assert!(!said.contains("panicked"), "{said}");
+    let frames = fs::read_to_string(out.join("frames.csv")).map_or(0, |t| t.lines().count() - 1);
+    (code, last_line(&said).to_owned(), frames)
+}
+
+/// What is said of these records.
+fn refused(records: &[Vec<u8>], more: &[&str]) -> String {
+    let (code, line, frames) = imported("a.mcap", &mcap(records), more);
+    assert!(code == 1 && frames == 0, "{line}");
+    assert!(line.starts_with("shutterbug: error: ") && line.contains("a.mcap: found "), "{line}");
+    line
+}
+
+fn one(picture: &[u8]) -> Vec<Vec<u8>> {
+    vec![topic(1, "/cam", "sensor_msgs/Image"), message(1, START_NS, picture)]
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let both =
+        [pictures(2), vec![topic(2, "/other", "sensor_msgs/Image"), topic(3, "/odd", "std_msgs/String")]]
+            .concat();
+    assert!(refused(&both, &[]).contains("several topics of pictures: /cam, /other; expected --topic"));
+    assert!(
+        refused(&both, &["--topic", "/came"]).contains("no topic `/came`; expected one of: /cam, /other")
+    );
+    assert!(
+        refused(&both, &["--topic", "/odd"]).contains("`/odd` of type std_msgs/String; expected a topic of")
+    );
+    assert!(refused(&both, &["--topic", "/other"]).contains("no message of `/other`; expected at least one"));
+    assert!(refused(&[topic(3, "/odd", "std_msgs/String")], &[]).contains("no topic of pictures among /odd"));
+    assert!(refused(&[topic(1, "/cam", "sensor_msgs/Image")], &[]).contains("no message of `/cam`"));
+    let foreign = [topic_in(1, "/cam", "sensor_msgs/Image", "cbor")];
+    assert!(refused(&foreign, &["--topic", "/cam"]).contains("`/cam` written in `cbor`"));
+    assert!(
+        refused(&pictures(2), &["--camera-info", "/info"])
+            .contains("no topic `/info`; expected one of: no topics")
+    );
+    assert!(refused(&pictures(2), &["--poses", "tf"]).contains("expected a log with tf"));
+    assert!(
+        refused(&pictures(2), &["--imu", "/cam"])
+            .contains("`/cam` of type sensor_msgs/Image; expected a topic of sensor_msgs/Imu")
+    );
+}
+
+#[test]
+fn pictures_that_cannot_be_read_are_named() {
+    let said = refused(&one(&image(START_NS, [2, 2], "32FC1", 8, &[0; 16])), &[]);
+    assert!(
+        said.contains("the encoding `32FC1` in a message of `/cam` at byte 105; expected one of rgb8"),
+        "{said}"
+    );
+    let said = refused(&one(&image(START_NS, [60_000, 60_000], "rgb8", 180_000, &[0; 16])), &[]);
+    assert!(said.contains("a picture of 60000x60000 px"), "{said}");
+    let said = refused(&one(&image(START_NS, [4, 4], "mono8", 4, &[0; 15])), &[]);
+    assert!(said.contains("15 bytes, 4 a row, for 4x4 px"), "{said}");
+    // The list of pixels claims 4 GB.
+    let mut claims = image(START_NS, [4, 4], "mono8", 4, &[0; 16]);
+    let at = claims.len() - 20;
+    claims[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+    let said = refused(&one(&claims), &[]);
+    assert!(
+        said.contains("a list of 4294967295 items with 16 bytes left in a message of `/cam` at byte"),
+        "{said}"
+    );
+}
+
+#[test]
+fn pictures_out_of_order_are_sorted_and_doubled_ones_left_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut records = pictures(4);
+    records.swap(2, 3);
+    records.push(records[1].clone());
+    let (file, out) = (folder.path().join("a.mcap"), folder.path().join("out"));
+    fs::write(&file, mcap(&records)).expect("written");
+    let (code, _, said) = import(&[&text(&file), "--out", &text(&out)]);
+    assert!(code == 0 && said.contains("2 pictures of `/cam` come after a later one"), "{said}");
+    assert!(said.contains("1 pictures of `/cam` have the stamp of another"), "{said}");
+    for k in 0..4u8 {
+        let picture = image::open(out.join(format!("00000{k}.png"))).expect("there").into_luma8();
+        assert_eq!(picture.as_raw()[0], 10 * k, "in order of time");
+    }
+}
+
+#[test]
+fn lengths_that_lie_take_no_memory() {
+    let huge = [&[5u8][..], &u64::MAX.to_le_bytes()].concat();
+    let (code, line, frames) =
+        imported("a.mcap", &[&mcap(&pictures(2))[..8], &pictures(2).concat(), &huge].concat(), &[]);
+    assert!(code == 1 && frames == 2, "{line}");
+    assert!(line.contains("a record of 18446744073709551615 bytes with 0 bytes left at byte"), "{line}");
+    let zeros = vec![0; 40 << 20];
+    let bomb = ruzstd::encoding::compress_to_vec(&zeros[..], ruzstd::encoding::CompressionLevel::Fastest);
+    assert!(bomb.len() < 1 << 16, "control: it is small");
+    let with = |chunk: Vec<u8>| imported("a.mcap", &mcap(&[pictures(2), vec![chunk]].concat()), &[]);
+    let (code, line, frames) = with(chunk("zstd", 100, 0, &bomb));
+    assert!(code == 1 && frames == 2, "what is whole comes out: {line}");
+    assert!(line.contains("a zstd chunk that unpacks to more than 100 bytes at byte"), "{line}");
+    let (code, line, _) = with(chunk("zstd", 1 << 60, 0, &bomb));
+    assert!(code == 1 && line.contains("a chunk of 1152921504606846976 bytes when unpacked"), "{line}");
+    let (code, line, _) = with(chunk("", 3, 7, b"abc"));
+    assert!(code == 1 && line.contains("a chunk with the checksum 352441c2"), "{line}");
+    let (code, line, _) = with(chunk("snappy", 3, 0, b"abc"));
+    assert!(code == 1 && line.contains("a chunk packed with `snappy` at byte"), "{line}");
+    // A record inside a chunk that is longer than the chunk.
+    let (code, line, _) = with(chunk("", 9, 0, &[&[5u8][..], &u64::MAX.to_le_bytes()].concat()));
+    assert!(code == 1 && line.contains("a chunk that ends inside a record"), "{line}");
+    let (code, line, _) = with(record(5, &[9; 40]));
+    assert!(code == 1 && line.contains("a message of no channel that was described"), "{line}");
+}
+
+#[test]
+fn files_that_break_off_give_what_they_had() {
+    let whole = mcap(&pictures(6));
+    let (code, line, frames) = imported("a.mcap", &whole[..whole.len() * 7 / 10], &[]);
+    assert!(code == 1 && (1..6).contains(&frames), "{frames}: {line}");
+    assert!(
+        line.contains("what is whole was imported; expected whole records: the recording was not closed"),
+        "{line}"
+    );
+    let bag = fs::read(data("ros1_lz4.bag")).expect("there");
+    let (code, line, _) = imported("a.bag", &bag[..bag.len() / 3], &[]);
+    assert!(code == 1 && line.contains("bytes left"), "{line}");
+    let db3 = fs::read(data("ros2_plain.db3")).expect("there");
+    let (code, line, frames) = imported("a.db3", &db3[..db3.len() * 8 / 10], &["--poses", "none"]);
+    assert!(code == 1 && frames > 0 && line.contains("behind the end"), "{frames}: {line}");
+    for (name, bytes, part) in [
+        ("a.bag", &b"#ROSBAG V1.2\n"[..], "another version"),
+        ("a.mcap", b"", "an empty file"),
+        ("a.db3", b"SQLite format 3\0", "less than 100 bytes"),
+        ("a.mcap", b"nothing of the kind", "does not begin as its ending says"),
+        ("a.db3.zstd", b"\x28\xb5\x2f\xfd....", "packed with zstd as a whole"),
+    ] {
+        let (code, line, _) = imported(name, bytes, &[]);
+        assert!(code == 1 && line.contains(part), "{line}");
+    }
+}
+
+/// Whatever bytes a recording holds: an answer, and no panic.
+#[test]
+fn spoiled_recordings_are_answered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut state = 12_345u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize
+    };
+    let names = [
+        "ros1_plain.bag",
+        "ros1_bz2.bag",
+        "ros2_lz4.mcap",
+        "ros2_zstd.mcap",
+        "ros2_plain.db3",
+        "foxglove_json.mcap",
+    ];
+    let (mut read, mut failed) = (0, 0);
+    for name in names {
+        let whole = fs::read(data(name)).expect("there");
+        for _ in 0..150 {
+            let mut bytes = whole.clone();
+            for _ in 0..1 + next() % 8 {
+                let at = next() % bytes.len();
+                bytes[at] = match next() % 3 {
+                    0 => 0xff,
+                    1 => 0,
+                    _ => next() as u8,
+                };
+            }
+            bytes.truncate(if next() % 4 == 0 { next() % bytes.len() } else { bytes.len() });
+            match prepared(&folder.path().join(name), &bytes) {
+                Ok(()) => read += 1,
+                Err(line) => {
+                    assert!(!line.contains('\n'), "{line}");
+                    failed += 1;
+                }
+            }
+        }
+    }
+    assert!(read > 50 && failed > 50, "control: some can be read ({read}), some cannot ({failed})");
+}
+
+fn prepared(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    fs::write(path, bytes).expect("written");
+    let recording = Recording::open(path).map_err(|e| e.to_string())?;
+    let listed = recording.listing(&mut |_, _| Ok(())).map_err(|e| e.to_string())?;
+    assert!(!listed.0.contains('\u{1b}'));
+    let request = Request::default();
+    recording.prepare(&request, &mut |_, _| Ok(())).map(drop).map_err(|e| e.to_string())
+}
