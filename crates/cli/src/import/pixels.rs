@@ -191,7 +191,7 @@ fn raw(
     };
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-    image::ImageEncoder::write_image(encoder, &values, width as u32, height as u32, color)
+    image::ImageEncoder::write_image(encoder, &values, width, height as u32, color)
         .map_err(|e| Fault::new(format!("a picture that cannot be written as PNG ({e})"), "one that can"))?;
     Ok(PictureFile { ending: "png", bytes })
 }
