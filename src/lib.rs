@@ -26,9 +26,10 @@
 //! let bar = [[-0.1, -2.0, 2.0], [0.1, -2.0, 2.0], [0.1, 2.0, 2.0], [-0.1, 2.0, 2.0]];
 //! let scene = SceneBuilder::new().object("bar", None).material([1.0, 1.0, 1.0]).quad(bar).build();
 //!
-//! // A camera looks along +z; x is right and y is down. It turns to the right by 0.1 rad in 20 ms.
+//! // A camera looks along +z; x is right and y is down. It turns to the right by 0.1 rad in 20 ms. The path goes on before and
+//! // after the frame, for what ends above and below the picture.
 //! let turned = |angle| Pose { rotation: DQuat::from_rotation_y(angle), translation_m: DVec3::ZERO };
-//! let path = Trajectory::new(Path::new("pan"), vec![0.0, 0.02], vec![turned(0.0), turned(0.1)])?;
+//! let path = Trajectory::new(Path::new("pan"), vec![-0.02, 0.04], vec![turned(-0.1), turned(0.2)])?;
 //! let camera = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
 //!
 //! let device = DeviceChoice::from_option_or_environment(None);
