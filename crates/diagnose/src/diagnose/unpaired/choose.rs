@@ -33,6 +33,8 @@ pub(super) const NAMES: [(&str, &[f64]); 9] = [
 ];
 /// Those that widen or narrow edges both ways: what does so one way is motion.
 pub(super) const EDGES_TELL: [&str; 2] = ["defocus", "sharpening"];
+/// Noise of single pixels: it shows at each brightness, and from neighbour to neighbour.
+const OF_PIXELS: [&str; 3] = ["shot_noise", "fixed_pattern_noise", "read_noise"];
 /// Steps of a fit.
 const STEPS: usize = 6;
 /// Part of a parameter by which its slope is measured.
@@ -102,6 +104,8 @@ pub(super) struct Chosen {
     pub half: BTreeMap<P, f64>,
     /// By mark: whether both folders have it.
     pub counted: Vec<bool>,
+    /// Noise that was found, and is not like that of the real frames.
+    pub withdrawn: Vec<&'static str>,
     /// Of what was not found: from which strength on it would show.
     pub shows_from: BTreeMap<&'static str, ShowsFrom>,
 }
@@ -122,25 +126,62 @@ pub(super) fn choose(
         set: Vec::new(),
         half: BTreeMap::new(),
         counted: Vec::new(),
+        withdrawn: Vec::new(),
         shows_from: BTreeMap::new(),
     };
     let plain = simulated.fingerprint(base);
     let counted = common(real, &plain);
     let mut left = squares(&apart(real, &plain), &counted);
-    // Where the fit of each began best at first: beside other effects it begins there again.
-    let mut began: BTreeMap<&'static str, f64> = BTreeMap::new();
-    loop {
+    let mut began = BTreeMap::new();
+    let seen = Seen { real, simulated, counted: &counted };
+    while let Some((cost, name, theta)) = seen.next(&chosen, left, names, &mut began, &mut step)? {
+        (left, chosen.theta) = (cost, theta);
+        chosen.set.push(name);
+    }
+    if !noise_agrees(real, &simulated.fingerprint(&chosen.theta)) {
+        // Texture that is softer in one folder, in places that pass for flat, or noise of another kind.
+        chosen.withdrawn = chosen.set.iter().copied().filter(|n| OF_PIXELS.contains(n)).collect();
+        chosen.set.retain(|n| !OF_PIXELS.contains(n));
+        chosen.theta = OF_PIXELS.into_iter().fold(chosen.theta, |theta, n| theta.without(candidate_of(n)));
+    }
+    tell(real, &plain, &simulated.fingerprint(&chosen.theta));
+    let tried = || NAMES.iter().map(|(n, _)| *n).filter(|n| names.contains(n));
+    let found = |n: &&'static str| chosen.set.contains(n) || chosen.withdrawn.contains(n);
+    let not_found: Vec<&'static str> = tried().filter(|n| !found(n)).collect();
+    chosen.shows_from = shows_from(real, simulated, &chosen.theta, &counted, &not_found);
+    chosen.counted = counted;
+    chosen.half = half_widths(real, simulated, &chosen);
+    Ok(chosen)
+}
+
+/// What a choice is made by.
+struct Seen<'a> {
+    real: &'a Fingerprint,
+    simulated: &'a Simulated,
+    counted: &'a [bool],
+}
+
+impl Seen<'_> {
+    /// The candidate that explains most of what is `left`, if any does beyond chance: the sum of squares then, its name, and all
+    /// parameters. `began` keeps where the fit of each began best at first: beside other effects it begins there again.
+    fn next(
+        &self,
+        chosen: &Chosen,
+        left: f64,
+        names: &[&'static str],
+        began: &mut BTreeMap<&'static str, f64>,
+        step: &mut impl FnMut(&'static str) -> Result<()>,
+    ) -> Result<Option<(f64, &'static str, Theta)>> {
         let mut best: Option<(f64, &'static str, Theta)> = None;
-        for (name, starts) in NAMES.into_iter().filter(|(n, _)| names.contains(n) && !chosen.set.contains(n))
-        {
+        let untried = |name: &&'static str| names.contains(name) && !chosen.set.contains(name);
+        for (name, starts) in NAMES.into_iter().filter(|(n, _)| untried(n)) {
             step(name)?;
             let mut free = smooth(&chosen.set);
             free.extend(smooth(&[name]));
-            let known = began.get(name).copied();
-            let starts = known.as_slice().iter().chain(starts.iter().filter(|_| known.is_none()));
-            let starts: Vec<f64> = starts.copied().collect();
+            let known = began.get(name).map(|v| vec![*v]);
+            let starts = known.as_deref().unwrap_or(starts);
             let (theta, cost, start) =
-                fit(real, (simulated, &counted), &chosen.theta, &free, (name, &starts));
+                fit(self.real, (self.simulated, self.counted), &chosen.theta, &free, (name, starts));
             began.extend(start.map(|start| (name, start)));
             tracing::info!(
                 "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
@@ -148,29 +189,15 @@ pub(super) fn choose(
                 values(&theta, name)
             );
             let fewest = parameters(&[name]).len();
-            let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2)
-                && (!EDGES_TELL.contains(&name) || shows_in_edges(real, simulated, [&chosen.theta, &theta]));
-            if beyond && best.as_ref().is_none_or(|b| cost < b.0) {
+            let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2);
+            let shows = !EDGES_TELL.contains(&name)
+                || shows_in_edges(self.real, self.simulated, [&chosen.theta, &theta]);
+            if beyond && shows && best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, name, theta));
             }
         }
-        let Some((cost, name, theta)) = best else { break };
-        (left, chosen.theta) = (cost, theta);
-        chosen.set.push(name);
+        Ok(best)
     }
-    if !noise_agrees(real, &simulated.fingerprint(&chosen.theta)) {
-        // Texture that is softer in one folder, in places that pass for flat, or noise of another kind.
-        chosen.set.retain(|n| !candidate_of(n).noise);
-        let noises = NAMES.into_iter().map(|(n, _)| candidate_of(n)).filter(|c| c.noise);
-        chosen.theta = noises.fold(chosen.theta, |theta, noise| theta.without(noise));
-    }
-    tell(real, &plain, &simulated.fingerprint(&chosen.theta));
-    let tried = || NAMES.iter().map(|(n, _)| *n).filter(|n| names.contains(n));
-    let not_found: Vec<&'static str> = tried().filter(|n| !chosen.set.contains(n)).collect();
-    chosen.shows_from = shows_from(real, simulated, &chosen.theta, &counted, &not_found);
-    chosen.counted = counted;
-    chosen.half = half_widths(real, simulated, &chosen);
-    Ok(chosen)
 }
 
 /// Whether noise grows with brightness, and is alike from neighbour to neighbour, as in the real frames: else what is there is not

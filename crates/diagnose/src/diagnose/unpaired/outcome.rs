@@ -42,6 +42,9 @@ const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "re
 /// Why they are not told of.
 const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
 
+/// Why noise that was found is not named.
+const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from neighbour to neighbour fits";
+
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
     pub held: &'a Frames,
@@ -207,6 +210,9 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         }
         if !what.noise_seen && NOISES.contains(n) {
             return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
+        }
+        if what.chosen.withdrawn.contains(n) {
+            return undetermined(n, OTHER_NOISE, "simulated frames of the same moments as the real ones");
         }
         if let Some(from) = what.chosen.shows_from.get(n) {
             return not_found(n, *from, gap);
