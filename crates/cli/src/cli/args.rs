@@ -27,9 +27,9 @@ pub struct Args {
 pub enum Command {
     /// Render every frame of a capture as its camera would have delivered it
     Simulate(Simulate),
-    /// Compare a capture's real frames with simulated ones: where they differ, which effect is missing, its parameters
+    /// Find which camera effects a simulation lacks: compare real frames with simulated ones
     Diagnose(Diagnose),
-    /// Check diagnose: make captures whose effects are hidden, diagnose them blind, open the answers, score
+    /// Blind trials of diagnose: hide effects, diagnose, score
     Withhold(Withhold),
     /// List the Vulkan devices, what each can do and what it lacks
     Devices(Devices),
@@ -45,7 +45,7 @@ pub enum Command {
     Camera(Camera),
     /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list it without --out
     Import(Import),
-    /// Make a capture of photographs or a recording of a calibration target: a pinhole, poses, the board as a scene
+    /// Turn photographs or a recording of a calibration board into a capture
     Board(Board),
     /// Measure a camera from its pictures
     #[command(subcommand)]
@@ -133,7 +133,7 @@ pub struct CalibrateNoise {
     /// Folder for camera.toml, camera_paper.toml, report.json, noise.png and ptc.png; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
     /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
@@ -168,13 +168,13 @@ pub struct Simulate {
     /// Folder for the frames (NNNNNN.png), instants.csv and simulate.json; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
     /// Use this camera instead of the capture's camera.toml; ROS, Kalibr and EuRoC YAML are read too
     #[arg(long)]
     pub camera: Option<PathBuf>,
-    /// Take the path and the brightness of surfaces that a diagnosis found from its folder
+    /// Folder of a diagnosis: use its corrected path and surface brightness
     #[arg(long)]
     pub description: Option<PathBuf>,
     /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
@@ -186,7 +186,7 @@ pub struct Simulate {
     /// Seed of all noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Samples a pixel
+    /// Samples per pixel
     #[arg(long, default_value_t = 16, value_parser = samples)]
     pub samples: u32,
     /// Print the time of each pass and write timings.json
@@ -204,13 +204,13 @@ pub struct Simulate {
     /// Frames in flight
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub frames_in_flight: u32,
-    /// So many frames in flight, and the number of frames a second when done
+    /// Frames in flight; prints frames per second at the end
     #[arg(long, conflicts_with = "frames_in_flight", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub batch: Option<u32>,
-    /// accumulation: renders a frame (else so many that nothing moves more than half a px from one to the next)
+    /// accumulation: renders per frame [default: nothing moves more than half a px between two]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub renders: Option<u32>,
-    /// paper: motion images a frame, 1 (constant velocity) to 6 [default: 2]; fast: 2, 4 or 6 [default: 4]
+    /// paper: motion images per frame, 1 (constant velocity) to 6 [default: 2]; fast: 2, 4 or 6 [default: 4]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=6))]
     pub motion_images: Option<u32>,
     /// paper: render the picture at the frame's start (f) or middle (f - 0.5) [default: middle]
@@ -222,7 +222,7 @@ pub struct Simulate {
     /// paper: motion rasterized, or reconstructed from depth (knows no moving objects) [default: rasterized]
     #[arg(long, value_enum)]
     pub motion_source: Option<MotionSourceName>,
-    /// paper: what the gather may give up for speed [default: exact]
+    /// paper: accuracy of the gather [default: exact]
     #[arg(long, value_enum)]
     pub gather: Option<GatherName>,
     /// paper: the gather's kernel (see `devices --kernels`) instead of the fastest on the device
@@ -257,7 +257,7 @@ impl From<GatherName> for Gather {
 /// Arguments of `devices`.
 #[derive(Debug, clap::Args)]
 pub struct Devices {
-    /// Also which kernels are chosen on the device that would be used, and what they took when they were tried
+    /// Also list the chosen kernels and their times
     #[arg(long)]
     pub kernels: bool,
 }
@@ -268,23 +268,23 @@ pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
     #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
     pub capture: Option<PathBuf>,
-    /// Folder with the frames of any simulator; beside them, where there are such, depth/, motion/, mask/ (NNNNNN.exr or .png),
-    /// camera.toml, trajectory.tum, frames.csv
+    /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml, trajectory.tum,
+    /// frames.csv
     #[arg(long, requires = "real")]
     pub sim: Option<PathBuf>,
-    /// Folder with the real frames, of equal names or matched by --match or frames.csv
+    /// Real frames, matched by name, by --match or by frames.csv in both folders
     #[arg(long, requires = "sim")]
     pub real: Option<PathBuf>,
-    /// Which frames go together: a file with lines `sim,real`
+    /// CSV file with lines `sim,real`
     #[arg(long = "match", requires = "sim")]
     pub matches: Option<PathBuf>,
-    /// The folders show different moments: compare what the camera leaves in every picture, whatever it shows
+    /// The folders show different moments: compare camera traces only
     #[arg(long, requires = "sim", conflicts_with = "matches")]
     pub unpaired: bool,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
     /// Use this camera instead of the capture's camera.toml
@@ -293,16 +293,16 @@ pub struct Diagnose {
     /// Seed of the bootstrap
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Leave these candidates out
+    /// Candidates to leave out, separated by commas
     #[arg(long, value_delimiter = ',')]
     pub without: Vec<String>,
-    /// Whether surfaces are exactly as bright as the scene says, or may be brighter and darker where frames show it
+    /// Treat surface brightness as exact, or estimate its errors
     #[arg(long, value_enum, default_value_t = Described::Estimated)]
     pub scene: Described,
-    /// Whether poses are exact, or may be off from frame to frame where frames show it
+    /// Treat poses as exact, or estimate their errors
     #[arg(long, value_enum, default_value_t = Described::Estimated)]
     pub poses: Described,
-    /// Come to an end after so many seconds; candidates that were not reached are undetermined
+    /// End after this many seconds; candidates not reached are undetermined
     #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     pub time_limit_s: u64,
     /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
@@ -322,10 +322,10 @@ pub enum Described {
 /// Arguments of `withhold`.
 #[derive(Debug, clap::Args)]
 pub struct Withhold {
-    /// Folder for captures, answers, scores, withhold.json and withhold.html; a run that stopped goes on
+    /// Folder for captures, answers, scores, withhold.json and withhold.html; an interrupted run goes on
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
     /// Number of captures
@@ -340,20 +340,20 @@ pub struct Withhold {
     /// Rows of the frames, px
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(48..=4096))]
     pub height: u32,
-    /// Frames a capture (else 10 to 16)
+    /// Frames per capture [default: 10 to 16]
     #[arg(long, value_parser = in_steps(4, 10_000))]
     pub frames: Option<usize>,
     /// Recorded motion: a TUM file or a folder of them; half of the captures then move like that
     #[arg(long)]
     pub trajectories: Option<PathBuf>,
-    /// Detection over strength instead: these effects (or all), each alone at graded strengths; writes curves.json,
+    /// Measure detection against strength: these effects (or all), each alone; writes curves.json,
     /// curves.png, curves.html
     #[arg(long, value_delimiter = ',', conflicts_with = "count")]
     pub curve: Vec<String>,
-    /// --curve: strengths an effect
+    /// --curve: strengths per effect
     #[arg(long, default_value_t = 6, value_parser = in_steps(2, 40))]
     pub points: usize,
-    /// --curve: captures a strength
+    /// --curve: captures per strength
     #[arg(long, default_value_t = 3, value_parser = in_steps(1, 1000))]
     pub repeats: usize,
     /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
@@ -365,7 +365,7 @@ pub struct Withhold {
     /// Keep the real frames of cases that are done
     #[arg(long)]
     pub keep_frames: bool,
-    /// Make only these of the captures, by number from 0: to look into one again, or to share a batch between machines
+    /// Run only these cases (numbers from 0)
     #[arg(long, value_delimiter = ',', conflicts_with = "curve")]
     pub only: Vec<usize>,
     /// Device of the diagnosis, by index, UUID or (part of its) name

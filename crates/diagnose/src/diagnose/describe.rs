@@ -147,10 +147,10 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
     let [camera, room] = [true, false].map(|c| {
         let names: Vec<_> =
             effects.iter().filter(|e| e.camera == c).map(|e| e.name.replace('_', " ")).collect();
-        names.join(", ")
+        listed(&names)
     });
-    let names =
-        [&camera, &room].into_iter().filter(|n| !n.is_empty()).cloned().collect::<Vec<_>>().join(", ");
+    let all: Vec<_> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
+    let names = listed(&all);
     let percent = 100.0 * gap.closed_fraction;
     let left =
         if failed.is_empty() { String::new() } else { format!(" (it shows in: {})", failed.join(", ")) };
@@ -185,10 +185,18 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before
         ),
         Verdict::UnknownEffect => format!(
-            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but leaves what none of the \
+            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none of the \
              candidates explains{left}: there is an effect that is not among them.{parts}",
             gap.before
         ),
+    }
+}
+
+/// "a, b and c".
+pub(super) fn listed(names: &[String]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => names.concat(),
     }
 }
 

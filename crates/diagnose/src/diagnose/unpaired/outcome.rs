@@ -12,7 +12,7 @@ use super::choose::packed_dn2;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::{Chosen, Folder, Frames, Unpaired};
-use crate::diagnose::describe::undetermined;
+use crate::diagnose::describe::{listed, undetermined};
 use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
 use crate::diagnose::output::bytes;
@@ -238,7 +238,7 @@ fn not_found(name: &str, from: ShowsFrom, gap: &Gap) -> Candidate {
     match from {
         ShowsFrom::Visible => rejected(
             name,
-            "put on the simulated frames it does not bring their marks nearer to the real ones",
+            "put on the simulated frames it does not bring their traces nearer to the real ones",
             gap.after,
         ),
         ShowsFrom::Value(p, value) => {
@@ -298,17 +298,17 @@ fn places(before: &[Option<f64>], after: &[Option<f64>], real: &Fingerprint) -> 
 
 fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String]) -> String {
     let names: Vec<String> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
-    let names = names.join(", ");
-    let rest = left.join(", ");
+    let names = listed(&names);
+    let rest = listed(left);
     match verdict {
-        Verdict::NoGap => "The marks that the camera leaves in every picture are alike in both folders; what needs pairs is not known."
+        Verdict::NoGap => "The traces that the camera leaves in every picture are alike in both folders; what needs pairs is not known."
             .to_owned(),
         Verdict::Explained => format!(
-            "The simulation lacks {names}: with that the marks of both folders are {:.1} standard errors apart, before {:.1}.",
+            "The simulation lacks {names}: with that the traces in both folders are {:.1} standard errors apart, before {:.1}.",
             gap.after, gap.before
         ),
         Verdict::PartlyExplained => format!(
-            "The simulation lacks {names} (marks {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
+            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
             gap.after, gap.before
         ),
         Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
