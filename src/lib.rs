@@ -120,7 +120,7 @@
 //! | [`gpu`] | the device |
 //! | [`engine`] | frames: four methods, and frames from outside |
 //! | [`plane`], [`files`] | pictures in memory, PNG and EXR; the one reader and writer of files |
-//! | [`reference`] | the same kernels on the CPU, written to be read |
+//! | [`mod@reference`] | the same kernels on the CPU, written to be read |
 //! | [`raster`], [`kernels`] | what the engine is made of |
 //! | [`capi`] | the C library; `include/shutterbug.h` is its manual |
 //!
