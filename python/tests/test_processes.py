@@ -121,6 +121,11 @@ def test_cameras_are_pickled_by_what_they_say(device, picture):
     assert copy.toml == cam.toml and np.array_equal(copy(picture, frame=2), cam(picture, frame=2))
 
 
+def interruptible():
+    """In a child, before it becomes another program: where tests run in the background, SIGINT is ignored, and that is inherited."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 INTERRUPTED = """
 import _thread, threading, numpy as np, shutterbug
 cam = shutterbug.Camera(1024, 1024, fovy=50, exposure_time_s=0.03)
@@ -136,7 +141,9 @@ except KeyboardInterrupt:
 
 
 def test_an_interruption_leaves_the_camera_as_it_was(device):
-    out = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120)
+    out = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120, preexec_fn=interruptible
+    )
     assert out.stdout.strip() == "interrupted 99", out
 
 
@@ -145,7 +152,12 @@ def test_an_interrupted_run_of_the_program_ends_it(tmp_path, device):
     capture = os.environ.get("SHUTTERBUG_DEMO_CAPTURE", "")
     if not capture:
         pytest.skip("SHUTTERBUG_DEMO_CAPTURE names no capture")
-    run = subprocess.Popen([sys.executable, "-c", script.format(capture, str(tmp_path / "out"))], stderr=subprocess.PIPE, text=True)
+    run = subprocess.Popen(
+        [sys.executable, "-c", script.format(capture, str(tmp_path / "out"))],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=interruptible,
+    )
     children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
     while not (found := children.read_text().split()):
         assert run.poll() is None, "it ended without starting the program"
