@@ -109,6 +109,7 @@ struct resident {
 };
 
 static void look(struct resident *r, long i, long count) {
+    if (count < 40) return; /* Too few: in the first ones things are made that stay. */
     long now = resident_kib();
     if (i >= count / 4 && i < count / 2 && now > r->second) r->second = now;
     if (i >= count - (count + 3) / 4 && (!r->last || now < r->last)) r->last = now;
