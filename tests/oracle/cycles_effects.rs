@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use crate::effects_support::answered;
 use crate::gpu_support::device;
+use crate::requests::captured;
 use shutterbug::capture::Capture;
 use shutterbug::chain::Settings;
 use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
@@ -16,17 +17,7 @@ use shutterbug::plane::{Plane, read_rgb8};
 /// Every `step`th frame, simulated and real.
 fn frames(test: &str, capture: &Capture, root: &Path, step: usize) -> Option<Vec<(Plane<u8>, Plane<u8>)>> {
     let context = device(test)?;
-    let request = |frame: usize| FrameRequest {
-        index: frame as u32,
-        shutter: capture.shutter(frame),
-        frame_interval_s: capture.camera.frame_period_s,
-        seed: 11,
-        settings: capture.camera.settings.clone(),
-        static_camera: capture.camera.static_camera,
-        planes: false,
-        statistics: false,
-    };
-    let requests: Vec<_> = (0..capture.frames.len()).step_by(step).map(request).collect();
+    let requests: Vec<_> = (0..capture.frames.len()).step_by(step).map(|f| captured(capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene.clone()), Arc::new(capture.true_trajectory()));
     let options = EngineOptions::default();
     let mut engine =

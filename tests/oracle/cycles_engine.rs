@@ -7,29 +7,16 @@ use std::sync::Arc;
 use crate::gpu_support::device;
 use crate::gpu_support::frames::paper;
 use crate::oracle_support::{Answered, cycles};
+use crate::requests::answered;
 use shutterbug::camera::{ScanOrder, Trajectory};
-use shutterbug::chain::Settings;
-use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
+use shutterbug::engine::{Engine, EngineOptions, ExactOptions, Method};
 use shutterbug::plane::metrics::mean_absolute_difference;
-
-fn request(c: &Answered, frame: usize) -> FrameRequest {
-    FrameRequest {
-        index: frame as u32,
-        shutter: c.timing(frame),
-        frame_interval_s: c.frames[1].0 - c.frames[0].0,
-        seed: 0,
-        settings: Settings::default(),
-        static_camera: false,
-        planes: false,
-        statistics: true,
-    }
-}
 
 /// Mean and worst mean absolute difference over every `step`th frame, 8-bit levels.
 fn report(name: &str, what: &str, c: &Answered, method: &Method, step: usize) -> Option<(f64, f64)> {
     let watched = device(name)?;
     let options = EngineOptions { method: method.clone(), ..EngineOptions::default() };
-    let requests: Vec<_> = (0..c.frames.len()).step_by(step).map(|f| request(c, f)).collect();
+    let requests: Vec<_> = (0..c.frames.len()).step_by(step).map(|f| answered(c, f)).collect();
     let (scene, path) = (Arc::new(c.scene.clone()), Arc::new(c.trajectory.clone()));
     let mut engine = Engine::new(&watched.0, scene, path, c.intrinsics, options, &requests).unwrap();
     let (mut sum, mut worst, mut ms, mut invalid) = (0.0, 0.0f64, 0.0, 0.0);

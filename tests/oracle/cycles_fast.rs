@@ -5,29 +5,16 @@ use std::sync::Arc;
 
 use crate::gpu_support::device;
 use crate::oracle_support::{Answered, cycles};
+use crate::requests::answered;
 use shutterbug::camera::ScanOrder;
-use shutterbug::chain::Settings;
-use shutterbug::engine::{Engine, EngineOptions, FastOptions, FrameRequest, Method};
+use shutterbug::engine::{Engine, EngineOptions, FastOptions, Method};
 use shutterbug::gpu::Context;
 use shutterbug::plane::metrics::mean_absolute_difference;
-
-fn request(c: &Answered, frame: usize) -> FrameRequest {
-    FrameRequest {
-        index: frame as u32,
-        shutter: c.timing(frame),
-        frame_interval_s: c.frames[1].0 - c.frames[0].0,
-        seed: 0,
-        settings: Settings::default(),
-        static_camera: false,
-        planes: false,
-        statistics: true,
-    }
-}
 
 /// Mean over every fourth frame of the mean absolute difference, 8-bit levels; no pixel may lack a source.
 fn levels(context: &Arc<Context>, name: &str, what: &str, c: &Answered) -> f64 {
     let options = EngineOptions { method: Method::Fast(FastOptions::default()), ..EngineOptions::default() };
-    let requests: Vec<_> = (0..c.frames.len()).step_by(4).map(|f| request(c, f)).collect();
+    let requests: Vec<_> = (0..c.frames.len()).step_by(4).map(|f| answered(c, f)).collect();
     let (scene, path) = (Arc::new(c.scene.clone()), Arc::new(c.trajectory.clone()));
     let mut engine = Engine::new(context, scene, path, c.intrinsics, options, &requests).unwrap();
     let mut sum = 0.0;

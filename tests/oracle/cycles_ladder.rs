@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use crate::effects_support::answered;
 use crate::gpu_support::{Watched, device};
+use crate::requests::captured;
 use shutterbug::capture::Capture;
 use shutterbug::engine::{
-    AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, FrameRequest, Method, PaperOptions,
+    AccumulationOptions, Engine, EngineOptions, ExactOptions, FastOptions, Method, PaperOptions,
 };
 use shutterbug::plane::metrics::mean_absolute_difference;
 use shutterbug::plane::{Plane, read_rgb8};
@@ -30,17 +31,7 @@ fn methods() -> [(&'static str, Method); 4] {
 }
 
 fn pictures(watched: &Watched, capture: &Capture, method: &Method) -> Vec<(usize, Plane<u8>)> {
-    let request = |frame: usize| FrameRequest {
-        index: frame as u32,
-        shutter: capture.shutter(frame),
-        frame_interval_s: capture.camera.frame_period_s,
-        seed: 11,
-        settings: capture.camera.settings.clone(),
-        static_camera: capture.camera.static_camera,
-        planes: false,
-        statistics: false,
-    };
-    let requests: Vec<_> = (0..capture.frames.len()).step_by(STEP).map(request).collect();
+    let requests: Vec<_> = (0..capture.frames.len()).step_by(STEP).map(|f| captured(capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene.clone()), Arc::new(capture.true_trajectory()));
     let options = EngineOptions { method: method.clone(), ..EngineOptions::default() };
     let mut engine =

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::gpu_support::device;
 use crate::gpu_support::frames::paper;
 use crate::oracle_support::{Answered, cycles};
+use crate::requests::answered;
 use shutterbug::chain::{Settings, Value};
 use shutterbug::effects::LensDistortion;
 use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FastOptions, FrameRequest, Method};
@@ -16,16 +17,7 @@ fn request(c: &Answered, frame: usize) -> FrameRequest {
     for (name, value) in [("k1", c.lens[0]), ("k2", c.lens[1])] {
         settings.set(&LensDistortion, name, Value::Number(value)).unwrap();
     }
-    FrameRequest {
-        index: frame as u32,
-        shutter: c.timing(frame),
-        frame_interval_s: c.frames[1].0 - c.frames[0].0,
-        seed: 0,
-        settings,
-        static_camera: false,
-        planes: false,
-        statistics: false,
-    }
+    FrameRequest { settings, ..answered(c, frame) }
 }
 
 /// Mean and worst mean absolute difference over every `step`th frame, 8-bit levels.

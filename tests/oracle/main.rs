@@ -13,6 +13,7 @@ mod lens;
 mod outside;
 mod outside_motion;
 mod outside_pictures;
+mod requests;
 mod shutter;
 
 #[path = "../support/capi/mod.rs"]
