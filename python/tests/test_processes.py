@@ -141,9 +141,7 @@ except KeyboardInterrupt:
 
 
 def test_an_interruption_leaves_the_camera_as_it_was(device):
-    out = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120, preexec_fn=interruptible
-    )
+    out = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120, preexec_fn=interruptible)
     assert out.stdout.strip() == "interrupted 99", out
 
 
