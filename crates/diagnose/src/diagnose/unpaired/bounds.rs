@@ -23,17 +23,17 @@ pub(super) enum ShowsFrom {
     Nowhere,
 }
 
-/// The same for all candidates among `names` that were not found, with what was found on.
+/// The same for all candidates among `names` that were not found, with what was found on; `made` are the marks then.
 pub(super) fn shows_from(
     real: &Fingerprint,
-    simulated: &Simulated,
+    (simulated, made): (&Simulated, &Fingerprint),
     theta: &Theta,
     counted: &[bool],
     names: &[&'static str],
 ) -> BTreeMap<&'static str, ShowsFrom> {
-    let without = known_as(real, simulated.fingerprint(theta));
+    let without = known_as(real, made);
     let shows = |name: &'static str, with: &Theta| {
-        let off = apart(&known_as(real, simulated.fingerprint(with)), &without);
+        let off = apart(&known_as(real, &simulated.fingerprint(with)), &without);
         let fewest = parameters(&[name]).len();
         let all = squares(&off, counted) > quantile_of_length(NAMES.len(), fewest).powi(2);
         let edges: f64 = EDGES.iter().filter_map(|k| off[*k]).map(|z| z * z).sum();
@@ -57,9 +57,10 @@ pub(super) fn shows_from(
 }
 
 /// Marks known as well as those of the real frames.
-fn known_as(real: &Fingerprint, made: Fingerprint) -> Fingerprint {
-    let one = |(made, real): (Option<Known>, &Option<Known>)| Some(Known { error: (*real)?.error, ..made? });
-    Fingerprint(made.0.into_iter().zip(&real.0).map(one).collect())
+fn known_as(real: &Fingerprint, made: &Fingerprint) -> Fingerprint {
+    let one =
+        |(made, real): (&Option<Known>, &Option<Known>)| Some(Known { error: (*real)?.error, ..(*made)? });
+    Fingerprint(made.0.iter().zip(&real.0).map(one).collect())
 }
 
 /// `theta` with an effect so many times as strong as an attentive person may see it.

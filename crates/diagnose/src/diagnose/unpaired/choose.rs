@@ -138,17 +138,19 @@ pub(super) fn choose(
         (left, chosen.theta) = (cost, theta);
         chosen.set.push(name);
     }
-    if !noise_agrees(real, &simulated.fingerprint(&chosen.theta)) {
+    let mut made = simulated.fingerprint(&chosen.theta);
+    if !noise_agrees(real, &made) {
         // Texture that is softer in one folder, in places that pass for flat, or noise of another kind.
         chosen.withdrawn = chosen.set.iter().copied().filter(|n| OF_PIXELS.contains(n)).collect();
         chosen.set.retain(|n| !OF_PIXELS.contains(n));
         chosen.theta = OF_PIXELS.into_iter().fold(chosen.theta, |theta, n| theta.without(candidate_of(n)));
+        made = simulated.fingerprint(&chosen.theta);
     }
-    tell(real, &plain, &simulated.fingerprint(&chosen.theta));
+    tell(real, &plain, &made);
     let tried = || NAMES.iter().map(|(n, _)| *n).filter(|n| names.contains(n));
     let found = |n: &&'static str| chosen.set.contains(n) || chosen.withdrawn.contains(n);
     let not_found: Vec<&'static str> = tried().filter(|n| !found(n)).collect();
-    chosen.shows_from = shows_from(real, simulated, &chosen.theta, &counted, &not_found);
+    chosen.shows_from = shows_from(real, (simulated, &made), &chosen.theta, &counted, &not_found);
     chosen.counted = counted;
     chosen.half = half_widths(real, simulated, &chosen);
     Ok(chosen)
@@ -178,8 +180,7 @@ impl Seen<'_> {
             step(name)?;
             let mut free = smooth(&chosen.set);
             free.extend(smooth(&[name]));
-            let known = began.get(name).map(|v| vec![*v]);
-            let starts = known.as_deref().unwrap_or(starts);
+            let starts = began.get(name).map_or(starts, std::slice::from_ref);
             let (theta, cost, start) =
                 fit(self.real, (self.simulated, self.counted), &chosen.theta, &free, (name, starts));
             began.extend(start.map(|start| (name, start)));
@@ -190,9 +191,12 @@ impl Seen<'_> {
             );
             let fewest = parameters(&[name]).len();
             let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2);
-            let shows = !EDGES_TELL.contains(&name)
-                || shows_in_edges(self.real, self.simulated, [&chosen.theta, &theta]);
-            if beyond && shows && best.as_ref().is_none_or(|b| cost < b.0) {
+            // Marks are measured for this: only where all else speaks for it.
+            let shows = || {
+                !EDGES_TELL.contains(&name)
+                    || shows_in_edges(self.real, self.simulated, [&chosen.theta, &theta])
+            };
+            if beyond && best.as_ref().is_none_or(|b| cost < b.0) && shows() {
                 best = Some((cost, name, theta));
             }
         }
