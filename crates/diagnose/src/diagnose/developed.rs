@@ -141,8 +141,10 @@ impl Forward {
             a.data.iter_mut().zip(&b.data).for_each(|(a, b)| *a -= b);
             a
         };
+        let paths = self.paths(frames, theta);
         let one = |i: usize| -> Vec<Arc<Plane<f32>>> {
-            let drawn = |draw| through_file(&off_by(&before[i], draw, frames[i]), &settings, &tone);
+            let off = |draw| off_by(&before[i], paths.get(i), draw, frames[i]);
+            let drawn = |draw| through_file(&off(draw), &settings, &tone);
             (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
         };
         let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();

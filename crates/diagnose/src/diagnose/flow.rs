@@ -31,6 +31,20 @@ impl Forward {
         velocity
     }
 
+    /// How far the content moves while each pixel is exposed, px, by frame (place); nothing without an exposure.
+    pub(super) fn paths(&self, frames: &[usize], theta: &Theta) -> Vec<Plane<f32>> {
+        if !theta.is_on(P::Exposure) {
+            return Vec::new();
+        }
+        let path = |&at: &usize| {
+            let exposure_s = self.shutter(at, theta).exposure_time_s as f32;
+            let mut path = self.velocity(at, theta);
+            path.data.iter_mut().for_each(|v| *v *= exposure_s);
+            path
+        };
+        frames.iter().map(path).collect()
+    }
+
     /// The part of the velocity that is the camera's; `time_s` gives the time of a line by its place in scan order.
     pub(super) fn camera_velocity(
         &self,

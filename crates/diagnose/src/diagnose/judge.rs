@@ -13,7 +13,7 @@ use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::hot::HotMap;
 use super::model::{P, Theta};
-use super::score::{FAMILIES, FrameScore, Scored, score_frame, seen_in};
+use super::score::{FAMILIES, FrameScore, Scored, SeenIn, score_frame, seen_in};
 use super::tone::Tone;
 use shutterbug::chain::rng::{random_bits, seed_words};
 use shutterbug::error::Result;
@@ -235,6 +235,7 @@ impl<'a> Judge<'a> {
         let tone = Tone::new(theta);
         let masks = forward.masked(self.masks, self.kind.and(theta.room.kind()));
         let flips = forward.flips(frames, theta, self.quality)?;
+        let paths = forward.paths(frames, theta);
         let given = forward.given_variances(frames, theta, &means);
         let scored: Vec<_> = frames
             .iter()
@@ -243,19 +244,30 @@ impl<'a> Judge<'a> {
             .map(|(i, (&at, mean))| Scored {
                 real: &self.evidence.frames[at].dn,
                 mean,
+                path: paths.get(i),
                 mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
                 flipped: &flipped[i],
                 given: given.as_ref().map(|g| g[i].as_slice()),
             })
             .collect();
-        let seen: Vec<_> = scored.par_iter().map(|frame| seen_in(frame, &tone)).collect();
         let index = |i: usize| self.evidence.frames[frames[i]].index;
-        let score = |i: usize| {
-            let follows = i > 0 && index(i) == index(i - 1) + 1;
-            score_frame(&seen[i], follows.then(|| &seen[i - 1]))
-        };
-        Ok(Scores((0..frames.len()).into_par_iter().map(score).collect()))
+        let follows = |i: usize| i > 0 && index(i) == index(i - 1) + 1;
+        let mut scores = Vec::new();
+        let mut last: Option<SeenIn> = None;
+        // What a model says of every value takes many times what the picture does: a few frames at a time.
+        let few = rayon::current_num_threads().max(2);
+        for (chunk, frames) in scored.chunks(few).enumerate() {
+            let seen: Vec<_> = frames.par_iter().map(|frame| seen_in(frame, &tone)).collect();
+            let before = |i: usize| if i > 0 { seen.get(i - 1) } else { last.as_ref() };
+            let score = |i: usize| {
+                let before = before(i).filter(|_| follows(chunk * few + i));
+                score_frame(&seen[i], before)
+            };
+            scores.par_extend((0..seen.len()).into_par_iter().map(score));
+            last = seen.into_iter().next_back();
+        }
+        Ok(Scores(scores))
     }
 
     /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.

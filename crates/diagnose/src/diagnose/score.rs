@@ -62,6 +62,8 @@ pub(super) struct FrameScore {
 pub(super) struct Scored<'a> {
     pub real: &'a Plane<f32>,
     pub mean: &'a Plane<f32>,
+    /// How far the content moves while a pixel is exposed, px; nothing without an exposure.
+    pub path: Option<&'a Plane<f32>>,
     /// 1 where compared.
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
@@ -222,7 +224,7 @@ pub(super) struct SeenIn {
 /// What a model says of the values of a frame.
 pub(super) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     let size = [frame.real.width, frame.real.height];
-    let edges = edges(frame.mean);
+    let edges = edges(frame.mean, frame.path);
     let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
     SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.flipped.to_vec() }
@@ -453,8 +455,15 @@ mod tests {
             let flat = Plane::from_fn(64, 64, |_, _| [mean; 3]);
             let gain = |sigma_dn: f64| {
                 let real = delivered(mean, sigma_dn);
-                let scored =
-                    Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[], given: None };
+                let scored = Scored {
+                    real: &real,
+                    mean: &flat,
+                    path: None,
+                    mask: None,
+                    flips: None,
+                    flipped: &[],
+                    given: None,
+                };
                 let [none, noisy] =
                     [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
                 1.0 - noisy / none
@@ -468,8 +477,15 @@ mod tests {
     fn frames_of_the_model_itself_score_what_it_expects() {
         for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
             let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
-            let scored =
-                Scored { real: &real, mean: &flat, mask: None, flips: None, flipped: &[], given: None };
+            let scored = Scored {
+                real: &real,
+                mean: &flat,
+                path: None,
+                mask: None,
+                flips: None,
+                flipped: &[],
+                given: None,
+            };
             let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
                 .expect("pixels are there");
             assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
@@ -484,7 +500,15 @@ mod tests {
         // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
         let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
         let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
-        let scored = Scored { real: &real, mean: &mean, mask: None, flips: None, flipped: &[], given: None };
+        let scored = Scored {
+            real: &real,
+            mean: &mean,
+            path: None,
+            mask: None,
+            flips: None,
+            flipped: &[],
+            given: None,
+        };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
         let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
         let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
