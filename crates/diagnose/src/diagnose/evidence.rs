@@ -20,6 +20,8 @@ const MOST: [usize; 3] = [6, 4, 8];
 const MOST_LARGE: [usize; 3] = [4, 2, 4];
 /// Px from which on a picture is large.
 const LARGE_PX: usize = 640 * 480 * 2;
+/// Most px of all frames together that are held, but for those that the parts need: a diagnosis takes about 100 bytes a px.
+const MOST_PX_IN_ALL: usize = 24 << 20;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(super) const BLOCK: usize = 2;
 
@@ -32,6 +34,13 @@ pub(super) struct RealFrame {
     pub start_s: f64,
     /// DN, shape `[height, width, 3]`.
     pub dn: Arc<Plane<f32>>,
+}
+
+/// A frame as it was read.
+struct ReadFrame {
+    index: usize,
+    start_s: f64,
+    picture: Arc<Plane<u8>>,
 }
 
 /// The frames that can be compared.
@@ -81,9 +90,9 @@ impl Evidence {
             }
             // A still that is divided into parts is read once.
             let before =
-                frames.last().filter(|f: &&RealFrame| capture.frames[f.index].filename == entry.filename);
-            if let Some(dn) = before.map(|f| f.dn.clone()) {
-                frames.push(RealFrame { index, start_s: entry.start_s, dn });
+                frames.last().filter(|f: &&ReadFrame| capture.frames[f.index].filename == entry.filename);
+            if let Some(picture) = before.map(|f| f.picture.clone()) {
+                frames.push(ReadFrame { index, start_s: entry.start_s, picture });
                 continue;
             }
             let picture = read_rgb8(&path)?;
@@ -97,8 +106,7 @@ impl Evidence {
                 skip(why.to_owned());
                 continue;
             }
-            let dn = Arc::new(picture.to_f32());
-            frames.push(RealFrame { index, start_s: entry.start_s, dn });
+            frames.push(ReadFrame { index, start_s: entry.start_s, picture: Arc::new(picture) });
         }
         let reach_s = keep_covered(capture, &mut frames, &mut left_out);
         if frames.len() < FEWEST_FRAMES {
@@ -107,11 +115,14 @@ impl Evidence {
             let expected = format!("at least {FEWEST_FRAMES}: some to fit, others to judge");
             return Err(Error::input(folder, None, found, expected));
         }
+        let px = k.width as usize * k.height as usize;
+        let split = keep_few(capture, px, &mut frames, &mut left_out);
+        let frames = in_dn(frames);
         let mut warnings = capture.camera.warnings.clone();
         if !left_out.is_empty() {
             warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
         }
-        let [fit, choose, report] = split(frames.len(), k.width as usize * k.height as usize);
+        let [fit, choose, report] = split;
         Ok(Self { frames, fit, choose, report, left_out, reach_s, warnings })
     }
 }
@@ -159,7 +170,7 @@ fn useless(picture: &Plane<u8>) -> Option<&'static str> {
 /// Drops frames near the ends of the trajectory, where no candidate about time could be rendered, as long as enough
 /// remain. Returns how far before and after their timestamps the rest has poses. A camera at rest has one pose a frame:
 /// between them lies no motion, and no candidate about time is rendered.
-fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut Vec<LeftOut>) -> [f64; 2] {
+fn keep_covered(capture: &Capture, frames: &mut Vec<ReadFrame>, left_out: &mut Vec<LeftOut>) -> [f64; 2] {
     if capture.camera.static_camera {
         return [0.0; 2];
     }
@@ -170,7 +181,7 @@ fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut V
         .fold((f64::NEG_INFINITY, f64::INFINITY), |a, b| (a.0.max(b.0), a.1.min(b.1)));
     let period_s = capture.camera.frame_period_s;
     for (before, after) in [(0.55, 2.0), (0.3, 1.5), (0.1, 1.0), (0.0, 0.5)] {
-        let inside = |f: &RealFrame| {
+        let inside = |f: &ReadFrame| {
             f.start_s - before * period_s >= first_s && f.start_s + after * period_s <= last_s
         };
         let kept = frames.iter().filter(|f| inside(f)).count();
@@ -187,6 +198,53 @@ fn keep_covered(capture: &Capture, frames: &mut Vec<RealFrame>, left_out: &mut V
     let before = frames.iter().map(|f| f.start_s - first_s).fold(f64::INFINITY, f64::min);
     let after = frames.iter().map(|f| last_s - f.start_s).fold(f64::INFINITY, f64::min);
     [before.clamp(0.0, 10.0), after.clamp(0.0, 10.0)]
+}
+
+/// Of so many frames those that there is memory for: what the parts need, and as many others, evenly.
+fn kept(count: usize, parts: &[Vec<usize>; 3], px: usize) -> Vec<usize> {
+    let needed = |i: &usize| parts.iter().any(|part| part.contains(i));
+    let room = (MOST_PX_IN_ALL / px.max(1)).saturating_sub(parts.iter().map(Vec::len).sum());
+    let rest: Vec<usize> = (0..count).filter(|i| !needed(i)).collect();
+    let more = room.min(rest.len());
+    let others: Vec<usize> = (0..more).map(|i| rest[i * rest.len() / more]).collect();
+    (0..count).filter(|i| needed(i) || others.contains(i)).collect()
+}
+
+/// Splits frames as [`split`] does; what there is no memory for is left out.
+fn keep_few(
+    capture: &Capture,
+    px: usize,
+    frames: &mut Vec<ReadFrame>,
+    left_out: &mut Vec<LeftOut>,
+) -> [Vec<usize>; 3] {
+    let parts = split(frames.len(), px);
+    let kept = kept(frames.len(), &parts, px);
+    let dropped = (0..frames.len()).filter(|i| !kept.contains(i));
+    left_out.extend(dropped.map(|i| {
+        let index = frames[i].index;
+        let why = format!("{} frames of this size say enough: not compared", kept.len());
+        LeftOut { index, filename: capture.frames[index].filename.clone(), why }
+    }));
+    let mut place = 0..;
+    frames.retain(|_| place.next().is_some_and(|i| kept.contains(&i)));
+    let now = |i: usize| kept.iter().position(|k| *k == i);
+    parts.map(|part| part.into_iter().filter_map(now).collect())
+}
+
+/// Pictures as numbers; one that stands for several frames is held once.
+fn in_dn(frames: Vec<ReadFrame>) -> Vec<RealFrame> {
+    let mut out: Vec<RealFrame> = Vec::new();
+    let mut last: Option<Arc<Plane<u8>>> = None;
+    for ReadFrame { index, start_s, picture } in frames {
+        let same = last.as_ref().is_some_and(|l| Arc::ptr_eq(l, &picture));
+        let dn = match out.last() {
+            Some(before) if same => before.dn.clone(),
+            _ => Arc::new(picture.to_f32()),
+        };
+        out.push(RealFrame { index, start_s, dn });
+        last = Some(picture);
+    }
+    out
 }
 
 /// Blocks of two frames, to fit or not by Thue and Morse's sequence, which never settles into a period: of a flicker that
@@ -257,6 +315,18 @@ mod tests {
             let most = if px < LARGE_PX { MOST } else { MOST_LARGE };
             assert!(parts.iter().zip(most).all(|(p, m)| p.len() <= m), "{count}: {parts:?}");
         }
+    }
+
+    #[test]
+    fn of_many_large_frames_those_that_a_part_needs_are_kept() {
+        let full_hd = 1920 * 1080;
+        let parts = split(60, full_hd);
+        let kept_of_60 = kept(60, &parts, full_hd);
+        assert!(parts.concat().iter().all(|i| kept_of_60.contains(i)), "{parts:?} {kept_of_60:?}");
+        assert!(kept_of_60.len() * full_hd <= MOST_PX_IN_ALL, "{}", kept_of_60.len());
+        // Of 24 megapixels there is room for the parts alone; of small pictures for all.
+        assert_eq!(kept(20, &split(20, 24 << 20), 24 << 20).len(), split(20, 24 << 20).concat().len());
+        assert_eq!(kept(60, &split(60, 640 * 480), 640 * 480).len(), 60);
     }
 
     #[test]

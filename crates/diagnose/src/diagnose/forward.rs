@@ -27,7 +27,7 @@ use shutterbug::plane::Plane;
 use shutterbug::scene::Scene;
 
 /// Most bytes of renders that are kept.
-const CACHE_BYTES: usize = 1 << 30;
+const CACHE_BYTES: usize = 512 << 20;
 /// Half of the interval over which speeds are measured, s.
 const SPEED_STEP_S: f64 = 2e-3;
 
