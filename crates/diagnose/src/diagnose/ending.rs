@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::description::Room;
+use super::description::{Room, is_description};
 use super::fit::{FILTERS, FINE};
 use super::forward::Quality;
 use super::judge::Scores;
@@ -63,6 +63,9 @@ impl Search<'_> {
     }
 
     /// Takes out what only coarse renders made look useful.
+    ///
+    /// The description is questioned only where the rest leaves more than the discrepancy can make: a part of it without which
+    /// nothing is left beyond that goes, however much better the frames are met with it.
     pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
         while !found.set.is_empty() {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
@@ -70,7 +73,9 @@ impl Search<'_> {
             for i in 0..found.set.len() {
                 let name = found.set[i];
                 let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
-                let needed = self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?;
+                let enough = is_description(name) && scores.beyond_bounds().is_empty();
+                let needed =
+                    !enough && self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?;
                 if !needed && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
                     weakest = Some((i, fit.theta, scores.mean()));
                 }
