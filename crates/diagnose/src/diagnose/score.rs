@@ -300,14 +300,18 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
         }
         None => [0.0; 8],
     };
-    let mut level: Vec<Pooled> = frame.values.iter().map(one).collect();
+    let mut level: Vec<Pooled> = Vec::new();
     for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
-        let fine = pooled(&level, w, h);
+        // Sums of single values are not kept: they would take more than all else of a large picture.
+        let fine = match band {
+            0 => pooled(|i| one(&frame.values[i]), w, h),
+            _ => pooled(|i| level[i], w, h),
+        };
         (w, h) = (w / 2, h / 2);
         if w < 2 || h < 2 {
             return;
         }
-        let coarse = pooled(&fine, w, h);
+        let coarse = pooled(|i| fine[i], w, h);
         let full = (size * size) as f64;
         let averaged = |side: usize| -> Vec<Vec<f32>> {
             frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
@@ -333,13 +337,14 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
     }
 }
 
-fn pooled(from: &[Pooled], w: usize, h: usize) -> Vec<Pooled> {
+/// Sums over blocks of two by two of what is `at` the places of a picture of `w` by `h` px.
+fn pooled(at: impl Fn(usize) -> Pooled, w: usize, h: usize) -> Vec<Pooled> {
     let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
-                let value = &from[(y * w + x) * 3 + c];
+                let value = at((y * w + x) * 3 + c);
                 (0..8).for_each(|k| to[k] += value[k]);
             }
         }
