@@ -101,3 +101,40 @@ fn poses_that_are_off_are_named_and_no_effect_of_the_camera() {
     let exact = run(&device, &capture, true);
     assert!(exact.gap.after > 2.0 * report.gap.after, "control: {:?} {:?}", exact.gap, report.gap);
 }
+
+/// The scene without the upper half of its pillar, the last 121 faces: columns of eleven from the bottom up.
+fn take_away(folder: &std::path::Path) {
+    let path = folder.join("scene.obj");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let faces = text.lines().filter(|l| l.starts_with("f ")).count();
+    let mut face = 0;
+    let mut kept = |line: &&str| {
+        face += usize::from(line.starts_with("f "));
+        let upper = face + 121 > faces && (face + 121 - faces - 1) % 11 >= 6;
+        !(line.starts_with("f ") && upper)
+    };
+    let text: String = text.lines().filter(|l| kept(l)).map(|l| format!("{l}\n")).collect();
+    std::fs::write(path, text).unwrap();
+}
+
+#[test]
+fn a_thing_that_the_scene_lacks_is_left_out_and_the_camera_is_told_beside_it() {
+    let Some(device) = device("a_thing_that_the_scene_lacks") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    make(&device.0, folder.path(), "[vignetting]\na1 = -0.4\na2 = 0.0\n", "", 1.0, 23);
+    take_away(folder.path());
+    let capture = Capture::read(folder.path(), None).unwrap();
+    let report = run(&device, &capture, false);
+    assert_eq!(names(&report), ["undescribed_object", "vignetting"]);
+    let (a1, _) = parameter(&report, "vignetting", "a1");
+    assert!((a1 / -0.4 - 1.0).abs() < 0.03, "{a1}");
+    let object = report.effects.iter().find(|e| e.name == "undescribed_object").unwrap();
+    let share = object.parameters["pixel_share"].value.as_f64().unwrap();
+    // The pillar's half is 20 px of 128 wide and up to 48 of 96 high; whole blocks of 4 px and their neighbours go.
+    assert!(!object.camera && (0.03..0.25).contains(&share), "{share}");
+    assert!(report.gap.after < 0.5 && report.input.compared_share < 1.0 - 0.9 * share, "{:?}", report.gap);
+    assert!(report.sentence.contains("does not have"), "{}", report.sentence);
+    // Control: with an exact description the pillar stays in the gap.
+    let exact = run(&device, &capture, true);
+    assert!(exact.gap.after > 4.0 * report.gap.after, "{:?} {:?}", exact.gap, report.gap);
+}

@@ -12,7 +12,7 @@ const MOST_OUTLIERS: f64 = 1e-4;
 /// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only resemble.
 ///
 /// Measured: a gain and a white balance close 93 % of a gamma's gap (withheld captures of seeds up to 606).
-const RESEMBLED: f64 = 0.97;
+pub(super) const RESEMBLED: f64 = 0.97;
 /// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the picture is
 /// explained altogether.
 ///

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::cover::Cover;
 use super::describe::{describe, undetermined, without_motion, without_time};
-use super::description::Parts;
+use super::description::{Objects, Parts};
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::journal::{Journal, key};
@@ -229,9 +229,22 @@ fn diagnose_given(
     }
     let masks = cover.as_ref().map(|c| c.masks.as_slice());
     let seen = question.look(&mut forward, masks)?;
+    let (objects, seen_elsewhere);
     let mut search = question.search(&mut forward, &seen, masks);
     let mut found = searched(&mut search, &mut relay)?;
+    let asked = !question.room.is_empty() && !options.scene_exact;
+    objects = if asked { search.undescribed(&found)? } else { None };
+    if let Some(objects) = &objects {
+        let forward = search.forward;
+        forward.compared += 1;
+        seen_elsewhere = question.look(forward, Some(&objects.masks))?;
+        search = question.search(forward, &seen_elsewhere, Some(&objects.masks));
+        found = searched(&mut search, &mut relay)?;
+    }
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
+    if let Some(objects) = &objects {
+        say_objects(&mut report, objects);
+    }
     report.candidates.extend(names.iter().filter_map(|n| told.why_not(n)));
     add_late(&mut report, &found);
     setup_checks::begin(&mut report, &set_up, &evidence, &found.late);
@@ -263,6 +276,33 @@ fn diagnose_given(
     report.input.seconds = clock.elapsed().as_secs_f64();
     let description = search.description_parts(&found.fit.theta)?;
     Ok(Diagnosis { report, camera, frames, description, percepts })
+}
+
+/// Names what the scene does not have, whose places were left out of every figure.
+fn say_objects(report: &mut Report, objects: &Objects) {
+    let (gap, none) = (report.gap.after, report.gap.after - report.gap.before);
+    let share = Parameter { value: serde_json::json!(objects.share), ci95: None, unit: String::new() };
+    report.effects.push(EffectFound {
+        name: "undescribed_object".to_owned(),
+        share: 0.0,
+        parameters: [("pixel_share".to_owned(), share)].into(),
+        camera: false,
+        gap_without: gap,
+        gap_with: gap,
+        gap_alone: report.gap.before,
+        gain_ci95: [0.0, f64::max(none, 0.0)],
+        alternatives: Vec::new(),
+        footage: String::new(),
+    });
+    if report.verdict == Verdict::NoGap {
+        report.verdict = Verdict::Explained;
+    }
+    let covers = format!(
+        "Something that the scene does not have, or that moves otherwise than described, covers {:.1} % of the frames. \
+         Its places were left out. Elsewhere: ",
+        100.0 * objects.share
+    );
+    report.sentence.insert_str(0, &covers);
 }
 
 /// Candidates for which there was no time.

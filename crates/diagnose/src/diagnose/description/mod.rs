@@ -9,6 +9,7 @@
 mod candidates;
 mod entries;
 mod masks;
+mod objects;
 mod poses;
 mod radiance;
 mod rays;
@@ -32,6 +33,7 @@ use shutterbug::plane::Plane;
 pub(super) use candidates::{after_what_moves, size};
 pub(super) use entries::Parts;
 pub(super) use masks::Kind;
+pub(super) use objects::Objects;
 pub(super) use poses::PoseShare;
 use radiance::{Lesson, Map, STEP, STEPS};
 use rays::Body;
