@@ -80,6 +80,7 @@ pub(super) fn describe(
         percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
+        description: DescriptionShown::default(),
         input: Input {
             kind: "capture".to_owned(),
             capture: capture.root.display().to_string(),

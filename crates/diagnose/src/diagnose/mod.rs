@@ -63,9 +63,9 @@ use shutterbug::effects::jpeg::{dct, flips, packing};
 
 pub use pair::Pair;
 pub use report::{
-    Alignment, Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input,
-    LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, REPORT_FILE, Report, Verdict,
-    WaterfallStep, Where,
+    Alignment, Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry,
+    FramePictures, Gap, Input, LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, PoseOff,
+    REPORT_FILE, Report, Verdict, WaterfallStep, Where,
 };
 pub use run::{DiagnoseOptions, Diagnosis, Progress, changes_places, diagnose, diagnose_pair, effect_names};
 pub use unpaired::{Unpaired, diagnose_unpaired};

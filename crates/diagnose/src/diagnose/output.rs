@@ -35,6 +35,7 @@ impl Diagnosis {
         }
         write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
         self.description.write(folder, capture)?;
+        self.report.description = self.description.draw(folder, &self.frames)?;
         let scale_dn = scale(&self.frames);
         self.report.frames = self
             .frames

@@ -41,6 +41,9 @@ pub struct Report {
     pub frames: Vec<FrameEntry>,
     /// Mean maps over the held-out frames.
     pub maps: Maps,
+    /// What is wrong with the description, to look at.
+    #[serde(skip_serializing_if = "DescriptionShown::is_empty", default)]
+    pub description: DescriptionShown,
     /// What went in.
     pub input: Input,
     /// The held-out gains behind the interval, per resample of the bootstrap.
@@ -49,6 +52,37 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// Commands to use next.
     pub next: Vec<NextStep>,
+}
+
+/// What is wrong with the description, as pictures of a few frames and the path's error over time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DescriptionShown {
+    /// The factor on the radiance of the surfaces, seen through the camera: grey where it is 1.
+    pub factors: Vec<String>,
+    /// The factor that is white; its inverse is black.
+    #[serde(deserialize_with = "figure")]
+    pub white_factor: f64,
+    /// Frames in which something is that the scene does not have: all else is darkened.
+    pub objects: Vec<String>,
+    /// How far the poses are off, by frame.
+    pub poses: Vec<PoseOff>,
+}
+
+impl DescriptionShown {
+    fn is_empty(&self) -> bool {
+        self.factors.is_empty() && self.objects.is_empty() && self.poses.is_empty()
+    }
+}
+
+/// How far the pose of one frame is off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoseOff {
+    /// The frame's timestamp, s.
+    pub time_s: f64,
+    /// Angle, rad.
+    pub rotation_rad: f64,
+    /// Distance, m.
+    pub position_m: f64,
 }
 
 /// The outcome.

@@ -274,7 +274,10 @@ fn diagnose_given(
     report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, capture) };
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
-    let description = search.description_parts(&found.fit.theta)?;
+    let mut description = search.description_parts(&found.fit.theta)?;
+    if let Some(objects) = &objects {
+        description.add(objects, &evidence);
+    }
     Ok(Diagnosis { report, camera, frames, description, percepts })
 }
 

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::chart::{Chart, line_chart};
 use super::embed::{PictureBudget, data_uri, size_of_picture};
 use super::percepts::{self, Overlay};
-use crate::diagnose::{Bin, Candidate, CandidateState, FrameEntry, Report, Verdict};
+use crate::diagnose::{Bin, Candidate, CandidateState, FrameEntry, PoseOff, Report, Verdict};
 use shutterbug::error::Result;
 
 /// Most frames that a page carries pictures of: more would be slow to open, and five pictures a frame add up.
@@ -24,6 +24,7 @@ pub(super) struct Page<'a> {
     frames_total: usize,
     exact: bool,
     maps: MapViews,
+    description: DescriptionView,
     waterfall: Vec<Bar>,
     waterfall_height: f64,
     profiles: Vec<Profile<'a>>,
@@ -49,6 +50,15 @@ struct MapViews {
     after: String,
     bias_before: String,
     bias_after: String,
+}
+
+/// What is wrong with the description: pictures and charts of it.
+#[derive(Serialize)]
+struct DescriptionView {
+    factors: Vec<String>,
+    objects: Vec<String>,
+    rotation: Option<Chart>,
+    position: Option<Chart>,
 }
 
 /// A horizontal bar of the waterfall, px.
@@ -115,6 +125,18 @@ impl<'a> Page<'a> {
             bias_before: uri(&report.maps.bias_before)?,
             bias_after: uri(&report.maps.bias_after)?,
         };
+        let all = |names: &[String]| names.iter().map(|n| uri(n)).collect::<Result<Vec<_>>>();
+        let off = &report.description.poses;
+        let chart = |of: fn(&PoseOff) -> f64| {
+            let x: Vec<f64> = off.iter().map(|p| p.time_s - off[0].time_s).collect();
+            (off.len() > 1).then(|| line_chart(&x, &[("after", off.iter().map(of).collect())]))
+        };
+        let description = DescriptionView {
+            factors: all(&report.description.factors)?,
+            objects: all(&report.description.objects)?,
+            rotation: chart(|p| 1e3 * p.rotation_rad),
+            position: chart(|p| 1e3 * p.position_m),
+        };
         let with_state =
             |state| report.candidates.iter().filter(move |c: &&Candidate| c.state == state).collect();
         let (waterfall, waterfall_height) = waterfall(report);
@@ -126,6 +148,7 @@ impl<'a> Page<'a> {
             frames_total: report.frames.len(),
             exact: budget.exact,
             maps,
+            description,
             waterfall,
             waterfall_height,
             profiles: profiles(report),

@@ -7,9 +7,11 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use super::super::evidence::Evidence;
 use super::super::model::{P, Theta};
-use super::super::report::Parameter;
+use super::super::report::{Parameter, PoseOff};
 use super::super::search::Search;
+use super::Objects;
 use super::surface::NONE;
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::Capture;
@@ -21,9 +23,19 @@ use shutterbug::plane::{COLOR_CHANNELS, Plane, write_atomic, write_exr_plane};
 pub(in crate::diagnose) struct Parts {
     pub factors: Vec<(usize, Plane<f32>)>,
     pub trajectory: Option<Arc<Trajectory>>,
+    /// How far each pose is off.
+    pub poses: Vec<PoseOff>,
+    /// Frames (index) with what of them is compared: 0 where something is that the scene does not have.
+    pub objects: Vec<(usize, Plane<f32>)>,
 }
 
 impl Parts {
+    /// Keeps where the objects are in frames of the evidence.
+    pub(in crate::diagnose) fn add(&mut self, objects: &Objects, evidence: &Evidence) {
+        let frames = evidence.frames.iter().zip(&objects.masks);
+        self.objects = frames.map(|(frame, mask)| (frame.index, mask.clone())).collect();
+    }
+
     /// Writes the files of the description into a report's folder: `scene_radiance/NNNNNN.exr` and `trajectory.tum`.
     ///
     /// # Errors
@@ -144,6 +156,13 @@ impl Search<'_> {
             let mut plain = theta.clone();
             [P::RotX, P::RotY, P::RotZ].into_iter().for_each(|p| plain.set(p, 0.0));
             parts.trajectory = Some(self.forward.path(&plain));
+            let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let off = |(pose, time_s): (&[f64; 6], &f64)| PoseOff {
+                time_s: *time_s,
+                rotation_rad: length(&pose[..3]),
+                position_m: length(&pose[3..]),
+            };
+            parts.poses = theta.room.poses.iter().zip(&self.forward.starts_s).map(off).collect();
         }
         Ok(parts)
     }

@@ -16,6 +16,7 @@ mod rays;
 mod seen_in_pictures;
 mod settle;
 mod surface;
+mod views;
 
 use std::collections::HashMap;
 use std::sync::Arc;

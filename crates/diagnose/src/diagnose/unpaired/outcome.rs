@@ -125,6 +125,7 @@ pub(super) fn report(
         percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
+        description: DescriptionShown::default(),
         input,
         bootstrap: Bootstrap::default(),
         warnings: notes,
