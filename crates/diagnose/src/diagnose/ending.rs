@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::description::{Room, is_description};
-use super::fit::{FILTERS, FINE};
+use super::fit::{FILTERS, FINE, Fit};
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
@@ -135,10 +135,27 @@ impl Search<'_> {
             names.remove(i);
             (theta, scores) = (without, rest_scores);
         }
-        self.noise_intervals(&names, &theta, found)?;
+        // Noise that may as well be none is not named, however its neighbours in the score have turned out.
+        loop {
+            self.noise_intervals(&names, &theta, found)?;
+            let clear = |n: &&str| self.is_clear_of_none(candidate_of(n).parameters, &theta, &found.fit);
+            let rest: Vec<&'static str> = names.iter().copied().filter(clear).collect();
+            if rest.len() == names.len() {
+                break;
+            }
+            tracing::info!("of {names:?} only {rest:?} have an interval without none");
+            theta = self.noisy(&data, &found.fit.theta, &rest);
+            names = rest;
+        }
         found.fit.theta = theta;
         found.set.extend(names);
         Ok(())
+    }
+
+    /// Whether the interval of one of some parameters leaves out the given camera's value.
+    fn is_clear_of_none(&self, parameters: &[P], theta: &Theta, fit: &Fit) -> bool {
+        let half = |p: &P| fit.half.get(p).copied().unwrap_or(0.0);
+        parameters.iter().any(|p| (theta.get(*p) - self.base.get(*p)).abs() > half(p))
     }
 
     /// Takes out what the noise, now that it is known, has made superfluous: what was taken beside other noise may have stood for
