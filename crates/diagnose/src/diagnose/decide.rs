@@ -12,12 +12,12 @@ const MOST_OUTLIERS: f64 = 1e-4;
 /// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only resemble.
 ///
 /// Measured: a gain and a white balance close 93 % of a gamma's gap (withheld captures of seeds up to 606).
-pub(super) const RESEMBLED: f64 = 0.97;
+const RESEMBLED: f64 = 0.97;
 /// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the picture is
 /// explained altogether.
 ///
 /// Measured: contrast curves and ghosts that are on no list were closed to 28 to 78 % by what resembles them.
-const NAMED: [f64; 2] = [0.75, 0.2];
+pub(super) const NAMED: [f64; 2] = [0.75, 0.2];
 /// That part: share of the gap that lies in blocks in which nearly nothing of it is left.
 const SOLVED: f64 = 0.15;
 /// Share of the displacement that must be gone for effects to be named that move photographs by a camera at rest.

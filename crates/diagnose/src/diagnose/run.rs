@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::cover::Cover;
+use super::decide::{Facts, decide};
 use super::describe::{describe, undetermined, without_motion, without_time};
 use super::description::{Objects, Parts};
 use super::evidence::Evidence;
@@ -229,17 +230,24 @@ fn diagnose_given(
     }
     let masks = cover.as_ref().map(|c| c.masks.as_slice());
     let seen = question.look(&mut forward, masks)?;
-    let (objects, seen_elsewhere);
+    let (mut objects, elsewhere, seen_elsewhere);
     let mut search = question.search(&mut forward, &seen, masks);
-    let mut found = searched(&mut search, &mut relay)?;
-    let asked = !question.room.is_empty() && !options.scene_exact;
-    objects = if asked { search.undescribed(&found)? } else { None };
-    if let Some(objects) = &objects {
+    let mut found;
+    (found, objects) = searched(&mut search, &mut relay)?;
+    if let Some(objects_there) = &objects {
         let forward = search.forward;
         forward.compared += 1;
-        seen_elsewhere = question.look(forward, Some(&objects.masks))?;
-        search = question.search(forward, &seen_elsewhere, Some(&objects.masks));
-        found = searched(&mut search, &mut relay)?;
+        elsewhere = objects_there.masks.clone();
+        seen_elsewhere = question.look(forward, Some(&elsewhere))?;
+        search = question.search(forward, &seen_elsewhere, Some(&elsewhere));
+        found = searched(&mut search, &mut relay)?.0;
+        if decide(&Facts::of(&search, &found)).verdict == Verdict::UnknownEffect {
+            // What is left elsewhere is left by something that is no object: as if none had been found.
+            objects = None;
+            search.forward.compared -= 1;
+            search = question.search(search.forward, &seen, masks);
+            found = searched(&mut search, &mut relay)?.0;
+        }
     }
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
     if let Some(objects) = &objects {
@@ -368,22 +376,28 @@ const ROUGH: [&str; 2] = [
 ];
 
 /// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the frames to
-/// choose by than the discrepancy can make: a description is questioned only where no camera explains the frames.
-fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<Found> {
+/// choose by than the discrepancy can make: a description is questioned only where no camera explains the frames. First of
+/// all by what is in few places: where these are, if the rest is explained without them, is returned too.
+fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
     let room = std::mem::take(&mut search.room);
     let exact = search.run(watch)?;
     let left = search.judge.scores(search.forward, &exact.fit.theta)?;
     if room.is_empty() || search.late() || left.beyond_bounds().is_empty() {
-        return Ok(exact);
+        return Ok((exact, None));
+    }
+    let asked = room.contains(&"scene_radiance");
+    if asked && let Some(objects) = search.undescribed(&exact)? {
+        return Ok((exact, Some(objects)));
     }
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
     search.begin_anew(room);
     let free = search.run(watch)?;
     if free.set.iter().any(|name| super::description::is_description(name)) {
-        return Ok(free);
+        let objects = if asked { search.undescribed(&free)? } else { None };
+        return Ok((free, objects));
     }
     search.end_as(&exact);
-    Ok(exact)
+    Ok((exact, None))
 }
 
 /// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,

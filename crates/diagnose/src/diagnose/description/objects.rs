@@ -17,12 +17,11 @@ use shutterbug::plane::Plane;
 const ACROSS: usize = 40;
 /// Most of the pictures that objects may cover.
 const MOST: f64 = 0.25;
-/// Share of the gap that must be closed elsewhere for what is left there to be no part of the same cause, as for a verdict.
-const REST: f64 = super::super::decide::RESEMBLED;
+/// Share of the gap that must be closed elsewhere for another search there to be worth its time: as for names beside what is
+/// unknown.
+const REST: f64 = super::super::decide::NAMED[0];
 /// Blocks that an object covers at least, in a frame: two by two, or it is an edge.
 const FEWEST: usize = 4;
-/// Share of its frames in which a block shows something else, above which that is fixed to the lens or the sensor.
-const FIXED: f64 = 0.8;
 /// Quantiles of what is left, over the flat blocks and beside edges: most of a picture is as described.
 const TYPICAL: [f64; 2] = [0.5, 0.75];
 
@@ -144,14 +143,33 @@ fn patches(set: &[bool], across: usize) -> Vec<bool> {
     out
 }
 
-/// Whether what blocks show stays in its place in the picture from frame to frame.
-fn is_fixed(frames: &[Vec<bool>]) -> bool {
-    let count = frames.len() as f64;
-    let blocks = frames.first().map_or(0, Vec::len);
-    let seen: Vec<f64> =
-        (0..blocks).map(|b| frames.iter().filter(|f| f[b]).count() as f64 / count.max(1.0)).collect();
-    let sum: f64 = seen.iter().sum();
-    seen.iter().map(|s| s * s).sum::<f64>() > FIXED * sum
+/// Whether what blocks show stays in its place in the picture while the content moves: of the two frames between which that
+/// has gone farthest, by how much they overlap as they are and when one follows the content. `way`: how far the content has
+/// gone by each frame, blocks. Content that goes less than a block does not tell.
+fn is_fixed(frames: &[Vec<bool>], across: usize, way: &[[f64; 2]]) -> bool {
+    let shows = |f: &usize| frames[*f].iter().any(|b| *b);
+    let seen: Vec<usize> = (0..frames.len()).filter(shows).collect();
+    let apart = |a: usize, b: usize| [0, 1].map(|k| (way[b][k] - way[a][k]).round() as isize);
+    let far = |(a, b): &(usize, usize)| apart(*a, *b).map(|d| d * d).iter().sum::<isize>();
+    let pairs = seen.iter().enumerate().flat_map(|(i, &a)| seen[i + 1..].iter().map(move |&b| (a, b)));
+    let Some((a, b)) = pairs.max_by_key(far) else { return false };
+    let by = apart(a, b);
+    by != [0; 2]
+        && overlap(&frames[a], &frames[b], across, [0; 2]) > overlap(&frames[a], &frames[b], across, by)
+}
+
+/// Blocks that are in both of two sets when one moves by so many blocks, over those of the first that stay in the picture.
+fn overlap(a: &[bool], b: &[bool], across: usize, by: [isize; 2]) -> f64 {
+    let down = a.len() / across;
+    let (mut both, mut all) = (0.0, 0.0f64);
+    for i in (0..a.len()).filter(|&i| a[i]) {
+        let (x, y) = ((i % across) as isize + by[0], (i / across) as isize + by[1]);
+        if (0..across as isize).contains(&x) && (0..down as isize).contains(&y) {
+            all += 1.0;
+            both += f64::from(u8::from(b[y as usize * across + x as usize]));
+        }
+    }
+    both / all.max(1.0)
 }
 
 impl Search<'_> {
@@ -178,7 +196,10 @@ impl Search<'_> {
         let (covered, open) = (count(&foreign, &blocks, true), count(&foreign, &blocks, false));
         let share = covered / open.max(1.0);
         tracing::info!("something else in {:.1} % of the pictures, typical {typical:.2?}", 100.0 * share);
-        if share == 0.0 || share > MOST || is_fixed(&foreign) {
+        if share == 0.0
+            || share > MOST
+            || is_fixed(&foreign, blocks[0].across, &self.content_way(blocks[0].side))
+        {
             return Ok(None);
         }
         let masks: Vec<Plane<f32>> = all
@@ -186,6 +207,22 @@ impl Search<'_> {
             .map(|&at| less(masks.map(|m| &m[at]), &means[at], &blocks[at], &foreign[at]))
             .collect();
         Ok(self.rest_is_explained(theta, &masks)?.then_some(Objects { masks, share }))
+    }
+
+    /// How far the content has gone by each frame since the first, as a rule, in blocks of so many px.
+    fn content_way(&self, side: usize) -> Vec<[f64; 2]> {
+        let mean = |at: usize| {
+            let v = &self.forward.sharp[at].velocity.data;
+            let n = (v.len() / 2).max(1) as f64;
+            [0, 1].map(|k| v.iter().skip(k).step_by(2).map(|v| f64::from(*v)).sum::<f64>() / n)
+        };
+        let mut way = vec![[0.0; 2]];
+        for at in 1..self.evidence.frames.len() {
+            let time_s = self.forward.starts_s[at] - self.forward.starts_s[at - 1];
+            let (a, b, was) = (mean(at - 1), mean(at), way[at - 1]);
+            way.push([0, 1].map(|k| was[k] + 0.5 * (a[k] + b[k]) * time_s / side as f64));
+        }
+        way
     }
 
     /// Whether a model explains what is compared in these places.
@@ -254,8 +291,13 @@ mod tests {
 
     #[test]
     fn what_stays_in_its_place_in_the_picture_is_no_object() {
-        assert!(is_fixed(&found(&[Some([40, 40]), Some([40, 40]), Some([40, 40])])));
-        assert!(!is_fixed(&found(&[Some([40, 40]), Some([80, 40]), Some([120, 60])])), "control: it moves");
+        let stays = found(&[Some([40, 40]), Some([40, 40]), Some([40, 40])]);
+        let goes = found(&[Some([40, 40]), Some([80, 40]), Some([120, 60])]);
+        // Content that goes by 40 px to the right, ten blocks, from frame to frame.
+        let way = [[0.0, 0.0], [10.0, 0.0], [20.0, 5.0]];
+        assert!(is_fixed(&stays, 40, &way));
+        assert!(!is_fixed(&goes, 40, &way), "control: it moves with the content");
+        assert!(!is_fixed(&stays, 40, &[[0.0; 2]; 3]), "content at rest does not tell");
     }
 
     #[test]
