@@ -91,10 +91,8 @@ impl Search<'_> {
 
     /// Whether a member of the set is what its name says.
     fn is_there(&mut self, found: &Found, name: &str) -> Result<bool> {
-        if name == "flicker" && !super::flicker::is_periodic(self.forward, self.evidence, &found.fit.theta)? {
-            return Ok(false);
-        }
-        Ok(true)
+        let (masks, theta) = (Some(self.masks), &found.fit.theta);
+        Ok(name != "flicker" || super::flicker::is_periodic(self.forward, self.evidence, masks, theta)?)
     }
 
     /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.

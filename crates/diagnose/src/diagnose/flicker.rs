@@ -26,6 +26,7 @@ pub(super) fn retuned(theta: &Theta, frequency_hz: f64, middle_s: f64) -> Theta 
 pub(super) fn starts(
     forward: &mut Forward,
     evidence: &Evidence,
+    masks: Option<&[Plane<f32>]>,
     theta: &Theta,
     most: usize,
 ) -> Result<Vec<Theta>> {
@@ -34,7 +35,7 @@ pub(super) fn starts(
     let lines: Vec<[f64; 2]> = frames
         .iter()
         .zip(&means)
-        .flat_map(|(&at, mean)| line_gains(forward, theta, at, &evidence.frames[at].dn, mean))
+        .flat_map(|(&at, mean)| line_gains(forward, theta, at, masks, &evidence.frames[at].dn, mean))
         .map(|[t, gain, _]| [t, gain])
         .collect();
     let span_s = lines.iter().map(|l| l[0]).fold(0.0, f64::max) - lines.first().map_or(0.0, |l| l[0]);
@@ -84,13 +85,15 @@ fn line_gains(
     forward: &Forward,
     theta: &Theta,
     at: usize,
+    masks: Option<&[Plane<f32>]>,
     real: &Plane<f32>,
     mean: &Plane<f32>,
 ) -> Vec<[f64; 3]> {
+    let open = |i: usize| masks.is_none_or(|m| m[at].data[i] > 0.5);
     let shutter = forward.shutter(at, theta);
     let (k, order) = (&forward.intrinsics, theta.scan_order);
     let mut sums = vec![[0.0f64; 2]; shutter.line_count as usize];
-    for i in 0..mean.width * mean.height {
+    for i in (0..mean.width * mean.height).filter(|&i| open(i)) {
         let line = order.line_of((i % mean.width) as u32, (i / mean.width) as u32, k.width, k.height);
         for c in 0..3 {
             let (r, m) = (real.data[3 * i + c], mean.data[3 * i + c]);
@@ -116,14 +119,20 @@ const LINES: usize = 8;
 /// Whether the flicker of `theta` shows as such: as bands within frames, or as a sine from frame to frame that neither
 /// brightnesses that go up and down freely nor a drift (a cubic of the time, which has as many parameters) explain as well.
 /// Three parameters follow many things that a few frames do.
-pub(super) fn is_periodic(forward: &mut Forward, evidence: &Evidence, theta: &Theta) -> Result<bool> {
+pub(super) fn is_periodic(
+    forward: &mut Forward,
+    evidence: &Evidence,
+    masks: Option<&[Plane<f32>]>,
+    theta: &Theta,
+) -> Result<bool> {
     let mut frames: Vec<usize> = evidence.fit.iter().chain(&evidence.choose).copied().collect();
     frames.sort_unstable();
     let still = theta.with(P::FlickerC, 0.0).with(P::FlickerS, 0.0);
     let [without, with] =
         [forward.simulate(&frames, &still, Quality::Fit)?, forward.simulate(&frames, theta, Quality::Fit)?];
     let gains = |pictures: &dyn Fn(usize) -> Plane<f32>| -> Vec<Vec<[f64; 3]>> {
-        (0..frames.len()).map(|i| line_gains(forward, theta, frames[i], &pictures(i), &without[i])).collect()
+        let of = |i: usize| line_gains(forward, theta, frames[i], masks, &pictures(i), &without[i]);
+        (0..frames.len()).map(of).collect()
     };
     let seen = gains(&|i| (*evidence.frames[frames[i]].dn).clone());
     let said = gains(&|i| with[i].clone());

@@ -260,7 +260,8 @@ impl<'a> Search<'a> {
             }
         }
         let (cost, start) = best.expect("there is always a start");
-        if candidate.name == "flicker" && !is_periodic(self.forward, self.evidence, &start)? {
+        if candidate.name == "flicker" && !is_periodic(self.forward, self.evidence, Some(self.masks), &start)?
+        {
             tracing::info!("flicker: brightness goes up and down, but not as a sine");
             return Ok(Fit { theta: theta.clone(), half: BTreeMap::new() });
         }

@@ -107,7 +107,7 @@ pub(super) fn best_starts(
     most: usize,
 ) -> Result<Vec<Theta>> {
     if candidate.name == "flicker" {
-        return super::flicker::starts(forward, evidence, theta, most);
+        return super::flicker::starts(forward, evidence, target.masks, theta, most);
     }
     let all = starts(forward, theta, candidate);
     if all.len() <= most {
