@@ -131,7 +131,8 @@ impl OutsideEngine {
         }
         let view = frame.request.view(self.stage.intrinsics);
         let slot = &mut self.slots[index];
-        self.finish.fit((&frame.request.settings, &view), false, (&mut slot.gpu, slot.index))?;
+        let wanted = frame.delivery.wanted();
+        self.finish.fit((&frame.request.settings, &view), wanted, (&mut slot.gpu, slot.index))?;
         self.upload(index, frame)?;
         self.slots[index].start(&frame.request, instants(&frame.request.shutter));
         if let Err(error) = self.record(index, frame, &plan) {
@@ -172,7 +173,7 @@ impl OutsideEngine {
         let times = slot.finish(self.time_limit)?;
         self.kept[ticket.slot] = Kept::default();
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
-        Ok(slot.take_frame(size, times, None))
+        Ok(slot.take_frame(size, times, None, &self.finish))
     }
 
     fn plan(&self, frame: &OutsideFrame<'_>, lens: Option<&OutsideLens>) -> Result<Plan> {
