@@ -56,7 +56,7 @@ pub use outside_frame::{
     MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
     OutsidePicture, OutsidePixels, PixelSource,
 };
-pub use outside_lens::{MarginNeed, OutsideLens};
+pub use outside_lens::{BorderRays, MarginNeed, OutsideLens};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use taps::{GatherInputs, WarpInputs};
