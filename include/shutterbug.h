@@ -421,6 +421,8 @@ typedef struct shutterbug_view {
     const shutterbug_image *depth; /* R32F, as color */
     const shutterbug_depth_convention *depth_convention;
     shutterbug_pose world_from_camera; /* as you would hand it in */
+    uint32_t encoding; /* SHUTTERBUG_ENCODING_* of 8-bit colour */
+    uint32_t reserved_more; /* 0 */
 } shutterbug_view;
 
 enum { /* shutterbug_agreement.verdict */
@@ -435,7 +437,10 @@ enum { /* bits of shutterbug_agreement.change */
     SHUTTERBUG_CHANGE_W_FIRST = 4,     /* their quaternions have w first */
     SHUTTERBUG_CHANGE_MILLIMETRES = 8, /* depth is in millimetres of the poses' metres */
     SHUTTERBUG_CHANGE_ALONG_RAY = 16,  /* depth is along the ray */
-    SHUTTERBUG_CHANGE_BOTTOM_UP = 32   /* rows lie from bottom to top */
+    SHUTTERBUG_CHANGE_BOTTOM_UP = 32,  /* rows lie from bottom to top */
+    SHUTTERBUG_CHANGE_ENCODING = 64    /* colours are linear where they are said to be sRGB, or the reverse (floats are said to be
+                                        * linear): told by pixels that edges cross, so of smooth edges only. as_given and best
+                                        * do not show it */
 };
 typedef struct shutterbug_agreement {
     uint32_t struct_size;
@@ -448,7 +453,7 @@ typedef struct shutterbug_agreement {
 
 /* Says whether two frames of a scene at rest agree with what is said of their poses and depth, or would in another convention:
  * each pixel of the second is looked for in the first. Wrong conventions give plausible pictures. The camera should move and turn
- * by a few degrees about more than one axis between them. Whether colours are sRGB or linear cannot be told. text (text_capacity
+ * by a few degrees about more than one axis between them. text (text_capacity
  * bytes, may be null) takes a sentence, on failure that of the error. Takes milliseconds; needs no engine; any thread, at any time.
  * Errors: INPUT (camera), FORMAT, TOO_SMALL. */
 shutterbug_status shutterbug_check_conventions(const shutterbug_camera *camera, const shutterbug_view *first,

@@ -8,6 +8,7 @@ mod agreement;
 mod camera;
 mod convert;
 mod depth;
+mod encoding;
 mod engine;
 mod exposure;
 mod finer;
