@@ -387,12 +387,12 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let calls = std::mem::take(&mut state().calls);
     assert!(first.iter().any(|v| *v != first[0]), "control: a picture of something");
     nothing_is_left("a run without failure");
-    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but a third
-    // of those of several pictures.
+    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but a
+    // seventh of those of several pictures.
     let (rounds, stride): (&[&[Fault]], usize) = match (std::env::var_os("SHUTTERBUG_LONG"), work) {
         (Some(_), _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
         (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 13),
-        (None, Work::Finer) => (&[&[LOST, DEVICE_MEMORY]], 3),
+        (None, Work::Finer) => (&[&[LOST, DEVICE_MEMORY]], 7),
         (None, _) => (&[&[LOST, DEVICE_MEMORY]], 1),
     };
     for faults in rounds {
