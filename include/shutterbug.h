@@ -538,7 +538,7 @@ typedef struct shutterbug_motion_bound {
 
 /* The margin that frames of such motion need for the camera that is set, its lens, mounting and clock included: what your
  * renderer has to show beyond each side. Such frames are never TOO_SMALL then. Errors: ARGUMENT, STATE (no camera), INPUT (the
- * lens folds). */
+ * lens folds), UNSUPPORTED (options.method makes no frames from outside with pose_count poses). */
 shutterbug_status shutterbug_engine_margin(shutterbug_engine *engine, const shutterbug_motion_bound *bound,
                                            uint32_t *margin_x_px, uint32_t *margin_y_px);
 

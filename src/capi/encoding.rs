@@ -52,7 +52,8 @@ impl Shares {
         let even = (run[0] - a).abs() <= flat && (run[run.len() - 1] - b).abs() <= flat;
         let between = mixed.iter().all(|m| *m > dark + flat && *m < bright - flat);
         let order = |pair: &[f32]| if b > a { pair[0] <= pair[1] } else { pair[0] >= pair[1] };
-        if !even || !between || !mixed.windows(2).all(order) || !(dark >= 0.0 && bright <= 1.0) {
+        let inside = dark >= 0.0 && bright <= 1.0;
+        if !(even && between && mixed.windows(2).all(order) && inside) {
             return None;
         }
         let share = |m: f32, of: fn(f32) -> f32| (of(m) - of(dark)) / (of(bright) - of(dark));

@@ -15,6 +15,9 @@ use crate::reference::chain::develop_on_host;
 /// Longest time that one picture may take.
 const LIMIT: Duration = Duration::from_secs(60);
 
+/// Encoded values, and what is behind each filter of a mosaic.
+type Kept = [Option<Plane<f32>>; 2];
+
 /// Develops radiance on the device. Twin: [`crate::reference::chain`].
 pub struct PixelChain {
     slot: Slot,
@@ -101,11 +104,7 @@ impl PixelChain {
     ///
     /// # Panics
     /// If the view has another size.
-    pub fn finer(
-        &mut self,
-        settings: &Settings,
-        view: &View,
-    ) -> Result<(Plane<u8>, [Option<Plane<f32>>; 2])> {
+    pub fn finer(&mut self, settings: &Settings, view: &View) -> Result<(Plane<u8>, Kept)> {
         self.run(settings, view, Wanted { pixels: true, values: true, raw: true })?;
         Ok((self.rgb(), self.finish.take_kept(0, settings)))
     }
