@@ -1,11 +1,13 @@
 //! What frames from outside cost, by what they bring: 640x480 with a margin of 16 px, a camera that pans and passes what it sees
 //! (evenly, so that all modes blur along ways of one length). Processor time
 //! of the process a frame (ms, least of the rounds), its ratio to the gather from depth and two poses with the same effects, and
-//! the device's passes of the last round. `cargo bench --bench outside [-- ROUNDS]` (6). Modes take turns.
+//! the device's passes (least of the rounds each; `LP_NUM_THREADS=1` makes them processor time on lavapipe). `cargo bench --bench outside [-- ROUNDS]` (6). Modes take turns.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../tests/support/capi/mod.rs"]
 mod capi_support;
+#[path = "outside/unpack.rs"]
+mod unpack;
 
 use std::ffi::CStr;
 use std::ptr::null_mut;
@@ -29,10 +31,13 @@ struct Mode {
     pictures: usize,
     lens: bool,
     format: PixelFormat,
+    /// Of the frame, besides its border's.
+    flags: u32,
 }
 
-const PLAIN: Mode = Mode { name: "13 poses", poses: 13, pictures: 1, lens: false, format: PixelFormat::Rgb8 };
-const MODES: [Mode; 9] = [
+const PLAIN: Mode =
+    Mode { name: "13 poses", poses: 13, pictures: 1, lens: false, format: PixelFormat::Rgb8, flags: 0 };
+const MODES: [Mode; 10] = [
     Mode { name: "two poses (gather)", poses: 0, ..PLAIN },
     PLAIN,
     Mode { name: "13 poses, lens", lens: true, ..PLAIN },
@@ -42,6 +47,7 @@ const MODES: [Mode; 9] = [
     Mode { name: "13 poses, RGBA8", format: PixelFormat::Rgba8, ..PLAIN },
     Mode { name: "13 poses, RGBA16F", format: PixelFormat::Rgba16f, ..PLAIN },
     Mode { name: "13 poses, RGBA32F", format: PixelFormat::Rgba32f, ..PLAIN },
+    Mode { name: "13 poses, fine, raw", flags: 4 | 8, ..PLAIN },
 ];
 
 /// Pictures of a wall with checks and of a post before it.
@@ -82,8 +88,12 @@ fn pose(time_s: f64) -> shutterbug_stamped_pose {
     shutterbug_stamped_pose { time_s, world_from_camera }
 }
 
-fn set_camera(engine: Handle, exposure_s: f64, lens: bool) {
-    let more = if lens { LENS } else { "" };
+fn set_camera(engine: Handle, exposure_s: f64, mode: &Mode) {
+    let more = match (mode.lens, mode.flags) {
+        (true, _) => LENS,
+        (false, 0) => "",
+        (false, _) => "[bayer_mosaic]\npattern = \"RGGB\"\n",
+    };
     let camera = text(&format!(
         "width = {W}\nheight = {H}\nfx = 560\nfy = 560\ncx = 320\ncy = 240\nframe_period_s = 0.04\n\
          [rolling_shutter]\nreadout_time_s = {READOUT_S:?}\n[motion_blur]\nexposure_time_s = {exposure_s:?}\n{more}"
@@ -117,7 +127,7 @@ fn frame(engine: Handle, mode: &Mode, exposure_s: f64, from: &mut Pictures) -> V
     (o.color, o.depth, o.depth_convention) = (&color, &depth, &convention);
     (o.poses, o.pose_count) = (poses.as_ptr(), mode.poses);
     (o.pictures, o.picture_count) = (further.as_ptr(), further.len() as u32);
-    o.flags = u32::from(mode.poses > 0);
+    o.flags = u32::from(mode.poses > 0) | mode.flags;
     [o.margin_x_px, o.margin_y_px] = [MARGIN as u32; 2];
     let mut frame = null_mut();
     must(unsafe { shutterbug_engine_submit_outside(engine, &o, &mut frame) }, engine);
@@ -131,6 +141,24 @@ fn frame(engine: Handle, mode: &Mode, exposure_s: f64, from: &mut Pictures) -> V
     times[..found].iter().map(|t| (name(t), t.ms)).collect()
 }
 
+/// Keeps the least of each; passes of one name are one.
+fn keep_least(least: &mut (f64, Vec<(String, f64)>), took: f64, passes: Vec<(String, f64)>) {
+    least.0 = least.0.min(took);
+    let mut sums: Vec<(String, f64)> = Vec::new();
+    for (name, ms) in passes {
+        match sums.iter_mut().find(|(n, _)| *n == name) {
+            Some(sum) => sum.1 += ms,
+            None => sums.push((name, ms)),
+        }
+    }
+    for (k, sum) in sums.into_iter().enumerate() {
+        match least.1.get_mut(k) {
+            Some(kept) => kept.1 = kept.1.min(sum.1),
+            None => least.1.push(sum),
+        }
+    }
+}
+
 fn main() {
     let rounds = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(6);
     let mut all: Vec<_> =
@@ -139,25 +167,18 @@ fn main() {
         let mut least = vec![(f64::INFINITY, Vec::new()); all.len()];
         for round in 0..rounds + 2 {
             for (k, (mode, engine, from)) in all.iter_mut().enumerate() {
-                set_camera(*engine, exposure_s, mode.lens);
+                set_camera(*engine, exposure_s, mode);
                 let before = processor_ms();
                 let passes = frame(*engine, mode, exposure_s, from);
                 let took = processor_ms() - before;
-                if round > 1 && took < least[k].0 {
-                    least[k] = (took, passes);
+                if round > 1 {
+                    keep_least(&mut least[k], took, passes);
                 }
             }
         }
         println!("exposure {exposure_s} s");
         for ((mode, ..), (took, passes)) in all.iter().zip(&least) {
-            let mut sums: Vec<(&str, f64)> = Vec::new();
-            for (name, ms) in passes {
-                match sums.iter_mut().find(|(n, _)| n == name) {
-                    Some(sum) => sum.1 += ms,
-                    None => sums.push((name, *ms)),
-                }
-            }
-            let passes: Vec<String> = sums.iter().map(|(n, ms)| format!("{n} {ms:.1}")).collect();
+            let passes: Vec<String> = passes.iter().map(|(n, ms)| format!("{n} {ms:.1}")).collect();
             let ratio = took / least[0].0;
             println!("{:>20}: {took:6.1} ms, {ratio:.2} of the gather; {}", mode.name, passes.join(", "));
         }
@@ -165,4 +186,5 @@ fn main() {
     for (_, engine, _) in all {
         assert_eq!(shutterbug_engine_destroy(engine), 0);
     }
+    unpack::print(rounds);
 }

@@ -145,11 +145,11 @@ static void set_camera(shutterbug_engine *engine) {
 }
 
 static shutterbug_image image(uint32_t format, uint32_t width, uint32_t height, int which) {
-    static const uint32_t bytes[] = {4, 3, 4, 4, 8, 16, 4, 4, 8};
+    static const uint32_t bytes[] = {4, 3, 4, 4, 8, 16, 4, 4, 8, 4, 2, 1};
     SIZED(shutterbug_image, it);
     it.format = one_in(12) ? number(10) : format;
     it.width = one_in(16) ? number(40) : width, it.height = one_in(16) ? number(40) : height;
-    uint64_t row = (uint64_t)width * bytes[format % 9];
+    uint64_t row = (uint64_t)width * bytes[format < 12 ? format : format % 9];
     it.stride_bytes = row + (one_in(8) ? byte() % 40 : 0);
     if (one_in(32)) it.stride_bytes = (uint64_t)word() << byte() % 33;
     /* Just enough, mostly. */
@@ -174,7 +174,10 @@ static void convert(void) {
                                        text ? room : 0), NULL, -1);
 }
 
+#include "paths.h"
+
 static void submit_outside(shutterbug_engine *engine, const uint32_t *size) {
+    aside(submit_path(engine, size));
     SIZED(shutterbug_outside, o);
     uint32_t margin[2] = {one_in(4) ? byte() % 5 : 0, one_in(4) ? byte() % 5 : 0};
     uint32_t w = size[0] + 2 * margin[0], h = size[1] + 2 * margin[1];
@@ -201,6 +204,7 @@ static void submit_outside(shutterbug_engine *engine, const uint32_t *size) {
 }
 
 static void of_frame(shutterbug_frame *frame, const uint32_t *size) {
+    aside(read_finer(frame, size, FRAME));
     uint32_t ready = 7, plane = 1 + byte() % 4;
     size_t count = 99;
     SIZED(shutterbug_frame_info, info);
@@ -328,7 +332,7 @@ static void step(void) {
     if (size[0] > SIDE || size[1] > SIDE) fail("a camera beyond max_side_px: %ux%u", size[0], size[1]);
     switch (call) {
     case 0: one_in(4) ? (void)create() : set_camera(engine); break;
-    case 1: aside(convert()); set_camera(engine); break;
+    case 1: aside(convert()); aside(ask(engine)); set_camera(engine); break;
     case 2: case 3: load(engine); break;
     case 4: share(engine); break;
     case 5: one_in(6) ? end(pick(ENGINE), (int)number(KINDS) % KINDS) : of_frame(any_handle(FRAME), size); break;
@@ -410,13 +414,15 @@ void shutterbug_fuzz_statistics(void) {
         "frame_get_times", "engine_set_camera_text", "engine_load_capture", "engine_load_scene", "engine_set_trajectory",
         "engine_submit", "memory_import_host", "memory_export_fd", "semaphore_export_fd", "memory_import_fd", "engine_destroy",
         "engine_get_info", "engine_get_frame_times", "memory_export_image_fd", "memory_import_image_fd", "memory_use_image",
-        "semaphore_use", "engine_reset_exposure", "motion_preset", "motion_convert", "semaphore_import_fd"};
+        "semaphore_use", "engine_reset_exposure", "motion_preset", "motion_convert", "semaphore_import_fd",
+        "pose_convert", "check_conventions", "engine_margin"};
     for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
         printf("%s", names[i]);
         for (int s = 0; s <= SHUTTERBUG_VULKAN; ++s)
             if (counts[i][s]) printf(" %d:%lu", s, counts[i][s]);
         printf("\n");
     }
+    printf("finer 0:%lu\n", finer_reads);
 }
 
 /* What a broken library would do, to see that it is found. */

@@ -38,8 +38,8 @@ float fraction_at(vec2 position_px) {
     return fraction;
 }
 
-// Most that a step may take after the one before it.
-const float MOST_SLOWS = 0.7;
+// What moves nearly as fast as the lines are read lands nowhere certain: least of 1 - its speed over theirs.
+const float LEAST_APART = 0.3;
 
 // The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
 void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
@@ -57,39 +57,42 @@ void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
     slope = s;
 }
 
-// What a texel shows, and when the lines of a slot are read: time = begin + lines fraction.
+// What a texel shows, how far the lens moves it where it is, and when the lines of a slot are read: time = begin + lines
+// fraction.
 struct Traced {
     ivec2 texel;
     vec2 seen;
     vec2 at_px;
+    vec2 bent_px;
     float begin;
     float lines;
 };
 
-// Where it lands by the time of the line through a place.
-vec2 next_place(Traced traced, vec2 place_px) {
-    precise float t = traced.begin + traced.lines * fraction_at(place_px) + float(push.reference_knot);
-    precise vec2 shown_px = traced.at_px + depth_displacement(traced.texel, traced.seen, t);
-    return on_sensor(shown_px);
-}
-
-// Where it lands. A step takes it a share `slows` as far as the one before it: what all further steps would bring follows from
-// the last one, as a geometric series. The path is read twice for the first slot and once for each of the others.
-vec2 lands_by_depth(Traced traced, bool first, vec2 from_px, inout float slows) {
-    precise vec2 before_px = from_px;
-    if (first) {
-        before_px = next_place(traced, from_px);
-    }
-    vec2 place_px = next_place(traced, before_px);
+// Where a pinhole shows it by the time of the line that it lands on, from a place near there: the path is read at the time of
+// that place's line, and followed straight on from there (a Newton step). The lens moves it by another bit there than where it
+// came from: that is a fraction of the way, in the time of which nothing moves far.
+vec2 lands_by_depth(Traced traced, vec2 near_px) {
     bool lines_are_rows = push.scan_order <= BOTTOM_TO_TOP;
-    precise vec2 step_px = place_px - before_px;
-    if (first) {
-        precise vec2 longer_px = before_px - from_px;
-        float of = lines_are_rows ? longer_px.y : longer_px.x;
-        precise float share = (lines_are_rows ? step_px.y : step_px.x) / (of == 0.0 ? 1.0 : of);
-        slows = clamp(share, -MOST_SLOWS, MOST_SLOWS);
-    }
-    precise vec2 lands_px = place_px + step_px * (slows / (1.0 - slows));
+    bool backwards = push.scan_order == BOTTOM_TO_TOP || push.scan_order == RIGHT_TO_LEFT;
+    precise vec2 sensed_px = near_px + traced.bent_px;
+    float fraction = fraction_at(sensed_px);
+    precise float t = traced.begin + traced.lines * fraction + float(push.reference_knot);
+    vec2 moved_px;
+    vec2 rate_px;
+    depth_motion(traced.texel, traced.seen, t, moved_px, rate_px);
+    precise vec2 shown_px = traced.at_px + moved_px;
+    float count = float(lines_are_rows ? push.size.y : push.size.x);
+    // Fractions of the readout that it is behind its line, and that it moves by in all of the readout.
+    precise vec2 off_px = shown_px - near_px;
+    precise vec2 over_px = rate_px * traced.lines;
+    float sign = backwards ? -1.0 : 1.0;
+    precise float off = sign * (lines_are_rows ? off_px.y : off_px.x) / count;
+    precise float over = sign * (lines_are_rows ? over_px.y : over_px.x) / count;
+    precise float late = off / max(1.0 - over, LEAST_APART);
+    // No line is read before the first and after the last.
+    precise float last = (count - 1.0) / count - fraction;
+    float follows = clamp(late, -fraction, last);
+    precise vec2 lands_px = shown_px + over_px * follows;
     return lands_px;
 }
 
@@ -111,12 +114,14 @@ void main() {
     }
     vec2 seen = texel_of(inverse_depth, texel).rg;
     precise vec2 lands_px = on_sensor(at_px);
-    float slows = 0.0;
+    precise vec2 bent_px = lands_px - at_px;
+    precise vec2 shown_px = at_px;
     for (uint slot = 0u; slot < push.slots; ++slot) {
         precise float begin = (push.start_s + slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         precise float lines = push.readout_time_s / push.knot_step_s;
         if (from_depth()) {
-            lands_px = lands_by_depth(Traced(texel, seen, at_px, begin, lines), slot == 0u, lands_px, slows);
+            shown_px = lands_by_depth(Traced(texel, seen, at_px, bent_px, begin, lines), shown_px);
+            lands_px = on_sensor(shown_px);
         } else {
             // The line moves with the point; later slots start from where the one before it landed.
             int steps = slot == 0u ? 4 : 2;

@@ -262,7 +262,23 @@ enum {                         /* shutterbug_image.format. Values of several byt
     SHUTTERBUG_R8U = 11,
     SHUTTERBUG_NV12 = 12,      /* only of SHUTTERBUG_PICTURE read back: luma, below it interleaved chroma (blue, red) of 2x2 pixels;
                                 * BT.601, full range, as in JPEG. Even sides; capacity_bytes for height 3/2 rows */
-    SHUTTERBUG_BOTTOM_UP = 0x10000 /* added to one of the above but NV12: the last row comes first in memory */
+    SHUTTERBUG_RGB16 = 13,     /* only of SHUTTERBUG_PICTURE read back: 16 bits a value, sRGB, 65535 = white */
+    SHUTTERBUG_RGBA16 = 14,    /* the same with an alpha of 65535 */
+    /* Only of SHUTTERBUG_RAW. BAYERn: a number of n bits in the low bits of each 16-bit word, the high ones 0. MIPI_RAWn: rows of
+     * MIPI CSI-2, without padding of their own (V4L2's pRAA, pRCC, pREE and so on), pixels from the left:
+     *   RAW10  4 pixels in 5 bytes: bits 9..2 of each, then bits 1..0 of each, the first pixel's lowest
+     *   RAW12  2 pixels in 3 bytes: bits 11..4 of each, then bits 3..0 of each, the first pixel's lowest
+     *   RAW14  4 pixels in 7 bytes: bits 13..6 of each, then bits 5..0 of each as one little-endian number of 24 bits, the first
+     *          pixel's lowest
+     * The width is a multiple of those pixels; stride_bytes is at least a row's bytes, of BAYERn a multiple of 2. */
+    SHUTTERBUG_BAYER10 = 15,
+    SHUTTERBUG_BAYER12 = 16,
+    SHUTTERBUG_BAYER14 = 17,
+    SHUTTERBUG_BAYER16 = 18,
+    SHUTTERBUG_MIPI_RAW10 = 19,
+    SHUTTERBUG_MIPI_RAW12 = 20,
+    SHUTTERBUG_MIPI_RAW14 = 21,
+    SHUTTERBUG_BOTTOM_UP = 0x10000 /* added to one of the above but NV12 and raw: the last row comes first in memory */
 };
 
 /* A picture in memory of yours, top row first unless SHUTTERBUG_BOTTOM_UP is added to its format. Row y starts at pixels + y stride_bytes; bytes between rows are neither
@@ -283,7 +299,9 @@ typedef struct shutterbug_image {
 
 enum {                               /* shutterbug_request.flags */
     SHUTTERBUG_REQUEST_PLANES = 1,   /* sharp planes too */
-    SHUTTERBUG_REQUEST_RADIANCE = 2  /* SHUTTERBUG_RADIANCE too */
+    SHUTTERBUG_REQUEST_RADIANCE = 2, /* SHUTTERBUG_RADIANCE too */
+    SHUTTERBUG_REQUEST_FINE = 4,     /* SHUTTERBUG_PICTURE in 16 bits and floats too; not with jpeg, which has 8 bits */
+    SHUTTERBUG_REQUEST_RAW = 8       /* SHUTTERBUG_RAW too; with bayer_mosaic in the camera's text */
 };
 
 typedef struct shutterbug_request {
@@ -302,7 +320,8 @@ typedef struct shutterbug_request {
  * their last part; the first frame of a kind makes what it needs, which takes longer). Depends on nothing but the request,
  * unless the camera has auto_exposure: frames may be asked for and waited for in any order. The frame is yours: destroy it.
  * Errors: FULL (frames_in_flight frames have not been waited for: wait for any of them), STATE (no camera, scene or trajectory;
- * auto_exposure), TIME, INPUT (effects that the method cannot do), UNSUPPORTED, TOO_SMALL and FORMAT (picture_memory), LIMIT,
+ * auto_exposure), TIME, INPUT (effects that the method cannot do, RAW without bayer_mosaic), UNSUPPORTED (jpeg with picture_memory
+ * or FINE), TOO_SMALL and FORMAT (picture_memory), LIMIT,
  * device. After any of them nothing is in flight that was not before. */
 shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
                                            shutterbug_frame **frame);
@@ -362,7 +381,9 @@ enum { SHUTTERBUG_ENCODING_SRGB = 0, SHUTTERBUG_ENCODING_LINEAR = 1 }; /* of 8-b
 
 enum {                                    /* shutterbug_outside.flags */
     SHUTTERBUG_OUTSIDE_REPEAT_BORDER = 1, /* with pose_count: a margin that is too small is accepted */
-    SHUTTERBUG_OUTSIDE_RADIANCE = 2       /* SHUTTERBUG_RADIANCE can be read of the frame */
+    SHUTTERBUG_OUTSIDE_RADIANCE = 2,      /* SHUTTERBUG_RADIANCE can be read of the frame */
+    SHUTTERBUG_OUTSIDE_FINE = 4,          /* as SHUTTERBUG_REQUEST_FINE */
+    SHUTTERBUG_OUTSIDE_RAW = 8            /* as SHUTTERBUG_REQUEST_RAW */
 };
 
 /* How poses are meant. Zero: this library's own. */
@@ -400,6 +421,8 @@ typedef struct shutterbug_view {
     const shutterbug_image *depth; /* R32F, as color */
     const shutterbug_depth_convention *depth_convention;
     shutterbug_pose world_from_camera; /* as you would hand it in */
+    uint32_t encoding; /* SHUTTERBUG_ENCODING_* of 8-bit colour */
+    uint32_t reserved_more; /* 0 */
 } shutterbug_view;
 
 enum { /* shutterbug_agreement.verdict */
@@ -414,7 +437,10 @@ enum { /* bits of shutterbug_agreement.change */
     SHUTTERBUG_CHANGE_W_FIRST = 4,     /* their quaternions have w first */
     SHUTTERBUG_CHANGE_MILLIMETRES = 8, /* depth is in millimetres of the poses' metres */
     SHUTTERBUG_CHANGE_ALONG_RAY = 16,  /* depth is along the ray */
-    SHUTTERBUG_CHANGE_BOTTOM_UP = 32   /* rows lie from bottom to top */
+    SHUTTERBUG_CHANGE_BOTTOM_UP = 32,  /* rows lie from bottom to top */
+    SHUTTERBUG_CHANGE_ENCODING = 64    /* colours are linear where they are said to be sRGB, or the reverse (floats are said to be
+                                        * linear): told by pixels that edges cross, so of smooth edges only. as_given and best
+                                        * do not show it */
 };
 typedef struct shutterbug_agreement {
     uint32_t struct_size;
@@ -427,7 +453,7 @@ typedef struct shutterbug_agreement {
 
 /* Says whether two frames of a scene at rest agree with what is said of their poses and depth, or would in another convention:
  * each pixel of the second is looked for in the first. Wrong conventions give plausible pictures. The camera should move and turn
- * by a few degrees about more than one axis between them. Whether colours are sRGB or linear cannot be told. text (text_capacity
+ * by a few degrees about more than one axis between them. text (text_capacity
  * bytes, may be null) takes a sentence, on failure that of the error. Takes milliseconds; needs no engine; any thread, at any time.
  * Errors: INPUT (camera), FORMAT, TOO_SMALL. */
 shutterbug_status shutterbug_check_conventions(const shutterbug_camera *camera, const shutterbug_view *first,
@@ -512,15 +538,15 @@ typedef struct shutterbug_motion_bound {
 
 /* The margin that frames of such motion need for the camera that is set, its lens, mounting and clock included: what your
  * renderer has to show beyond each side. Such frames are never TOO_SMALL then. Errors: ARGUMENT, STATE (no camera), INPUT (the
- * lens folds). */
+ * lens folds), UNSUPPORTED (options.method makes no frames from outside with pose_count poses). */
 shutterbug_status shutterbug_engine_margin(shutterbug_engine *engine, const shutterbug_motion_bound *bound,
                                            uint32_t *margin_x_px, uint32_t *margin_y_px);
 
 /* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
  * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a camera, and
  * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the poses do not
- * cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times), UNSUPPORTED (effects of lens and mounting
- * without pose_count poses, jpeg with picture_memory, frames that options.method does not make), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
+ * cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times; RAW without bayer_mosaic), UNSUPPORTED (effects of lens and mounting
+ * without pose_count poses, jpeg with picture_memory or FINE, frames that options.method does not make), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
  * not before. */
 shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
                                                    shutterbug_frame **frame);
@@ -535,16 +561,24 @@ shutterbug_status shutterbug_frame_poll(shutterbug_frame *frame, uint32_t *ready
 shutterbug_status shutterbug_frame_wait(shutterbug_frame *frame, double limit_s);
 
 enum {                        /* plane of shutterbug_frame_read */
-    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, NV12, sRGB; alpha 255 */
+    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, NV12, sRGB; alpha 255. With _FINE also not rounded to
+                               * 8 bits: RGB16, RGBA16 (sRGB), and RGBA32F, RGBA16F (the linear light of the same, 1 = white) */
     SHUTTERBUG_COLOR = 2,     /* ideal camera at time_s, linear, alpha = coverage: RGBA32F, RGBA16F */
     SHUTTERBUG_MOTION = 3,    /* px from time_s to time_s + frame_period_s: RG32F, RG16F */
     SHUTTERBUG_DEPTH = 4,     /* m along the optical axis, infinite where nothing is: R32F */
-    SHUTTERBUG_RADIANCE = 5   /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before defocus, glare,
+    SHUTTERBUG_RADIANCE = 5,  /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before defocus, glare,
                                * noise and encoding; alpha 1: RGBA32F, RGBA16F */
+    SHUTTERBUG_RAW = 6        /* what the converter delivers, one colour a pixel: BAYER10 to 16, MIPI_RAW10 to 14. Which colour says
+                               * bayer_mosaic.pattern of the camera's text, by the upper left 2x2 pixels. All that the sensor does is
+                               * in it (exposure_gain to quantization in the light's path), nothing that is done to its numbers
+                               * (white balance, colour matrix, gamma and so on). Linear; the largest number is full scale, no
+                               * light is black_level.offset of it. quantization.bits should be the format's: with fewer, numbers
+                               * are spread over the format's range; 0 rounds once, to the format */
 };
 
 /* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES, of which frames from
- * outside have none; 5 needs SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE. Can be repeated. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
+ * outside have none; 5 needs SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE, 6 and formats of more than 8 bits need
+ * _RAW and _FINE in the same way. Can be repeated, in other formats too. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
  * FORMAT, TOO_SMALL; of a frame that failed, its failure. */
 shutterbug_status shutterbug_frame_read(shutterbug_frame *frame, uint32_t plane, const shutterbug_image *to);
 

@@ -86,6 +86,22 @@ vec2 depth_displacement(ivec2 texel, vec2 seen, float at) {
     return displacement_by(texel, seen.x, moved_at(bodies() ? int(seen.y) : 0, at));
 }
 
+// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is near enough to
+// start a search. `seen`: depth and body.
+void depth_motion(ivec2 texel, vec2 seen, float at, out vec2 moved_px, out vec2 rate_px) {
+    float last = float(push.last_knot);
+    float before = clamp(floor(at), 0.0, last - 1.0);
+    precise float share = clamp(at - before, 0.0, 1.0);
+    int body = bodies() ? int(seen.y) : 0;
+    int row = 3 * (body * (int(push.last_knot) + 1) + int(before));
+    vec2 from_px = displacement_by(texel, seen.x, Moved(moved_row(row), moved_row(row + 1), moved_row(row + 2)));
+    vec2 to_px = displacement_by(texel, seen.x, Moved(moved_row(row + 3), moved_row(row + 4), moved_row(row + 5)));
+    precise vec2 rate = to_px - from_px;
+    precise vec2 there = from_px + share * rate;
+    moved_px = there;
+    rate_px = rate;
+}
+
 // Displacement of what one texel shows to knot `layer`, px. Not with FROM_DEPTH.
 vec2 knot_displacement(ivec2 texel, int layer) {
     vec4 pair = layer < 2 ? texel_of(path_0, texel)

@@ -20,6 +20,7 @@ _CHANGES = (
     "depth_millimetres",
     "depth_along_ray",
     "bottom_up",
+    "other_encoding",
 )
 
 
@@ -29,8 +30,8 @@ class Agreement:
 
     `verdict`: ``"agree"``, ``"agree_better"`` (with `changes`), ``"unknown"`` (the camera hardly moves between the two) or ``"never"``.
     `changes`: what to change, of ``"axes_opengl"``, ``"camera_from_world"``, ``"quaternion_wxyz"``, ``"depth_millimetres"``,
-    ``"depth_along_ray"`` and ``"bottom_up"``. `as_given`, `best`: mean difference (square root of radiance, 0 to 0.25). `sentence`: the
-    same for a person.
+    ``"depth_along_ray"``, ``"bottom_up"`` and ``"other_encoding"`` (8-bit rgb is taken for sRGB, floats for linear). `as_given`,
+    `best`: mean difference (square root of radiance, 0 to 0.25). `sentence`: the same for a person.
     """
 
     verdict: str

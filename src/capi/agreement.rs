@@ -6,6 +6,7 @@ use std::ffi::c_char;
 use glam::{DQuat, DVec2, DVec3};
 
 use super::convert::{depth_decode, explained};
+use super::encoding;
 use super::image::View;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
@@ -30,9 +31,16 @@ const W_FIRST: u32 = 4;
 const MILLIMETRES: u32 = 8;
 const ALONG_RAY: u32 = 16;
 const BOTTOM_UP: u32 = 32;
+/// Not one of those that are tried pose by pose: [`encoding`] tells.
+const ENCODING: u32 = 64;
 
 /// One of the two frames, checked.
 struct Seen {
+    /// Radiance as it was said to be.
+    radiance: Plane<f32>,
+    /// Whether it was decoded from sRGB codes.
+    decoded: bool,
+    /// What is seen of it.
     color: Plane<f32>,
     depth_m: Vec<f64>,
     pose: shutterbug_pose,
@@ -56,6 +64,9 @@ impl Seen {
         if !color.format.is_color() || depth.format != PixelFormat::R32f {
             return Err(Fault::new(status::FORMAT, format!("{what}: color is no colour, or depth not R32F")));
         }
+        if frame.encoding > 1 || frame.reserved != 0 || frame.reserved_more != 0 {
+            return Err(Fault::argument(format!("{what}: unknown encoding, or reserved is not 0")));
+        }
         // SAFETY: the caller's promise.
         let decode = depth_decode(&unsafe { read(frame.depth_convention) }?)?;
         // SAFETY: as above.
@@ -65,19 +76,28 @@ impl Seen {
             first_byte: 0,
             stride_bytes: color.stride as u32,
             format: color.format as u32,
-            codes_from: 0,
+            codes_from: 256 * frame.encoding,
         };
+        let row = |y: usize, up: bool| if up { k.height as usize - 1 - y } else { y };
         let metres = |i: usize| {
-            let at = (i / k.width as usize) * depth.stride + (i % k.width as usize) * 4;
+            let y = row(i / k.width as usize, depth.bottom_up);
+            let at = y * depth.stride + (i % k.width as usize) * 4;
             let bytes = [depths[at], depths[at + 1], depths[at + 2], depths[at + 3]];
             let value = f64::from(f32::from_le_bytes(bytes));
             decode.map_or(value, |[n, c, s]| f64::from(n) / (f64::from(c) + f64::from(s) * value))
         };
         let depth_m = (0..k.width as usize * k.height as usize).map(metres).collect();
-        let mut color = unpack_color(&push, colors, &decode_table());
+        let decoded = color.format.alignment() == 1 && frame.encoding == 0;
+        let stored = unpack_color(&push, colors, &decode_table());
+        let mut radiance = stored.clone();
+        for y in (0..stored.height).filter(|_| color.bottom_up) {
+            let width = 4 * stored.width;
+            radiance.data[y * width..(y + 1) * width].copy_from_slice(stored.row(row(y, true)));
+        }
+        let mut color = radiance.clone();
         // Compared by what is seen of it: differences in the dark count.
         color.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 4.0).sqrt());
-        Ok(Self { color, depth_m, pose: frame.world_from_camera })
+        Ok(Self { radiance, decoded, color, depth_m, pose: frame.world_from_camera })
     }
 
     /// World from camera, taken in another way.
@@ -149,7 +169,9 @@ fn changes() -> Vec<u32> {
     all
 }
 
-fn sentence(change: u32, agreement: &shutterbug_agreement) -> String {
+fn sentence(change: u32, decoded: bool, agreement: &shutterbug_agreement) -> String {
+    let colors =
+        if decoded { "colours that are linear, not sRGB" } else { "colours that are sRGB, not linear" };
     let names = [
         (Y_UP, "a camera with y up and z backward (OpenGL)"),
         (INVERSE, "poses that are camera from world"),
@@ -157,6 +179,7 @@ fn sentence(change: u32, agreement: &shutterbug_agreement) -> String {
         (MILLIMETRES, "depth in millimetres (of metres in the poses)"),
         (ALONG_RAY, "depth along the ray, not along the optical axis"),
         (BOTTOM_UP, "rows from bottom to top"),
+        (ENCODING, colors),
     ];
     let found: Vec<&str> = names.iter().filter(|(bit, _)| change & bit != 0).map(|(_, n)| *n).collect();
     let numbers = format!("mean difference {:.4} as given", agreement.as_given);
@@ -193,10 +216,15 @@ fn judge(k: &Intrinsics, first: &Seen, second: &Seen) -> shutterbug_agreement {
     } else {
         3
     };
+    // Frames that differ in it are compared wrongly from the start.
+    let other = verdict < 2 && first.decoded == second.decoded && {
+        let pictures = [&first.radiance, &second.radiance];
+        encoding::told(pictures, first.decoded) == encoding::Told::Other
+    };
     shutterbug_agreement {
         struct_size: size_of::<shutterbug_agreement>() as u32,
-        verdict,
-        change: if verdict == 1 { change } else { 0 },
+        verdict: if other { 1 } else { verdict },
+        change: if verdict == 1 { change } else { 0 } | if other { ENCODING } else { 0 },
         reserved: 0,
         as_given,
         best,
@@ -236,7 +264,7 @@ pub unsafe extern "C" fn shutterbug_check_conventions(
         let found = judge(&k, &a, &b);
         // SAFETY: checked above; writable by the caller's promise.
         unsafe {
-            give_text((text, text_capacity), &sentence(found.change, &found));
+            give_text((text, text_capacity), &sentence(found.change, a.decoded, &found));
             agreement.write(found);
         }
         Ok(())

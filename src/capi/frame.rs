@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::Handle;
+use super::finer;
 use super::handle::{self, Cell, code, find, with};
 use super::image::View;
 use super::nv12::Nv12;
@@ -21,6 +22,12 @@ use crate::plane::{PixelFormat, Plane};
 pub const REQUEST_PLANES: u32 = 1;
 /// Flag of a request: the radiance before the sensor too.
 pub const REQUEST_RADIANCE: u32 = 2;
+/// Flag of a request: the picture in more than 8 bits too.
+pub const REQUEST_FINE: u32 = 4;
+/// Flag of a request: what the converter delivers too.
+pub const REQUEST_RAW: u32 = 8;
+/// All of them.
+const REQUEST_FLAGS: u32 = REQUEST_PLANES | REQUEST_RADIANCE | REQUEST_FINE | REQUEST_RAW;
 
 /// What stands behind a frame's handle.
 pub struct FrameState {
@@ -217,7 +224,7 @@ pub unsafe extern "C" fn shutterbug_engine_submit(
             if !request.time_s.is_finite() {
                 return Err(Fault::argument(format!("time_s is {}", request.time_s)));
             }
-            if request.flags & !(REQUEST_PLANES | REQUEST_RADIANCE) != 0 || request.reserved != 0 {
+            if request.flags & !REQUEST_FLAGS != 0 || request.reserved != 0 {
                 return Err(Fault::argument("unknown flags, or reserved is not 0"));
             }
             let context = session.context().clone();
@@ -226,6 +233,8 @@ pub unsafe extern "C" fn shutterbug_engine_submit(
                 to: sharing::picture_memory(request.picture_memory, size, &context)?,
                 wait: sharing::semaphore(request.wait, request.wait_value, &context)?,
                 signal: sharing::semaphore(request.signal, request.signal_value, &context)?,
+                values: request.flags & REQUEST_FINE != 0,
+                raw: request.flags & REQUEST_RAW != 0,
             };
             let wanted = [REQUEST_PLANES, REQUEST_RADIANCE].map(|flag| request.flags & flag != 0);
             session.submit(request.frame_index, request.time_s, wanted, &delivery)
@@ -282,6 +291,12 @@ pub unsafe extern "C" fn shutterbug_frame_read(
         let image = named(to, "image")?;
         if plane == 1 && Nv12::wanted(&image) {
             return Nv12::new(&image)?.put(&state.done()?.picture);
+        }
+        if plane == 1 && finer::wanted(&image) {
+            return finer::put_picture(&image, state.done()?);
+        }
+        if plane == 6 {
+            return finer::put_raw(&image, state.done()?);
         }
         state.read(plane, &View::new(&image, "image")?)
     })

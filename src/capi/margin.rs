@@ -5,7 +5,7 @@ use super::handle::{code, with};
 use super::session::Session;
 use super::status::{Fault, Outcome, Status};
 use super::types::*;
-use crate::engine::{MarginNeed, OutsideLens};
+use crate::engine::{BorderRays, MarginNeed, OutsideLens};
 
 /// `shutterbug_engine_margin`.
 ///
@@ -60,6 +60,6 @@ fn margin(session: &Session, bound: &shutterbug_motion_bound) -> Outcome<[u32; 2
     let span_s = before_s.max(after_s).max(0.0);
     let lens = OutsideLens::of(&request.settings, &nominal);
     let nearest_m = if bound.nearest_m > 0.0 { bound.nearest_m } else { f64::INFINITY };
-    let need = MarginNeed { nominal: &nominal, lens: lens.as_ref(), nearest_m };
-    Ok(need.of_bound(bound.turn_rate_rad_s * span_s, bound.speed_m_s * span_s)?)
+    let need = MarginNeed { border: &BorderRays::new(&nominal, lens.as_ref())?, nearest_m };
+    Ok(need.of_bound(bound.turn_rate_rad_s * span_s, bound.speed_m_s * span_s))
 }

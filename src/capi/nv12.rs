@@ -2,16 +2,13 @@
 //! it).
 
 use super::image::NV12;
-use super::status::{self, Fault, Outcome};
+use super::rows::{Layout, Rows};
+use super::status::{Fault, Outcome};
 use super::types::shutterbug_image;
 use crate::plane::Plane;
 
 /// A checked picture of the caller.
-pub struct Nv12 {
-    size: [usize; 2],
-    stride: usize,
-    pixels: *mut u8,
-}
+pub struct Nv12(Rows);
 
 impl Nv12 {
     /// Whether an image is one.
@@ -22,36 +19,12 @@ impl Nv12 {
     /// Checks its numbers against each other.
     pub fn new(image: &shutterbug_image) -> Outcome<Self> {
         let (width, height) = (u64::from(image.width), u64::from(image.height));
-        if !image.memory.is_null() || image.pixels.is_null() {
-            return Err(Fault::argument("image: NV12 goes to pixels in host memory"));
-        }
-        if width == 0 || height == 0 || width % 2 != 0 || height % 2 != 0 {
+        if width % 2 != 0 || height % 2 != 0 {
             return Err(Fault::argument(format!("image: {width}x{height} px; NV12 has even sides")));
         }
-        if image.stride_bytes < width {
-            let text = format!("image: stride_bytes is {}, a row takes {width}", image.stride_bytes);
-            return Err(Fault::new(status::TOO_SMALL, text));
-        }
-        // The last row, of chroma, needs no padding.
         let rows = height + height / 2;
-        let bytes = image.stride_bytes.checked_mul(rows - 1).and_then(|b| b.checked_add(width));
-        let address = image.pixels as usize;
-        match bytes {
-            Some(bytes) if bytes > isize::MAX as u64 || address.checked_add(bytes as usize).is_none() => {
-                Err(Fault::argument("image: the picture wraps around the address space"))
-            }
-            None => Err(Fault::argument(format!("image: stride_bytes {} overflows", image.stride_bytes))),
-            Some(bytes) if image.capacity_bytes < bytes => {
-                let text =
-                    format!("image: capacity_bytes is {}, the picture takes {bytes}", image.capacity_bytes);
-                Err(Fault::new(status::TOO_SMALL, text))
-            }
-            Some(_) => Ok(Self {
-                size: [width as usize, height as usize],
-                stride: image.stride_bytes as usize,
-                pixels: image.pixels.cast(),
-            }),
-        }
+        let layout = Layout { name: "NV12", row_bytes: width, rows, alignment: 1, bottom_up: false };
+        Rows::new(image, &layout).map(Self)
     }
 
     /// Writes an 8-bit RGB picture.
@@ -59,25 +32,16 @@ impl Nv12 {
     /// # Safety
     /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
     pub unsafe fn put(&self, picture: &Plane<u8>) -> Outcome<()> {
-        let [width, height] = self.size;
-        if [picture.width, picture.height] != self.size {
-            let text = format!(
-                "image: the picture is {}x{} px, not {width}x{height}",
-                picture.width, picture.height
-            );
-            return Err(Fault::argument(text));
-        }
-        for row in 0..height + height / 2 {
-            // SAFETY: inside the range that `new` checked; writable by the caller's promise.
-            let to = unsafe { std::slice::from_raw_parts_mut(self.pixels.add(row * self.stride), width) };
+        let fill = |row: usize, to: &mut [u8]| {
             for (x, to) in to.iter_mut().enumerate() {
-                *to = match row.checked_sub(height) {
+                *to = match row.checked_sub(picture.height) {
                     None => code(luma(picture.pixel(x, row))),
                     Some(pair) => chroma(picture, [x / 2 * 2, 2 * pair], x % 2),
                 };
             }
-        }
-        Ok(())
+        };
+        // SAFETY: the caller's promise.
+        unsafe { self.0.write([picture.width, picture.height], fill) }
     }
 }
 

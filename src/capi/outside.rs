@@ -24,6 +24,12 @@ use crate::reference::unpack::Encoding;
 pub const OUTSIDE_REPEAT_BORDER: u32 = 1;
 /// Flag of a frame: the radiance before the sensor can be read.
 pub const OUTSIDE_RADIANCE: u32 = 2;
+/// Flag of a frame: the picture can be read in more than 8 bits.
+pub const OUTSIDE_FINE: u32 = 4;
+/// Flag of a frame: what the converter delivers can be read.
+pub const OUTSIDE_RAW: u32 = 8;
+/// All of them.
+const OUTSIDE_FLAGS: u32 = OUTSIDE_REPEAT_BORDER | OUTSIDE_RADIANCE | OUTSIDE_FINE | OUTSIDE_RAW;
 
 /// `shutterbug_engine_submit_outside`.
 ///
@@ -73,6 +79,8 @@ unsafe fn submit(session: &mut Session, o: &shutterbug_outside) -> Outcome<Submi
             to: sharing::picture_memory(o.picture_memory, [camera.width, camera.height], &context)?,
             wait: sharing::semaphore(o.wait, o.wait_value, &context)?,
             signal: sharing::semaphore(o.signal, o.signal_value, &context)?,
+            values: o.flags & OUTSIDE_FINE != 0,
+            raw: o.flags & OUTSIDE_RAW != 0,
         },
         request,
     };
@@ -90,11 +98,7 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
     if let Some((name, value)) = times.iter().find(|(_, v)| !v.is_finite()) {
         return Err(Fault::argument(format!("shutterbug_outside.{name} is {value}")));
     }
-    if o.flags & !(OUTSIDE_REPEAT_BORDER | OUTSIDE_RADIANCE) != 0
-        || o.reserved != 0
-        || o.reserved_more != 0
-        || o.encoding > 1
-    {
+    if o.flags & !OUTSIDE_FLAGS != 0 || o.reserved != 0 || o.reserved_more != 0 || o.encoding > 1 {
         return Err(Fault::argument("shutterbug_outside: unknown flags or encoding, or reserved is not 0"));
     }
     check_poses(o)?;

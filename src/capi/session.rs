@@ -11,8 +11,8 @@ use crate::camera::{Distortion, Intrinsics, Lens, Pose, ScanOrder, ShutterTiming
 use crate::capture::{CameraFile, Capture};
 use crate::chain::{Effect, Settings as Effects, Work};
 use crate::effects::{
-    ChromaticAberration, FocalLengthError, LIST, LensDistortion, MotionBlur, PoseOffset, RollingShutter,
-    TimeOffset,
+    BayerMosaic, ChromaticAberration, FocalLengthError, LIST, LensDistortion, MotionBlur, PoseOffset,
+    RollingShutter, TimeOffset,
 };
 use crate::engine::{
     Delivery, Engine, EngineOptions, Frame, FrameRequest, OutsideEngine, OutsideFrame, Ticket,
@@ -204,19 +204,24 @@ impl Session {
         Ok(())
     }
 
-    /// A frame whose picture goes to shared memory may not be changed in host memory afterwards.
+    /// A frame whose picture goes to shared memory, or is wanted in more than 8 bits, may not be changed in host memory
+    /// afterwards; raw pictures have a mosaic.
     fn check_delivery(&self, delivery: &Delivery) -> Outcome<()> {
-        let settings = self.camera.as_ref().map(|c| &c.settings);
-        let on_host = |e: &&dyn Effect| {
-            matches!(e.work(), Work::Host(_)) && settings.is_some_and(|settings| e.variant(settings) != 0)
-        };
-        match LIST.iter().copied().find(on_host).filter(|_| delivery.to.is_some()) {
+        let Some(settings) = self.camera.as_ref().map(|c| &c.settings) else { return Ok(()) };
+        if delivery.raw && !BayerMosaic::is_there(settings) {
+            let text =
+                "a raw picture has one colour a pixel: the camera's text names the pattern (bayer_mosaic)";
+            return Err(Fault::new(status::INPUT, text));
+        }
+        let on_host = |e: &&dyn Effect| matches!(e.work(), Work::Host(_)) && e.variant(settings) != 0;
+        let elsewhere = delivery.to.is_some() || delivery.values;
+        match LIST.iter().copied().find(on_host).filter(|_| elsewhere) {
             None => Ok(()),
             Some(effect) => Err(Fault::new(
                 status::UNSUPPORTED,
                 format!(
-                    "`{}` acts in host memory: with it, pictures are had by shutterbug_frame_read only, not in \
-                     picture_memory",
+                    "`{}` acts in host memory on values of 8 bits: with it, pictures are had by shutterbug_frame_read only, not \
+                     in picture_memory, and not finer",
                     effect.id()
                 ),
             )),

@@ -211,6 +211,8 @@ structs! {
         depth: *const shutterbug_image,
         depth_convention: *const shutterbug_depth_convention,
         world_from_camera: shutterbug_pose,
+        encoding: u32,
+        reserved_more: u32,
     }
 
     shutterbug_agreement {
@@ -270,7 +272,7 @@ macro_rules! sized {
 sized! {
     shutterbug_host_device shutterbug_engine_options shutterbug_camera shutterbug_engine_info shutterbug_image
     shutterbug_request shutterbug_motion_convention shutterbug_depth_convention shutterbug_motion_bound
-    shutterbug_frame_info shutterbug_gpu_image shutterbug_pose_convention shutterbug_view shutterbug_agreement
+    shutterbug_frame_info shutterbug_gpu_image shutterbug_pose_convention shutterbug_agreement
 }
 
 // SAFETY: as above.
@@ -280,6 +282,12 @@ unsafe impl Sized32 for shutterbug_outside {
         std::mem::offset_of!(shutterbug_outside, pose_count),
         std::mem::offset_of!(shutterbug_outside, picture_count),
     ];
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for shutterbug_view {
+    const NAME: &'static str = "shutterbug_view";
+    const OLD_SIZES: &'static [usize] = &[std::mem::offset_of!(shutterbug_view, encoding)];
 }
 
 /// Checks a pointer and the size that it says.

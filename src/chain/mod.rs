@@ -13,7 +13,7 @@ pub use fit::{Fit, Held, Law, Trial};
 pub use moments::{BANDS, Left, Mixing, Moments, Noise, Variances, mixing_of};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
-pub use plan::{PASS_CONSTANTS, Plan, Step, check_order};
+pub use plan::{PASS_CONSTANTS, Plan, Step, Wanted, check_order};
 
 use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;
@@ -154,6 +154,10 @@ pub trait Effect: Sync {
     /// Whether it reads neighbours of the picture before it, though it changes one pixel at a time: it is then the first
     /// of its kernel.
     fn reads_neighbours(&self, _settings: &Settings) -> bool {
+        false
+    }
+    /// Whether it fills in the colours that a mosaic of filters leaves out: raw pictures are what there was before it.
+    fn fills_mosaic(&self) -> bool {
         false
     }
     /// Writes what its kernels need for a frame, in the order in which they read it.

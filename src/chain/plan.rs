@@ -73,42 +73,90 @@ impl Step {
     }
 }
 
+/// What is wanted of a chain.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Wanted {
+    /// The delivered picture, 8 bits a value.
+    pub pixels: bool,
+    /// Its encoded values before they are rounded.
+    pub values: bool,
+    /// What the converter delivers, before the mosaic's other colours are filled in.
+    pub raw: bool,
+}
+
+impl Wanted {
+    /// The delivered picture alone.
+    pub const PIXELS: Self = Self { pixels: true, values: false, raw: false };
+    /// The encoded values alone.
+    pub const VALUES: Self = Self { pixels: false, values: true, raw: false };
+}
+
 /// What settings ask for: equal plans share their pipelines.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Plan {
     /// The dispatches, in light-path order.
     pub steps: Vec<Step>,
+    /// How many of them make the encoded values, if those are wanted.
+    pub values_behind: Option<usize>,
+    /// How many of them make what the converter delivers, if that is wanted.
+    pub raw_behind: Option<usize>,
+}
+
+/// Dispatches so far, and the fused effects of the one that is still open.
+struct Making {
+    steps: Vec<Step>,
+    open: Vec<u32>,
+    empty: Vec<u32>,
+    /// Whether the first of the open effects looks at the picture that a pass before it makes.
+    looks: bool,
+    /// What so many steps made is kept: what follows is none of theirs.
+    kept: usize,
+}
+
+impl Making {
+    /// Ends the open dispatch; the `last` one is there even where nothing is open.
+    fn close(&mut self, last: bool, delivers: bool) {
+        let variants = std::mem::replace(&mut self.open, self.empty.clone());
+        let looks = std::mem::take(&mut self.looks);
+        if !last && variants.iter().all(|v| *v == 0) {
+            return;
+        }
+        let free = self.steps.len() > self.kept && !looks;
+        if !free || !self.steps.last_mut().is_some_and(|step| step.absorb(&variants, delivers)) {
+            self.steps.push(Step::Pointwise { variants, last: delivers });
+        }
+    }
+
+    /// Ends the open dispatch; what is there then is read back.
+    fn keep(&mut self) -> usize {
+        self.close(false, false);
+        self.kept = self.steps.len();
+        self.kept
+    }
 }
 
 impl Plan {
-    /// The dispatches of the effects that are not neutral; with `floats` the last one writes a picture of floats too.
-    pub fn new(list: &[&dyn Effect], settings: &Settings, floats: bool) -> Self {
+    /// The dispatches of the effects that are not neutral. Where pixels are not wanted, the last one makes the values.
+    pub fn new(list: &[&dyn Effect], settings: &Settings, wanted: Wanted) -> Self {
         let empty = vec![0; pointwise(list).count()];
-        // Whether the first of the open effects looks at the picture that a pass before it makes.
-        let (mut steps, mut open, mut looks) = (Vec::<Step>::new(), empty.clone(), false);
-        let close = |open: &mut Vec<u32>, looks: &mut bool, steps: &mut Vec<Step>, last: bool| {
-            let variants = std::mem::replace(open, empty.clone());
-            let looks = std::mem::take(looks);
-            if !last && variants.iter().all(|v| *v == 0) {
-                return;
-            }
-            if looks || !steps.last_mut().is_some_and(|step| step.absorb(&variants, last && !floats)) {
-                steps.push(Step::Pointwise { variants, last: last && !floats });
-            }
-        };
+        let mut making = Making { steps: Vec::new(), open: empty.clone(), empty, looks: false, kept: 0 };
+        let mut raw_behind = None;
         for effect in list {
+            if wanted.raw && effect.fills_mosaic() {
+                raw_behind = Some(making.keep());
+            }
             let variant = effect.variant(settings);
             match effect.work() {
                 _ if variant == 0 => {}
                 Work::Pointwise(_) => {
                     if effect.reads_neighbours(settings) {
-                        close(&mut open, &mut looks, &mut steps, false);
-                        looks = true;
+                        making.close(false, false);
+                        making.looks = true;
                     }
-                    open[slot_of(list, effect.id())] = variant;
+                    making.open[slot_of(list, effect.id())] = variant;
                 }
                 Work::Neighbourhood { passes, .. } => {
-                    close(&mut open, &mut looks, &mut steps, false);
+                    making.close(false, false);
                     let slot = slot_of(list, effect.id()) as u32;
                     let step = |(pass, p): (usize, super::Pass)| Step::Neighbourhood {
                         id: effect.id(),
@@ -120,13 +168,16 @@ impl Plan {
                         tail: Vec::new(),
                         last: false,
                     };
-                    steps.extend(passes(settings).into_iter().enumerate().map(step));
+                    making.steps.extend(passes(settings).into_iter().enumerate().map(step));
                 }
                 Work::Elsewhere | Work::Host(_) => {}
             }
         }
-        close(&mut open, &mut looks, &mut steps, true);
-        Self { steps }
+        // The values first: what rounds them to pixels then is a dispatch without effects.
+        let values_behind = (wanted.values && wanted.pixels).then(|| making.keep());
+        making.close(true, wanted.pixels);
+        let values_behind = values_behind.or(wanted.values.then_some(making.steps.len()));
+        Self { steps: making.steps, values_behind, raw_behind }
     }
 }
 

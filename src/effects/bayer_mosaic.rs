@@ -142,6 +142,21 @@ fn mixing(settings: &Settings) -> Mixing {
     *BOTH[usize::from(is_malvar(settings))]
 }
 
+impl BayerMosaic {
+    /// What each pixel has behind its filter, shape `[height, width, 1]`, of what the converter delivers of all colours;
+    /// `None` without a mosaic.
+    pub fn raw(settings: &Settings, converted: &Plane<f32>) -> Option<Plane<f32>> {
+        let red = red(settings)?;
+        let own = |x: usize, y: usize| [converted.pixel(x, y)[channel([x, y], red)]];
+        Some(Plane::from_fn(converted.width, converted.height, own))
+    }
+
+    /// Whether there is a mosaic.
+    pub fn is_there(settings: &Settings) -> bool {
+        red(settings).is_some()
+    }
+}
+
 impl Effect for BayerMosaic {
     fn id(&self) -> &'static str {
         "bayer_mosaic"
@@ -157,6 +172,10 @@ impl Effect for BayerMosaic {
 
     fn variant(&self, settings: &Settings) -> u32 {
         u32::from(red(settings).is_some())
+    }
+
+    fn fills_mosaic(&self) -> bool {
+        true
     }
 
     fn moments(&self) -> Moments {

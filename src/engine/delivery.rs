@@ -1,6 +1,7 @@
 //! Where a frame goes on the device, besides the picture in host memory: into memory or an image of the host, between
 //! semaphores.
 
+use crate::chain::Wanted;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Recorder, Shared, SignalAt, Slot};
 use std::sync::Arc;
@@ -15,10 +16,19 @@ pub struct Delivery {
     pub wait: Option<SignalAt>,
     /// Signalled when all of it is done.
     pub signal: Option<SignalAt>,
+    /// Whether the picture's values before they are rounded to 8 bits are read back too ([`super::Frame::values`]).
+    pub values: bool,
+    /// Whether what the converter delivers is read back too ([`super::Frame::raw`]); with `bayer_mosaic`.
+    pub raw: bool,
 }
 
 impl Delivery {
-    /// Whether there is nothing to do.
+    /// What of the pixel chain is wanted.
+    pub(super) fn wanted(&self) -> Wanted {
+        Wanted { pixels: true, values: self.values, raw: self.raw }
+    }
+
+    /// Whether nothing is to be done behind the frame's own work.
     pub fn is_empty(&self) -> bool {
         self.to.is_none() && self.wait.is_none() && self.signal.is_none()
     }

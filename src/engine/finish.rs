@@ -9,14 +9,15 @@ use bytemuck::{Pod, Zeroable};
 use super::frame::FrameRequest;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
-use crate::chain::{PARAMETER_BYTES, Packed, Plan, Settings, Step, View, check_order};
-use crate::effects;
+use crate::chain::{PARAMETER_BYTES, Packed, Plan, Settings, Step, View, Wanted, check_order};
+use crate::effects::{self, BayerMosaic};
 use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder, Slot,
     Usage,
 };
 use crate::kernels::TABLE;
+use crate::plane::Plane;
 
 /// What every kernel of the chain is told.
 #[repr(C)]
@@ -51,6 +52,10 @@ pub(super) struct Finish {
 struct ChainInputs {
     parameters: Buffer,
     tables: Buffer,
+    /// Values and digital numbers of all colours on their way down, made when a frame first wants them.
+    kept: [Option<Buffer>; 2],
+    /// What the slot's frame wants.
+    wanted: Wanted,
 }
 
 struct Dispatch {
@@ -87,11 +92,13 @@ impl Finish {
                     Location::Upload,
                 )?,
                 tables: Buffer::new(context, "tables", table_bytes, Usage::Texels, Location::Upload)?,
+                kept: [None, None],
+                wanted: Wanted::PIXELS,
             })
         };
         let inputs = (0..slot_count).map(input).collect::<Result<Vec<_>>>()?;
         prepare(slot, [&radiance])?;
-        let current = (Plan { steps: Vec::new() }, 0);
+        let current = (Plan::default(), 0);
         let (chains, work, reads_neighbours) = (BTreeMap::new(), Vec::new(), false);
         Ok(Self {
             chains,
@@ -111,11 +118,11 @@ impl Finish {
     }
 
     /// Makes what the effects need, if it is not there, and writes their parameters into the buffers of slot `index`, of
-    /// which nothing may be in flight. `floats`: the last values are left in [`Self::output`] instead of as pixels.
+    /// which nothing may be in flight. Where pixels are not wanted, the last values are left in [`Self::output`].
     pub(super) fn fit(
         &mut self,
         (settings, view): (&Settings, &View),
-        floats: bool,
+        wanted: Wanted,
         (slot, index): (&mut Slot, usize),
     ) -> Result<()> {
         let packed = Packed::new(effects::LIST, settings, view);
@@ -131,7 +138,8 @@ impl Finish {
         }
         inputs.parameters.write(0, &packed.rows);
         inputs.tables.write(0, &packed.tables);
-        let plan = Plan::new(effects::LIST, settings, floats);
+        self.fit_kept(wanted, index)?;
+        let plan = Plan::new(effects::LIST, settings, wanted);
         if !self.chains.contains_key(&plan) {
             let pictures = pictures_of(&plan);
             self.make_work(&pictures, slot)?;
@@ -144,11 +152,44 @@ impl Finish {
         Ok(())
     }
 
+    fn fit_kept(&mut self, wanted: Wanted, index: usize) -> Result<()> {
+        let [width, height] = self.radiance.spec().size.map(u64::from);
+        let inputs = &mut self.inputs[index];
+        inputs.wanted = wanted;
+        let all = [(wanted.values && wanted.pixels, "values"), (wanted.raw, "raw")];
+        for (kept, (_, name)) in
+            inputs.kept.iter_mut().zip(all).filter(|(k, (asked, _))| *asked && k.is_none())
+        {
+            let bytes = 16 * width * height;
+            *kept = Some(Buffer::new(&self.context, name, bytes, Usage::Transfer, Location::Readback)?);
+        }
+        Ok(())
+    }
+
+    /// What the finished frame of a slot wanted besides its pixels: encoded values, shape `[height, width, 4]`, and what
+    /// is behind each filter of the mosaic, shape `[height, width, 1]`.
+    pub(super) fn take_kept(&self, index: usize, settings: &Settings) -> [Option<Plane<f32>>; 2] {
+        let [width, height] = self.radiance.spec().size.map(|s| s as usize);
+        let ChainInputs { kept: [values, raw], wanted, .. } = &self.inputs[index];
+        let read = |buffer: &Option<Buffer>| {
+            let floats: &[f32] = bytemuck::cast_slice(buffer.as_ref()?.mapped());
+            Some(Plane { width, height, channels: 4, data: floats[..4 * width * height].to_vec() })
+        };
+        let values = read(values).filter(|_| wanted.values);
+        let raw = if wanted.raw { read(raw) } else { None };
+        [values, raw.and_then(|all| BayerMosaic::raw(settings, &all))]
+    }
+
     /// The variants of the fused kernel, if that is all of the chain and looks at no neighbour: then a kernel that makes
     /// the radiance can run it too.
     pub(super) fn sole_pointwise(&self) -> Option<&[u32]> {
-        match self.current.0.steps.as_slice() {
-            [Step::Pointwise { variants, last: true }] if !self.reads_neighbours => Some(variants),
+        let plan = &self.current.0;
+        match plan.steps.as_slice() {
+            [Step::Pointwise { variants, last: true }]
+                if !self.reads_neighbours && plan.values_behind.or(plan.raw_behind).is_none() =>
+            {
+                Some(variants)
+            }
             _ => None,
         }
     }
@@ -168,9 +209,14 @@ impl Finish {
         self.inputs.len()
     }
 
-    /// Where the last values are, after a chain that was fitted with `floats`.
+    /// Where the last values are, after a chain that was fitted without pixels.
     pub(super) fn output(&self) -> &Image {
-        let last = pictures_of(&self.current.0).last().and_then(|p| p.target);
+        self.made_by(self.current.0.steps.len())
+    }
+
+    /// What so many steps of the current plan make.
+    fn made_by(&self, steps: usize) -> &Image {
+        let last = pictures_of(&self.current.0)[..steps].last().and_then(|p| p.target);
         last.map_or(&self.radiance, |i| &self.work[i])
     }
 
@@ -246,15 +292,30 @@ impl Finish {
         recorder.barrier();
     }
 
-    /// Records the dispatches only.
+    /// Records the dispatches only, and the readback of what else is wanted of what they make.
     pub(super) fn record_chain(&self, recorder: &mut Recorder<'_>, frame: u32, seed: u64) {
         let size = self.radiance.spec().size;
         let (plan, index) = &self.current;
-        for dispatch in &self.chains[plan] {
+        self.record_kept(recorder, 0);
+        for (done, dispatch) in self.chains[plan].iter().enumerate() {
             let push = ChainPush { size, seed: seed_words(seed), frame, flags: 0, slot: dispatch.slot };
             recorder.mark(dispatch.name);
             let invocations = [0, 1].map(|i| size[i].div_ceil(dispatch.run[i]));
             recorder.dispatch(&dispatch.pipeline, &dispatch.groups[*index], &push, invocations);
+            self.record_kept(recorder, done + 1);
+        }
+    }
+
+    /// Before what so many steps made is overwritten.
+    fn record_kept(&self, recorder: &mut Recorder<'_>, steps: usize) {
+        let (plan, index) = &self.current;
+        let behind = [plan.values_behind, plan.raw_behind];
+        for (buffer, _) in self.inputs[*index].kept.iter().zip(behind).filter(|(_, at)| *at == Some(steps)) {
+            // Values without pixels are their caller's to read.
+            let Some(buffer) = buffer else { continue };
+            let image = self.made_by(steps);
+            recorder.mark("readback");
+            recorder.copy_image_to_buffer(image, [0, 0], image.spec().size, buffer);
         }
     }
 

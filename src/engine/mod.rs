@@ -56,7 +56,7 @@ pub use outside_frame::{
     MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
     OutsidePicture, OutsidePixels, PixelSource,
 };
-pub use outside_lens::{MarginNeed, OutsideLens};
+pub use outside_lens::{BorderRays, MarginNeed, OutsideLens};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use taps::{GatherInputs, WarpInputs};
@@ -291,7 +291,7 @@ impl Engine {
         }
         let slot = &mut self.slots[index];
         let view = request.view(self.stage.intrinsics);
-        self.finish.fit((&request.settings, &view), false, (&mut slot.gpu, slot.index))?;
+        self.finish.fit((&request.settings, &view), delivery.wanted(), (&mut slot.gpu, slot.index))?;
         slot.start(request, frame::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {
@@ -374,7 +374,7 @@ impl Engine {
         let times: Vec<PassTime> = slot.finish(self.options.time_limit)?;
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
         let planes = self.planes.as_ref().filter(|_| slot.wants_planes()).map(|p| p.read(slot.index));
-        Ok(slot.take_frame(size, times, planes))
+        Ok(slot.take_frame(size, times, planes, &self.finish))
     }
 
     /// Submits and collects one frame.

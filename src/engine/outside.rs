@@ -13,7 +13,7 @@ use super::outside_frame::{
     MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
 };
 use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
-use super::outside_lens::OutsideLens;
+use super::outside_lens::{BorderRays, OutsideLens};
 use super::outside_motion::{MotionPass, shared};
 use super::slots::{FrameSlot, free_slot};
 use super::{Stage, Ticket};
@@ -34,6 +34,8 @@ pub struct OutsideEngine {
     images: Option<Images>,
     kernels: Kernels,
     finish: Finish,
+    /// Of the last frame that brought a path.
+    border: Option<BorderRays>,
     next: usize,
     time_limit: Duration,
     stage: Stage,
@@ -88,7 +90,8 @@ impl OutsideEngine {
         let kernels = Kernels::new(context)?;
         let uploads = (0..count).map(|_| (0..MAX_PLACES).map(|_| None).collect()).collect();
         let kept = (0..count).map(|_| Kept::default()).collect();
-        Ok(Self { slots, uploads, kept, images: None, kernels, finish, next: 0, time_limit, stage })
+        let (images, border) = (None, None);
+        Ok(Self { slots, uploads, kept, images, kernels, finish, border, next: 0, time_limit, stage })
     }
 
     /// Whether another frame can be submitted before one is collected.
@@ -121,7 +124,11 @@ impl OutsideEngine {
         self.slots[index].gpu.wait(self.time_limit)?;
         assert!(frame.picture_times_s().is_sorted(), "pictures in order of time");
         let lens = OutsideLens::of(&frame.request.settings, &self.stage.intrinsics);
-        let plan = self.plan(frame, lens.as_ref())?;
+        let is_path = matches!(frame.motion, OutsideMotion::Path { .. });
+        if is_path && !self.border.as_ref().is_some_and(|b| b.is_of(&self.stage.intrinsics, lens.as_ref())) {
+            self.border = Some(BorderRays::new(&self.stage.intrinsics, lens.as_ref())?);
+        }
+        let plan = self.plan(frame)?;
         self.kernels.fit(&frame.motion)?;
         self.fit(frame)?;
         if let Plan::Warp(plan) = &plan {
@@ -131,7 +138,8 @@ impl OutsideEngine {
         }
         let view = frame.request.view(self.stage.intrinsics);
         let slot = &mut self.slots[index];
-        self.finish.fit((&frame.request.settings, &view), false, (&mut slot.gpu, slot.index))?;
+        let wanted = frame.delivery.wanted();
+        self.finish.fit((&frame.request.settings, &view), wanted, (&mut slot.gpu, slot.index))?;
         self.upload(index, frame)?;
         self.slots[index].start(&frame.request, instants(&frame.request.shutter));
         if let Err(error) = self.record(index, frame, &plan) {
@@ -172,15 +180,15 @@ impl OutsideEngine {
         let times = slot.finish(self.time_limit)?;
         self.kept[ticket.slot] = Kept::default();
         let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
-        Ok(slot.take_frame(size, times, None))
+        Ok(slot.take_frame(size, times, None, &self.finish))
     }
 
-    fn plan(&self, frame: &OutsideFrame<'_>, lens: Option<&OutsideLens>) -> Result<Plan> {
+    fn plan(&self, frame: &OutsideFrame<'_>) -> Result<Plan> {
         match &frame.motion {
             OutsideMotion::Images { .. } => Ok(Plan::Gather(None)),
             OutsideMotion::Depth { poses, .. } => Ok(Plan::Gather(Some(self.depth_push(frame, poses)?))),
             OutsideMotion::Path { path, bodies, nearest_m, repeat_border, .. } => {
-                let camera = (&self.stage.intrinsics, lens);
+                let camera = (&self.stage.intrinsics, self.border.as_ref().expect("made by `submit`"));
                 let (seen, border) = ((&**path, bodies.as_ref()), (*nearest_m, *repeat_border));
                 Ok(Plan::Warp(WarpPlan::new(camera, frame, seen, border)?))
             }

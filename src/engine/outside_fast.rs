@@ -10,7 +10,7 @@ use super::finish::prepare;
 use super::lens::Merge;
 use super::outside_blend::{Blend, span_of, windows};
 use super::outside_frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
-use super::outside_lens::{MarginNeed, OutsideLens};
+use super::outside_lens::{BorderRays, MarginNeed, OutsideLens};
 use super::slots::FrameSlot;
 use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
 use crate::error::{Error, Result};
@@ -46,7 +46,7 @@ impl WarpPlan {
     /// # Errors
     /// Poses that do not cover the frame and the instants of its pictures; a margin that is too small for them.
     pub(super) fn new(
-        (nominal, lens): (&Intrinsics, Option<&OutsideLens>),
+        (nominal, border): (&Intrinsics, &BorderRays),
         frame: &OutsideFrame<'_>,
         (path, bodies): (&Trajectory, Option<&OutsideBodies<'_>>),
         (nearest_m, repeat_border): (f64, bool),
@@ -57,7 +57,7 @@ impl WarpPlan {
         let check = |(id, own): &(u32, _)| check_spans(own, &format!(", body {id}"), frame, &times_s);
         bodies.iter().try_for_each(check)?;
         let shutter = &frame.request.shutter;
-        let needed = MarginNeed { nominal, lens, nearest_m }.of_frame(path, &times_s, shutter)?;
+        let needed = MarginNeed { border, nearest_m }.of_frame(path, &times_s, shutter);
         let given = frame.margin_px;
         if !repeat_border && (needed[0] > given[0] || needed[1] > given[1]) {
             return Err(Error::MarginTooSmall { needed_px: needed, given_px: given });

@@ -115,7 +115,8 @@ impl Rays {
     fn border(&self) -> Vec<DVec2> {
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
         let along = |side: usize| (0..side).step_by(BORDER_STEP_PX).chain([side - 1]).map(|i| i as f64 + 0.5);
-        let rows = along(w).flat_map(|x| [DVec2::new(x, 0.5), DVec2::new(x, h as f64 - 0.5)]);
+        let row = |y: f64| along(w).map(move |x| DVec2::new(x, y));
+        let rows = row(0.5).chain(row(h as f64 - 0.5));
         let columns = along(h).flat_map(|y| [DVec2::new(0.5, y), DVec2::new(w as f64 - 0.5, y)]);
         rows.chain(columns).collect()
     }
@@ -127,31 +128,56 @@ fn table(size: [u32; 2], entry: impl Fn(usize, usize) -> [f32; 2]) -> Vec<[f32; 
     (0..width * height).map(|i| entry(i % width, i / width)).collect()
 }
 
+/// Where the border of the sensor looks: what margins are reckoned from. A lens is inverted there, so frames of one camera
+/// share it.
+pub struct BorderRays {
+    nominal: Intrinsics,
+    lens: Option<OutsideLens>,
+    /// Places, px, and the ray of each colour there.
+    places: Vec<(DVec2, Vec<DVec3>)>,
+}
+
+impl BorderRays {
+    /// Of a camera whose pictures are rendered with the pinhole `nominal`, without margin, and without `lens`.
+    ///
+    /// # Errors
+    /// [`crate::Error::LensFolds`].
+    pub fn new(nominal: &Intrinsics, lens: Option<&OutsideLens>) -> Result<Self> {
+        let (rays, scales) = match lens {
+            Some(lens) => (lens.rays()?, lens.scales()),
+            None => (Rays::pinhole(nominal), vec![1.0]),
+        };
+        let of = |px: DVec2| (px, scales.iter().map(|&scale| rays.ray(px, scale)).collect());
+        Ok(Self {
+            nominal: *nominal,
+            lens: lens.copied(),
+            places: rays.border().into_iter().map(of).collect(),
+        })
+    }
+
+    /// Whether it is that of such a camera.
+    pub(super) fn is_of(&self, nominal: &Intrinsics, lens: Option<&OutsideLens>) -> bool {
+        self.nominal == *nominal && self.lens.as_ref() == lens
+    }
+}
+
 /// Columns and rows that a picture must hold beyond each side, so that nothing that is read lies beyond it.
 pub struct MarginNeed<'a> {
-    /// The pinhole that the picture was rendered with, without margin.
-    pub nominal: &'a Intrinsics,
-    /// What it was rendered without.
-    pub lens: Option<&'a OutsideLens>,
+    /// Where the sensor's border looks.
+    pub border: &'a BorderRays,
     /// Nothing that comes in at the border is nearer than this, m; infinite: only turns are reckoned with.
     pub nearest_m: f64,
 }
 
 impl MarginNeed<'_> {
-    fn rays(&self) -> Result<(Rays, Vec<f64>)> {
-        Ok(match self.lens {
-            Some(lens) => (lens.rays()?, lens.scales()),
-            None => (Rays::pinhole(self.nominal), vec![1.0]),
-        })
-    }
-
     /// What lies where the camera sees `ray` while it stands at `moved` from where the picture was rendered.
     fn beyond(&self, moved: &Pose, ray: DVec3, most: &mut DVec2) {
-        let size = DVec2::new(f64::from(self.nominal.width), f64::from(self.nominal.height));
+        let nominal = &self.border.nominal;
+        let size = DVec2::new(f64::from(nominal.width), f64::from(nominal.height));
         let far = moved.rotation * ray;
         let near = far + moved.translation_m / self.nearest_m;
         for point in [far, near] {
-            let beyond = match self.nominal.project(point) {
+            let beyond = match nominal.project(point) {
                 Some(p) => (0.5 - p).max(p - (size - 0.5)),
                 None => size,
             };
@@ -166,46 +192,37 @@ impl MarginNeed<'_> {
 
     /// For a frame whose poses are known, from pictures of these instants.
     ///
-    /// # Errors
-    /// [`crate::Error::LensFolds`].
-    ///
     /// # Panics
     /// If there is no picture, or the poses do not cover the frame and all of them.
-    pub fn of_frame(
-        &self,
-        path: &Trajectory,
-        pictures_s: &[f64],
-        shutter: &ShutterTiming,
-    ) -> Result<[u32; 2]> {
-        let (rays, scales) = self.rays()?;
+    pub fn of_frame(&self, path: &Trajectory, pictures_s: &[f64], shutter: &ShutterTiming) -> [u32; 2] {
         let colors: Vec<_> = pictures_s.iter().map(|&t| (t, path.pose_at(t))).collect();
         let order = shutter.scan_order;
-        let (w, h) = (self.nominal.width, self.nominal.height);
+        let (w, h) = (self.border.nominal.width, self.border.nominal.height);
         let count = f64::from(order.line_count(w, h));
         let mut most = DVec2::ZERO;
-        for px in rays.border() {
+        // Places of one line follow each other.
+        let (mut of_s, mut moved) = ([f64::NAN; 3], [Pose::IDENTITY; 3]);
+        for (px, rays) in &self.border.places {
             let line = f64::from(order.line_of(px.x as u32, px.y as u32, w, h));
             let start_s = shutter.start_s + shutter.readout_time_s * line / count;
-            for share in [0.0, 0.5, 1.0] {
+            for (i, share) in [0.0, 0.5, 1.0].into_iter().enumerate() {
                 let time_s = (start_s + share * shutter.exposure_time_s).min(shutter.end_s());
-                // Every line has the border of the picture that is nearest in time.
-                let away = |t: &f64| (t - time_s).abs();
-                let nearest = colors.iter().min_by(|a, b| away(&a.0).total_cmp(&away(&b.0)));
-                let (_, color) = nearest.expect("a picture");
-                let moved = color.relative(&path.pose_at(time_s));
-                scales.iter().for_each(|&scale| self.beyond(&moved, rays.ray(px, scale), &mut most));
+                if time_s != of_s[i] {
+                    // Every line has the border of the picture that is nearest in time.
+                    let away = |t: &f64| (t - time_s).abs();
+                    let nearest = colors.iter().min_by(|a, b| away(&a.0).total_cmp(&away(&b.0)));
+                    let (_, color) = nearest.expect("a picture");
+                    (of_s[i], moved[i]) = (time_s, color.relative(&path.pose_at(time_s)));
+                }
+                rays.iter().for_each(|ray| self.beyond(&moved[i], *ray, &mut most));
             }
         }
-        Ok(Self::whole(most))
+        Self::whole(most)
     }
 
     /// For any motion that turns by no more than `angle_rad` and moves by no more than `distance_m` between the colour and any
     /// line.
-    ///
-    /// # Errors
-    /// [`crate::Error::LensFolds`].
-    pub fn of_bound(&self, angle_rad: f64, distance_m: f64) -> Result<[u32; 2]> {
-        let (rays, scales) = self.rays()?;
+    pub fn of_bound(&self, angle_rad: f64, distance_m: f64) -> [u32; 2] {
         let steps = [-1.0, 0.0, 1.0];
         let every =
             steps.iter().flat_map(|&x| steps.iter().flat_map(move |&y| steps.map(|z| DVec3::new(x, y, z))));
@@ -215,11 +232,11 @@ impl MarginNeed<'_> {
             let rotation = DQuat::from_scaled_axis(*turn * angle_rad);
             for way in &ways {
                 let moved = Pose { rotation, translation_m: *way * distance_m };
-                for px in rays.border() {
-                    scales.iter().for_each(|&scale| self.beyond(&moved, rays.ray(px, scale), &mut most));
+                for ray in self.border.places.iter().flat_map(|(_, rays)| rays) {
+                    self.beyond(&moved, *ray, &mut most);
                 }
             }
         }
-        Ok(Self::whole(most))
+        Self::whole(most)
     }
 }

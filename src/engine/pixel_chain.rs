@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::finish::Finish;
-use crate::chain::{Settings, View};
+use crate::chain::{Settings, View, Wanted};
 use crate::effects;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Location, PassTime, Slot, Usage};
@@ -14,6 +14,9 @@ use crate::reference::chain::develop_on_host;
 
 /// Longest time that one picture may take.
 const LIMIT: Duration = Duration::from_secs(60);
+
+/// Encoded values, and what is behind each filter of a mosaic.
+type Kept = [Option<Plane<f32>>; 2];
 
 /// Develops radiance on the device. Twin: [`crate::reference::chain`].
 pub struct PixelChain {
@@ -73,11 +76,8 @@ impl PixelChain {
     /// # Panics
     /// If the view has another size.
     pub fn picture(&mut self, settings: &Settings, view: &View) -> Result<Plane<u8>> {
-        self.run(settings, view, false)?;
-        let rgb = self.pixels.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]);
-        let [width, height] = self.size.map(|s| s as usize);
-        let data = rgb.take(width * height * 3).collect();
-        let mut picture = Plane { width, height, channels: 3, data };
+        self.run(settings, view, Wanted::PIXELS)?;
+        let mut picture = self.rgb();
         develop_on_host(effects::LIST, settings, &mut picture);
         Ok(picture)
     }
@@ -90,10 +90,23 @@ impl PixelChain {
     /// # Panics
     /// If the view has another size.
     pub fn values(&mut self, settings: &Settings, view: &View) -> Result<Plane<f32>> {
-        self.run(settings, view, true)?;
+        self.run(settings, view, Wanted::VALUES)?;
         let values: &[f32] = bytemuck::cast_slice(self.floats.mapped());
         let [width, height] = self.size.map(|s| s as usize);
         Ok(Plane { width, height, channels: 4, data: values[..width * height * 4].to_vec() })
+    }
+
+    /// The picture before `jpeg`, its encoded values and what is behind each filter of the mosaic ([`super::Frame::values`],
+    /// [`super::Frame::raw`]), of one run.
+    ///
+    /// # Errors
+    /// Device lost, out of memory.
+    ///
+    /// # Panics
+    /// If the view has another size.
+    pub fn finer(&mut self, settings: &Settings, view: &View) -> Result<(Plane<u8>, Kept)> {
+        self.run(settings, view, Wanted { pixels: true, values: true, raw: true })?;
+        Ok((self.rgb(), self.finish.take_kept(0, settings)))
     }
 
     /// Time of each pass of the last picture.
@@ -104,16 +117,22 @@ impl PixelChain {
         self.slot.times()
     }
 
-    fn run(&mut self, settings: &Settings, view: &View, floats: bool) -> Result<()> {
+    fn rgb(&self) -> Plane<u8> {
+        let rgb = self.pixels.mapped().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]);
+        let [width, height] = self.size.map(|s| s as usize);
+        Plane { width, height, channels: 3, data: rgb.take(width * height * 3).collect() }
+    }
+
+    fn run(&mut self, settings: &Settings, view: &View, wanted: Wanted) -> Result<()> {
         let size = [view.intrinsics.width, view.intrinsics.height];
         assert_eq!(size, self.size, "the view has the chain's size");
-        self.finish.fit((settings, view), floats, (&mut self.slot, 0))?;
+        self.finish.fit((settings, view), wanted, (&mut self.slot, 0))?;
         let mut recorder = self.slot.begin()?;
         self.finish.record_chain(&mut recorder, view.frame, view.seed);
         recorder.mark("readback");
-        match floats {
-            true => recorder.copy_image_to_buffer(self.finish.output(), [0, 0], size, &self.floats),
-            false => recorder.copy_buffer(self.finish.pixels(), &self.pixels, self.pixels.bytes()),
+        match wanted.pixels {
+            false => recorder.copy_image_to_buffer(self.finish.output(), [0, 0], size, &self.floats),
+            true => recorder.copy_buffer(self.finish.pixels(), &self.pixels, self.pixels.bytes()),
         }
         recorder.barrier();
         recorder.finish();

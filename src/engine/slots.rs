@@ -4,6 +4,7 @@ use std::time::{Duration, Instant as Clock};
 
 use super::Stage;
 use super::delivery::{After, Delivery};
+use super::finish::Finish;
 use super::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::camera::{Intrinsics, Trajectory};
 use crate::effects;
@@ -159,6 +160,7 @@ impl FrameSlot {
         size: [u32; 2],
         times: Vec<PassTime>,
         planes: Option<Planes>,
+        finish: &Finish,
     ) -> Frame {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
         // A buffer is a little larger than the smallest pictures.
@@ -178,8 +180,11 @@ impl FrameSlot {
             channels: 4,
             data: bytemuck::cast_slice(radiance).to_vec(),
         });
+        let [values, raw] = finish.take_kept(self.index, &request.settings);
         Frame {
             radiance,
+            values,
+            raw,
             index: request.index,
             picture,
             instants,

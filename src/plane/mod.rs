@@ -5,6 +5,7 @@ mod format;
 mod io;
 mod jpeg_end;
 pub mod metrics;
+mod raw;
 mod srgb;
 pub mod stats;
 
@@ -17,6 +18,7 @@ pub use format::PixelFormat;
 pub use io::{
     MAX_DECODED_BYTES, MAX_PIXELS, MAX_SIDE_PX, decode_picture, read_rgb8, read_rgb8_as, write_png_atomic,
 };
+pub use raw::{RawLayout, digital_number};
 pub use srgb::{srgb_decode, srgb_encode, srgb8};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.

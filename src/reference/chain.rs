@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use crate::chain::{At, Effect, Packed, Settings, View, Work, slot_of};
+use crate::effects::BayerMosaic;
 use crate::plane::Plane;
 
 /// The delivered picture, shape `[height, width, 3]`.
@@ -41,11 +42,35 @@ pub fn develop_on_host(list: &[&dyn Effect], settings: &Settings, picture: &mut 
 /// # Panics
 /// As for [`picture`].
 pub fn values(list: &[&dyn Effect], settings: &Settings, view: &View, radiance: &Plane<f32>) -> Plane<f32> {
+    through(list, list.len(), (settings, view), radiance)
+}
+
+/// What the converter delivers of each pixel behind its filter, shape `[height, width, 1]`; `None` without a mosaic.
+///
+/// # Panics
+/// As for [`picture`].
+pub fn raw(
+    list: &[&dyn Effect],
+    settings: &Settings,
+    view: &View,
+    radiance: &Plane<f32>,
+) -> Option<Plane<f32>> {
+    let sensor = list.iter().position(|e| e.fills_mosaic())?;
+    BayerMosaic::raw(settings, &through(list, sensor, (settings, view), radiance))
+}
+
+/// What the first effects of a list make.
+fn through(
+    list: &[&dyn Effect],
+    first: usize,
+    (settings, view): (&Settings, &View),
+    radiance: &Plane<f32>,
+) -> Plane<f32> {
     let size = (view.intrinsics.width as usize, view.intrinsics.height as usize);
     assert_eq!(((radiance.width, radiance.height), radiance.channels), (size, 4), "radiance");
     let packed = Packed::new(list, settings, view);
     let mut current = radiance.clone();
-    for effect in list {
+    for effect in &list[..first] {
         let variant = effect.variant(settings);
         let parameters = packed.parameters(slot_of(list, effect.id()));
         match effect.work() {

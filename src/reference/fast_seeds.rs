@@ -43,27 +43,41 @@ fn parabola_of(push: &Push, inputs: &Inputs<'_>, texel: IVec2) -> [Vec2; 2] {
     [Vec2::ZERO, slope]
 }
 
-/// Most that a step may take after the one before it.
-const MOST_SLOWS: f32 = 0.7;
+/// What moves nearly as fast as the lines are read lands nowhere certain: least of 1 - its speed over theirs.
+const LEAST_APART: f32 = 0.3;
 
-/// Where a texel lands. A step takes it a share `slows` as far as the one before it: what all further steps would bring follows
-/// from the last one, as a geometric series.
+/// When the lines of a slot are read: time = begin + lines fraction; and how far the lens moves a texel where it is.
+struct Traced {
+    bent_px: Vec2,
+    begin: f32,
+    lines: f32,
+}
+
+/// Where a pinhole shows what a texel at `at_px` does by the time of the line that it lands on, from a place near there: the path
+/// is read at the time of that place's line, and followed straight on from there (a Newton step). `motion`: displacement at
+/// a time, and its change a knot.
 fn lands_by_depth(
     push: &Push,
-    next: impl Fn(Vec2) -> Vec2,
-    first: bool,
-    from_px: Vec2,
-    slows: &mut f32,
+    traced: &Traced,
+    (at_px, near_px): (Vec2, Vec2),
+    motion: impl Fn(f32) -> [Vec2; 2],
 ) -> Vec2 {
-    let before_px = if first { next(from_px) } else { from_px };
-    let place_px = next(before_px);
-    let step_px = place_px - before_px;
-    if first {
-        let axis = usize::from(ScanOrder::ALL[push.scan_order as usize].lines_are_rows());
-        let of = (before_px - from_px)[axis];
-        *slows = (step_px[axis] / if of == 0.0 { 1.0 } else { of }).clamp(-MOST_SLOWS, MOST_SLOWS);
-    }
-    place_px + step_px * (*slows / (1.0 - *slows))
+    let order = ScanOrder::ALL[push.scan_order as usize];
+    let axis = usize::from(order.lines_are_rows());
+    let sign = if matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft) { -1.0 } else { 1.0 };
+    // The lens moves it by another bit there than where it came from: that is a fraction of the way, in the time of which
+    // nothing moves far.
+    let fraction = fraction_at(push, near_px + traced.bent_px);
+    let [moved_px, rate_px] = motion(traced.begin + traced.lines * fraction);
+    let shown_px = at_px + moved_px;
+    let count = push.size[axis] as f32;
+    // Fractions of the readout that it is behind its line, and that it moves by in all of the readout.
+    let over_px = rate_px * traced.lines;
+    let off = sign * (shown_px - near_px)[axis] / count;
+    let over = sign * over_px[axis] / count;
+    let late = off / (1.0 - over).max(LEAST_APART);
+    // No line is read before the first and after the last.
+    shown_px + over_px * late.clamp(-fraction, (count - 1.0) / count - fraction)
 }
 
 fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
@@ -75,24 +89,26 @@ fn claim(push: &Push, inputs: &Inputs<'_>, source: IVec2, seeds: &mut [u32]) {
         Some(_) => [Vec2::ZERO; 2],
         None => parabola_of(push, inputs, texel),
     };
-    let moved_px = |t: f32| {
-        let from_depth = paths.depth_displacement(texel, t + push.reference_knot as f32);
-        from_depth.unwrap_or_else(|| t * (slope + t * bend))
-    };
     let depth = inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0];
     let mut lands_px = inputs.on_sensor(push, at_px);
-    let mut slows = 0.0;
+    let (bent_px, mut shown_px) = (lands_px - at_px, at_px);
     for slot in 0..push.slots {
         let begin = (push.start_s + push.slot_fraction(slot) * push.exposure_time_s) / push.knot_step_s;
         let lines = push.readout_time_s / push.knot_step_s;
-        let next = |place_px: Vec2| {
-            let t = begin + lines * fraction_at(push, place_px);
-            inputs.on_sensor(push, at_px + moved_px(t))
-        };
         if paths.from_depth.is_some() {
-            lands_px = lands_by_depth(push, next, slot == 0, lands_px, &mut slows);
+            let motion = |t: f32| {
+                let motion = paths.depth_motion(texel, t + push.reference_knot as f32);
+                motion.expect("paths from depth")
+            };
+            let traced = Traced { bent_px, begin, lines };
+            shown_px = lands_by_depth(push, &traced, (at_px, shown_px), motion);
+            lands_px = inputs.on_sensor(push, shown_px);
         } else {
             // The line moves with the point; later slots start from where the one before it landed.
+            let next = |px: Vec2| {
+                let t = begin + lines * fraction_at(push, px);
+                inputs.on_sensor(push, at_px + t * (slope + t * bend))
+            };
             lands_px = (0..if slot == 0 { 4 } else { 2 }).fold(lands_px, |px, _| next(px));
         }
         let size = Vec2::new(push.size[0] as f32, push.size[1] as f32);

@@ -58,12 +58,27 @@ impl FromDepth<'_> {
 
     /// Displacement of what a texel shows at place `at` of the time axis, px.
     fn displacement(&self, texel: IVec2, at: f32, scale: usize) -> Vec2 {
+        self.displacement_by(texel, scale, |body| self.matrix(body, at))
+    }
+
+    /// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is near
+    /// enough to start a search.
+    fn motion(&self, texel: IVec2, at: f32, scale: usize) -> [Vec2; 2] {
+        let before = at.floor().clamp(0.0, self.last_knot as f32 - 1.0);
+        let share = (at - before).clamp(0.0, 1.0);
+        let row = |body: usize| body * (self.last_knot as usize + 1) + before as usize;
+        let from_px = self.displacement_by(texel, scale, |body| self.moved[row(body)]);
+        let rate_px = self.displacement_by(texel, scale, |body| self.moved[row(body) + 1]) - from_px;
+        [from_px + share * rate_px, rate_px]
+    }
+
+    /// Displacement by a body's matrix.
+    fn displacement_by(&self, texel: IVec2, scale: usize, matrix: impl Fn(usize) -> [Vec4; 3]) -> Vec2 {
         let size = Vec2::new(self.inverse_depth.width as f32, self.inverse_depth.height as f32);
         let ndc = (texel.as_vec2() + 0.5) / size * 2.0 - 1.0;
         let seen = self.inverse_depth.pixel(texel.x as usize, texel.y as usize);
         let (depth, body) = (seen[0], seen.get(1).map_or(0, |&body| body as usize));
-        let rows = self.matrix(body, at);
-        let [sx, sy, sw] = rows.map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
+        let [sx, sy, sw] = matrix(body).map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
         (Vec2::new(sx, sy) / sw.max(LEAST_W) - ndc) * (0.5 / scale as f32) * size
     }
 }
@@ -126,6 +141,11 @@ impl Paths<'_> {
     /// Where all that is seen moves rigidly: displacement of what one texel shows at place `at` of the time axis, px.
     pub fn depth_displacement(&self, texel: IVec2, at: f32) -> Option<Vec2> {
         Some(self.from_depth?.displacement(texel, at, self.scale))
+    }
+
+    /// The same, and its change a knot, as claims follow it.
+    pub fn depth_motion(&self, texel: IVec2, at: f32) -> Option<[Vec2; 2]> {
+        Some(self.from_depth?.motion(texel, at, self.scale))
     }
 
     /// The two knots of one texel of an image.

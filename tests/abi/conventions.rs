@@ -6,7 +6,7 @@ use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
 use crate::capi_support::{
-    SmallPath, camera, engine, error_of, finish, image, must, options, process, sized, status,
+    OK, SmallPath, camera, engine, error_of, finish, image, must, options, process, sized, status,
 };
 use crate::outside_support::host::{Pictures, SIZE, set_camera};
 use crate::outside_support::{K, World, shot};
@@ -208,7 +208,12 @@ fn given(pose: &Pose, wrong: u32) -> Given {
     }
 }
 
-fn agreement(mut frames: [Given; 2]) -> (shutterbug_agreement, String) {
+fn agreement(frames: [Given; 2]) -> (shutterbug_agreement, String) {
+    agreement_as(frames, 0)
+}
+
+/// With 8-bit colours that are said to be of that encoding.
+fn agreement_as(mut frames: [Given; 2], encoding: u32) -> (shutterbug_agreement, String) {
     let mut c = camera(K.width, K.height);
     (c.fx_px, c.fy_px, c.cx_px, c.cy_px) = (K.fx, K.fy, K.cx, K.cy);
     let convention: shutterbug_depth_convention = sized();
@@ -219,7 +224,7 @@ fn agreement(mut frames: [Given; 2]) -> (shutterbug_agreement, String) {
     let view = |i: usize| {
         let mut v: shutterbug_view = sized();
         (v.color, v.depth, v.depth_convention) = (&images[i].0, &images[i].1, &convention);
-        v.world_from_camera = frames[i].pose;
+        (v.world_from_camera, v.encoding) = (frames[i].pose, encoding);
         v
     };
     let mut found: shutterbug_agreement = sized();
@@ -253,4 +258,80 @@ fn wrong_conventions_are_found_out_and_named() {
     let elsewhere = Given { pose: given(&pose([1.9, 0.0, 0.0], [2.0, 0.0, 0.0]), 0).pose, ..given(&b, 0) };
     let (never, said) = agreement([given(&a, 0), elsewhere]);
     assert!(never.verdict == 3, "{said}");
+}
+
+/// As linear codes of 8 bits.
+fn linear(given: Given) -> Given {
+    let code = |v: &u8| (255.0 * shutterbug::plane::srgb_decode(f32::from(*v) / 255.0) + 0.5) as u8;
+    Given { rgb: given.rgb.iter().map(code).collect(), ..given }
+}
+
+#[test]
+fn the_other_encoding_is_found_out_in_both_directions() {
+    let pose = |rotation: [f64; 3], at: [f64; 3]| Pose {
+        rotation: DQuat::from_euler(glam::EulerRot::YXZ, rotation[0], rotation[1], rotation[2]),
+        translation_m: DVec3::from(at),
+    };
+    let (a, b) = (pose([0.25, 0.1, 0.06], [0.3, -0.2, 0.1]), pose([0.33, 0.04, 0.12], [0.42, -0.12, 0.25]));
+    let srgb = |wrong: u32| [given(&a, wrong), given(&b, wrong)];
+    let light = |wrong: u32| srgb(wrong).map(linear);
+    for (frames, said_linear, want, says) in [
+        (srgb(0), 0, 0, "agree:"),
+        (light(0), 1, 0, "agree:"),
+        (srgb(0), 1, 64, "sRGB, not linear"),
+        (light(0), 0, 64, "linear, not sRGB"),
+        (srgb(1), 1, 1 | 64, "sRGB, not linear"),
+        (light(4 | 32), 0, 4 | 32 | 64, "linear, not sRGB"),
+        (srgb(2), 0, 2, "camera from world"),
+    ] {
+        let (found, said) = agreement_as(frames, said_linear);
+        eprintln!("{said}");
+        assert_eq!((found.verdict, found.change), (u32::from(want != 0), want), "{said}");
+        assert!(said.contains(says), "{said}");
+    }
+    // Edges that are stairs tell nothing: each pixel one of two colours.
+    let stairs =
+        srgb(0).map(|g| Given { rgb: g.rgb.iter().map(|v| if *v > 110 { 180 } else { 60 }).collect(), ..g });
+    let (found, said) = agreement_as(stairs, 1);
+    assert_eq!(found.change & 64, 0, "{said}");
+}
+
+#[test]
+fn views_of_the_header_of_before_and_rows_from_the_bottom_are_taken_as_they_are_said() {
+    let pose = |yaw: f64, x: f64| Pose {
+        rotation: DQuat::from_euler(glam::EulerRot::YXZ, yaw, 0.3 * yaw, 0.1),
+        translation_m: DVec3::new(x, -0.2, 0.1),
+    };
+    let mut frames = [given(&pose(0.25, 0.3), 32), given(&pose(0.33, 0.42), 32)];
+    let mut c = camera(K.width, K.height);
+    (c.fx_px, c.fy_px, c.cx_px, c.cy_px) = (K.fx, K.fy, K.cx, K.cy);
+    let convention: shutterbug_depth_convention = sized();
+    let mut check = |up: u32, change: &dyn Fn(&mut shutterbug_view)| {
+        let images = frames.each_mut().map(|f| {
+            let mut color = image(PixelFormat::Rgb8, SIZE[0], SIZE[1], &mut f.rgb);
+            let mut depth =
+                image(PixelFormat::R32f, SIZE[0], SIZE[1], bytemuck::cast_slice_mut(&mut f.depth));
+            (color.format, depth.format) = (color.format | up, depth.format | up);
+            (color, depth)
+        });
+        let view = |i: usize| {
+            let mut v: shutterbug_view = sized();
+            (v.color, v.depth, v.depth_convention) = (&images[i].0, &images[i].1, &convention);
+            v.world_from_camera = frames[i].pose;
+            change(&mut v);
+            v
+        };
+        let mut found: shutterbug_agreement = sized();
+        let (a, b) = (view(0), view(1));
+        let code = unsafe { shutterbug_check_conventions(&c, &a, &b, &mut found, null_mut(), 0) };
+        (code, found.verdict, found.change)
+    };
+    assert_eq!(check(BOTTOM_UP, &|_| ()), (OK, 0, 0));
+    assert_eq!(check(0, &|_| ()), (OK, 1, 32), "control: not said to be from the bottom");
+    let old = std::mem::offset_of!(shutterbug_view, encoding) as u32;
+    // What lies behind the struct of before is not the library's to read.
+    assert_eq!(check(BOTTOM_UP, &|v| (v.struct_size, v.encoding) = (old, 9)), (OK, 0, 0));
+    assert_eq!(check(0, &|v| v.encoding = 2).0, status("ARGUMENT"));
+    assert_eq!(check(0, &|v| v.reserved_more = 1).0, status("ARGUMENT"));
+    assert_eq!(check(0, &|v| v.struct_size = old - 4).0, status("STRUCT_SIZE"));
 }

@@ -5,6 +5,8 @@
 
 #[path = "../support/capi/mod.rs"]
 mod capi_support;
+#[path = "faults_work.rs"]
+mod faults_work;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{CStr, c_char, c_void};
@@ -13,8 +15,8 @@ use std::sync::atomic::{AtomicI32, AtomicI64, Ordering};
 
 use ash::vk;
 use capi_support::*;
+use faults_work::{LENS, Pages, finer_frame, scene_frame, shared_frame};
 use shutterbug::capi::*;
-use shutterbug::plane::PixelFormat;
 
 /// Calls until one fails; negative: never.
 static FUSE: AtomicI64 = AtomicI64::new(-1);
@@ -217,138 +219,13 @@ fn loader() -> vk::PFN_vkGetInstanceProcAddr {
 enum Work {
     /// Two frames from outside.
     Outside,
+    /// A frame from outside of three pictures with bodies and poses, read in more than 8 bits.
+    Finer,
     /// One frame of the demo scene by a method of the header, with sharp planes, and these effects besides the shutter.
     Scene(u32, &'static str),
     /// Frames from memory that is shared with the device, polled, with depth; semaphores where there are any.
     Shared,
 }
-
-/// A frame of the demo scene: the picture and its motion plane.
-fn scene_frame(engine: Handle, method_camera: &str) -> Result<Vec<u8>, (Status, String)> {
-    let check =
-        |code: Status, handle: Handle| if code == OK { Ok(()) } else { Err((code, error_of(handle))) };
-    check(unsafe { shutterbug_engine_load_capture(engine, text("demo/capture").as_ptr()) }, engine)?;
-    let camera = text(&format!("{CAMERA}{method_camera}"));
-    check(unsafe { shutterbug_engine_set_camera_text(engine, camera.as_ptr()) }, engine)?;
-    let mut request: shutterbug_request = sized();
-    (request.time_s, request.flags) = (10.05, 1);
-    let mut frame = std::ptr::null_mut();
-    if info(engine).capabilities & 2 != 0 {
-        request.picture_memory = exported_image(engine)?;
-    }
-    let submitted = check(unsafe { shutterbug_engine_submit(engine, &request, &mut frame) }, engine);
-    // The frame keeps what it uses.
-    assert_eq!(shutterbug_memory_destroy(request.picture_memory), OK);
-    submitted?;
-    let mut rgb = vec![0; 16 * 12 * 3];
-    let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
-    let done = check(shutterbug_frame_wait(frame, -1.0), frame)
-        .and_then(|()| check(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame));
-    assert_eq!(shutterbug_frame_destroy(frame), OK);
-    done.map(|()| rgb)
-}
-
-/// A frame whose colour lies in exported memory, polled until it is done; the memory goes last.
-fn shared_frame(engine: Handle) -> Result<Vec<u8>, (Status, String)> {
-    let check =
-        |code: Status, handle: Handle| if code == OK { Ok(()) } else { Err((code, error_of(handle))) };
-    assert_eq!(unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) }, OK, "needs no device");
-    let (small, can) = (Small::new(16, 12), info(engine).capabilities);
-    let (mut o, mut made) = (small.outside, Vec::new());
-    let mut color = unsafe { *small.outside.color };
-    let pages = Pages::new(16 * 12 * 16);
-    let done = (|| {
-        if can & 1 != 0 {
-            unsafe { std::ptr::copy_nonoverlapping(color.pixels.cast::<u8>(), pages.0, 16 * 12 * 16) };
-            let mut memory = std::ptr::null_mut();
-            let code = unsafe {
-                shutterbug_memory_import_host(engine, pages.0.cast(), pages.1.size() as u64, &mut memory)
-            };
-            check(code, engine)?;
-            made.push((memory, shutterbug_memory_destroy as extern "C" fn(Handle) -> Status));
-            (color.pixels, color.memory) = (std::ptr::null_mut(), memory);
-            o.color = &color;
-        }
-        let mut fd = -1;
-        if can & 2 != 0 {
-            o.picture_memory = exported_image(engine)?;
-            made.push((o.picture_memory, shutterbug_memory_destroy));
-        }
-        if can & 4 != 0 {
-            check(unsafe { shutterbug_semaphore_export_fd(engine, 0, &mut o.signal, &mut fd) }, engine)?;
-            made.push((o.signal, shutterbug_semaphore_destroy));
-            close(fd);
-        }
-        let (mut frame, mut ready) = (std::ptr::null_mut(), 0);
-        check(unsafe { shutterbug_engine_submit_outside(engine, &o, &mut frame) }, engine)?;
-        let mut rgb = vec![0; 16 * 12 * 3];
-        let to = image(PixelFormat::Rgb8, 16, 12, &mut rgb);
-        // A few polls only: how many there are until it is done is chance, and calls are counted.
-        let done = (0..3)
-            .try_for_each(|_| check(unsafe { shutterbug_frame_poll(frame, &mut ready) }, frame))
-            .and_then(|()| check(shutterbug_frame_wait(frame, -1.0), frame))
-            .and_then(|()| check(unsafe { shutterbug_frame_read(frame, 1, &to) }, frame));
-        assert_eq!(shutterbug_frame_destroy(frame), OK);
-        done.map(|()| rgb)
-    })();
-    for (handle, destroy) in made {
-        assert_eq!(destroy(handle), OK);
-    }
-    done
-}
-
-/// An image of 16x12 px that takes pictures, and that can be shared.
-fn exported_image(engine: Handle) -> Result<Handle, (Status, String)> {
-    let mut d: shutterbug_gpu_image = sized();
-    (d.vk_format, d.width, d.height, d.vk_layout, d.vk_usage) = (37, 16, 12, 1, 3);
-    let (mut memory, mut fd, mut bytes) = (std::ptr::null_mut(), -1, 0);
-    match unsafe { shutterbug_memory_export_image_fd(engine, &d, &mut memory, &mut fd, &mut bytes) } {
-        OK => {}
-        code => return Err((code, error_of(engine))),
-    }
-    // What comes in by descriptor takes it on success; on failure it is still the host's.
-    let file = |fd: i32| std::fs::read_link(format!("/proc/self/fd/{fd}")).ok();
-    let (mut again, was) = (std::ptr::null_mut(), file(fd));
-    match unsafe { shutterbug_memory_import_image_fd(engine, &d, fd, bytes, &mut again) } {
-        OK => {
-            assert_eq!(shutterbug_memory_destroy(again), OK);
-            Ok(memory)
-        }
-        code => {
-            let why = error_of(engine);
-            assert!(was.is_some() && file(fd) == was, "the descriptor was closed: {why}");
-            close(fd);
-            assert_eq!(shutterbug_memory_destroy(memory), OK);
-            Err((code, why))
-        }
-    }
-}
-
-fn close(fd: i32) {
-    use std::os::fd::FromRawFd as _;
-    drop(unsafe { std::os::fd::OwnedFd::from_raw_fd(fd) });
-}
-
-/// Whole pages.
-struct Pages(*mut u8, std::alloc::Layout);
-
-impl Pages {
-    fn new(bytes: usize) -> Self {
-        let layout = std::alloc::Layout::from_size_align(bytes.next_multiple_of(4096), 4096).unwrap();
-        Self(unsafe { std::alloc::alloc_zeroed(layout) }, layout)
-    }
-}
-
-impl Drop for Pages {
-    fn drop(&mut self) {
-        unsafe { std::alloc::dealloc(self.0, self.1) };
-    }
-}
-
-const LENS: &str = "[lens_distortion]\nk1 = 0.05\n[chromatic_aberration]\nscale_r = 1.01\nscale_b = 0.99\n";
-
-const CAMERA: &str = "width = 16\nheight = 12\nfx = 8\nfy = 8\ncx = 8\ncy = 6\nframe_period_s = 0.04\n\
-                      [rolling_shutter]\nreadout_time_s = 0.02\n[motion_blur]\nexposure_time_s = 0.008\n";
 
 /// Whether a call has failed whose kind did not before: after one of each, the engine is used again.
 fn first_of_its_kind() -> bool {
@@ -359,7 +236,7 @@ fn first_of_its_kind() -> bool {
 /// Makes an engine, uses it, destroys it.
 fn use_an_engine(work: Work) -> Result<Vec<u8>, (Status, String)> {
     let mut o = match work {
-        Work::Outside | Work::Shared => options(0, 0),
+        Work::Outside | Work::Shared | Work::Finer => options(0, 0),
         Work::Scene(method, _) => options(method, 2),
     };
     o.get_instance_proc_addr = instance_proc as *const c_void;
@@ -368,6 +245,7 @@ fn use_an_engine(work: Work) -> Result<Vec<u8>, (Status, String)> {
     let frames = || match work {
         Work::Scene(_, effects) => scene_frame(engine, effects),
         Work::Shared => shared_frame(engine),
+        Work::Finer => finer_frame(engine),
         Work::Outside => {
             let code = unsafe { shutterbug_engine_set_camera(engine, &camera(16, 12)) };
             assert_eq!(code, OK, "needs no device");
@@ -509,10 +387,12 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let calls = std::mem::take(&mut state().calls);
     assert!(first.iter().any(|v| *v != first[0]), "control: a picture of something");
     nothing_is_left("a run without failure");
-    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried.
+    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but a
+    // seventh of those of several pictures.
     let (rounds, stride): (&[&[Fault]], usize) = match (std::env::var_os("SHUTTERBUG_LONG"), work) {
         (Some(_), _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
         (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 13),
+        (None, Work::Finer) => (&[&[LOST, DEVICE_MEMORY]], 7),
         (None, _) => (&[&[LOST, DEVICE_MEMORY]], 1),
     };
     for faults in rounds {
@@ -550,6 +430,7 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
+    device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits: Work::Finer, ["vkCreateComputePipelines"];
     device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
 }
 

@@ -40,9 +40,17 @@ fn random_sequences_of_calls_break_nothing() {
         "frame_read",
         "engine_destroy",
         "motion_convert",
+        "pose_convert",
+        "check_conventions",
+        "engine_margin",
+        // Reads of more than 8 bits.
+        "finer",
     ] {
         let mut lines = reached.lines().filter(|l| l.split(' ').next() == Some(call));
-        assert!(lines.any(|l| l.contains(" 0:")), "control: no {call} got through:\n{reached}");
+        assert!(
+            lines.any(|l| l.contains(" 0:") && !l.ends_with(" 0:0")),
+            "control: no {call} got through:\n{reached}"
+        );
     }
     // No call was answered with anything that the header does not say of it. (destroy is that of any kind.)
     let documented = crate::header::documented();

@@ -3,6 +3,7 @@
 
 mod abuse;
 mod conventions;
+mod finer;
 mod fuzz;
 mod gpu_image;
 mod install;

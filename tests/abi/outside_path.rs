@@ -157,7 +157,7 @@ fn careless_hands() {
         ("TIME", "colour", &|o| o.color_time_s = -1.0),
         ("ARGUMENT", "nearest_m", &|o| o.nearest_m = f64::NAN),
         ("ARGUMENT", "nearest_m", &|o| o.nearest_m = -1.0),
-        ("ARGUMENT", "flags", &|o| o.flags = 4),
+        ("ARGUMENT", "flags", &|o| o.flags = 16),
         ("ARGUMENT", "not with motion", &|o| (o.motion_count, o.depth) = (1, null())),
         ("ARGUMENT", "without", &|o| o.pose_count = 0),
         ("ARGUMENT", "256", &|o| o.body_count = 256),

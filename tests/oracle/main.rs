@@ -11,6 +11,7 @@ mod cycles_ladder;
 mod cycles_lens;
 mod lens;
 mod outside;
+mod outside_hidden;
 mod outside_motion;
 mod outside_pictures;
 mod requests;

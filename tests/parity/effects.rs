@@ -4,11 +4,11 @@
 use crate::effects_support::{random_radiance, view, visible};
 use crate::gpu_support::device;
 use shutterbug::camera::ScanOrder;
-use shutterbug::chain::{Settings, Stage, View};
+use shutterbug::chain::{Settings, Stage, Value, View};
 use shutterbug::effects::LIST;
 use shutterbug::engine::PixelChain;
 use shutterbug::plane::Plane;
-use shutterbug::reference::chain::{picture, values};
+use shutterbug::reference::chain::{picture, raw, values};
 
 const SIZES: [[u32; 2]; 4] = [[1, 1], [3, 2], [67, 41], [130, 97]];
 
@@ -121,4 +121,52 @@ fn settings_may_alternate() {
     let second: Vec<_> = kinds.iter().map(|s| chain.picture(s, &view).unwrap()).collect();
     assert_eq!(first, second);
     assert!(first[0] != first[1] && first[1] != first[2], "control");
+}
+
+/// Values and raw numbers that are kept on the way: those of the same chain, and the picture is none other for it.
+#[test]
+fn what_is_kept_on_the_way_changes_no_bit_and_is_its_reference() {
+    let Some(context) = device("what_is_kept_on_the_way_changes_no_bit_and_is_its_reference") else { return };
+    let (view, radiance) = (view(67, 41), random_radiance(67, 41));
+    let mut chain = PixelChain::new(&context.0, [67, 41]).unwrap();
+    chain.load(&radiance).unwrap();
+    let by_id = crate::effects_support::by_id;
+    let mut mosaic = Settings::default();
+    mosaic.set(by_id("bayer_mosaic"), "pattern", Value::Choice("GBRG")).unwrap();
+    let mut kinds: Vec<_> = LIST
+        .iter()
+        .filter(|e| matches!(e.stage(), Stage::Pixel(..)))
+        .map(|effect| (effect.id(), visible(*effect)))
+        .chain([("none", Settings::default()), ("all", everything())])
+        .collect();
+    for (name, settings) in &mut kinds {
+        if *name != "bayer_mosaic" {
+            settings.set(by_id("bayer_mosaic"), "pattern", Value::Choice("GBRG")).unwrap();
+        }
+        let (picture, [kept, numbers]) = chain.finer(settings, &view).unwrap();
+        let (kept, numbers) = (kept.unwrap(), numbers.unwrap());
+        assert!(kept == chain.values(settings, &view).unwrap(), "{name}: other values");
+        if !settings.has("jpeg") {
+            assert!(picture == chain.picture(settings, &view).unwrap(), "{name}: another picture");
+        }
+        let want = raw(LIST, settings, &view, &radiance).unwrap();
+        let (flips, most) = off(&numbers, &want);
+        assert!(flips <= FLIPS, "{name}: {flips} raw numbers in a million beyond rounding, by {most}");
+        // Controls: the filters of another pattern, and the numbers of another frame where there is noise.
+        settings.set(by_id("bayer_mosaic"), "pattern", Value::Choice("BGGR")).unwrap();
+        let other = raw(LIST, settings, &view, &radiance).unwrap();
+        assert!(off(&numbers, &other).0 > 10.0 * FLIPS, "{name}: the pattern changes nothing");
+    }
+    // What is done to the converter's numbers is not in them.
+    let numbers =
+        |settings: &Settings, chain: &mut PixelChain| chain.finer(settings, &view).unwrap().1[1].clone();
+    let bare = numbers(&mosaic, &mut chain).unwrap();
+    for (id, inside) in
+        [("white_balance", false), ("gamma", false), ("sharpening", false), ("black_level", true)]
+    {
+        let mut with = visible(by_id(id));
+        with.set(by_id("bayer_mosaic"), "pattern", Value::Choice("GBRG")).unwrap();
+        assert_eq!(numbers(&with, &mut chain).unwrap() != bare, inside, "{id}");
+    }
+    assert!(chain.finer(&Settings::default(), &view).unwrap().1[1].is_none(), "no mosaic, nothing raw");
 }

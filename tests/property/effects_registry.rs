@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::effects_support::{by_id, random_radiance, settings, view, visible};
 use shutterbug::chain::{
-    Domain, Effect, ParamKind, ParamSpec, Plan, Settings, Stage, Step, Value, Work, check_order,
+    Domain, Effect, ParamKind, ParamSpec, Plan, Settings, Stage, Step, Value, Wanted, Work, check_order,
 };
 use shutterbug::effects::LIST;
 use shutterbug::kernels::{POINTWISE, TABLE};
@@ -140,12 +140,17 @@ fn domains_go_forward_only() {
 fn neutral_parameters_change_no_bit() {
     let (view, radiance) = (view(37, 23), random_radiance(37, 23));
     let plain = picture(LIST, &Settings::default(), &view, &radiance);
-    let plan = Plan::new(LIST, &Settings::default(), false);
+    let plan = Plan::new(LIST, &Settings::default(), Wanted::PIXELS);
     assert_eq!(plan.steps.len(), 1, "the plain chain is one dispatch");
     for effect in LIST {
         let mut settings = Settings::default();
         settings.enable(*effect);
-        assert_eq!(Plan::new(LIST, &settings, false), plan, "{} does something while neutral", effect.id());
+        assert_eq!(
+            Plan::new(LIST, &settings, Wanted::PIXELS),
+            plan,
+            "{} does something while neutral",
+            effect.id()
+        );
         assert_eq!(picture(LIST, &settings, &view, &radiance), plain, "{}", effect.id());
     }
     // Control: each that acts on pixels does something when it is not neutral.
@@ -174,7 +179,7 @@ fn every_parameter_changes_some_pixel() {
 
 #[test]
 fn what_stands_between_resamplings_is_one_dispatch() {
-    let count = |of: &[(&str, &str, f64)]| Plan::new(LIST, &settings(of), false).steps.len();
+    let count = |of: &[(&str, &str, f64)]| Plan::new(LIST, &settings(of), Wanted::PIXELS).steps.len();
     let pointwise: Vec<_> = [
         ("vignetting", "a1", -0.1),
         ("glare", "veil", 0.1),
@@ -192,13 +197,13 @@ fn what_stands_between_resamplings_is_one_dispatch() {
     let mut with_lens = pointwise.clone();
     with_lens.push(("defocus", "sigma_px", 1.0));
     assert_eq!(count(&with_lens), 2, "the second pass of the lens runs the fused effects behind it");
-    let last = Plan::new(LIST, &settings(&with_lens), false).steps.pop().unwrap();
+    let last = Plan::new(LIST, &settings(&with_lens), Wanted::PIXELS).steps.pop().unwrap();
     let Step::Neighbourhood { id: "defocus", tail, last: true, .. } = last else { panic!("{last:?}") };
     assert_eq!(tail.iter().filter(|v| **v != 0).count(), pointwise.len());
     let mut looking = with_edges.clone();
     looking.push(("defocus", "sigma_px", 1.0));
     assert_eq!(count(&looking), 3, "the noise looks at what the lens and the effects behind it made");
-    let last = Plan::new(LIST, &settings(&looking), false).steps.pop().unwrap();
+    let last = Plan::new(LIST, &settings(&looking), Wanted::PIXELS).steps.pop().unwrap();
     assert!(matches!(last, Step::Pointwise { last: true, .. }), "{last:?}");
 }
 

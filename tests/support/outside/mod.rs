@@ -55,7 +55,7 @@ impl World {
     }
 
     /// Linear colour and distance along the ray (in units of its length) of what is seen, and the body.
-    fn cast(&self, from: DVec3, way: DVec3, bodies: &[Pose]) -> ([f64; 3], f64, usize) {
+    pub fn cast(&self, from: DVec3, way: DVec3, bodies: &[Pose]) -> ([f64; 3], f64, usize) {
         let mut nearest: Option<(&Cuboid, f64, DVec3)> = None;
         for cuboid in &self.0 {
             let pose = &bodies[cuboid.body];
@@ -122,7 +122,8 @@ pub fn shot(world: &World, motion: Motion<'_>, time_s: f64, margin_px: [u32; 2])
         .into_par_iter()
         .map(|i| {
             let (x, y) = ((i % size[0]) as f64, (i / size[0]) as f64);
-            let color = pixel(|px| k.ray(px), world, &poses, (DVec2::new(x, y), HOST_SIDE));
+            let rays = (DVec2::new(x, y), HOST_SIDE, DVec2::splat(0.5));
+            let color = pixel(|px| k.ray(px), world, &poses, rays);
             let way = poses[0].rotation * k.ray(DVec2::new(x + 0.5, y + 0.5));
             let (_, depth_m, body) = world.cast(poses[0].translation_m, way, &poses[1..]);
             (color.map(|c| srgb8(c as f32)), depth_m as f32, body as u32)
@@ -136,15 +137,16 @@ pub fn shot(world: &World, motion: Motion<'_>, time_s: f64, margin_px: [u32; 2])
     }
 }
 
+/// Mean of `side` by `side` rays of a pixel, each at that place of its share.
 fn pixel(
     ray: impl Fn(DVec2) -> DVec3,
     world: &World,
     poses: &[Pose],
-    (corner, side): (DVec2, u32),
+    (corner, side, place): (DVec2, u32, DVec2),
 ) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for i in 0..side * side {
-        let at = DVec2::new(f64::from(i % side) + 0.5, f64::from(i / side) + 0.5) / f64::from(side);
+        let at = (DVec2::new(f64::from(i % side), f64::from(i / side)) + place) / f64::from(side);
         let way = poses[0].rotation * ray(corner + at);
         let (color, ..) = world.cast(poses[0].translation_m, way, &poses[1..]);
         (0..3).for_each(|c| sum[c] += color[c]);
@@ -170,8 +172,11 @@ pub fn truth(
             for i in 0..count {
                 let share = if count == 1 { 0.5 } else { (f64::from(i) + 0.5) / f64::from(count) };
                 let poses = motion(start_s + share * shutter.exposure_time_s);
+                // What rests would meet the same few rays at every instant: a lattice that fills the pixel evenly.
+                let lattice = DVec2::new(0.754_877_666, 0.569_840_291);
+                let place = if count == 1 { DVec2::splat(0.5) } else { (f64::from(i) * lattice).fract() };
                 for (x, sum) in sums.iter_mut().enumerate() {
-                    let corner = (DVec2::new(x as f64, y as f64), SIDES[usize::from(count > 1)]);
+                    let corner = (DVec2::new(x as f64, y as f64), SIDES[usize::from(count > 1)], place);
                     let color = match looks {
                         None => pixel(|px| K.ray(px), world, &poses, corner),
                         Some(looks) => [0, 1, 2].map(|c| pixel(|px| looks(px, c), world, &poses, corner)[c]),
