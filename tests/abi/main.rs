@@ -10,6 +10,7 @@ mod layout;
 mod outside;
 mod outside_path;
 mod planes;
+mod robust;
 mod sharing;
 
 #[path = "../support/capi/host.rs"]
