@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -136,10 +136,27 @@ impl Manifest {
         let folders = self.folders.iter().map(|f| Line::Folder { folder: f.clone() });
         let lines = std::iter::once(start(&self.command)).chain(files).chain(working).chain(folders);
         let text: String = lines.map(|l| json(&l)).collect();
-        replace(&path, text.as_bytes(), |f| f.sync_data().map_err(|e| Error::io(&path, "write", e)))?;
+        replace(&path, text.as_bytes(), || Ok(()))?;
+        sync_names(folder).map_err(|e| Error::io(&path, "write", e))?;
         let file = OpenOptions::new().append(true).open(&path).map_err(|e| Error::io(&path, "write", e))?;
         Ok(Appender { path, file, manifest: self.clone() })
     }
+}
+
+/// Names of files are on the disk when their folder is: lines that are appended to a manifest whose own name is lost in a power cut
+/// are lost with it, and the files that they name would be nobody's.
+#[cfg(unix)]
+pub(super) fn sync_names(folder: &Path) -> std::io::Result<()> {
+    match File::open(folder)?.sync_all() {
+        // Some network file systems cannot.
+        Err(e) if e.kind() == std::io::ErrorKind::InvalidInput => Ok(()),
+        done => done,
+    }
+}
+
+#[cfg(not(unix))]
+pub(super) fn sync_names(_: &Path) -> std::io::Result<()> {
+    Ok(())
 }
 
 fn start(command: &str) -> Line {
@@ -160,7 +177,7 @@ fn json(line: &Line) -> String {
 /// A manifest that grows.
 #[derive(Debug)]
 pub(super) struct Appender {
-    path: std::path::PathBuf,
+    path: PathBuf,
     file: File,
     pub(super) manifest: Manifest,
 }
