@@ -39,7 +39,8 @@ const TEMPORARY: [&str; 2] = [".shutterbug-", ".partial"];
 
 /// Whether a file is what a run that was killed has left of [`replace`].
 pub fn is_temporary(name: &str) -> bool {
-    name.strip_prefix(TEMPORARY[0]).is_some_and(|n| n.ends_with(TEMPORARY[1]))
+    let number = name.strip_prefix(TEMPORARY[0]).and_then(|n| n.strip_suffix(TEMPORARY[1]));
+    number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| b.is_ascii_hexdigit()))
 }
 
 /// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk, under its
