@@ -78,3 +78,32 @@ fn withhold_without_a_device_is_an_error_and_no_wrong_answer() {
     // The folder is the run's own all the same: it can go on there.
     assert_refused(&command.output().unwrap(), 1, &["a diagnosis that ended with"]);
 }
+
+/// Pictures of two folders of which nothing can be told: no panic, and no "alike in both".
+#[test]
+fn folders_that_show_nothing_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, [width, height]: [u32; 2], black: bool| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(&path).unwrap();
+        for i in 0..6u32 {
+            let picture = image::RgbImage::from_fn(width, height, |x, y| {
+                let v = |k: u32| ((x * k + y * 5 + i * 3) % 200 + 20) as u8;
+                image::Rgb(if black { [0; 3] } else { [v(3), v(5), v(7)] })
+            });
+            picture.save(path.join(format!("{i:06}.png"))).unwrap();
+        }
+        path
+    };
+    let (tiny, plain) = (made("tiny", [4, 4], false), made("plain", [48, 40], false));
+    let black = made("black", [48, 40], true);
+    let diagnose = |sim: &Path, real: &Path, more: &[&str]| {
+        let mut command = shutterbug();
+        command.arg("diagnose").arg("--sim").arg(sim).arg("--real").arg(real).args(more);
+        command.arg("--out").arg(folder.path().join("out")).arg("--overwrite").output().unwrap()
+    };
+    assert_refused(&diagnose(&tiny, &tiny, &["--unpaired"]), 1, &["4x4 px", "at least 16 px"]);
+    assert_refused(&diagnose(&tiny, &tiny, &[]), 1, &["4x4 px", "at least 16 px"]);
+    assert_refused(&diagnose(&plain, &black, &["--unpaired"]), 1, &["000000.png", "all black"]);
+    assert_done(&diagnose(&plain, &plain, &["--unpaired"]));
+}
