@@ -107,3 +107,20 @@ fn folders_that_show_nothing_are_refused() {
     assert_refused(&diagnose(&plain, &black, &["--unpaired"]), 1, &["000000.png", "all black"]);
     assert_done(&diagnose(&plain, &plain, &["--unpaired"]));
 }
+
+/// A photograph without stripes: what floats round is no readout.
+#[test]
+fn a_plain_photograph_has_no_readout() {
+    let folder = tempfile::tempdir().unwrap();
+    let photograph = folder.path().join("flat.png");
+    let readout = |value: &dyn Fn(u32) -> u8, out: &str| {
+        image::RgbImage::from_fn(64, 48, |_, y| image::Rgb([value(y); 3])).save(&photograph).unwrap();
+        let out = folder.path().join(out);
+        let mut command = shutterbug();
+        command.args(["calibrate", "readout", "--led-hz", "100"]).arg(&photograph).arg("--out").arg(&out);
+        assert_done(&command.output().unwrap());
+        fs::read_to_string(out.join("camera.toml")).unwrap().contains("readout_time_s")
+    };
+    assert!(!readout(&|_| 128, "flat"), "nothing is seen");
+    assert!(readout(&|y| if y % 8 < 4 { 120 } else { 140 }, "striped"), "control");
+}
