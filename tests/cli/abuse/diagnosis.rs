@@ -15,7 +15,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
+/// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
 /// asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
 #[test]
 fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
@@ -56,6 +56,12 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     let report = diagnose("mirrored", "1");
     let sentence = report["sentence"].as_str().unwrap();
     assert!(sentence.starts_with("Look at the set-up") && sentence.contains("mirrored"), "{sentence}");
+    // A4: what was not looked at is not denied.
+    assert_eq!(report["verdict"], "undetermined", "{sentence}");
+    assert!(
+        sentence.contains("the time limit came before") && !sentence.contains("no known effect"),
+        "{sentence}"
+    );
     assert!(report["warnings"][0].as_str().unwrap().contains("mirrored"), "{}", report["warnings"]);
 }
 
