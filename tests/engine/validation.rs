@@ -64,9 +64,9 @@ fn a_missing_barrier_is_reported() {
             recorder.finish();
             slot.submit().unwrap();
             slot.wait(Duration::from_secs(60)).unwrap();
-            // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
             #[allow(unsafe_code)]
             {
+                // SAFETY: as above.
                 recorder = unsafe { slot.begin_unchecked() }.unwrap();
             }
         }

@@ -21,11 +21,13 @@ const SCENE: &str = "mtllib colours.mtl\no wall\nv 3 -4 -4\nv 3 4 -4\nv 3 4 4\nv
                      usemtl grey\nf 1 2 3 4\nusemtl red\nf 1/1/1 2/2/1 3/3/1\ng more\nf -1 -2 -3\n";
 const MATERIALS: &str = "newmtl grey\nKd 0.4 0.5 0.6\nd 0.5\nnewmtl red\nKd 0.6 0.1 0.1\n";
 
+type Parse = dyn Fn(&[u8]) -> Result<(), String>;
+
 /// A parser: its name, a file that it reads, and the function.
 pub struct Parser {
     pub name: &'static str,
     pub whole: Vec<u8>,
-    parse: Box<dyn Fn(&[u8]) -> Result<(), String>>,
+    parse: Box<Parse>,
 }
 
 impl Parser {
