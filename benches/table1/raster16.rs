@@ -171,7 +171,9 @@ impl Lab {
         };
         let peers = [peer(Shading16::Ours)?, peer(Shading16::Plain)?];
         let mut slot = Slot::new(context, "raster 16")?;
-        let mut recorder = slot.begin()?;
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { slot.begin_unchecked() }?;
         let images = targets.iter().flat_map(|t| t.0.attachments.images());
         let of_peers = peers.iter().flat_map(|p| p.0.attachments.images());
         recorder.prepare(images.chain(of_peers).chain([&sum]));
@@ -231,7 +233,9 @@ impl Lab {
             };
             r.dispatch(&self.accumulate, group, &push, size);
         };
-        let mut r = self.slot.begin()?;
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut r = unsafe { self.slot.begin_unchecked() }?;
         r.clear(&self.sum);
         match way {
             0 => {

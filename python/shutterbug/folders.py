@@ -74,7 +74,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """``"no_gap"``, ``"explained"``, ``"partly_explained"`` or ``"unknown_effect"``."""
+        """``"no_gap"``, ``"explained"``, ``"partly_explained"``, ``"unknown_effect"`` or ``"undetermined"``."""
         return str(self.report["verdict"])
 
     @property

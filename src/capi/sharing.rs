@@ -1,6 +1,8 @@
 //! Memory and semaphores shared with the host.
 
 use std::ffi::c_void;
+use std::os::fd::BorrowedFd;
+use std::os::unix::fs::FileTypeExt as _;
 use std::sync::Arc;
 
 use super::Handle;
@@ -29,8 +31,20 @@ pub(super) fn check_out<T>(out: *mut T, what: &str) -> Outcome<()> {
     }
 }
 
+/// Refuses what is no descriptor of memory or of a semaphore: software drivers read from what they get, and would wait for ever at a
+/// pipe. (A driver's own descriptors are regular files, devices, or of no kind at all.)
 pub(super) fn check_fd(fd: i32) -> Outcome<()> {
-    if fd < 0 { Err(Fault::argument(format!("the descriptor is {fd}"))) } else { Ok(()) }
+    if fd < 0 {
+        return Err(Fault::argument(format!("the descriptor is {fd}")));
+    }
+    // SAFETY: borrowed for this call; if it is not open, the copy fails.
+    let copy = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned().map(std::fs::File::from);
+    let about = copy.and_then(|file| file.metadata());
+    let kind = about.map_err(|e| Fault::argument(format!("descriptor {fd}: {e}")))?.file_type();
+    if kind.is_fifo() || kind.is_socket() || kind.is_dir() {
+        return Err(Fault::argument(format!("descriptor {fd} is a pipe, a socket or a folder")));
+    }
+    Ok(())
 }
 
 /// Makes something on an engine's device and gives it its handle.

@@ -1,6 +1,6 @@
 //! Status codes of the C ABI. Their numbers never change; new ones are added at the end.
 
-use crate::error::Error;
+use crate::error::{Error, one_line};
 
 /// What a call returns: one of the constants below.
 pub type Status = i32;
@@ -76,7 +76,8 @@ impl Fault {
 impl From<Error> for Fault {
     fn from(error: Error) -> Self {
         let status = status_of(&error);
-        Self { status, text: error.to_string() }
+        // Hosts print it: what stands in a file must not steer their terminal.
+        Self { status, text: one_line(&error.to_string()) }
     }
 }
 

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 /// A file that cannot be written; the temporary file is removed.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     let taken_over = watcher().and_then(|w| w.write(path, bytes));
-    taken_over.unwrap_or_else(|| replace(path, bytes, |_| Ok(())))
+    taken_over.unwrap_or_else(|| replace(path, bytes, || Ok(())))
 }
 
 /// Writes a single file that the user named. One that is there is replaced only with `overwrite`, and one of `inputs` never.
@@ -39,17 +39,20 @@ const TEMPORARY: [&str; 2] = [".shutterbug-", ".partial"];
 
 /// Whether a file is what a run that was killed has left of [`replace`].
 pub fn is_temporary(name: &str) -> bool {
-    name.strip_prefix(TEMPORARY[0]).is_some_and(|n| n.ends_with(TEMPORARY[1]))
+    let number = name.strip_prefix(TEMPORARY[0]).and_then(|n| n.strip_suffix(TEMPORARY[1]));
+    number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| b.is_ascii_hexdigit()))
 }
 
-/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete under its temporary name.
+/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk, under its
+/// temporary name. Without that a power cut leaves the final name with nothing behind it, and what it replaces is gone.
 ///
 /// # Errors
 /// A file that cannot be written, and what `before` says; the temporary file is removed.
-pub fn replace(path: &Path, bytes: &[u8], before: impl FnOnce(&File) -> Result<()>) -> Result<()> {
+pub fn replace(path: &Path, bytes: &[u8], before: impl FnOnce() -> Result<()>) -> Result<()> {
     let failed = |e| Error::io(path, "write", e);
     let (temporary, mut file) = create_temporary(path).map_err(failed)?;
-    let written = file.write_all(bytes).map_err(failed).and_then(|()| before(&file));
+    let written =
+        file.write_all(bytes).and_then(|()| file.sync_data()).map_err(failed).and_then(|()| before());
     written.and_then(|()| fs::rename(&temporary, path).map_err(failed)).inspect_err(|_| {
         // The first error is the one to report; a leftover that cannot be removed either adds nothing to it.
         let _ = fs::remove_file(&temporary);
@@ -93,7 +96,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.txt");
         fs::write(&path, "before").expect("written");
-        let full = |_: &File| Err(Error::io(&path, "write", io::Error::other("disk full")));
+        let full = || Err(Error::io(&path, "write", io::Error::other("disk full")));
         assert!(replace(&path, b"after", full).expect_err("full").to_string().contains("disk full"));
         assert_eq!(fs::read_to_string(&path).expect("there"), "before");
         assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 1);

@@ -54,7 +54,11 @@ impl OpenDevice {
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(info.queue_family)
             .queue_priorities(&priorities)];
-        let features = vk::PhysicalDeviceFeatures::default().shader_storage_image_extended_formats(true);
+        // Every device has the first: an index that comes from the input and is wrong reads something of the same buffer or
+        // zero, and writes nothing elsewhere.
+        let features = vk::PhysicalDeviceFeatures::default()
+            .robust_buffer_access(true)
+            .shader_storage_image_extended_formats(true);
         // SAFETY: the physical device belongs to the live instance.
         let present = unsafe { instance.enumerate_device_extension_properties(info.physical) };
         let present = present.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;

@@ -78,14 +78,27 @@ impl Slot {
         Ok(slot)
     }
 
-    /// Starts recording.
+    /// Starts recording, for who is not of this crate. All that reaches the device goes through here: what else this module
+    /// has can only make things and let go of them.
+    ///
+    /// # Safety
+    /// Everything that is recorded, and what its groups bind, lives until [`Self::wait`] says that the work is over. The
+    /// invocations of a kernel stay inside what its group binds, as its own source says. A draw's area lies inside the
+    /// attachments, its indices inside the index buffer, what they name inside the vertex buffer, and its groups and push
+    /// constants are those of its pipeline. A copy to or from a buffer fits into it, all layers counted.
     ///
     /// # Errors
     /// Out of memory.
     ///
     /// # Panics
     /// If work is in flight: a bug of the caller.
-    pub fn begin(&mut self) -> Result<Recorder<'_>> {
+    pub unsafe fn begin_unchecked(&mut self) -> Result<Recorder<'_>> {
+        self.begin()
+    }
+
+    /// [`Self::begin_unchecked`] for this crate, where engine and raster keep its rules: they own what their slots use, and wait
+    /// before they drop it.
+    pub(crate) fn begin(&mut self) -> Result<Recorder<'_>> {
         assert!(!self.in_flight, "a slot is waited for before it is recorded again");
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is not in flight; beginning resets it, as its pool allows.

@@ -88,6 +88,20 @@ fn resident_memory_stays_flat() {
     }
 }
 
+/// Frames without end in one process, whose device is lost again and again. docs/robustness.md has a run of a million.
+#[test]
+fn a_long_life_holds_no_more_and_keeps_its_bits() {
+    let Some(life) = build("cc", "-std=c11", "tests/c/long_life.c", &["-ldl"]) else { return };
+    let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
+    let counts = if long { ["1000000", "50", "10000"] } else { ["1500", "3", "50"] };
+    let out = run(&mut program(&life, &counts));
+    eprintln!("{}", String::from_utf8_lossy(&out.stdout));
+    for (control, found) in [("leak", 4), ("change", 3)] {
+        let code = program(&life, &["1500", "0", "50", control]).output().unwrap().status.code();
+        assert!(code == Some(found) || code == Some(NO_DEVICE), "control {control}: {code:?}");
+    }
+}
+
 #[test]
 fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
     if !present("valgrind") {

@@ -11,6 +11,7 @@ mod layout;
 mod outside;
 mod outside_path;
 mod planes;
+mod robust;
 mod sharing;
 
 #[path = "../support/capi/host.rs"]

@@ -239,3 +239,33 @@ fn the_hosts_own_device_is_used_and_left_alone() {
     assert_eq!(shutterbug_engine_destroy(engines[1]), OK);
     host.finish();
 }
+
+/// What is no memory: a driver that reads from a pipe would wait for ever.
+#[test]
+fn pipes_sockets_and_closed_descriptors_are_no_memory() {
+    use std::os::fd::AsRawFd as _;
+    let test = "pipes_sockets_and_closed_descriptors_are_no_memory";
+    let Some(engine) = small_engine(test) else { return };
+    let (reader, _writer) = std::io::pipe().unwrap();
+    let (socket, _other) = std::os::unix::net::UnixStream::pair().unwrap();
+    let folder = std::fs::File::open("/").unwrap();
+    for (fd, says) in [
+        (reader.as_raw_fd(), "is a pipe"),
+        (socket.as_raw_fd(), "a socket"),
+        (folder.as_raw_fd(), "a folder"),
+        (-1, "-1"),
+        (1 << 20, "Bad file descriptor"),
+    ] {
+        let mut made = made_up(9);
+        let code = unsafe { shutterbug_memory_import_fd(engine, fd, 4096, &mut made) };
+        assert_eq!((code, made), (status("ARGUMENT"), made_up(9)), "{fd}: {}", error_of(engine));
+        assert!(error_of(engine).contains(says), "{}", error_of(engine));
+        let code = unsafe { shutterbug_semaphore_import_fd(engine, fd, BINARY, &mut made) };
+        assert_eq!(code, status("ARGUMENT"), "{}", error_of(engine));
+    }
+    // A sentence with what stands in the host's input stays one line of text.
+    let code = unsafe { shutterbug_engine_load_scene(engine, text("/no\n\u{1b}[31m").as_ptr()) };
+    assert_ne!(code, OK);
+    assert!(error_of(engine).contains("\\n\\u{1b}[31m"), "{}", error_of(engine));
+    finish(engine);
+}

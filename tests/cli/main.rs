@@ -27,3 +27,5 @@ mod diagnose_support;
 mod gpu_support;
 #[path = "../support/import/mod.rs"]
 mod import_support;
+#[path = "../support/parsers/mod.rs"]
+mod parsers_support;

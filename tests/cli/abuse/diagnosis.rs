@@ -15,7 +15,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
+/// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
 /// asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
 #[test]
 fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
@@ -56,6 +56,12 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     let report = diagnose("mirrored", "1");
     let sentence = report["sentence"].as_str().unwrap();
     assert!(sentence.starts_with("Look at the set-up") && sentence.contains("mirrored"), "{sentence}");
+    // A4: what was not looked at is not denied.
+    assert_eq!(report["verdict"], "undetermined", "{sentence}");
+    assert!(
+        sentence.contains("the time limit came before") && !sentence.contains("no known effect"),
+        "{sentence}"
+    );
     assert!(report["warnings"][0].as_str().unwrap().contains("mirrored"), "{}", report["warnings"]);
 }
 
@@ -77,4 +83,50 @@ fn withhold_without_a_device_is_an_error_and_no_wrong_answer() {
     assert!(!out.join("case-000/score.json").exists(), "the case is not done");
     // The folder is the run's own all the same: it can go on there.
     assert_refused(&command.output().unwrap(), 1, &["a diagnosis that ended with"]);
+}
+
+/// Pictures of two folders of which nothing can be told: no panic, and no "alike in both".
+#[test]
+fn folders_that_show_nothing_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, [width, height]: [u32; 2], black: bool| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(&path).unwrap();
+        for i in 0..6u32 {
+            let picture = image::RgbImage::from_fn(width, height, |x, y| {
+                let v = |k: u32| ((x * k + y * 5 + i * 3) % 200 + 20) as u8;
+                image::Rgb(if black { [0; 3] } else { [v(3), v(5), v(7)] })
+            });
+            picture.save(path.join(format!("{i:06}.png"))).unwrap();
+        }
+        path
+    };
+    let (tiny, plain) = (made("tiny", [4, 4], false), made("plain", [48, 40], false));
+    let black = made("black", [48, 40], true);
+    let diagnose = |sim: &Path, real: &Path, more: &[&str]| {
+        let mut command = shutterbug();
+        command.arg("diagnose").arg("--sim").arg(sim).arg("--real").arg(real).args(more);
+        command.arg("--out").arg(folder.path().join("out")).arg("--overwrite").output().unwrap()
+    };
+    assert_refused(&diagnose(&tiny, &tiny, &["--unpaired"]), 1, &["4x4 px", "at least 16 px"]);
+    assert_refused(&diagnose(&tiny, &tiny, &[]), 1, &["4x4 px", "at least 16 px"]);
+    assert_refused(&diagnose(&plain, &black, &["--unpaired"]), 1, &["000000.png", "all black"]);
+    assert_done(&diagnose(&plain, &plain, &["--unpaired"]));
+}
+
+/// A photograph without stripes: what floats round is no readout.
+#[test]
+fn a_plain_photograph_has_no_readout() {
+    let folder = tempfile::tempdir().unwrap();
+    let photograph = folder.path().join("flat.png");
+    let readout = |value: &dyn Fn(u32) -> u8, out: &str| {
+        image::RgbImage::from_fn(64, 48, |_, y| image::Rgb([value(y); 3])).save(&photograph).unwrap();
+        let out = folder.path().join(out);
+        let mut command = shutterbug();
+        command.args(["calibrate", "readout", "--led-hz", "100"]).arg(&photograph).arg("--out").arg(&out);
+        assert_done(&command.output().unwrap());
+        fs::read_to_string(out.join("camera.toml")).unwrap().contains("readout_time_s")
+    };
+    assert!(!readout(&|_| 128, "flat"), "nothing is seen");
+    assert!(readout(&|y| if y % 8 < 4 { 120 } else { 140 }, "striped"), "control");
 }

@@ -103,3 +103,30 @@ fn warnings_in_a_file_have_no_colours() {
     let output = capture.simulate(&capture.beside("out"), &[]);
     assert!(said(&output).contains("gone.mtl") && !said(&output).contains('\u{1b}'), "{:?}", said(&output));
 }
+
+/// U6: what is missing or cannot be read is named, with file, line and reason.
+#[test]
+fn what_is_missing_is_named_with_file_and_reason() {
+    let capture = Capture::new();
+    let ros = capture.beside("ros.yaml");
+    fs::write(
+        &ros,
+        "image_width: 64\nimage_height: 48\ncamera_matrix:\n  data: [50, 0, 31.5, 0, 50, 23.5, 0, 0, 1]\n\
+         distortion_model: plumb_bob\ndistortion_coefficients:\n  data: [0, 0, 0, 0, 0]\n",
+    )
+    .unwrap();
+    let convert = |more: &[&str]| {
+        let mut command = shutterbug();
+        command.args(["camera", "convert", "--to", "toml"]).arg(&ros).args(more).output().unwrap()
+    };
+    assert_refused(&convert(&[]), 1, &["ros.yaml", "no frame rate", "--rate-hz"]);
+    assert_done(&convert(&["--rate-hz", "25"]));
+    let poses = capture.beside("poses.txt");
+    fs::write(&poses, b"1 0 0 0 0 1 0 0 0 0 1 0\n\xff\xfe\n").unwrap();
+    let import = shutterbug().arg("import").arg(&poses).output().unwrap();
+    assert_refused(&import, 1, &["poses.txt:2", "not UTF-8"]);
+    let camera = capture.root().join("camera.toml");
+    fs::remove_file(&camera).unwrap();
+    std::os::unix::fs::symlink("camera.toml", &camera).unwrap();
+    assert_refused(&capture.simulate(&capture.beside("out"), &[]), 1, &["camera.toml", "symbolic links"]);
+}

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod diagnosis;
+mod disk;
 mod effects;
 mod messages;
 mod mutations;

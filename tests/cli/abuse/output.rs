@@ -241,3 +241,50 @@ fn a_killed_run_leaves_whole_files_and_goes_on_to_the_same_end() {
     };
     assert_eq!(pictures(&out), pictures(&whole));
 }
+
+/// A manifest may be a stranger's: what it names outside its folder or through a link stays, and so do files whose names only
+/// look like those of a run that was killed.
+#[test]
+fn a_manifest_of_a_stranger_removes_nothing_elsewhere() {
+    if !device_is_there("a_manifest_of_a_stranger_removes_nothing_elsewhere") {
+        return;
+    }
+    let capture = Capture::new();
+    let (out, mine) = (capture.beside("out"), capture.beside("elsewhere/mine.txt"));
+    fs::create_dir_all(mine.parent().unwrap()).unwrap();
+    fs::write(&mine, "mine").unwrap();
+    fs::create_dir_all(out.join("sub")).unwrap();
+    std::os::unix::fs::symlink(mine.parent().unwrap(), out.join("link")).unwrap();
+    let names =
+        ["../elsewhere/mine.txt", mine.to_str().unwrap(), "sub/../../elsewhere/mine.txt", "link/mine.txt"];
+    let sha256 = shutterbug_diagnose::out::sha256_hex(b"mine");
+    let line = |name: &&str| format!("{{\"name\":\"{name}\",\"bytes\":4,\"sha256\":\"{sha256}\"}}\n");
+    let start = "{\"shutterbug\":\"0.1.0\",\"command\":\"simulate\",\"arguments\":[],\"made_from\":{}}\n";
+    let lines: String = names.iter().chain(&["old.png"]).map(line).collect();
+    fs::write(out.join("manifest.jsonl"), format!("{start}{lines}")).unwrap();
+    fs::write(out.join("old.png"), "mine").unwrap();
+    fs::write(out.join(".shutterbug-diary.partial"), "mine").unwrap();
+    assert_refused(&capture.simulate(&out, &[]), 1, &[".shutterbug-diary.partial", "link"]);
+    assert_done(&capture.simulate(&out, &["--overwrite"]));
+    assert!(mine.exists() && out.join(".shutterbug-diary.partial").exists());
+    assert!(!out.join("old.png").exists(), "control: what it names in the folder is removed");
+}
+
+/// W1, for the file that a diagnosis appends to: also where `--overwrite` does not look at what is there.
+#[test]
+fn a_diagnosis_writes_through_no_link() {
+    let capture = Capture::new();
+    let (out, mine) = (capture.beside("out"), capture.beside("mine.txt"));
+    let picture = image::RgbImage::from_fn(32, 24, |x, y| image::Rgb([x as u8 * 7, y as u8 * 9, 80]));
+    fs::create_dir_all(capture.root().join("real")).unwrap();
+    for i in 0..4 {
+        picture.save(capture.root().join(format!("real/{i:06}.png"))).unwrap();
+    }
+    fs::create_dir(&out).unwrap();
+    fs::write(&mine, "mine").unwrap();
+    std::os::unix::fs::symlink(&mine, out.join("progress.jsonl")).unwrap();
+    let mut diagnose = shutterbug();
+    diagnose.arg("diagnose").arg(capture.root()).arg("--out").arg(&out).arg("--overwrite");
+    assert_refused(&diagnose.output().unwrap(), 1, &["progress.jsonl"]);
+    assert_eq!(fs::read(&mine).unwrap(), b"mine");
+}

@@ -183,3 +183,22 @@ fn noise_of_frames_of_another_size_than_the_camera_is_refused() {
     calibrate.arg("--camera").arg(capture.root().join("camera.toml"));
     assert_refused(&calibrate.output().unwrap(), 1, &["0.png", "96x96 px", "32x24 px"]);
 }
+
+/// R1, as SECURITY.md has it: a capture's own files may be links that lead out, what these name may not.
+#[test]
+fn links_that_lead_out_of_a_capture() {
+    let linked = |name: &str, text: &str| {
+        let capture = Capture::new();
+        let elsewhere = capture.beside("elsewhere");
+        fs::write(&elsewhere, text).unwrap();
+        let _ = fs::remove_file(capture.root().join(name));
+        std::os::unix::fs::symlink(&elsewhere, capture.root().join(name)).unwrap();
+        capture.simulate(&capture.beside("out"), &["--device", "none of that name"])
+    };
+    // Read without a word: what is missed is the device.
+    assert_refused(&linked("camera.toml", CAMERA), 1, &["no Vulkan device"]);
+    assert_refused(&linked("frames.csv", &frames_csv(2)), 1, &["no Vulkan device"]);
+    for (name, text) in [("scene.obj", SCENE), ("colours.mtl", MATERIALS)] {
+        assert_refused(&linked(name, text), 1, &[name, "expected a file inside"]);
+    }
+}

@@ -36,7 +36,9 @@ impl Bench {
         let size = size.map(|s| s as u32);
         let spec = ImageSpec { layers, array, ..ImageSpec::storage(size, format) };
         let image = Image::new(&self.watched.0, "test image", spec).unwrap();
-        let mut recorder = self.slot.begin().unwrap();
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { self.slot.begin_unchecked() }.unwrap();
         recorder.prepare([&image]);
         recorder.clear(&image);
         recorder.finish();
@@ -51,7 +53,9 @@ impl Bench {
         let values: Vec<f32> = layers.iter().flat_map(|p| p.data.iter().copied()).collect();
         let staging = self.filled(Usage::Transfer, &values);
         assert_eq!(staging.bytes(), (bytes(&image)).max(16), "the planes have the image's channels");
-        let mut recorder = self.slot.begin().unwrap();
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { self.slot.begin_unchecked() }.unwrap();
         recorder.copy_buffer_to_image(&staging, &image);
         recorder.barrier();
         recorder.finish();
@@ -82,7 +86,9 @@ impl Bench {
     ) {
         let pipeline = ComputePipeline::specialized(&self.watched.0, kernel, constants).unwrap();
         let group = pipeline.bind(resources).unwrap();
-        let mut recorder = self.slot.begin().unwrap();
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { self.slot.begin_unchecked() }.unwrap();
         recorder.dispatch(&pipeline, &group, push, size);
         recorder.finish();
         self.finish();
@@ -92,7 +98,9 @@ impl Bench {
     pub fn read(&mut self, image: &Image) -> Vec<Plane<f32>> {
         let spec = *image.spec();
         let to = self.readback(bytes(image));
-        let mut recorder = self.slot.begin().unwrap();
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { self.slot.begin_unchecked() }.unwrap();
         recorder.copy_image_to_buffer(image, [0, 0], spec.size, &to);
         recorder.barrier();
         recorder.finish();
@@ -111,7 +119,9 @@ impl Bench {
     /// The first bytes of a buffer.
     pub fn read_buffer(&mut self, buffer: &Buffer, bytes: usize) -> Vec<u8> {
         let to = self.readback(bytes as u64);
-        let mut recorder = self.slot.begin().unwrap();
+        // SAFETY: what is recorded is this function's or its owner's, fits, and is waited for before it is dropped.
+        #[allow(unsafe_code)]
+        let mut recorder = unsafe { self.slot.begin_unchecked() }.unwrap();
         recorder.copy_buffer(buffer, &to, bytes as u64);
         recorder.barrier();
         recorder.finish();

@@ -11,6 +11,9 @@ use serde::Serialize;
 use super::frames::Encoding;
 use shutterbug::plane::Plane;
 
+/// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8 bits and some
+/// hundred pixels a line can show.
+const LEAST_DEPTH: f64 = 1e-5;
 /// How often stripes may be seen where there are none.
 const ALPHA: f64 = 0.01;
 /// Fewest stripes in a picture: fewer cannot be told from a slope.
@@ -74,7 +77,7 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         let Some(frequency) = spectrum.fundamental(threshold[axis]) else { continue };
         let frequency = refined(&mean, frequency);
         let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
-        if !in_phase(&parts, frequency) {
+        if amplitude < LEAST_DEPTH || !in_phase(&parts, frequency) {
             continue;
         }
         let readout = readout(rows, lines, frequency, amplitude, noise, light_hz);

@@ -185,7 +185,7 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
              do not tell which.",
             gap.before
         ),
-        Verdict::UnknownEffect => format!(
+        Verdict::UnknownEffect | Verdict::Undetermined => format!(
             "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none of the \
              candidates explains{left}: there is an effect that is not among them.{parts}",
             gap.before

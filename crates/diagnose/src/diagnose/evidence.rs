@@ -13,7 +13,7 @@ use super::report::LeftOut;
 /// Fewest frames that can be split into frames to fit and frames to judge.
 const FEWEST_FRAMES: usize = 4;
 /// Smallest side of frames that can be judged, px: two blocks of a compressed picture.
-const LEAST_SIDE_PX: u32 = 16;
+pub(super) const LEAST_SIDE_PX: u32 = 16;
 /// Most frames to fit, to choose by and to report: more add time and hardly any certainty.
 const MOST: [usize; 3] = [6, 4, 8];
 /// The same of large pictures, which show so much more each.
@@ -154,7 +154,7 @@ impl Evidence {
 }
 
 /// Why nothing can be seen in a picture, if so.
-fn useless(picture: &Plane<u8>) -> Option<&'static str> {
+pub(super) fn useless(picture: &Plane<u8>) -> Option<&'static str> {
     let share = |f: fn(u8) -> bool| {
         picture.data.iter().filter(|&&v| f(v)).count() as f64 / picture.data.len().max(1) as f64
     };

@@ -55,13 +55,12 @@ impl Journal {
         let key = key();
         let whole = journal.read(path, &key)?;
         let failed = |e| Error::io(path, "write", e);
-        let mut file = fs::OpenOptions::new()
-            .create(true)
-            .write(true)
-            .truncate(!whole)
-            .append(false)
-            .open(path)
-            .map_err(failed)?;
+        let mut how = fs::OpenOptions::new();
+        how.create(true).write(true).truncate(!whole).append(false);
+        // `--overwrite` does not look at what is there: a link must not lead out.
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut how, libc::O_NOFOLLOW);
+        let mut file = how.open(path).map_err(failed)?;
         if whole {
             use std::io::Seek as _;
             file.seek(std::io::SeekFrom::End(0)).map_err(failed)?;

@@ -97,6 +97,8 @@ pub enum Verdict {
     PartlyExplained,
     /// There is a clear gap, and no known effect explains it.
     UnknownEffect,
+    /// There is a gap, and the time limit came before the search had ended: nothing is denied that was not looked at.
+    Undetermined,
 }
 
 /// The headline: a proper score (continuous ranked probability score), the mean over pixels and a fixed bank of linear

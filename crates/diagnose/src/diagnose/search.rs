@@ -287,6 +287,9 @@ impl<'a> Search<'a> {
                 let mean = alone.iter().filter(|a| !candidate_of(a.name).noise && !set.contains(&a.name));
                 mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
             } else if self.late() {
+                late.extend(
+                    self.left_beside(&set).into_iter().filter(|n| !late.contains(n)).collect::<Vec<_>>(),
+                );
                 break;
             } else {
                 self.round(watch, &set, &current, &scores, &mut late)?
@@ -404,6 +407,12 @@ impl<'a> Search<'a> {
         );
     }
 
+    /// Candidates that a round asks of.
+    fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
+        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
+        self.names.iter().copied().filter(beside).collect()
+    }
+
     /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
     fn round(
         &mut self,
@@ -413,9 +422,8 @@ impl<'a> Search<'a> {
         now: &Scores,
         late: &mut Vec<&'static str>,
     ) -> Result<Vec<Tried>> {
-        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
-        let left: Vec<_> = self.names.iter().copied().filter(beside).collect();
-        let (smooth, rest): (Vec<_>, Vec<_>) = left.into_iter().partition(|n| !is_discrete(candidate_of(n)));
+        let (smooth, rest): (Vec<_>, Vec<_>) =
+            self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
         let ranked = self.shortlist(set, current, &smooth)?;
@@ -506,7 +514,8 @@ impl<'a> Search<'a> {
 
     /// The last fit of the mean, then the noise: which kinds of it, and how much.
     fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
-        if !found.set.is_empty() {
+        // What only makes a set better that is nearly right is left out where there is no time for it.
+        if !found.set.is_empty() && !self.late() {
             self.tune_choices(found)?;
             self.exchange(found)?;
             self.free_more(found)?;

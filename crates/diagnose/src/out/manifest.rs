@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -97,8 +97,7 @@ impl Manifest {
 
     /// Whether the file of that name is there and as the manifest says, to the last byte.
     pub(super) fn is_whole(&self, folder: &Path, name: &str) -> bool {
-        let Some(lines) = self.files.get(name) else { return false };
-        let path = folder.join(name);
+        let (Some(lines), Some(path)) = (self.files.get(name), place(folder, name)) else { return false };
         let Ok(about) = path.symlink_metadata() else { return false };
         if !about.is_file() || !lines.iter().any(|(bytes, _)| *bytes == about.len()) {
             return false;
@@ -136,10 +135,37 @@ impl Manifest {
         let folders = self.folders.iter().map(|f| Line::Folder { folder: f.clone() });
         let lines = std::iter::once(start(&self.command)).chain(files).chain(working).chain(folders);
         let text: String = lines.map(|l| json(&l)).collect();
-        replace(&path, text.as_bytes(), |f| f.sync_data().map_err(|e| Error::io(&path, "write", e)))?;
+        replace(&path, text.as_bytes(), || Ok(()))?;
+        sync_names(folder).map_err(|e| Error::io(&path, "write", e))?;
         let file = OpenOptions::new().append(true).open(&path).map_err(|e| Error::io(&path, "write", e))?;
         Ok(Appender { path, file, manifest: self.clone() })
     }
+}
+
+/// Where a name of the manifest lies: below the folder and through no link, or nowhere. A manifest may be a stranger's, and what it
+/// names is removed by the next run.
+fn place(folder: &Path, name: &str) -> Option<PathBuf> {
+    let plain = !name.is_empty() && Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
+    let path = folder.join(name);
+    let linked = |f: &Path| f.symlink_metadata().is_ok_and(|about| about.is_symlink());
+    let through_link = path.ancestors().skip(1).take_while(|f| *f != folder).any(linked);
+    (plain && !through_link).then_some(path)
+}
+
+/// Names of files are on the disk when their folder is: lines that are appended to a manifest whose own name is lost in a power cut
+/// are lost with it, and the files that they name would be nobody's.
+#[cfg(unix)]
+pub(super) fn sync_names(folder: &Path) -> std::io::Result<()> {
+    match File::open(folder)?.sync_all() {
+        // Some network file systems cannot.
+        Err(e) if e.kind() == std::io::ErrorKind::InvalidInput => Ok(()),
+        done => done,
+    }
+}
+
+#[cfg(not(unix))]
+pub(super) fn sync_names(_: &Path) -> std::io::Result<()> {
+    Ok(())
 }
 
 fn start(command: &str) -> Line {
@@ -160,7 +186,7 @@ fn json(line: &Line) -> String {
 /// A manifest that grows.
 #[derive(Debug)]
 pub(super) struct Appender {
-    path: std::path::PathBuf,
+    path: PathBuf,
     file: File,
     pub(super) manifest: Manifest,
 }

@@ -6,6 +6,7 @@ mod lock;
 mod manifest;
 mod overlap;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
@@ -14,7 +15,7 @@ use shutterbug::error::{Error, Result};
 use shutterbug::files::{is_temporary, replace};
 
 use lock::{LOCK_FILE, Lock};
-use manifest::{Appender, Manifest};
+use manifest::{Appender, Manifest, sync_names};
 
 pub use account::{note_read, record_reads, recorded_reads, sha256_hex};
 pub use manifest::MANIFEST_FILE;
@@ -102,12 +103,18 @@ impl Out {
         let mut state = self.0.state();
         let State::Opened(before) = &*state else { return Ok(()) };
         remove_temporary(&self.0.root);
+        let mut touched = BTreeSet::new();
         for name in before.names().filter(|n| before.is_whole(&self.0.root, n)) {
             let path = self.0.root.join(name);
             fs::remove_file(&path).map_err(|e| Error::io(&path, "remove the earlier run's", e))?;
             // The folders that it was in, where that was the last of them.
             let folders = path.ancestors().skip(1).take_while(|f| *f != self.0.root);
             folders.take_while(|f| fs::remove_dir(f).is_ok()).for_each(drop);
+            touched.extend(path.parent().map(Path::to_owned));
+        }
+        // Gone for good before no line names them any more.
+        for folder in touched.iter().filter(|f| f.exists()) {
+            sync_names(folder).map_err(|e| Error::io(folder, "write", e))?;
         }
         *state = State::Writing(before.emptied(self.0.command).write(&self.0.root)?);
         Ok(())
@@ -164,13 +171,10 @@ impl Held {
     /// Puts a file below the folder in place, named.
     fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
         self.refuse_links(name)?;
-        replace(path, bytes, |file| {
-            file.sync_data().map_err(|e| Error::io(path, "write", e))?;
-            match &mut *self.state() {
-                State::Writing(appender) => appender.file(name, bytes),
-                // A bug, but none that may cost a file.
-                State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
-            }
+        replace(path, bytes, || match &mut *self.state() {
+            State::Writing(appender) => appender.file(name, bytes),
+            // A bug, but none that may cost a file.
+            State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
         })
     }
 

@@ -170,6 +170,7 @@ fn verdict_text(verdict: Verdict) -> &'static str {
         Verdict::Explained => "Explained",
         Verdict::PartlyExplained => "Partly explained",
         Verdict::UnknownEffect => "Unknown effect",
+        Verdict::Undetermined => "Undetermined",
     }
 }
 

@@ -155,6 +155,7 @@ fn verdict_name(verdict: Verdict) -> &'static str {
         Verdict::Explained => "explained",
         Verdict::PartlyExplained => "partly_explained",
         Verdict::UnknownEffect => "unknown_effect",
+        Verdict::Undetermined => "undetermined",
     }
 }
 

@@ -7,6 +7,7 @@ mod order;
 mod thumbs;
 mod values;
 
+use super::describe::listed;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
 use super::model::Theta;
@@ -69,13 +70,8 @@ pub(super) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) ->
 /// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects (`late`) for
 /// which no time was left.
 pub(super) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, late: &[&str]) {
-    if !late.is_empty() && report.verdict == Verdict::UnknownEffect {
-        report.sentence = format!(
-            "The frames differ by {:.2} DN, and the time limit came before an explanation: {} were not looked at, and nothing is \
-             said of them. Run again with a longer --time-limit-s.",
-            report.gap.before,
-            late.join(", ").replace('_', " ")
-        );
+    if !late.is_empty() && report.verdict != Verdict::NoGap {
+        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, late));
     }
     if let Some(first) = said.first() {
         let lead = "Look at the set-up before anything else";
@@ -84,6 +80,25 @@ pub(super) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, l
     }
     let unseen = unseen(evidence);
     report.warnings.splice(0..0, said.iter().cloned().chain(unseen));
+}
+
+/// What is said where the time limit came before the search had ended.
+fn cut_short(report: &Report, late: &[&str]) -> String {
+    let named: Vec<_> = report.effects.iter().map(|e| e.name.replace('_', " ")).collect();
+    let so_far = match named.as_slice() {
+        [] => String::new(),
+        _ => format!(
+            " So far {} would close {:.0} % of that.",
+            listed(&named),
+            100.0 * report.gap.closed_fraction
+        ),
+    };
+    format!(
+        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far} {} were not looked at, and \
+         nothing is said of them. Run again with a longer --time-limit-s.",
+        report.gap.before,
+        listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>())
+    )
 }
 
 /// Frames that neither a fit nor a judgement has seen.

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use super::model::Theta;
 use super::pair::{Pair, linear_of, pictures};
 use super::report::Report;
@@ -58,6 +58,11 @@ impl Folder {
             return Err(Error::input(path, None, found, expected));
         }
         let first = read_rgb8(&path.join(&all[0]))?;
+        if first.width.min(first.height) < LEAST_SIDE_PX as usize {
+            let found = format!("a picture of {}x{} px", first.width, first.height);
+            let expected = format!("at least {LEAST_SIDE_PX} px a side, or nothing can be told apart");
+            return Err(Error::input(&path.join(&all[0]), None, found, expected));
+        }
         let most = (MOST_PX / (first.width * first.height).max(1)).clamp(FEWEST_FRAMES, MOST_FRAMES);
         let count = all.len().min(most);
         let names: Vec<String> = (0..count).map(|i| all[i * all.len() / count].clone()).collect();
@@ -135,7 +140,13 @@ fn read(
     linear: bool,
 ) -> Result<Frames> {
     let dn = |i: &usize| -> Result<Arc<Plane<f32>>> {
-        Ok(Arc::new(read_rgb8(&real.join(&reals.names[*i]))?.to_f32()))
+        let path = real.join(&reals.names[*i]);
+        let picture = read_rgb8(&path)?;
+        if let Some(why) = useless(&picture) {
+            let expected = "pictures that show what a camera leaves in them; take this one away";
+            return Err(Error::input(&path, None, format!("a picture that is {why}"), expected));
+        }
+        Ok(Arc::new(picture.to_f32()))
     };
     let radiance = |i: &usize| -> Result<Plane<f32>> {
         let plane = linear_of(&sim.join(&sims.names[*i]), linear)?;

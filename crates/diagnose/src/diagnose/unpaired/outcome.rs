@@ -312,7 +312,7 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String
             "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
             gap.after, gap.before
         ),
-        Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
+        Verdict::UnknownEffect | Verdict::Undetermined => format!("The folders differ in {rest}, and no known effect explains it."),
     }
 }
 

@@ -49,7 +49,8 @@ pub(in super::super) struct Block {
 pub(in super::super) fn blocks(dn: &Plane<f32>) -> Vec<Block> {
     let (w, h) = (dn.width, dn.height);
     let y: Vec<f32> = dn.data.chunks_exact(3).map(luma).collect();
-    let begins = |side: usize| (0..=side.saturating_sub(BLOCK_PX)).step_by(STRIDE_PX);
+    // None where not even one block fits.
+    let begins = |side: usize| (0..(side + 1).saturating_sub(BLOCK_PX)).step_by(STRIDE_PX);
     let places: Vec<[usize; 2]> = begins(h).flat_map(|y| begins(w).map(move |x| [x, y])).collect();
     places.into_par_iter().filter_map(|at| block(dn, &y, at)).collect()
 }
