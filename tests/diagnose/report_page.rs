@@ -40,7 +40,9 @@ fn a_page_of_twenty_frames_is_one_valid_file_without_links() {
         let to = element.attribute("src").or(element.attribute("href")).unwrap_or_default();
         assert!(to.starts_with("data:image/"), "{}", &to[..to.len().min(60)]);
     }
-    assert_eq!(page.count("img"), 12, "three pictures, two differences, four maps, three with percepts");
+    let pictures = "three pictures, two differences, four maps, three with percepts, two of the description";
+    assert_eq!(page.count("img"), 14, "{pictures}");
+    assert_eq!(page.count("#description svg"), 2, "error of rotation and position over time");
     assert!(page.all("img").iter().all(|i| i.attribute("alt").is_some()));
     assert_eq!(page.count("#where svg"), 10, "one chart a profile");
     assert_eq!(page.count("#waterfall rect"), 5);

@@ -8,8 +8,9 @@ use std::path::Path;
 use serde_json::json;
 use shutterbug::plane::{Plane, write_png_atomic};
 use shutterbug_diagnose::diagnose::{
-    Bin, Bootstrap, Candidate, CandidateState, EffectFound, FrameEntry, FramePictures, Gap, Input, LeftOut,
-    Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, Report, Verdict, WaterfallStep, Where,
+    Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry, FramePictures, Gap,
+    Input, LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, PoseOff, Report, Verdict,
+    WaterfallStep, Where,
 };
 
 /// Size of the pictures, px.
@@ -251,6 +252,14 @@ pub fn sample(folder: &Path, frame_count: usize, hostile: &str) -> Report {
             after: write(folder, "maps/after.png", &Plane::from_fn(SIZE.0, SIZE.1, |x, _| [(x / 16) as u8])),
             bias_before: write(folder, "maps/bias_before.png", &mean),
             bias_after: write(folder, "maps/bias_after.png", &Plane::from_fn(SIZE.0, SIZE.1, |_, _| [128])),
+        },
+        description: DescriptionShown {
+            factors: vec![write(folder, "scene_radiance/factor.png", &mean)],
+            white_factor: 1.5,
+            objects: vec![write(folder, "undescribed_object/object.png", &mean)],
+            poses: (0..frame_count)
+                .map(|i| PoseOff { time_s: 0.04 * i as f64, rotation_rad: 1e-3, position_m: 2e-3 })
+                .collect(),
         },
         input: Input {
             kind: "capture".to_owned(),

@@ -27,8 +27,9 @@ use shutterbug::plane::Plane;
 const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
 const SHORTLIST: usize = 4;
-/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time.
-const BENT: [&str; 2] = ["time_offset", "rolling_shutter"];
+/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how bright a
+/// lamp was, whose frequency is not known yet.
+const BENT: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
 /// Candidates that promise less than this share of what the best one promises wait, if that one gains.
 const LITTLE: f64 = 0.25;
 /// What share of a gap, counted from the floor, is nearly all of it.

@@ -78,7 +78,7 @@ fn beside_time(theta: &Theta, at: Theta, period_s: f64) -> Vec<Theta> {
 }
 
 /// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it. Recorded
-/// motion shakes, and where the camera was some ms earlier its speed was another.
+/// motion shakes, and where the camera was some ms earlier its speed was another; a lamp's brightness depends on its frequency.
 pub(super) fn is_hopeful(
     forward: &mut Forward,
     target: Target<'_>,
@@ -89,7 +89,11 @@ pub(super) fn is_hopeful(
     let some = spread_out(&evidence.fit, LOOK.frames);
     let weighing = weighing_of(forward, &some, theta, &LOOK, 2.0)?;
     let most = HOPEFUL * cost_of(forward, target, &some, theta, &LOOK, &weighing)?;
-    for start in starts(forward, theta, candidate) {
+    let all = match candidate.name {
+        "flicker" => super::flicker::starts(forward, evidence, target.masks, theta, 1)?,
+        _ => starts(forward, theta, candidate),
+    };
+    for start in all {
         if cost_of(forward, target, &some, &start, &LOOK, &weighing)? < most {
             return Ok(true);
         }
