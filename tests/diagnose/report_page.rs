@@ -96,6 +96,7 @@ fn a_report_with_nothing_in_it_is_a_page_too() {
     report.candidates.clear();
     report.waterfall.clear();
     report.maps = Default::default();
+    report.description = Default::default();
     report.places = Default::default();
     report.gap.before = f64::NAN;
     let (html, page) = page_of(&report, folder.path());
