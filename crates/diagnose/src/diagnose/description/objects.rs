@@ -36,8 +36,9 @@ pub(in crate::diagnose) struct Objects {
 /// What is left of one block.
 #[derive(Clone, Copy, Default)]
 struct Block {
-    /// Mean square beyond the noise, and mean square of the slopes of what is simulated, DN^2.
+    /// Mean square of what is left, what of it the noise makes, and mean square of the slopes of what is simulated, DN^2.
     left: f64,
+    noise: f64,
     slopes: f64,
     /// Whether most of it is compared.
     open: bool,
@@ -57,7 +58,7 @@ impl Blocks {
         let (w, h) = (real.width, real.height);
         let side = w.div_ceil(ACROSS).max(4);
         let (across, down) = (w.div_ceil(side), h.div_ceil(side));
-        let mut sums = vec![[0.0f64; 3]; across * down];
+        let mut sums = vec![[0.0f64; 4]; across * down];
         let mut values = [0.0f64; 3];
         for i in 0..w * h {
             if mask.is_some_and(|m| m.data[i] <= 0.5) {
@@ -70,9 +71,10 @@ impl Blocks {
                 let at = |k: usize| mean.data[3 * k + c];
                 let v = tone.spread_of(&mean.data[3 * i..3 * i + 3], c);
                 let d = real.data[3 * i + c] - at(i);
-                sum[0] += f64::from(d * d - v.free - v.row - v.fixed);
+                sum[0] += f64::from(d * d);
                 sum[1] += f64::from((at(right) - at(i)).powi(2) + (at(below) - at(i)).powi(2));
                 sum[2] += 1.0;
+                sum[3] += f64::from(v.free + v.row + v.fixed);
                 let value = f64::from(real.data[3 * i + c]);
                 values = [values[0] + 1.0, values[1] + value, values[2] + value * value];
             }
@@ -80,6 +82,7 @@ impl Blocks {
         let full = (3 * side * side) as f64;
         let all = sums.iter().map(|s| Block {
             left: s[0] / s[2].max(1.0),
+            noise: s[3] / s[2].max(1.0),
             slopes: s[1] / s[2].max(1.0),
             open: s[2] >= 0.5 * full,
         });
@@ -92,7 +95,7 @@ impl Blocks {
     fn foreign(&self, typical: [f64; 2]) -> Vec<bool> {
         let odds = 2.0 * (1.0 / ALPHA).ln();
         let of = |b: &Block| {
-            let expected = typical[0] + typical[1] * b.slopes;
+            let expected = b.noise + typical[0] + typical[1] * b.slopes;
             let apart = self.apart.max(expected);
             b.open && b.left * (1.0 / expected - 1.0 / apart) > (apart / expected).ln() + odds
         };
@@ -109,8 +112,8 @@ fn typical<'a>(blocks: impl Iterator<Item = &'a Block>) -> [f64; 2] {
     open.sort_by(|a, b| a.slopes.total_cmp(&b.slopes));
     let (flat, edges) = open.split_at(open.len() / 2);
     // Rounding leaves a twelfth, and as much again where colours are off by what correct simulations differ by.
-    let base = quantile(flat.iter().map(|b| b.left), TYPICAL[0]).max(0.2);
-    let beside = quantile(edges.iter().map(|b| (b.left - base) / b.slopes.max(1e-3)), TYPICAL[1]);
+    let base = quantile(flat.iter().map(|b| b.left - b.noise), TYPICAL[0]).max(0.2);
+    let beside = quantile(edges.iter().map(|b| (b.left - b.noise - base) / b.slopes.max(1e-3)), TYPICAL[1]);
     [base, beside.max(0.0)]
 }
 
@@ -256,7 +259,9 @@ fn less(mask: Option<&Plane<f32>>, like: &Plane<f32>, blocks: &Blocks, foreign: 
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::model::P;
     use super::*;
+    use shutterbug::chain::rng::random_normal;
 
     /// A textured picture, seen again with small errors, and with a patch of something else at `place`.
     fn frame(place: Option<[usize; 2]>) -> (Plane<f32>, Plane<f32>) {
@@ -287,6 +292,28 @@ mod tests {
         assert!(at(50, 50) && at(41, 58), "inside");
         assert!(!at(100, 100) && !at(5, 5), "outside");
         assert!(all[1].iter().all(|f| !f), "control: nothing there");
+    }
+
+    #[test]
+    fn noise_that_is_large_in_a_few_blocks_is_no_object() {
+        // Noise of 12 DN, of which a model knows: blocks of 48 values differ by chance.
+        let tone = Tone::new(&Theta::neutral().with(P::Read, 0.05));
+        let (_, mean) = frame(None);
+        let noisy = |seed: u32| {
+            let spread = |i: usize| tone.spread_of(&mean.data[i - i % 3..i - i % 3 + 3], i % 3).free.sqrt();
+            let normal = |i: usize| random_normal([i as u32, seed], 0, 7, [1, 2])[0];
+            let data = (0..mean.data.len()).map(|i| mean.data[i] + spread(i) * normal(i)).collect();
+            Plane { data, ..mean }
+        };
+        let blocks: Vec<Blocks> = (0..8).map(|s| Blocks::of(&noisy(s), &mean, None, &tone)).collect();
+        let typical = typical(blocks.iter().flat_map(|b| &b.all));
+        assert!(blocks.iter().all(|b| b.foreign(typical).iter().all(|f| !f)));
+        let silent = Tone::new(&Theta::neutral());
+        let few = Blocks::of(&noisy(1), &mean, None, &silent);
+        assert!(
+            few.foreign([0.2, 0.0]).iter().any(|f| *f),
+            "control: without the noise's own spread they are"
+        );
     }
 
     #[test]
