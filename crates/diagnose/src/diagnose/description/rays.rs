@@ -1,6 +1,6 @@
 //! Which surface each pixel sees: rays against the scene's triangles, each at the time of its own line.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 use shutterbug::scene::Scene;
 
@@ -22,8 +22,8 @@ struct Triangle {
 /// triangles.
 #[derive(Clone, Copy)]
 struct Node {
-    low: Vec3,
-    high: Vec3,
+    low: Vec3A,
+    high: Vec3A,
     start: u32,
     count: u32,
     /// Along which two boxes lie side by side.
@@ -92,7 +92,8 @@ impl Body {
             }
         }
         let at = self.nodes.len();
-        self.nodes.push(Node { low, high, start: from as u32, count: (to - from) as u32, axis: 0 });
+        let (start, count) = (from as u32, (to - from) as u32);
+        self.nodes.push(Node { low: low.into(), high: high.into(), start, count, axis: 0 });
         if to - from > LEAF {
             let size = high - low;
             let axis = if size.x >= size.y.max(size.z) {
@@ -115,7 +116,7 @@ impl Body {
 
     /// The first triangle that a ray meets before `most` lengths of its direction. `guess`: one that it may well meet.
     pub(super) fn meet(&self, from: Vec3, along: Vec3, most: f32, guess: Option<u32>) -> Option<Hit> {
-        let inverse = along.recip();
+        let (origin, inverse) = (Vec3A::from(from), Vec3A::from(along.recip()));
         let (mut best, mut found): (f32, Option<(usize, [f32; 2])>) = (most, None);
         if let Some(i) = guess.map(|i| i as usize).filter(|&i| i < self.triangles.len())
             && let Some((t, at)) = self.triangles[i].meet(from, along)
@@ -129,7 +130,7 @@ impl Body {
             depth -= 1;
             let at = stack[depth];
             let node = &self.nodes[at as usize];
-            let (a, b) = ((node.low - from) * inverse, (node.high - from) * inverse);
+            let (a, b) = ((node.low - origin) * inverse, (node.high - origin) * inverse);
             let (enter, leave) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
             if enter > leave.min(best) {
                 continue;
@@ -150,20 +151,23 @@ impl Body {
                 }
             }
         }
-        let (place, [u, v]) = found?;
+        let (place, at) = found?;
+        Some(self.hit(place, best, at, from, along))
+    }
+
+    /// Where a ray meets one triangle, whatever may lie before it.
+    pub(super) fn meet_one(&self, place: u32, from: Vec3, along: Vec3) -> Option<Hit> {
+        let (t, at) = self.triangles[place as usize].meet(from, along)?;
+        Some(self.hit(place as usize, t, at, from, along))
+    }
+
+    fn hit(&self, place: usize, t: f32, [u, v]: [f32; 2], from: Vec3, along: Vec3) -> Hit {
         let triangle = &self.triangles[place];
         let normal = triangle.edges[0].cross(triangle.edges[1]);
         let normal = if normal.dot(along) > 0.0 { -normal } else { normal };
         let corners = [1.0 - u - v, u, v];
         let number = [place as u32, triangle.number];
-        Some(Hit {
-            t: best,
-            at: from + best * along,
-            normal,
-            surface: triangle.surface,
-            triangle: number,
-            corners,
-        })
+        Hit { t, at: from + t * along, normal, surface: triangle.surface, triangle: number, corners }
     }
 }
 

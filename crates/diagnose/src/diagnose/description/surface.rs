@@ -134,6 +134,18 @@ pub(super) fn weights([x, y, z]: [f32; 3]) -> [f32; 8] {
     })
 }
 
+/// A body, and a triangle of it.
+type Place = (usize, u32);
+
+fn place(hit: Option<(usize, Hit)>) -> Option<Place> {
+    hit.map(|(body, hit)| (body, hit.triangle[0]))
+}
+
+/// A ray from the camera in the coordinates of a body, in which the camera has this pose: where it begins, and its direction.
+fn in_body(ray: DVec3, pose: &Pose) -> (Vec3, Vec3) {
+    (pose.translation_m.as_vec3(), (pose.rotation * ray).as_vec3())
+}
+
 /// Rays of one frame.
 struct Sight<'a> {
     forward: &'a Forward,
@@ -165,15 +177,19 @@ impl<'a> Sight<'a> {
         self.bodies.iter().map(pose).collect()
     }
 
-    /// What a place of the picture sees. `guess`: a body and its triangle.
-    fn meet(&self, px: DVec2, poses: &[Pose], guess: Option<(usize, u32)>) -> Option<(usize, Hit)> {
+    /// The ray of a place of the picture, in the camera's coordinates.
+    fn ray(&self, px: DVec2) -> DVec3 {
         let k = &self.forward.intrinsics;
         let f = self.theta.get(P::Focal) * DVec2::new(k.fx, k.fy);
-        let ray = ((self.forward.without_lens(px, self.theta) - DVec2::new(k.cx, k.cy)) / f).extend(1.0);
+        ((self.forward.without_lens(px, self.theta) - DVec2::new(k.cx, k.cy)) / f).extend(1.0)
+    }
+
+    /// What a ray sees first. `guess`: a body and its triangle.
+    fn meet(&self, ray: DVec3, poses: &[Pose], guess: Option<Place>) -> Option<(usize, Hit)> {
         let mut best: Option<(usize, Hit)> = None;
         for (b, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
             let most = best.map_or(f32::INFINITY, |(_, hit)| hit.t);
-            let (from, along) = (pose.translation_m.as_vec3(), (pose.rotation * ray).as_vec3());
+            let (from, along) = in_body(ray, pose);
             let likely = guess.filter(|g| g.0 == b).map(|g| g.1);
             best = body.meet(from, along, most, likely).map(|hit| (b, hit)).or(best);
         }
@@ -185,28 +201,55 @@ impl<'a> Sight<'a> {
         self.theta.scan_order.line_of(i as u32 % k.width, i as u32 / k.width, k.width, k.height)
     }
 
-    /// What the middle of each pixel sees.
+    /// What a ray sees of a few triangles; of all where it meets none of them.
+    fn meet_of(&self, ray: DVec3, poses: &[Pose], few: &[Place]) -> Option<(usize, Hit)> {
+        let one = |&(b, triangle): &Place| {
+            let (from, along) = in_body(ray, &poses[b]);
+            self.bodies[b].meet_one(triangle, from, along).map(|hit| (b, hit))
+        };
+        let nearest = few.iter().filter_map(one).min_by(|a, b| a.1.t.total_cmp(&b.1.t));
+        nearest.or_else(|| self.meet(ray, poses, None))
+    }
+
+    /// What the middle of each pixel sees. A pixel whose neighbours on every second row and column all see one triangle sees
+    /// that: what is narrower than a pixel may be missed.
     fn middles(&self) -> Vec<Option<(usize, Hit)>> {
         let (w, h) = (self.forward.intrinsics.width as usize, self.forward.intrinsics.height as usize);
-        let row = |y: usize| {
+        let ray = |x: usize, y: usize| self.ray(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+        let poses = |x: usize, y: usize| &self.lines[self.line_of(y * w + x) as usize][..];
+        let every_second = |y: usize| {
             let mut last = None;
-            (0..w).map(move |x| {
-                let px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-                let hit = self.meet(px, &self.lines[self.line_of(y * w + x) as usize], last);
-                last = hit.map(|(b, h)| (b, h.triangle[0]));
+            (0..w).step_by(2).map(move |x| {
+                let hit = self.meet(ray(x, 2 * y), poses(x, 2 * y), last);
+                last = place(hit);
                 hit
             })
         };
-        (0..h).into_par_iter().flat_map_iter(row).collect()
+        let known: Vec<_> = (0..h.div_ceil(2)).into_par_iter().flat_map_iter(every_second).collect();
+        let across = w.div_ceil(2);
+        let pixel = |x: usize, y: usize| {
+            let (left, above) = (x / 2, y / 2);
+            let near = known[above * across + left];
+            if x.is_multiple_of(2) && y.is_multiple_of(2) {
+                return near;
+            }
+            let (right, below) = (x.div_ceil(2), y.div_ceil(2));
+            let guess = place(near);
+            let inside = right < across && below < h.div_ceil(2);
+            let same = |&(x, y): &(usize, usize)| place(known[y * across + x]) == guess;
+            let corners = [(right, above), (left, below), (right, below)];
+            match guess {
+                Some(one) if inside && corners.iter().all(same) => {
+                    self.meet_of(ray(x, y), poses(x, y), &[one])
+                }
+                _ => self.meet(ray(x, y), poses(x, y), guess),
+            }
+        };
+        (0..h).into_par_iter().flat_map_iter(|y| (0..w).map(move |x| pixel(x, y))).collect()
     }
 
-    /// What the parts of a pixel see over its exposure, and how bright that is.
-    fn parts(
-        &self,
-        i: usize,
-        guess: Option<(usize, u32)>,
-        shader: &Shader<'_>,
-    ) -> [Option<(Hit, [f32; 3])>; PARTS] {
+    /// What the parts of a pixel see over its exposure, and how bright that is; `few`: what it and its neighbours see.
+    fn parts(&self, i: usize, few: &[Place], shader: &Shader<'_>) -> [Option<(Hit, [f32; 3])>; PARTS] {
         let w = self.forward.intrinsics.width as usize;
         let line = self.line_of(i);
         std::array::from_fn(|s| {
@@ -214,9 +257,9 @@ impl<'a> Sight<'a> {
             let px = DVec2::new((i % w) as f64 + part(s as f64), (i / w) as f64 + part(ROOKS[s]));
             let hit = if self.shutter.exposure_time_s > 0.0 {
                 let when = part(ROOKS[(s + 3) % PARTS]) * self.shutter.exposure_time_s;
-                self.meet(px, &self.poses(self.shutter.line_start_s(line) + when), guess)
+                self.meet_of(self.ray(px), &self.poses(self.shutter.line_start_s(line) + when), few)
             } else {
-                self.meet(px, &self.lines[line as usize], guess)
+                self.meet_of(self.ray(px), &self.lines[line as usize], few)
             };
             hit.map(|(_, h)| (h, shader.radiance(h.triangle[1] as usize, h.corners.map(f64::from))))
         })
@@ -251,9 +294,16 @@ impl Forward {
             }
         }
         let shader = Shader::new(&self.scene, sight.shutter.middle_s(), DVec3::ZERO);
-        let guess = |i: usize| hits[i].map(|(b, h)| (b, h.triangle[0]));
+        let around = |i: usize| {
+            let rows = [i - w, i, i + w];
+            let mut few: Vec<Place> =
+                rows.iter().flat_map(|&m| m - 1..=m + 1).filter_map(|n| place(hits[n])).collect();
+            few.sort_unstable();
+            few.dedup();
+            few
+        };
         let parts: Vec<_> =
-            border.par_iter().map(|&i| (i as u32, sight.parts(i, guess(i), &shader))).collect();
+            border.par_iter().map(|&i| (i as u32, sight.parts(i, &around(i), &shader))).collect();
         let mixed = parts.into_iter().filter_map(|(i, parts)| Some((i, shared(grid, &parts)?))).collect();
         Surface { cell, local, clean, mixed }
     }
