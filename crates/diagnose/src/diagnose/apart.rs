@@ -108,7 +108,7 @@ impl Search<'_> {
         let filter_px2 = if self.judge.quality <= Quality::Fit { 2.0 * FILTER_PX2 } else { FILTER_PX2 };
         let wider = from.with(P::Defocus, (from.get(P::Defocus).powi(2) + filter_px2).sqrt());
         let wider = self.forward.pictures(frames, &wider, self.judge.quality)?;
-        let flipped = self.forward.flipped(frames, from, self.judge.quality)?;
+        let drawn = self.forward.drawn(frames, from, self.judge.quality, &from_dn)?;
         let one = |(i, &at): (usize, &usize)| -> FrameValues {
             let (a, b) = (&from_dn[i], &to_dn[i]);
             let pooled = |mut d: Vec<f32>| {
@@ -117,12 +117,13 @@ impl Search<'_> {
             };
             let less = |b: &Plane<f32>| b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
             let mut columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
-            columns.extend(flipped[i].iter().map(|draw| pooled(draw.data.clone())));
+            columns.extend(drawn[i].iter().map(|draw| pooled(draw.data.clone())));
             (residual(target, at, a, BLOCK), columns)
         };
         let values: Vec<FrameValues> = frames.par_iter().enumerate().map(one).collect();
         let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
-        // What other correct simulations compress otherwise tells little.
+        let draws = drawn.first().map_or(0, Vec::len);
+        // What other correct simulations show otherwise tells little.
         let drawn = |(_, columns): &FrameValues| -> Vec<f32> {
             let draws = &columns[2..];
             let square = |i: usize| draws.iter().map(|d| d[i] * d[i]).sum::<f32>() / draws.len() as f32;
@@ -131,7 +132,7 @@ impl Search<'_> {
         let drawn = values.iter().map(drawn).collect();
         let weighing =
             Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).widened(drawn).chosen(&residuals);
-        let e = assemble(values, 2 + flipped[0].len(), Arc::new(weighing));
+        let e = assemble(values, 2 + draws, Arc::new(weighing));
         let columns_px = self.forward.intrinsics.width as usize / BLOCK;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
         Ok(way(e, &Shown::of(&from_dn, BLOCK), columns_px, BLOCK, moves))

@@ -123,10 +123,34 @@ impl Forward {
         Ok(before.par_iter().map(of).collect())
     }
 
+    /// By frame (place): differences between another correct simulation of `theta` and this one, DN, one a draw: what is compressed
+    /// otherwise, and what a path does that wanders within a frame. `pictures` are this one's.
+    pub(super) fn drawn(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+        pictures: &[Arc<Plane<f32>>],
+    ) -> Result<Flipped> {
+        let mut drawn = self.flipped(frames, theta, quality)?;
+        let wandered = self.wandered(frames, theta, pictures);
+        for (to, more) in drawn.iter_mut().zip(wandered) {
+            if to.is_empty() {
+                *to = more;
+                continue;
+            }
+            for (to, more) in to.iter_mut().zip(more) {
+                let to = Arc::make_mut(to);
+                to.data.iter_mut().zip(&more.data).for_each(|(a, b)| *a += b);
+            }
+        }
+        Ok(drawn)
+    }
+
     /// By frame (place): differences between another correct simulation of `theta` and this one, behind its compression, DN, one a
     /// draw. A coefficient near a threshold of the quantizer goes the other way, in every block of that colour. Nothing without
     /// compression, which spreads nothing.
-    pub(super) fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
+    fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
         if !theta.is_on(P::Quality) {
             return Ok(vec![Vec::new(); frames.len()]);
         }

@@ -228,7 +228,7 @@ impl<'a> Judge<'a> {
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
         let mut means = forward.pictures(frames, theta, self.quality)?;
-        let flipped = forward.flipped(frames, theta, self.quality)?;
+        let drawn = forward.drawn(frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
             means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
         }
@@ -247,7 +247,8 @@ impl<'a> Judge<'a> {
                 path: paths.get(i),
                 mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
-                flipped: &flipped[i],
+                drawn: &drawn[i],
+                edges_drawn: theta.is_on(P::Quality),
                 given: given.as_ref().map(|g| g[i].as_slice()),
             })
             .collect();

@@ -68,8 +68,11 @@ pub(super) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Draws of how far another correct simulation is from this one behind the compression, DN; nothing without compression.
-    pub flipped: &'a [Arc<Plane<f32>>],
+    /// Draws of how far another correct simulation is from this one, DN: behind a compression, and where the camera's path wanders
+    /// within the frame; nothing without either.
+    pub drawn: &'a [Arc<Plane<f32>>],
+    /// Whether the draws say what edges may be off by: they do behind a compression.
+    pub edges_drawn: bool,
     /// Variance of single values because the simulation is read from pictures, DN^2.
     pub given: Option<&'a [f32]>,
 }
@@ -196,9 +199,8 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     } else {
         (Variances::default(), Left::ALL)
     };
-    // Behind a compression draws say what else there is.
-    let single = if frame.flipped.is_empty() { edges[i] } else { 0.0 } + frame.given.map_or(0.0, |g| g[i]);
-    let drawn = frame.flipped.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
+    let single = if frame.edges_drawn { 0.0 } else { edges[i] } + frame.given.map_or(0.0, |g| g[i]);
+    let drawn = frame.drawn.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
     let variance = left.pixel * (noise.free + noise.fixed) + single + drawn;
     let whole = rounded(mean, variance + noise.row);
     Seen {
@@ -217,7 +219,7 @@ pub(super) struct SeenIn {
     /// How well the variance of noise is known, as a part of it.
     unsure: f32,
     values: Vec<Option<Seen>>,
-    /// See [`Scored::flipped`].
+    /// See [`Scored::drawn`].
     drawn: Vec<Arc<Plane<f32>>>,
 }
 
@@ -227,7 +229,7 @@ pub(super) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     let edges = edges(frame.mean, frame.path);
     let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
-    SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.flipped.to_vec() }
+    SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.drawn.to_vec() }
 }
 
 /// Scores a frame; `before` is the frame before it, where that is held out too.
@@ -466,7 +468,8 @@ mod tests {
                     path: None,
                     mask: None,
                     flips: None,
-                    flipped: &[],
+                    drawn: &[],
+                    edges_drawn: false,
                     given: None,
                 };
                 let [none, noisy] =
@@ -488,7 +491,8 @@ mod tests {
                 path: None,
                 mask: None,
                 flips: None,
-                flipped: &[],
+                drawn: &[],
+                edges_drawn: false,
                 given: None,
             };
             let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
@@ -511,7 +515,8 @@ mod tests {
             path: None,
             mask: None,
             flips: None,
-            flipped: &[],
+            drawn: &[],
+            edges_drawn: false,
             given: None,
         };
         let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));

@@ -17,6 +17,7 @@ mod seen_in_pictures;
 mod settle;
 mod surface;
 mod views;
+mod wander;
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -73,37 +73,38 @@ impl Forward {
     /// `[height, width, 3]`. `picture`: the values.
     pub(super) fn pose_columns(&self, at: usize, picture: &Plane<f32>, theta: &Theta) -> Vec<Vec<f32>> {
         let (w, h) = (picture.width, picture.height);
-        let k = &self.intrinsics;
-        let f = theta.get(P::Focal) * glam::DVec2::new(k.fx, k.fy);
-        let depth = &self.sharp[at].depth;
         let mut out = vec![vec![0.0f32; w * h * 3]; 6];
         for i in 0..w * h {
-            let (px, py) = (i % w, i / w);
-            let (x, y) = ((px as f64 + 0.5 - k.cx) / f.x, (py as f64 + 0.5 - k.cy) / f.y);
-            let z = 1.0 / f64::from(depth.data[i]).max(0.05);
-            // What the content does, over the distance, when the camera turns and moves.
-            let moves = [
-                [0.0, 1.0, -y],
-                [-1.0, 0.0, x],
-                [y, -x, 0.0],
-                [-z, 0.0, 0.0],
-                [0.0, -z, 0.0],
-                [0.0, 0.0, -z],
-            ];
-            let (left, right) = (3 * (i - px + px.saturating_sub(1)), 3 * (i - px + (px + 1).min(w - 1)));
-            let (up, down) = (3 * (py.saturating_sub(1) * w + px), 3 * ((py + 1).min(h - 1) * w + px));
-            let d = &picture.data;
-            let slopes: [[f32; 2]; 3] = std::array::from_fn(|c| {
-                [0.5 * (d[right + c] - d[left + c]), 0.5 * (d[down + c] - d[up + c])]
-            });
+            let (moves, slopes) = (moves_of(self, at, i, theta), slopes_of(picture, i % w, i / w));
             for (j, m) in moves.iter().enumerate() {
-                let u = (UNITS[j] * f.x * (m[0] - x * m[2])) as f32;
-                let v = (UNITS[j] * f.y * (m[1] - y * m[2])) as f32;
+                let [u, v] = m.map(|m| (UNITS[j] * m) as f32);
                 (0..3).for_each(|c| out[j][3 * i + c] = -(slopes[c][0] * u + slopes[c][1] * v));
             }
         }
         out
     }
+}
+
+/// How far a pixel's content moves for a radian and a meter of each of the six numbers of a pose, px.
+pub(super) fn moves_of(forward: &Forward, at: usize, i: usize, theta: &Theta) -> [[f64; 2]; 6] {
+    let (k, depth) = (&forward.intrinsics, &forward.sharp[at].depth);
+    let f = theta.get(P::Focal) * glam::DVec2::new(k.fx, k.fy);
+    let (px, py) = (i % depth.width, i / depth.width);
+    let (x, y) = ((px as f64 + 0.5 - k.cx) / f.x, (py as f64 + 0.5 - k.cy) / f.y);
+    let z = 1.0 / f64::from(depth.data[i]).max(0.05);
+    // What the content does, over the distance, when the camera turns and moves.
+    let moves =
+        [[0.0, 1.0, -y], [-1.0, 0.0, x], [y, -x, 0.0], [-z, 0.0, 0.0], [0.0, -z, 0.0], [0.0, 0.0, -z]];
+    moves.map(|m| [f.x * (m[0] - x * m[2]), f.y * (m[1] - y * m[2])])
+}
+
+/// How a picture's values change along rows and columns, DN a px, by colour.
+pub(super) fn slopes_of(picture: &Plane<f32>, x: usize, y: usize) -> [[f32; 2]; 3] {
+    let (w, h, d) = (picture.width, picture.height, &picture.data);
+    let row = 3 * y * w;
+    let (left, right) = (row + 3 * x.saturating_sub(1), row + 3 * (x + 1).min(w - 1));
+    let (up, down) = (3 * (y.saturating_sub(1) * w + x), 3 * ((y + 1).min(h - 1) * w + x));
+    std::array::from_fn(|c| [0.5 * (d[right + c] - d[left + c]), 0.5 * (d[down + c] - d[up + c])])
 }
 
 /// Takes what the pose of a frame could do out of the columns of a fit; returns what the pose then does.
