@@ -253,7 +253,9 @@ pub(super) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
             let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
             let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
             let off = drawn + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
-            let noise = noise(a) + noise(b);
+            // A fixed pattern is the same in both, as strong as their values make it.
+            let pattern = |v: &Seen| (v.left.pixel * v.noise.fixed).sqrt();
+            let noise = noise(a) + noise(b) + (pattern(a) - pattern(b)).powi(2);
             let known = off + unsure * noise;
             let block = blocks.at(i / 3 % w, i / 3 / w);
             sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
