@@ -5,7 +5,7 @@
 //! every other question is.
 
 use super::description::is_description;
-use super::fit::{Fit, Level, spread_out};
+use super::fit::{Fit, Level, VALUES, spread_out};
 use super::forward::Quality;
 use super::judge::{Scores, gain};
 use super::linear::solve;
@@ -13,6 +13,7 @@ use super::model::{P, candidate_of};
 use super::normal::linearise;
 use super::search::{Found, Search, is_discrete, moves};
 use super::support::restored;
+use super::tone::Tone;
 use shutterbug::error::Result;
 
 /// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what few
@@ -98,7 +99,14 @@ impl Search<'_> {
             if self.late() {
                 return Ok(None);
             }
-            let fit = self.add(candidate_of(name), &rest, &start)?;
+            let mut set = rest.clone();
+            set.push(name);
+            let mut fit = self.add(candidate_of(name), &rest, &start)?;
+            if !kind && Tone::new(&fit.theta).is_noisy() {
+                // It was fitted under the noise of what it replaces, which moves means that are bent otherwise.
+                fit = self.refit(&set, &fit.theta, VALUES)?;
+                fit.theta = self.with_noise(&fit.theta)?;
+            }
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             tracing::info!("{name} in place of {out:?}: {:.4} for {:.4} DN", scores.mean(), now.mean());
             let worse = self.prefers(&fit.theta, &found.fit.theta)?;
@@ -106,8 +114,6 @@ impl Search<'_> {
             let simpler = out.len() > 1 || size(&[name]) < size(out);
             // As simple and as good: what scores better is named, the other is its alternative.
             let rather = size(&[name]) == size(out) && gain(now, &scores).value > 0.0;
-            let mut set = rest.clone();
-            set.push(name);
             if better || (!worse && (simpler || rather)) {
                 let fit = self.refit(&set, &fit.theta, super::fit::FINE)?;
                 let scores = self.judge.scores(self.forward, &fit.theta)?;

@@ -19,6 +19,7 @@ use super::residue::Residue;
 use super::shown::Shown;
 use super::starts::{best_starts, is_hopeful};
 use super::support::mixes_pixels;
+use super::tone::Tone;
 use super::weighing::Weighing;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -206,10 +207,11 @@ impl<'a> Search<'a> {
         let work = |search: &mut Self| {
             let mut fit = search.add_anew(candidate, set, theta)?;
             // A compression that can be read from the frames is there from the start, and noise is seen through it. How much
-            // sharpening lifts it has changed with the rest of the set.
+            // sharpening lifts it has changed with the rest of the set. What bends or mixes values does so to their noise.
             let lifted = set.contains(&"sharpening") && (moves(candidate) || candidate.name == "defocus");
-            let mixes = mixes_pixels(candidate.name) && candidate.name != "jpeg" && fit.theta != *theta;
-            if lifted || mixes {
+            let is_noisy = Tone::new(theta).is_noisy();
+            let mixes = mixes_pixels(candidate.name) || (is_noisy && !moves(candidate));
+            if lifted || (mixes && candidate.name != "jpeg" && fit.theta != *theta) {
                 fit.theta = search.with_noise(&fit.theta)?;
             }
             Ok(fit)
