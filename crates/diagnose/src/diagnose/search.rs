@@ -565,7 +565,11 @@ pub(super) fn finest_of(theta: &Theta) -> Quality {
 /// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset may be
 /// nothing but the delay of an exposure, which promises about as much.
 fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
-    let Some((name, _, scores)) = first else { return false };
+    let Some((name, fit, scores)) = first else { return false };
+    // What is left may have been taken for noise, which no model is then far from.
+    if Tone::new(&fit.theta).is_noisy() {
+        return false;
+    }
     let closed = now.mean() - scores.mean();
     *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
 }
