@@ -36,3 +36,77 @@ fn the_bill_names_what_is_built_in_with_licence_and_hash() {
     }
     assert_eq!(bill("shutterbug-cli").unwrap(), program);
 }
+
+/// Whether a licence expression (SPDX) can be met with what is allowed.
+fn is_allowed(expression: &str, allowed: &dyn Fn(&str) -> bool) -> bool {
+    let text = expression.replace('(', " ( ").replace(')', " ) ");
+    let mut words: Vec<&str> = text.split_whitespace().rev().collect();
+    let met = either(&mut words, allowed);
+    met && words.is_empty()
+}
+
+fn either(words: &mut Vec<&str>, allowed: &dyn Fn(&str) -> bool) -> bool {
+    let mut met = both(words, allowed);
+    while words.last() == Some(&"OR") {
+        words.pop();
+        met |= both(words, allowed);
+    }
+    met
+}
+
+fn both(words: &mut Vec<&str>, allowed: &dyn Fn(&str) -> bool) -> bool {
+    let mut met = one(words, allowed);
+    while words.last() == Some(&"AND") {
+        words.pop();
+        met &= one(words, allowed);
+    }
+    met
+}
+
+fn one(words: &mut Vec<&str>, allowed: &dyn Fn(&str) -> bool) -> bool {
+    match words.pop() {
+        Some("(") => either(words, allowed) & (words.pop() == Some(")")),
+        Some(name) if words.last() == Some(&"WITH") => {
+            words.pop();
+            allowed(&format!("{name} WITH {}", words.pop().unwrap_or_default()))
+        }
+        Some(name) => allowed(name),
+        None => false,
+    }
+}
+
+/// What `cargo deny check licenses sources` asks of the same files, for machines without it.
+#[test]
+fn every_licence_is_one_that_deny_toml_allows() {
+    let deny = std::fs::read_to_string("../deny.toml").unwrap();
+    let list = deny.split_once("allow = [").unwrap().1.split_once(']').unwrap().0;
+    let allow: Vec<&str> = list.split('"').skip(1).step_by(2).collect();
+    let allowed = |name: &str| allow.contains(&name);
+    for (expression, met) in [
+        ("MIT OR Apache-2.0", true),
+        ("Apache-2.0 WITH LLVM-exception OR GPL-3.0-only", true),
+        ("(MIT OR GPL-3.0-only) AND Unicode-3.0", true),
+        ("GPL-3.0-only", false),
+        ("MIT AND GPL-3.0-only", false),
+        ("(MIT", false),
+        ("MIT Apache-2.0", false),
+    ] {
+        assert_eq!(is_allowed(expression, &allowed), met, "control: {expression}");
+    }
+    let mut looked_at = 0;
+    for of in ["shutterbug", "shutterbug-diagnose", "shutterbug-cli"] {
+        let Some(bill) = bill(of) else { return };
+        for component in bill["components"].as_array().unwrap() {
+            let (name, licence) = (&component["name"], &component["licenses"][0]["expression"]);
+            let expression = licence.as_str().unwrap_or_else(|| panic!("{name} names no licence"));
+            assert!(is_allowed(expression, &allowed), "{name}: {expression} is not in deny.toml");
+            looked_at += 1;
+        }
+    }
+    assert!(looked_at > 300, "{looked_at}");
+    // From nowhere but the registry.
+    let lock = std::fs::read_to_string("../Cargo.lock").unwrap();
+    let registry = "source = \"registry+https://github.com/rust-lang/crates.io-index\"";
+    let mut sources = lock.lines().filter(|l| l.starts_with("source = "));
+    assert!(sources.all(|l| l == registry));
+}
