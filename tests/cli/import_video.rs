@@ -108,3 +108,23 @@ fn what_is_no_video_or_has_no_ffmpeg_is_said() {
         assert!(code == 1 && said.contains("no video that ffprobe reads ("), "{said}");
     }
 }
+
+/// ffmpeg chooses some readers by a file's name, and these read anything: random bytes are a screen full of characters to them.
+#[test]
+fn bytes_that_a_name_alone_makes_a_video_are_refused() {
+    if !has_ffmpeg("bytes_that_a_name_alone_makes_a_video_are_refused") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let bytes: Vec<u8> = (0..20_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    for name in ["a.bin", "a.xb", "a.idf", "a.txt", "a.ans", "a.nfo", "a.adf"] {
+        let path = folder.path().join(name);
+        fs::write(&path, &bytes).expect("written");
+        let out = folder.path().join(format!("{name}.out"));
+        let (code, _, said) = import(&[&text(&path), "--out", &text(&out)]);
+        assert!(code == 1 && said.contains("no video") && said.contains("expected MCAP"), "{name}: {said}");
+        assert!(!out.join("frames.csv").exists(), "{name}");
+    }
+    let (code, listed, _) = import(&[&text(&uneven(folder.path()))]);
+    assert!(code == 0 && listed.contains("8 frames"), "control: {listed}");
+}

@@ -31,6 +31,9 @@ const DAMAGE: [&str; 10] = [
     "non-existing",
 ];
 
+/// Codecs that make a picture of any bytes, chosen by the name of a file alone: characters on a screen.
+const TEXT: [&str; 4] = ["ansi", "bintext", "idf", "xbin"];
+
 /// A video and what ffprobe says of it.
 #[derive(Clone, Debug)]
 pub(super) struct Video {
@@ -128,6 +131,12 @@ impl Video {
         if video.size == [0; 2] || video.times_ns.is_empty() {
             let why = first_line(&said, path);
             let found = format!("no video that ffprobe reads ({why})");
+            let expected = "MCAP, a ROS bag, a folder of EuRoC, TUM or KITTI, KITTI's poses, or a video";
+            return Err(Error::input(path, None, found, expected));
+        }
+        if TEXT.contains(&video.codec.as_str()) {
+            let found =
+                format!("no video: ffprobe takes the bytes for characters of a screen ({})", video.codec);
             let expected = "MCAP, a ROS bag, a folder of EuRoC, TUM or KITTI, KITTI's poses, or a video";
             return Err(Error::input(path, None, found, expected));
         }
