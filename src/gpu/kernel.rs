@@ -1,5 +1,6 @@
 //! Compute pipelines.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use ash::vk;
@@ -7,7 +8,7 @@ use ash::vk;
 use super::bind::{BindGroup, Bound, Interface};
 use super::context::{Context, MAIN};
 use super::failed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::kernels::Kernel;
 
 /// A kernel, ready to be dispatched.
@@ -73,6 +74,38 @@ impl Drop for ComputePipeline {
     }
 }
 
+/// First word of SPIR-V.
+const MAGIC: u32 = 0x0723_0203;
+/// Words before the first instruction.
+const HEADER: usize = 5;
+/// The highest version that Vulkan 1.2 takes: 1.5.
+const NEWEST: u32 = 0x0001_0500;
+
+/// What words are where they are no SPIR-V: its head, and instructions whose lengths end where the words do. What the
+/// instructions say is the driver's to check, which believes it.
+fn not_spirv(words: &[u32]) -> Option<String> {
+    let [magic, version, _, bound, ..] = *words else { return Some(format!("{} words", words.len())) };
+    if magic != MAGIC {
+        let other = if magic.swap_bytes() == MAGIC { ", in the other byte order" } else { "" };
+        return Some(format!("{magic:#010x} as the first word{other}"));
+    }
+    if !(0x0001_0000..=NEWEST).contains(&version) {
+        return Some(format!("{version:#010x} as the version"));
+    }
+    if bound == 0 || words.len() <= HEADER {
+        return Some("no instruction".to_owned());
+    }
+    let mut at = HEADER;
+    while at < words.len() {
+        let length = (words[at] >> 16) as usize;
+        if length == 0 || at + length > words.len() {
+            return Some(format!("an instruction of {length} words at word {at} of {}", words.len()));
+        }
+        at += length;
+    }
+    None
+}
+
 /// Constants 0, 1, ... as consecutive words.
 pub(super) fn specialization_entries(count: usize) -> Vec<vk::SpecializationMapEntry> {
     let entry = |id: u32| vk::SpecializationMapEntry::default().constant_id(id).offset(4 * id).size(4);
@@ -87,8 +120,13 @@ pub(super) struct ShaderModule {
 
 impl ShaderModule {
     pub(super) fn new(context: &Arc<Context>, kernel: &Kernel) -> Result<Self> {
+        if let Some(found) = not_spirv(kernel.words) {
+            let expected = "SPIR-V in words of this machine, of version 1.0 to 1.5";
+            return Err(Error::input(Path::new(kernel.file), None, found, expected));
+        }
         let info = vk::ShaderModuleCreateInfo::default().code(kernel.words);
-        // SAFETY: the code is valid SPIR-V for Vulkan 1.2: the build compiled it.
+        // SAFETY: the code is valid SPIR-V for Vulkan 1.2: the build compiled it, or whoever made the kernel promises it. What is
+        // no SPIR-V at all was refused above.
         let handle = unsafe { context.device.create_shader_module(&info, None) };
         Ok(Self { handle: handle.map_err(failed("vkCreateShaderModule"))?, context: context.clone() })
     }
@@ -98,5 +136,38 @@ impl Drop for ShaderModule {
     fn drop(&mut self) {
         // SAFETY: pipelines keep what they need of a module.
         unsafe { self.context.device.destroy_shader_module(self.handle, None) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_spirv_is_refused_before_the_driver_sees_it() {
+        for kernel in crate::kernels::TABLE {
+            assert_eq!(not_spirv(kernel.words), None, "control: {}", kernel.file);
+        }
+        let whole = crate::kernels::TABLE[0].words;
+        let changed = |at: usize, word: u32| {
+            let mut words = whole.to_vec();
+            words[at] = word;
+            not_spirv(&words).unwrap_or_default()
+        };
+        assert_eq!(not_spirv(&[]).as_deref(), Some("0 words"));
+        assert_eq!(not_spirv(&whole[..3]).as_deref(), Some("3 words"));
+        assert_eq!(not_spirv(&whole[..HEADER]).as_deref(), Some("no instruction"));
+        assert!(changed(0, MAGIC.swap_bytes()).contains("the other byte order"));
+        assert!(changed(0, 0).contains("first word") && changed(1, 0x0002_0000).contains("version"));
+        assert!(changed(3, 0).contains("no instruction"));
+        assert!(changed(HEADER, 0).contains("an instruction of 0 words at word 5"));
+        let cut = &whole[..whole.len() - 1];
+        assert!(
+            not_spirv(cut).is_some_and(|said| said.contains("an instruction of")),
+            "{:?}",
+            not_spirv(cut)
+        );
+        let random: Vec<u32> = (1..64u32).map(|i| i.wrapping_mul(0x9e37_79b9)).collect();
+        assert!(not_spirv(&random).is_some());
     }
 }
