@@ -12,7 +12,7 @@ use shutterbug::scene::load_obj;
 use shutterbug_cli::formats::{parse_camera, read_euroc, read_kitti, read_target, read_times};
 use shutterbug_cli::import::{Recording, Request};
 use shutterbug_diagnose::board::read_corners;
-use shutterbug_diagnose::diagnose::Report;
+use shutterbug_diagnose::diagnose::{Pair, Report, example_of_a_journal, read_journal};
 use shutterbug_diagnose::out::{Out, OutRules};
 
 const CAMERA: &str =
@@ -84,6 +84,7 @@ pub fn parsers(folder: &Path, data: &Path) -> Vec<Parser> {
     all.extend(cameras(folder));
     all.extend(pictures(folder));
     all.extend(results(folder));
+    all.extend(pairs(folder));
     all.extend(recordings(folder, data));
     all
 }
@@ -198,7 +199,28 @@ fn results(folder: &Path) -> Vec<Parser> {
     vec![
         Parser::new("manifest.jsonl", manifest, resume),
         Parser::new("report.json", report, text(Report::from_json)),
+        Parser::new(
+            "progress.jsonl",
+            example_of_a_journal("key"),
+            file(folder, "progress.jsonl", |path| read_journal(path, "key")),
+        ),
     ]
+}
+
+/// What says which frames of two folders go together.
+fn pairs(folder: &Path) -> Vec<Parser> {
+    let [sim, real] = ["sim", "real"].map(|name| folder.join("pairs").join(name));
+    for (f, at) in [&sim, &real].into_iter().enumerate() {
+        fs::create_dir_all(at).unwrap();
+        for i in 0..6u32 {
+            let value = |x: u32, y: u32| image::Rgb([(x * 9 + i) as u8, (y * 13) as u8, (x * y) as u8]);
+            let name = format!("{}{i}.png", ["s", "r"][f]);
+            image::RgbImage::from_fn(16, 16, value).save(at.join(name)).unwrap();
+        }
+    }
+    let whole = "sim,real\ns0.png,r1.png\ns1.png,r2.png\ns2.png,r3.png\ns3.png,r4.png\n";
+    let read = move |path: &Path| Pair::read(&sim, &real, Some(path), None);
+    vec![Parser::new("match.csv", whole, file(folder, "match.csv", read))]
 }
 
 fn recordings(folder: &Path, data: &Path) -> Vec<Parser> {

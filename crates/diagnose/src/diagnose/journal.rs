@@ -19,8 +19,10 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use super::evidence::Evidence;
+use super::model::{P, Theta};
 use super::run::DiagnoseOptions;
 use shutterbug::capture::Capture;
+use shutterbug::chain::Settings;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{self, Limit};
 
@@ -149,6 +151,53 @@ impl Journal {
         // One call a line, so that no other end than the last line's is ever cut off.
         file.write_all(text.as_bytes()).map_err(|e| Error::io(path, "write", e))
     }
+}
+
+/// Reads a journal of `key` as a diagnosis that goes on does, each result as a fit, and takes that for a camera's; how many
+/// results there are. For tests that spoil one.
+///
+/// # Errors
+/// A file that cannot be read.
+#[doc(hidden)]
+pub fn read_journal(path: &Path, key: &str) -> Result<usize> {
+    let mut journal = Journal::default();
+    journal.read(path, key)?;
+    for (kind, key) in journal.known.keys() {
+        if let Some(fit) = journal.recall::<super::fit::Fit>(kind, key) {
+            let _ = (
+                fit.theta.bits(),
+                super::settings::lens(&fit.theta),
+                super::settings::settings_of(&fit.theta),
+            );
+            let mut settings = Settings::default();
+            // A value out of its range is an error there.
+            let _ = super::settings::apply(
+                &mut settings,
+                &fit.theta,
+                &["gamma", "rolling_shutter", "motion_blur"],
+            );
+        }
+    }
+    Ok(journal.known.len())
+}
+
+/// A journal of `key` with a step and a fit.
+#[doc(hidden)]
+pub fn example_of_a_journal(key: &str) -> String {
+    let fit = super::fit::Fit {
+        theta: Theta::neutral().with(P::Readout, 0.02),
+        half: [(P::Readout, 0.001)].into(),
+    };
+    let lines = [
+        Line::Start { shutterbug: env!("CARGO_PKG_VERSION").to_owned(), key: key.to_owned() },
+        Line::Step { stage: "each candidate alone".to_owned(), what: "gamma".to_owned(), step: 1, steps: 24 },
+        Line::Result {
+            kind: "fit".to_owned(),
+            key: "[0, 2]".to_owned(),
+            value: serde_json::to_value(&fit).expect("plain data"),
+        },
+    ];
+    lines.iter().map(|l| serde_json::to_string(l).expect("all keys are strings") + "\n").collect()
 }
 
 /// Everything that the results depend on, as SHA-256: the program, the device, options, camera, scene, paths, frames.

@@ -61,6 +61,8 @@ mod wide;
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
 use shutterbug::effects::jpeg::{dct, flips, packing};
 
+#[doc(hidden)]
+pub use journal::{example_of_a_journal, read_journal};
 pub use pair::Pair;
 pub use report::{
     Alignment, Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry,
