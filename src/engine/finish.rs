@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::frame::FrameRequest;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
 use crate::chain::{PARAMETER_BYTES, Packed, Plan, Settings, Step, View, Wanted, check_order};
 use crate::effects::{self, BayerMosaic};
+use crate::engine::frame::FrameRequest;
 use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder, Slot,

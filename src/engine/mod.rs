@@ -10,27 +10,13 @@ mod accumulation;
 mod delivery;
 mod exact;
 mod fast;
-mod fast_depth;
-mod fast_pass;
 mod finish;
 mod frame;
-mod gather;
-mod lens;
-mod margin;
 mod outside;
-mod outside_blend;
-mod outside_fast;
-mod outside_frame;
-mod outside_kernels;
-mod outside_lens;
-mod outside_motion;
 mod paper;
-mod paper_fast;
-mod paper_plan;
 mod pixel_chain;
-mod planes;
+mod scene;
 mod slots;
-mod taps;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,27 +33,30 @@ pub use accumulation::AccumulationOptions;
 pub use delivery::Delivery;
 pub use exact::ExactOptions;
 pub use fast::FastOptions;
-pub use fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, MOVED_STEPS};
+pub use fast::pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, MOVED_STEPS};
 pub use frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
-pub use gather::{ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather};
-pub use margin::{Reach, reach};
 pub use outside::OutsideEngine;
-pub use outside_frame::{
+pub use outside::frame::{
     MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
     OutsidePicture, OutsidePixels, PixelSource,
 };
-pub use outside_lens::{BorderRays, MarginNeed, OutsideLens};
+pub use outside::lens::{BorderRays, MarginNeed, OutsideLens};
+pub use paper::gather::{
+    ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather,
+};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
-pub use taps::{GatherInputs, WarpInputs};
+pub use scene::margin::{Reach, reach};
+pub use scene::taps::{GatherInputs, WarpInputs};
 
 use accumulation::Accumulation;
 use exact::Exact;
 use fast::Fast;
 use finish::Finish;
-use lens::{LensKey, LensStage};
 use paper::Paper;
-use planes::PlanesPass;
+use scene::Stage;
+use scene::lens::{LensKey, LensStage};
+use scene::planes::PlanesPass;
 use slots::{FrameSlot, free_slot};
 
 /// How a frame with shutter and blur is made.
@@ -122,18 +111,6 @@ pub struct Engine {
     planes: Option<PlanesPass>,
     options: EngineOptions,
     stage: Stage,
-}
-
-/// What all passes share.
-pub(crate) struct Stage {
-    pub(crate) buffers: SceneBuffers,
-    pub(crate) scene: Arc<Scene>,
-    pub(crate) trajectory: Arc<Trajectory>,
-    pub(crate) intrinsics: Intrinsics,
-    pub(crate) plan: SamplePlan,
-    /// The lens of the frame that is being made.
-    lens: Option<LensStage>,
-    pub(crate) context: Arc<Context>,
 }
 
 enum Renderer {
@@ -281,8 +258,8 @@ impl Engine {
         let index = index.expect("collect a frame before submitting more than fit in flight");
         // A frame that was given up between its parts may still be at work here.
         self.slots[index].wait(self.options.time_limit)?;
-        frame::check_coverage(&self.stage, request)?;
-        let path = frame::camera_path(&self.stage, request);
+        scene::check_coverage(&self.stage, request)?;
+        let path = scene::camera_path(&self.stage, request);
         self.fit_lens(request)?;
         self.widen(request)?;
         if self.planes.is_none() && Defocus::needs_depth(&request.settings) {
@@ -292,7 +269,7 @@ impl Engine {
         let slot = &mut self.slots[index];
         let view = request.view(self.stage.intrinsics);
         self.finish.fit((&request.settings, &view), delivery.wanted(), (&mut slot.gpu, slot.index))?;
-        slot.start(request, frame::instants(&path, &request.shutter));
+        slot.start(request, scene::instants(&path, &request.shutter));
         let last = (&self.finish, self.planes.as_ref());
         let done = match &mut self.renderer {
             Renderer::Paper(pass) => pass.submit(&self.stage, slot, request, &path, last),

@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant as Clock};
 
-use super::Stage;
-use super::delivery::{After, Delivery};
-use super::finish::Finish;
-use super::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::camera::{Intrinsics, Trajectory};
 use crate::effects;
+use crate::engine::delivery::{After, Delivery};
+use crate::engine::finish::Finish;
+use crate::engine::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
+use crate::engine::scene::Stage;
 use crate::error::Result;
 use crate::gpu::{Buffer, Location, PassTime, Slot, Usage};
 use crate::plane::Plane;

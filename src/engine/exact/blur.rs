@@ -3,14 +3,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::lens::Channel;
-use super::super::slots::FrameSlot;
 use super::Input;
 use super::uncover::Uncover;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
+use crate::engine::finish::prepare;
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Channel;
+use crate::engine::slots::FrameSlot;
 use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,

@@ -14,13 +14,14 @@ mod uncover;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::Stage;
-use super::finish::Finish;
-use super::frame::{FrameRequest, covered_span_s};
-use super::lens::Channel;
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
 use crate::camera::{ShutterTiming, Trajectory};
+use crate::engine::finish::Finish;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::covered_span_s;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::planes::{Ending, PlanesPass};
+use crate::engine::slots::FrameSlot;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Image, Location, Recorder, RenderArea, Usage};
 use crate::raster::{

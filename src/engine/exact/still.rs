@@ -2,12 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::paper::resolve_constants;
-use super::super::slots::FrameSlot;
 use super::Input;
 use crate::assert_push_layout;
+use crate::engine::finish::prepare;
+use crate::engine::scene::Stage;
+use crate::engine::scene::resolve::resolve_constants;
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Image, Recorder, Sampler};
 use crate::kernels::kernel;

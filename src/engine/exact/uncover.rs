@@ -4,11 +4,12 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::frame::{FrameRequest, camera_path, check_coverage};
-use super::super::slots::FrameSlot;
 use super::Input;
+use crate::engine::finish::prepare;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::{camera_path, check_coverage};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{Image, Recorder, RenderArea};
 use crate::raster::{

@@ -8,18 +8,21 @@
 //! What it gets wrong: what the picture does not show (behind a silhouette at the reference instant) is taken from beside
 //! it; shading does not change during the frame; silhouettes are as fine as the path images.
 
-use super::Stage;
-use super::fast_depth::{DepthKernels, DepthPaths, turns_only};
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
-use super::finish::{Finish, prepare};
-use super::frame::FrameRequest;
-use super::lens::Channel;
-use super::margin::reach_of;
-use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger, resolve_constants};
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
+pub(crate) mod depth;
+pub(crate) mod pass;
+
 use crate::assert_push_layout;
 use crate::camera::{ShutterTiming, Trajectory};
+use crate::engine::fast::depth::{DepthKernels, DepthPaths, turns_only};
+use crate::engine::fast::pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
+use crate::engine::finish::{Finish, prepare};
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::{larger, needed_px};
+use crate::engine::scene::planes::{Ending, PlanesPass};
+use crate::engine::scene::resolve::{ResolveColorPush, resolve_constants};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
@@ -136,7 +139,8 @@ impl Fast {
             path_scale,
             path_images,
         };
-        let margin_px = expected.iter().map(|r| needed_margin_px(stage, r)).fold([0, 0], larger);
+        let margin_px =
+            expected.iter().map(|r| needed_px(stage, r, r.shutter.middle_s())).fold([0, 0], larger);
         let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
         Ok(Self { images, kernels, options })
     }
@@ -161,7 +165,7 @@ impl Fast {
 
     /// The margin to grow to, where the frame needs a wider one, or other images.
     pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
-        let (needed, have) = (needed_margin_px(stage, request), self.images.margin_px);
+        let (needed, have) = (needed_px(stage, request, request.shutter.middle_s()), self.images.margin_px);
         let lacks = stage.lens.is_some() && self.images.drawn.is_none();
         (lacks || needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
     }
@@ -221,22 +225,6 @@ fn plan(request: &FrameRequest, motion_images: u32) -> (FastTiming, Vec<f64>) {
     let pictures_s = [reference_s; 3];
     let timing = FastTiming { shutter, reference_s, knot_step_s, reference_knot, last_knot, pictures_s };
     (timing, knots)
-}
-
-/// The margin that a frame's motion asks for, px; at most the picture's own size.
-fn needed_margin_px(stage: &Stage, request: &FrameRequest) -> [u32; 2] {
-    let shutter = &request.shutter;
-    if shutter.end_s() <= shutter.start_s || super::frame::check_coverage(stage, request).is_err() {
-        return [0, 0];
-    }
-    let path = super::frame::camera_path(stage, request);
-    let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
-    let times: Vec<_> =
-        (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach_of(stage, &path, shutter.middle_s(), &times);
-    let size = [stage.intrinsics.width, stage.intrinsics.height];
-    let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
-    [needed[0].min(size[0]), needed[1].min(size[1])]
 }
 
 impl Images {

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Stage;
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES};
-use super::finish::prepare;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, Trajectory};
+use crate::engine::fast::pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES};
+use crate::engine::finish::prepare;
+use crate::engine::scene::Stage;
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder,
@@ -151,7 +151,7 @@ impl DepthPaths {
 }
 
 /// Whether the camera only turns: nothing that it passes moves against what is behind it, as far as can be seen.
-pub(super) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
+pub(crate) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
     let at_m = |time_s: f64| path.pose_at(time_s).translation_m;
     let farthest_m = knots_s.iter().map(|&t| (at_m(t) - at_m(reference_s)).length()).fold(0.0, f64::max);
     farthest_m * k.fx.max(k.fy) < LEAST_PX * NEAREST_M

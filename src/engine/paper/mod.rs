@@ -5,18 +5,24 @@
 //! What it gets wrong, by construction: one motion vector a pixel is read at the destination, so silhouettes tear;
 //! motion is a difference of the past (eq. 3), so acceleration lags; what no picture saw is invented.
 
-use super::Stage;
-use super::finish::{Finish, prepare};
-use super::frame::FrameRequest;
-use super::gather::{Gather, GatherKernel, choose_gather};
-use super::lens::Channel;
-use super::paper_fast::PaperFast;
-use super::paper_plan::{Plan, needed_margin_px, picture_kind, plan};
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
-use super::taps::GatherTimes;
+mod fast;
+pub(crate) mod gather;
+mod plan;
+
 use crate::assert_push_layout;
-use crate::camera::{Intrinsics, NEAR_M, Trajectory};
+use crate::camera::{Intrinsics, Trajectory};
+use crate::engine::finish::{Finish, prepare};
+use crate::engine::frame::FrameRequest;
+use crate::engine::paper::fast::PaperFast;
+use crate::engine::paper::gather::{Gather, GatherKernel, choose_gather};
+use crate::engine::paper::plan::{Plan, picture_kind, plan, reference_s};
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::{larger, needed_px};
+use crate::engine::scene::planes::{Ending, PlanesPass};
+use crate::engine::scene::resolve::{ResolveColorPush, ResolveMotion, resolve_constants};
+use crate::engine::scene::taps::GatherTimes;
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
@@ -25,15 +31,9 @@ use crate::kernels::kernel;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
 use crate::reference::motion_from_depth::Push as DepthPush;
 use crate::reference::paper_gather::Push as GatherPush;
-use bytemuck::{Pod, Zeroable};
 
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
-/// Px beyond the computed margin: bilinear reading and the chord's deviation from the path.
-pub(super) const MARGIN_GUARD_PX: f64 = 4.0;
-/// Motion differences deviate from the true path under acceleration: so much more is rendered.
-pub(super) const MARGIN_FACTOR: f64 = 1.15;
-
 /// Which instant of the frame the picture is rendered at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Shift {
@@ -87,24 +87,6 @@ impl Default for PaperOptions {
     }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct ResolveColorPush {
-    pub(super) size: [u32; 2],
-    pub(super) grid: [i32; 2],
-}
-assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct ResolveMotionPush {
-    pub(super) size: [u32; 2],
-    pub(super) grid: [i32; 2],
-    pub(super) layer: u32,
-    pub(super) near_m: f32,
-}
-assert_push_layout!("resolve_motion_ms.comp", ResolveMotionPush { size, grid, layer, near_m });
-
 assert_push_layout!(
     "paper_gather.comp",
     GatherPush {
@@ -138,55 +120,6 @@ assert_push_layout!(
         to_row_2
     }
 );
-
-/// Specialization constants of the kernels that include `resolve.glsl`.
-pub(super) fn resolve_constants(plan: SamplePlan) -> [u32; 14] {
-    let mut constants = [0; 14];
-    (constants[12], constants[13]) = (plan.grid, plan.msaa);
-    constants
-}
-
-/// Resolves motion and depth of a target's nearest samples.
-pub(super) struct ResolveMotion {
-    kernel: ComputePipeline,
-    sampler: Sampler,
-}
-
-impl ResolveMotion {
-    pub(super) fn new(stage: &Stage, plan: SamplePlan) -> Result<Self> {
-        let multisampled = const { kernel("resolve_motion_ms.comp") };
-        let plain = const { kernel("resolve_motion.comp") };
-        let kernel = if plan.msaa > 1 { multisampled } else { plain };
-        let kernel = ComputePipeline::specialized(&stage.context, kernel, &resolve_constants(plan))?;
-        Ok(Self { kernel, sampler: Sampler::new(&stage.context, false)? })
-    }
-
-    pub(super) fn bind(&self, target: &RasterTarget, motion: &Image, depth: &Image) -> Result<BindGroup> {
-        let samples = target.attachments.colors().last().expect("a target has a colour image");
-        self.kernel.bind(&[
-            ("motion_samples", Bound::Sampled(samples, &self.sampler)),
-            ("depth_samples", Bound::Sampled(target.attachments.depth(), &self.sampler)),
-            ("motion", Bound::Storage(motion)),
-            ("depth", Bound::Storage(depth)),
-        ])
-    }
-
-    pub(super) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        group: &BindGroup,
-        target: &RasterTarget,
-        layer: u32,
-    ) {
-        let push = ResolveMotionPush {
-            size: target.size,
-            grid: [target.plan.grid as i32; 2],
-            layer,
-            near_m: NEAR_M as f32,
-        };
-        recorder.dispatch(&self.kernel, group, &push, target.size);
-    }
-}
 
 /// The method.
 pub(super) struct Paper {
@@ -258,7 +191,10 @@ impl Paper {
         };
         let mut options = *options;
         options.motion_images = options.motion_images.clamp(1, MAX_MOTION_IMAGES);
-        let margin_px = expected.iter().map(|r| needed_margin_px(stage, &options, r)).fold([0, 0], larger);
+        let margin_px = expected
+            .iter()
+            .map(|r| needed_px(stage, r, reference_s(&options, &r.shutter)))
+            .fold([0, 0], larger);
         let images = Images::new(stage, &kernels, slots, radiance, (&options, margin_px))?;
         let fast = match (options.gather, options.gather_kernel) {
             (Gather::Exact, _) => None,
@@ -292,7 +228,7 @@ impl Paper {
     /// Makes the images anew where the frame needs a wider margin; nothing must be in flight then, which the caller
     /// sees to by the `idle` it is told to provide.
     pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
-        let needed = needed_margin_px(stage, &self.options, request);
+        let needed = needed_px(stage, request, reference_s(&self.options, &request.shutter));
         let have = self.images.margin_px;
         (needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
     }
@@ -403,10 +339,6 @@ impl Paper {
             pixel_time: self.options.pixel_time.into(),
         }
     }
-}
-
-pub(super) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
-    [a[0].max(b[0]), a[1].max(b[1])]
 }
 
 /// The reconstruction method's matrices: where the camera was and will be, from where it is.

@@ -2,23 +2,31 @@
 //! last passes as the engine's own; or colour with depth and the camera's path, through the warp of `--method fast`. The
 //! engine's own planes handed back in give the engine's own picture.
 
+mod blend;
+pub(crate) mod frame;
+mod kernels;
+pub(crate) mod lens;
+mod motion;
+mod warp;
+
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::delivery::Delivery;
-use super::finish::{Finish, prepare};
-use super::frame::{Frame, FrameInstants};
-use super::outside_fast::{OutsideWarp, WarpKind, WarpPlan};
-use super::outside_frame::{
-    MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
-};
-use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
-use super::outside_lens::{BorderRays, OutsideLens};
-use super::outside_motion::{MotionPass, shared};
-use super::slots::{FrameSlot, free_slot};
-use super::{Stage, Ticket};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::Defocus;
+use crate::engine::Ticket;
+use crate::engine::delivery::Delivery;
+use crate::engine::finish::{Finish, prepare};
+use crate::engine::frame::{Frame, FrameInstants};
+use crate::engine::outside::frame::{
+    MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
+};
+use crate::engine::outside::kernels::{Groups, Kernels, Role, Unpacked};
+use crate::engine::outside::lens::{BorderRays, OutsideLens};
+use crate::engine::outside::motion::{MotionPass, shared};
+use crate::engine::outside::warp::{OutsideWarp, WarpKind, WarpPlan};
+use crate::engine::scene::Stage;
+use crate::engine::slots::{FrameSlot, free_slot};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Shared, Usage};
 use crate::raster::{SamplePlan, SceneBuffers};
@@ -72,7 +80,7 @@ impl OutsideEngine {
         frames_in_flight: u32,
         time_limit: Duration,
     ) -> Result<Self> {
-        super::check_size(&intrinsics)?;
+        crate::engine::check_size(&intrinsics)?;
         let scene = Scene::default();
         let stage = Stage {
             buffers: SceneBuffers::new(context, &scene)?,

@@ -4,14 +4,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::fast_pass::FastTiming;
-use super::slots::{FrameSlot, free_slot};
-use super::{Engine, Renderer, Ticket, frame};
+use crate::engine::fast::pass::FastTiming;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::camera_path;
+use crate::engine::slots::{FrameSlot, free_slot};
+use crate::engine::{Engine, Renderer, Ticket};
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Format, Image, Location, Usage};
 use crate::plane::Plane;
-
-use super::frame::FrameRequest;
 
 /// Everything that the gather of a frame was given. Pictures hold `margin_px` more on every side than the frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl Engine {
         assert_eq!(self.pending(), 0, "inputs are read between frames");
         self.render(request)?;
         let Renderer::Fast(fast) = &self.renderer else { return Ok(None) };
-        let path = frame::camera_path(&self.stage, request);
+        let path = camera_path(&self.stage, request);
         let Some([color, depth]) = fast.warp_images(&self.stage, request, &path) else { return Ok(None) };
         let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
         let color = read_back(&self.stage.context, slot, color, limit)?.swap_remove(0);
@@ -117,7 +117,7 @@ impl Engine {
         assert_eq!(self.pending(), 0, "inputs are read between frames");
         self.render(request)?;
         let Renderer::Paper(paper) = &self.renderer else { return Ok(None) };
-        let path = frame::camera_path(&self.stage, request);
+        let path = camera_path(&self.stage, request);
         let times = paper.gather_times(&self.stage, request, &path);
         let [color, motion, depth] = paper.gather_images();
         let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
@@ -157,11 +157,11 @@ fn read_back(
 }
 
 /// Times of a gather's pictures.
-pub(super) struct GatherTimes {
-    pub(super) reference_s: f64,
-    pub(super) first_motion_s: f64,
-    pub(super) step_s: f64,
-    pub(super) count: usize,
+pub(crate) struct GatherTimes {
+    pub(crate) reference_s: f64,
+    pub(crate) first_motion_s: f64,
+    pub(crate) step_s: f64,
+    pub(crate) count: usize,
 }
 
 /// The layers of an image that was copied out.

@@ -3,22 +3,18 @@
 
 use std::time::Duration;
 
-use bytemuck::{Pod, Zeroable};
-
-use super::Stage;
-use super::finish::{Finish, prepare};
-use super::frame::FrameRequest;
-use super::lens::Channel;
-use super::margin::reach_of;
-use super::paper::resolve_constants;
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
-use crate::assert_push_layout;
 use crate::camera::accumulation::{AccumulationPlan, WeightedInstant};
-use crate::camera::{ScanOrder, ShutterTiming, Trajectory};
+use crate::camera::{ShutterTiming, Trajectory};
+use crate::engine::finish::{Finish, prepare};
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::accumulate::{Accumulate, WeightedLines};
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::reach_of;
+use crate::engine::scene::planes::{Ending, PlanesPass};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, ComputePipeline, Image, Recorder, RenderArea, Sampler};
-use crate::kernels::kernel;
+use crate::gpu::{BindGroup, Image, Recorder, RenderArea};
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
 
 /// Instants of one submission: long frames are cut so that no submission runs into a driver's watchdog.
@@ -38,51 +34,6 @@ pub struct AccumulationOptions {
 impl Default for AccumulationOptions {
     fn default() -> Self {
         Self { renders: None, step_px: 0.5, most: 1024 }
-    }
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct AccumulatePush {
-    pub(super) origin: [u32; 2],
-    pub(super) size: [u32; 2],
-    pub(super) picture: [u32; 2],
-    pub(super) grid: [i32; 2],
-    pub(super) scan_order: u32,
-    pub(super) first_line: u32,
-    pub(super) first_weight: u32,
-}
-assert_push_layout!(
-    "accumulate_ms.comp",
-    AccumulatePush { origin, size, picture, grid, scan_order, first_line, first_weight }
-);
-
-/// The pass that adds one render to the radiance.
-pub(super) struct Accumulate {
-    kernel: ComputePipeline,
-    sampler: Sampler,
-}
-
-impl Accumulate {
-    pub(super) fn new(stage: &Stage) -> Result<Self> {
-        let multisampled = const { kernel("accumulate_ms.comp") };
-        let plain = const { kernel("accumulate.comp") };
-        let kernel = if stage.plan.msaa > 1 { multisampled } else { plain };
-        let kernel = ComputePipeline::specialized(&stage.context, kernel, &resolve_constants(stage.plan))?;
-        Ok(Self { kernel, sampler: Sampler::new(&stage.context, false)? })
-    }
-
-    /// Binds the colour of a target, the sum, and the weights of a slot.
-    pub(super) fn bind(&self, target: &RasterTarget, sum: &Image, slot: &FrameSlot) -> Result<BindGroup> {
-        self.kernel.bind(&[
-            ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &self.sampler)),
-            ("radiance", Bound::Storage(sum)),
-            ("Weights", Bound::Buffer(&slot.inputs.weights)),
-        ])
-    }
-
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, group: &BindGroup, push: &AccumulatePush) {
-        recorder.dispatch(&self.kernel, group, push, push.size);
     }
 }
 
@@ -219,37 +170,6 @@ impl Accumulation {
             self.target.draw(recorder, &drawn, input, *row, 0.0, area);
             recorder.mark("accumulate");
             self.accumulate.record(recorder, group, &push);
-        }
-    }
-}
-
-/// Lines that see an instant, in scan order, and where their weights stand.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct WeightedLines {
-    pub(super) first_line: u32,
-    pub(super) line_count: u32,
-    pub(super) first_weight: u32,
-}
-
-impl WeightedLines {
-    /// The rectangle of the lines, and the kernel's push constants for it.
-    pub(super) fn push(&self, scan_order: ScanOrder, picture: [u32; 2], grid: u32) -> AccumulatePush {
-        let axis = usize::from(scan_order.lines_are_rows());
-        let reversed = matches!(scan_order, ScanOrder::BottomToTop | ScanOrder::RightToLeft);
-        let (mut origin, mut size) = ([0, 0], picture);
-        origin[axis] = match reversed {
-            true => picture[axis] - self.first_line - self.line_count,
-            false => self.first_line,
-        };
-        size[axis] = self.line_count;
-        AccumulatePush {
-            origin,
-            size,
-            picture,
-            grid: [grid as i32; 2],
-            scan_order: scan_order as u32,
-            first_line: self.first_line,
-            first_weight: self.first_weight,
         }
     }
 }

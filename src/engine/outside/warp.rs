@@ -1,18 +1,18 @@
 //! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the camera's poses over
 //! the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by depth.
 
-use super::Stage;
-use super::fast_depth::turns_only;
-use super::fast_pass::{
+use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::engine::fast::depth::turns_only;
+use crate::engine::fast::pass::{
     FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, NO_PICTURE_S,
 };
-use super::finish::prepare;
-use super::lens::Merge;
-use super::outside_blend::{Blend, span_of, windows};
-use super::outside_frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
-use super::outside_lens::{BorderRays, MarginNeed, OutsideLens};
-use super::slots::FrameSlot;
-use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::engine::finish::prepare;
+use crate::engine::outside::blend::{Blend, span_of, windows};
+use crate::engine::outside::frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
+use crate::engine::outside::lens::{BorderRays, MarginNeed, OutsideLens};
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Merge;
+use crate::engine::slots::FrameSlot;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Usage};
 use crate::raster::moved_row;

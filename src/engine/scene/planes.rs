@@ -2,16 +2,17 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Stage;
-use super::accumulation::{Accumulate, WeightedLines};
-use super::finish::{Finish, prepare};
-use super::frame::{FrameRequest, Planes, covered_span_s};
-use super::lens::Channel;
-use super::paper::ResolveMotion;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{ScanOrder, Trajectory};
 use crate::effects::Defocus;
+use crate::engine::finish::{Finish, prepare};
+use crate::engine::frame::{FrameRequest, Planes};
+use crate::engine::scene::Stage;
+use crate::engine::scene::accumulate::{Accumulate, WeightedLines};
+use crate::engine::scene::covered_span_s;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::resolve::ResolveMotion;
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
@@ -22,7 +23,7 @@ use crate::plane::Plane;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
 
 /// Draws the planes into images of its own, and copies them into mapped buffers of the slot.
-pub(super) struct PlanesPass {
+pub(crate) struct PlanesPass {
     readback: Vec<Readback>,
     inputs: Vec<(RasterInput, BindGroup)>,
     accumulate: Accumulate,
@@ -42,7 +43,7 @@ struct NearnessPush {
 assert_push_layout!("defocus_depth.comp", NearnessPush { size });
 
 /// The end of a frame: distances where the chain needs them, the chain, and the planes where they are delivered.
-pub(super) struct Ending<'a> {
+pub(crate) struct Ending<'a> {
     pass: Option<&'a PlanesPass>,
     delivered: Option<PlanesRow>,
     nearness: Option<PlanesRow>,
@@ -50,7 +51,7 @@ pub(super) struct Ending<'a> {
 
 impl<'a> Ending<'a> {
     /// Writes what [`Self::record`] will draw; the rows belong to one submission.
-    pub(super) fn new(
+    pub(crate) fn new(
         pass: Option<&'a PlanesPass>,
         stage: &Stage,
         slot: &mut FrameSlot,
@@ -69,12 +70,12 @@ impl<'a> Ending<'a> {
     }
 
     /// Whether the radiance's alpha is written before the chain.
-    pub(super) fn needs_depth(&self) -> bool {
+    pub(crate) fn needs_depth(&self) -> bool {
         self.nearness.is_some()
     }
 
     /// Records it behind what makes the radiance; `developed`: the chain is done already.
-    pub(super) fn record(
+    pub(crate) fn record(
         &self,
         stage: &Stage,
         recorder: &mut Recorder<'_>,
@@ -110,14 +111,14 @@ struct Readback {
 
 /// What [`PlanesPass::write_inputs`] put where.
 #[derive(Clone, Copy)]
-pub(super) struct PlanesRow {
+pub(crate) struct PlanesRow {
     row: (u32, u32),
     scale: f64,
     first_weight: u32,
 }
 
 impl PlanesPass {
-    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
+    pub(crate) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let context = &stage.context;
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::ColorMotion, size, stage.plan)?;
@@ -154,7 +155,7 @@ impl PlanesPass {
     }
 
     /// The instant is the timestamp; motion leads to the next frame's (or as far as there are poses, scaled).
-    pub(super) fn write_inputs(
+    pub(crate) fn write_inputs(
         &self,
         stage: &Stage,
         slot: &mut FrameSlot,
@@ -198,7 +199,7 @@ impl PlanesPass {
     }
 
     /// The planes of a finished frame.
-    pub(super) fn read(&self, slot: usize) -> Planes {
+    pub(crate) fn read(&self, slot: usize) -> Planes {
         let from = &self.readback[slot];
         let [width, height] = self.target.size.map(|s| s as usize);
         let plane = |buffer: &Buffer, channels: usize| {

@@ -2,11 +2,11 @@
 //! they are read together, as one picture of finer texels; else what each of them shows counts by how much of it was seen.
 //! Twin: `reference/outside_blend.rs`.
 
-use super::Stage;
-use super::fast_pass::{FastTiming, lines_between};
-use super::finish::prepare;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
+use crate::engine::fast::pass::{FastTiming, lines_between};
+use crate::engine::finish::prepare;
+use crate::engine::scene::Stage;
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
