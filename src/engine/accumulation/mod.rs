@@ -1,20 +1,17 @@
 //! `--method accumulation`: the reference. N renders over the frame's interval, each weighed into the lines whose
 //! exposure covers its instant. Twin: `reference/accumulate.rs`.
 
-use std::time::Duration;
-
 use crate::camera::accumulation::{AccumulationPlan, WeightedInstant};
 use crate::camera::{ShutterTiming, Trajectory};
-use crate::engine::finish::{Finish, prepare};
+use crate::engine::flight::Room;
 use crate::engine::frame::FrameRequest;
-use crate::engine::scene::Stage;
 use crate::engine::scene::accumulate::{Accumulate, WeightedLines};
 use crate::engine::scene::lens::Channel;
 use crate::engine::scene::margin::reach_of;
-use crate::engine::scene::planes::{Ending, PlanesPass};
+use crate::engine::scene::{Choices, Renderer, Shot, Stage};
 use crate::engine::slots::FrameSlot;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Image, Recorder, RenderArea};
+use crate::gpu::{BindGroup, Recorder, RenderArea};
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
 
 /// Instants of one submission: long frames are cut so that no submission runs into a driver's watchdog.
@@ -38,42 +35,32 @@ impl Default for AccumulationOptions {
 }
 
 /// The method.
-pub(super) struct Accumulation {
+struct Accumulation {
     inputs: Vec<(RasterInput, BindGroup)>,
     accumulate: Accumulate,
     target: RasterTarget,
     options: AccumulationOptions,
 }
 
-impl Accumulation {
-    pub(super) fn new(
-        stage: &Stage,
-        options: &AccumulationOptions,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-    ) -> Result<Self> {
+impl Choices for AccumulationOptions {
+    fn make(&self, stage: &Stage, room: &mut Room<'_>, _: &[FrameRequest]) -> Result<Box<dyn Renderer>> {
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let target = RasterTarget::new(&stage.context, &stage.buffers, RasterKind::Color, size, stage.plan)?;
-        prepare(&mut slots[0].gpu, target.attachments.images())?;
+        room.prepare(target.attachments.images())?;
         let accumulate = Accumulate::new(stage)?;
         let bind = |slot: &FrameSlot| {
             let input = target.bind(&stage.buffers, &slot.inputs.instants, &slot.inputs.cameras)?;
-            Ok((input, accumulate.bind(&target, radiance, slot)?))
+            Ok((input, accumulate.bind(&target, room.radiance, slot)?))
         };
-        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        Ok(Self { inputs, accumulate, target, options: *options })
+        let inputs = room.slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        Ok(Box::new(Accumulation { inputs, accumulate, target, options: *self }))
     }
+}
 
+impl Renderer for Accumulation {
     /// Renders the frame in chunks; all but the last are waited for.
-    pub(super) fn submit(
-        &self,
-        stage: &Stage,
-        slot: &mut FrameSlot,
-        request: &FrameRequest,
-        path: &Trajectory,
-        (finish, planes): (&Finish, Option<&PlanesPass>),
-        limit: Duration,
-    ) -> Result<()> {
+    fn submit(&mut self, mut shot: Shot<'_>) -> Result<()> {
+        let (stage, request, path, finish) = (shot.stage, shot.request, shot.path, shot.finish);
         let plan = AccumulationPlan::new(&request.shutter, self.renders(stage, path, &request.shutter));
         let channels = stage.channels();
         let parts: Vec<_> = channels
@@ -82,35 +69,34 @@ impl Accumulation {
             .collect();
         let per_channel = parts.len() / channels.len();
         for (i, &(channel, of_channel, chunk)) in parts.iter().enumerate() {
-            let last = parts.len() - 1;
             if i > 0 {
-                slot.gpu.wait(limit)?;
-                slot.keep_times()?;
-                slot.inputs.clear();
+                shot.slot.gpu.wait(shot.limit)?;
+                shot.slot.keep_times()?;
+                shot.slot.inputs.clear();
             }
-            let rows = self.write_inputs(stage, slot, path, chunk);
-            let ending = (i == last).then(|| Ending::new(planes, stage, slot, request, path));
-            let mut recorder = slot.gpu.begin()?;
+            let rows = write_inputs(&mut shot, chunk);
+            let ending = (i + 1 == parts.len()).then(|| shot.ending());
+            let index = shot.slot.index;
+            let (mut recorder, to) = shot.slot.begin()?;
             if of_channel == 0 {
                 recorder.mark("clear");
                 recorder.clear(finish.radiance());
             }
-            self.record(stage, &mut recorder, slot.index, (&request.shutter, channel), &rows);
+            self.record(stage, &mut recorder, index, (&request.shutter, channel), &rows);
             if of_channel + 1 == per_channel {
                 stage.merge(&mut recorder, channel);
             }
-            if i == last {
-                let to = (&slot.picture, &slot.radiance);
-                if let Some(ending) = &ending {
-                    ending.record(stage, &mut recorder, slot.index, (finish, request, false), to);
-                }
+            if let Some(ending) = &ending {
+                ending.record(stage, &mut recorder, index, (finish, request, false), to);
             }
             recorder.finish();
-            slot.gpu.submit()?;
+            shot.slot.gpu.submit()?;
         }
         Ok(())
     }
+}
 
+impl Accumulation {
     fn renders(&self, stage: &Stage, path: &Trajectory, shutter: &ShutterTiming) -> u32 {
         if let Some(renders) = self.options.renders {
             return renders.max(1);
@@ -128,24 +114,6 @@ impl Accumulation {
         });
         let speed_px_per_s = speed.fold(0.0, f64::max);
         AccumulationPlan::auto_renders(shutter, speed_px_per_s, self.options.step_px, self.options.most)
-    }
-
-    /// Writes matrices and weights; returns per instant its row and what the kernel is told.
-    fn write_inputs(
-        &self,
-        stage: &Stage,
-        slot: &mut FrameSlot,
-        path: &Trajectory,
-        chunk: &[WeightedInstant],
-    ) -> Vec<((u32, u32), WeightedLines)> {
-        let mut rows = Vec::with_capacity(chunk.len());
-        for weighted in chunk {
-            let row = slot.inputs.add(stage, path, &stage.intrinsics, &Instant::still(weighted.time_s));
-            let first_weight = slot.inputs.add_weights(&weighted.weights);
-            let line_count = weighted.weights.len() as u32;
-            rows.push((row, WeightedLines { first_line: weighted.first_line, line_count, first_weight }));
-        }
-        rows
     }
 
     fn record(
@@ -172,4 +140,15 @@ impl Accumulation {
             self.accumulate.record(recorder, group, &push);
         }
     }
+}
+
+/// Writes matrices and weights; returns per instant its row and what the kernel is told.
+fn write_inputs(shot: &mut Shot<'_>, chunk: &[WeightedInstant]) -> Vec<((u32, u32), WeightedLines)> {
+    let one = |weighted: &WeightedInstant| {
+        let row = shot.add(&shot.stage.intrinsics, &Instant::still(weighted.time_s));
+        let first_weight = shot.slot.inputs.add_weights(&weighted.weights);
+        let line_count = weighted.weights.len() as u32;
+        (row, WeightedLines { first_line: weighted.first_line, line_count, first_weight })
+    };
+    chunk.iter().map(one).collect()
 }

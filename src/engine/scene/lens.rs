@@ -11,10 +11,9 @@ use crate::assert_push_layout;
 use crate::camera::{Distortion, ExtendedLens, Intrinsics, Lens, Pose};
 use crate::chain::Settings;
 use crate::effects::{ChromaticAberration, LensDistortion};
-use crate::engine::finish::prepare;
+use crate::engine::flight::Room;
 use crate::engine::frame::FrameRequest;
 use crate::engine::scene::Stage;
-use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder};
 use crate::kernels::kernel;
@@ -102,14 +101,13 @@ impl LensStage {
         stage: &Stage,
         key: LensKey,
         expected: &[FrameRequest],
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
     ) -> Result<Self> {
         let extended = ExtendedLens::new(Lens::new(stage.intrinsics, key.distortion)?);
         let groups = MotionGroups::new(&stage.scene);
         let frames: Vec<_> = expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect();
         let chords = Chords::new(stage, &groups, &extended, &frames);
-        let merge = if key.scales == [1.0; 3] { None } else { Some(Merge::new(stage, slots, radiance)?) };
+        let merge = if key.scales == [1.0; 3] { None } else { Some(Merge::new(room)?) };
         Ok(Self { key, extended, chords, geometry: None, merge })
     }
 
@@ -140,11 +138,12 @@ impl LensStage {
 }
 
 impl Merge {
-    pub(crate) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
+    pub(crate) fn new(room: &mut Room<'_>) -> Result<Self> {
+        let (context, radiance) = (room.context, room.radiance);
         let spec = ImageSpec::storage(radiance.spec().size, Format::Rgba32f);
-        let kept = Image::new(&stage.context, "red and blue", spec)?;
-        prepare(&mut slots[0].gpu, [&kept])?;
-        let kernel = ComputePipeline::new(&stage.context, const { kernel("chromatic_merge.comp") })?;
+        let kept = Image::new(context, "red and blue", spec)?;
+        room.prepare([&kept])?;
+        let kernel = ComputePipeline::new(context, const { kernel("chromatic_merge.comp") })?;
         let group =
             kernel.bind(&[("radiance", Bound::Storage(radiance)), ("kept", Bound::Storage(&kept))])?;
         Ok(Self { group, kernel, _kept: kept })

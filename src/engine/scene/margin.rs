@@ -150,6 +150,11 @@ pub(crate) fn needed_px(stage: &Stage, request: &FrameRequest, reference_s: f64)
     [needed[0].min(size[0]), needed[1].min(size[1])]
 }
 
+/// Whether a margin is as wide as what is needed.
+pub(crate) fn holds(have: [u32; 2], needed: [u32; 2]) -> bool {
+    needed[0] <= have[0] && needed[1] <= have[1]
+}
+
 /// What holds both.
 pub(crate) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]

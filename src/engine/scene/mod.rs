@@ -9,15 +9,118 @@ pub(crate) mod resolve;
 pub(crate) mod taps;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::engine::finish::Finish;
+use crate::engine::flight::Room;
 use crate::engine::frame::{FrameInstants, FrameRequest};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
-use crate::gpu::Context;
-use crate::raster::{SamplePlan, SceneBuffers};
+use crate::gpu::{Context, Recorder};
+use crate::raster::{Instant, SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
-use lens::LensStage;
+use lens::{Channel, LensStage};
+use planes::{Ending, PlanesPass};
+use taps::Taps;
+
+/// What a method can be told, and how it is made of that: one for each method, in its folder.
+pub(crate) trait Choices {
+    /// The method, ready for frames like `expected`.
+    fn make(
+        &self,
+        stage: &Stage,
+        room: &mut Room<'_>,
+        expected: &[FrameRequest],
+    ) -> Result<Box<dyn Renderer>>;
+
+    /// Refuses choices that know only the ideal pinhole.
+    fn check_lens(&self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Whether it draws the scene as it stands at an instant: triangles are then cut for the lens ahead of it.
+    fn draws_instants(&self) -> bool {
+        true
+    }
+}
+
+/// A way to render the frames of a scene. It owns what it draws into; slots, lens, planes and the chain are given to it.
+pub(crate) trait Renderer: Send + Sync {
+    /// Columns and rows rendered beyond each side of the picture.
+    fn margin_px(&self) -> [u32; 2] {
+        [0, 0]
+    }
+
+    /// Whether a frame can be made with what there is.
+    fn fits(&mut self, _stage: &Stage, _request: &FrameRequest) -> bool {
+        true
+    }
+
+    /// Makes what such a frame lacks; nothing is in flight.
+    fn fit(&mut self, _stage: &Stage, _room: &mut Room<'_>, _request: &FrameRequest) -> Result<()> {
+        Ok(())
+    }
+
+    /// The lens is another one.
+    fn forget_lens(&mut self) {}
+
+    /// What frames so far have left behind goes.
+    fn forget(&mut self) {}
+
+    /// Records a frame that fits and hands it to the device.
+    fn submit(&mut self, shot: Shot<'_>) -> Result<()>;
+
+    /// What the last pass before the radiance reads for a frame, where others can be handed the same.
+    fn taps(&self, _stage: &Stage, _request: &FrameRequest, _path: &Trajectory) -> Option<Taps<'_>> {
+        None
+    }
+}
+
+/// A frame that is being made.
+pub(crate) struct Shot<'a> {
+    pub(crate) stage: &'a Stage,
+    pub(crate) slot: &'a mut FrameSlot,
+    pub(crate) request: &'a FrameRequest,
+    /// The camera's, as the frame sees it.
+    pub(crate) path: &'a Trajectory,
+    pub(crate) finish: &'a Finish,
+    pub(crate) planes: Option<&'a PlanesPass>,
+    /// Longest time that one of several submissions may take.
+    pub(crate) limit: Duration,
+}
+
+impl<'a> Shot<'a> {
+    /// Writes the rows of an instant, seen by `camera`.
+    pub(crate) fn add(&mut self, camera: &Intrinsics, instant: &Instant) -> (u32, u32) {
+        self.slot.inputs.add((self.path, &self.stage.scene.objects), camera, instant)
+    }
+
+    /// Writes what the end of the frame will draw.
+    pub(crate) fn ending(&mut self) -> Ending<'a> {
+        Ending::new(self.planes, self.stage, self.slot, self.request, self.path)
+    }
+
+    /// One submission: what `draw` records for each colour, then the end; `developed`: the chain is done already.
+    pub(crate) fn submit(
+        self,
+        ending: &Ending<'_>,
+        developed: bool,
+        mut draw: impl FnMut(&mut Recorder<'_>, Channel),
+    ) -> Result<()> {
+        let Self { stage, slot, request, finish, .. } = self;
+        let index = slot.index;
+        let (mut recorder, to) = slot.begin()?;
+        for channel in stage.channels() {
+            draw(&mut recorder, channel);
+            stage.merge(&mut recorder, channel);
+        }
+        ending.record(stage, &mut recorder, index, (finish, request, developed), to);
+        recorder.finish();
+        slot.gpu.submit()
+    }
+}
 
 /// What all passes share.
 pub(crate) struct Stage {

@@ -1,14 +1,10 @@
-//! What a caller that keeps frames in flight asks an engine, and what the paper's gather has read: for hosts that hand
+//! What the paper's gather and the warp of `fast` have read: for hosts that hand
 //! the same planes back in, and for the tests that compare.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::engine::fast::pass::FastTiming;
-use crate::engine::frame::FrameRequest;
-use crate::engine::scene::camera_path;
-use crate::engine::slots::{FrameSlot, free_slot};
-use crate::engine::{Engine, Renderer, Ticket};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Format, Image, Location, Usage};
 use crate::plane::Plane;
@@ -48,96 +44,16 @@ pub struct WarpInputs {
     pub knots_s: Vec<f64>,
 }
 
-impl Engine {
-    /// Renders a frame by the method `fast` and reads back what its warp was given; `None` for other methods, and where paths
-    /// are drawn.
-    ///
-    /// # Errors
-    /// As for [`Engine::render`].
-    ///
-    /// # Panics
-    /// If frames are in flight.
-    pub fn warp_inputs(&mut self, request: &FrameRequest) -> Result<Option<WarpInputs>> {
-        assert_eq!(self.pending(), 0, "inputs are read between frames");
-        self.render(request)?;
-        let Renderer::Fast(fast) = &self.renderer else { return Ok(None) };
-        let path = camera_path(&self.stage, request);
-        let Some([color, depth]) = fast.warp_images(&self.stage, request, &path) else { return Ok(None) };
-        let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
-        let color = read_back(&self.stage.context, slot, color, limit)?.swap_remove(0);
-        let inverse_depth = read_back(&self.stage.context, slot, depth, limit)?.swap_remove(0);
-        Ok(Some(WarpInputs {
-            color,
-            inverse_depth,
-            margin_px: fast.margin_px(),
-            color_time_s: request.shutter.middle_s(),
-            knots_s: FastTiming::spaced(request.shutter).1.to_vec(),
-        }))
-    }
-
-    /// Whether another frame can be submitted before one is collected.
-    pub fn has_room(&self) -> bool {
-        free_slot(&self.slots, self.next).is_some()
-    }
-
-    /// How many frames were submitted and not collected.
-    pub fn pending(&self) -> usize {
-        self.slots.iter().filter(|s| s.pending()).count()
-    }
-
-    /// Whether a frame can be collected without waiting.
-    ///
-    /// # Errors
-    /// Device lost.
-    pub fn finished(&self, ticket: &Ticket) -> Result<bool> {
-        self.slots[ticket.slot].finished()
-    }
-
-    /// Waits for a frame without taking it.
-    ///
-    /// # Errors
-    /// Device lost; not finished within `limit`: then it can be waited for again.
-    pub fn wait(&mut self, ticket: &Ticket, limit: Duration) -> Result<()> {
-        self.slots[ticket.slot].wait(limit)
-    }
-
-    /// A frame that nobody will collect: its slot is free again once the device is done with it.
-    pub fn give_up(&mut self, ticket: &Ticket) {
-        self.slots[ticket.slot].cancel();
-    }
-
-    /// Renders a frame by the paper's method and reads back what its gather was given; `None` for other methods.
-    ///
-    /// # Errors
-    /// As for [`Engine::render`].
-    ///
-    /// # Panics
-    /// If frames are in flight.
-    pub fn gather_inputs(&mut self, request: &FrameRequest) -> Result<Option<GatherInputs>> {
-        assert_eq!(self.pending(), 0, "inputs are read between frames");
-        self.render(request)?;
-        let Renderer::Paper(paper) = &self.renderer else { return Ok(None) };
-        let path = camera_path(&self.stage, request);
-        let times = paper.gather_times(&self.stage, request, &path);
-        let [color, motion, depth] = paper.gather_images();
-        let (slot, limit) = (&mut self.slots[0], self.options.time_limit);
-        let mut read = |image: &Image| read_back(&self.stage.context, slot, image, limit);
-        let mut motion_px = read(motion)?;
-        motion_px.truncate(times.count);
-        Ok(Some(GatherInputs {
-            color: read(color)?.swap_remove(0),
-            motion_px,
-            depth_m: read(depth)?.swap_remove(0),
-            margin_px: paper.margin_px(),
-            color_time_s: times.reference_s,
-            first_motion_time_s: times.first_motion_s,
-            motion_step_s: times.step_s,
-        }))
-    }
+/// The images of a frame, and when they are of.
+pub(crate) enum Taps<'a> {
+    /// Colour, motion, and the depth of the motion image drawn last.
+    Gather([&'a Image; 3], GatherTimes),
+    /// Colour and inverse depth.
+    Warp([&'a Image; 2], Vec<f64>),
 }
 
 /// The layers of an image that no frame in flight uses.
-fn read_back(
+pub(crate) fn read_back(
     context: &Arc<Context>,
     slot: &mut FrameSlot,
     image: &Image,
