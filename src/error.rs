@@ -211,26 +211,7 @@ impl fmt::Display for Error {
             Self::UnknownName { path, line, kind, name, nearest } => {
                 write!(f, "{}: unknown {kind} `{name}`{}", place(path, *line), suggestion(nearest.as_deref()))
             }
-            Self::TrajectoryTooShort {
-                path,
-                what,
-                needed_from_s,
-                needed_to_s,
-                covered_from_s,
-                covered_to_s,
-            } => write!(
-                f,
-                "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
-         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
-         extrapolated)",
-                path.display(),
-                missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
-            ),
-            Self::MarginTooSmall { needed_px, given_px } => write!(
-                f,
-                "a margin of {} columns and {} rows on each side is too small: this frame needs {} and {}",
-                given_px[0], given_px[1], needed_px[0], needed_px[1]
-            ),
+            Self::TrajectoryTooShort { .. } | Self::MarginTooSmall { .. } => self.fmt_too_little(f),
             Self::Io { path, action, source } => write!(f, "{}: cannot {action}: {source}", path.display()),
             Self::Picture { path, action, reason } => {
                 write!(f, "{}: cannot {action} the picture: {reason}", path.display())
@@ -253,6 +234,54 @@ impl fmt::Display for Error {
             Self::Limit { what, value, limit, why } => {
                 write!(f, "{what} is {value}, the limit is {limit} ({why})")
             }
+            Self::NoVulkanLoader { .. }
+            | Self::NoDevice { .. }
+            | Self::DeviceLacks { .. }
+            | Self::DeviceLost { .. }
+            | Self::OutOfMemory { .. }
+            | Self::Vulkan { .. }
+            | Self::Threads { .. } => self.fmt_machine(f),
+            Self::Interrupted { done, total } => {
+                write!(f, "interrupted after {done} of {total} frames; run again with --resume to go on")
+            }
+            Self::DiagnosisInterrupted { at, kept } => {
+                write!(f, "interrupted at `{at}`; {}", kept_text(kept))
+            }
+        }
+    }
+}
+
+impl Error {
+    /// What was handed in ends too early.
+    fn fmt_too_little(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TrajectoryTooShort {
+                path,
+                what,
+                needed_from_s,
+                needed_to_s,
+                covered_from_s,
+                covered_to_s,
+            } => write!(
+                f,
+                "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
+         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
+         extrapolated)",
+                path.display(),
+                missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
+            ),
+            Self::MarginTooSmall { needed_px, given_px } => write!(
+                f,
+                "a margin of {} columns and {} rows on each side is too small: this frame needs {} and {}",
+                given_px[0], given_px[1], needed_px[0], needed_px[1]
+            ),
+            _ => unreachable!("covers enough"),
+        }
+    }
+
+    /// What the machine lacks or did.
+    fn fmt_machine(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
             Self::NoVulkanLoader { reason } => write!(
                 f,
                 "no Vulkan loader: {reason}. Install it (Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
@@ -274,12 +303,7 @@ impl fmt::Display for Error {
                 f,
                 "no thread can be started ({reason}): allow more processes (ulimit -u) or free some"
             ),
-            Self::Interrupted { done, total } => {
-                write!(f, "interrupted after {done} of {total} frames; run again with --resume to go on")
-            }
-            Self::DiagnosisInterrupted { at, kept } => {
-                write!(f, "interrupted at `{at}`; {}", kept_text(kept))
-            }
+            _ => unreachable!("no fault of the machine"),
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::effects::{
     RollingShutter, TimeOffset,
 };
 use crate::engine::{
-    Delivery, Engine, EngineOptions, Frame, FrameRequest, OutsideEngine, OutsideFrame, Ticket,
+    Delivery, Engine, EngineOptions, Flight, Frame, FrameRequest, OutsideEngine, OutsideFrame, Ticket,
 };
 use crate::gpu::Context;
 use crate::scene::{Scene, Shading, load_obj};
@@ -345,14 +345,19 @@ impl Session {
         Ok(self.on_its_way((ticket, true), &frame.request, path))
     }
 
+    /// Frames in flight of the engine that a frame is of: the scene's, or that of frames from outside.
+    fn flight(&mut self, outside: bool) -> Outcome<&mut Flight> {
+        let flight = match outside {
+            false => self.engine.as_mut().map(Engine::flight),
+            true => self.outside.as_mut().map(OutsideEngine::flight),
+        };
+        flight.ok_or_else(|| Fault::new(status::STATE, "the frame's engine was made anew"))
+    }
+
     /// Whether a frame can be collected without waiting.
     pub fn finished(&mut self, submitted: &Submitted) -> Outcome<bool> {
         self.not_lost()?;
-        let done = match (submitted.outside, &self.engine, &self.outside) {
-            (false, Some(engine), _) => engine.finished(&submitted.ticket),
-            (true, _, Some(outside)) => outside.finished(&submitted.ticket),
-            _ => return Err(gone()),
-        };
+        let done = self.flight(submitted.outside)?.finished(&submitted.ticket);
         self.watch(done)
     }
 
@@ -360,11 +365,7 @@ impl Session {
     pub fn wait(&mut self, submitted: &Submitted, limit: Duration) -> Outcome<()> {
         self.not_lost()?;
         let limit = limit.min(self.settings.time_limit);
-        let done = match (submitted.outside, &mut self.engine, &mut self.outside) {
-            (false, Some(engine), _) => engine.wait(&submitted.ticket, limit),
-            (true, _, Some(outside)) => outside.wait(&submitted.ticket, limit),
-            _ => return Err(gone()),
-        };
+        let done = self.flight(submitted.outside)?.wait(&submitted.ticket, limit);
         let done = self.watch(done);
         if done.as_ref().is_err_and(|fault| fault.status != status::TIMEOUT) {
             self.give_up(submitted);
@@ -374,10 +375,8 @@ impl Session {
 
     /// A frame that can never be had, or is not wanted any more: its place in flight is free once the device is done.
     pub fn give_up(&mut self, submitted: &Submitted) {
-        match (submitted.outside, &mut self.engine, &mut self.outside) {
-            (false, Some(engine), _) => engine.give_up(&submitted.ticket),
-            (true, _, Some(outside)) => outside.give_up(&submitted.ticket),
-            _ => {}
+        if let Ok(flight) = self.flight(submitted.outside) {
+            flight.give_up(&submitted.ticket);
         }
     }
 
@@ -385,11 +384,7 @@ impl Session {
     pub fn collect(&mut self, submitted: Submitted) -> Outcome<Frame> {
         self.not_lost()?;
         let place = submitted.place;
-        let frame = match (submitted.outside, &mut self.engine, &mut self.outside) {
-            (false, Some(engine), _) => engine.collect(submitted.ticket),
-            (true, _, Some(outside)) => outside.collect(submitted.ticket),
-            _ => return Err(gone()),
-        };
+        let frame = self.flight(submitted.outside)?.collect(submitted.ticket);
         let frame = self.watch(frame)?;
         self.exposure.meter(place, &frame);
         Ok(frame)
@@ -432,8 +427,4 @@ fn of_warps_only(effects: &Effects) -> Option<&'static str> {
 
 fn full(count: usize) -> Fault {
     Fault::new(status::FULL, format!("{count} frames are in flight: wait for any of them first"))
-}
-
-fn gone() -> Fault {
-    Fault::new(status::STATE, "the frame's engine was made anew")
 }

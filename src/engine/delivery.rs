@@ -24,7 +24,7 @@ pub struct Delivery {
 
 impl Delivery {
     /// What of the pixel chain is wanted.
-    pub(super) fn wanted(&self) -> Wanted {
+    pub(crate) fn wanted(&self) -> Wanted {
         Wanted { pixels: true, values: self.values, raw: self.raw }
     }
 
@@ -34,7 +34,7 @@ impl Delivery {
     }
 
     /// Records the copy of a picture that is there.
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, picture: &Buffer) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, picture: &Buffer) {
         match &self.to {
             None => return,
             Some(Shared::Buffer(to)) => recorder.copy_buffer(picture, to, picture.bytes()),
@@ -45,19 +45,19 @@ impl Delivery {
 }
 
 /// A delivery that is a submission of its own, behind that of a frame.
-pub(super) struct After {
-    pub(super) gpu: Slot,
+pub(crate) struct After {
+    pub(crate) gpu: Slot,
     /// What the work in flight uses.
     kept: Delivery,
 }
 
 impl After {
-    pub(super) fn new(context: &Arc<Context>) -> Result<Self> {
+    pub(crate) fn new(context: &Arc<Context>) -> Result<Self> {
         Ok(Self { gpu: Slot::new(context, "delivery")?, kept: Delivery::default() })
     }
 
     /// Hands the copy to the device; nothing of this may be in flight.
-    pub(super) fn submit(&mut self, delivery: &Delivery, picture: &Buffer) -> Result<()> {
+    pub(crate) fn submit(&mut self, delivery: &Delivery, picture: &Buffer) -> Result<()> {
         let mut recorder = self.gpu.begin()?;
         delivery.record(&mut recorder, picture);
         recorder.finish();
@@ -66,7 +66,7 @@ impl After {
     }
 
     /// The work is over: the host may have its things back.
-    pub(super) fn release(&mut self) {
+    pub(crate) fn release(&mut self) {
         self.kept = Delivery::default();
     }
 }

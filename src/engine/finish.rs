@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::frame::FrameRequest;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
 use crate::chain::{PARAMETER_BYTES, Packed, Plan, Settings, Step, View, Wanted, check_order};
 use crate::effects::{self, BayerMosaic};
+use crate::engine::frame::FrameRequest;
 use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder, Slot,
@@ -32,7 +32,7 @@ struct ChainPush {
 assert_push_layout!("pointwise.comp", ChainPush { size, seed, frame, flags, slot });
 
 /// The radiance, and the chain that develops it.
-pub(super) struct Finish {
+pub(crate) struct Finish {
     /// By what the settings ask for; steady after the first frame of a kind.
     chains: BTreeMap<Plan, Vec<Dispatch>>,
     /// What the frame that is being recorded asks for, and its slot.
@@ -70,7 +70,7 @@ struct Dispatch {
 
 impl Finish {
     /// The chain for pictures of `size`, with buffers for so many slots; `slot` must have nothing in flight.
-    pub(super) fn new(
+    pub(crate) fn new(
         context: &Arc<Context>,
         size: [u32; 2],
         slot_count: usize,
@@ -113,13 +113,13 @@ impl Finish {
     }
 
     /// Where the methods write.
-    pub(super) fn radiance(&self) -> &Image {
+    pub(crate) fn radiance(&self) -> &Image {
         &self.radiance
     }
 
     /// Makes what the effects need, if it is not there, and writes their parameters into the buffers of slot `index`, of
     /// which nothing may be in flight. Where pixels are not wanted, the last values are left in [`Self::output`].
-    pub(super) fn fit(
+    pub(crate) fn fit(
         &mut self,
         (settings, view): (&Settings, &View),
         wanted: Wanted,
@@ -168,7 +168,7 @@ impl Finish {
 
     /// What the finished frame of a slot wanted besides its pixels: encoded values, shape `[height, width, 4]`, and what
     /// is behind each filter of the mosaic, shape `[height, width, 1]`.
-    pub(super) fn take_kept(&self, index: usize, settings: &Settings) -> [Option<Plane<f32>>; 2] {
+    pub(crate) fn take_kept(&self, index: usize, settings: &Settings) -> [Option<Plane<f32>>; 2] {
         let [width, height] = self.radiance.spec().size.map(|s| s as usize);
         let ChainInputs { kept: [values, raw], wanted, .. } = &self.inputs[index];
         let read = |buffer: &Option<Buffer>| {
@@ -182,7 +182,7 @@ impl Finish {
 
     /// The variants of the fused kernel, if that is all of the chain and looks at no neighbour: then a kernel that makes
     /// the radiance can run it too.
-    pub(super) fn sole_pointwise(&self) -> Option<&[u32]> {
+    pub(crate) fn sole_pointwise(&self) -> Option<&[u32]> {
         let plan = &self.current.0;
         match plan.steps.as_slice() {
             [Step::Pointwise { variants, last: true }]
@@ -195,7 +195,7 @@ impl Finish {
     }
 
     /// What such a kernel binds for a slot.
-    pub(super) fn chain_buffers(&self, index: usize) -> [(&'static str, Bound<'_>); 3] {
+    pub(crate) fn chain_buffers(&self, index: usize) -> [(&'static str, Bound<'_>); 3] {
         let inputs = &self.inputs[index];
         [
             ("Parameters", Bound::Buffer(&inputs.parameters)),
@@ -205,12 +205,12 @@ impl Finish {
     }
 
     /// Frames in flight.
-    pub(super) fn slot_count(&self) -> usize {
+    pub(crate) fn slot_count(&self) -> usize {
         self.inputs.len()
     }
 
     /// Where the last values are, after a chain that was fitted without pixels.
-    pub(super) fn output(&self) -> &Image {
+    pub(crate) fn output(&self) -> &Image {
         self.made_by(self.current.0.steps.len())
     }
 
@@ -267,7 +267,7 @@ impl Finish {
     }
 
     /// Records the chain that [`Self::fit`] chose, and the readback.
-    pub(super) fn record(
+    pub(crate) fn record(
         &self,
         recorder: &mut Recorder<'_>,
         request: &FrameRequest,
@@ -278,7 +278,7 @@ impl Finish {
     }
 
     /// Records the readback of pixels that are there.
-    pub(super) fn record_readback(
+    pub(crate) fn record_readback(
         &self,
         recorder: &mut Recorder<'_>,
         request: &FrameRequest,
@@ -293,7 +293,7 @@ impl Finish {
     }
 
     /// Records the dispatches only, and the readback of what else is wanted of what they make.
-    pub(super) fn record_chain(&self, recorder: &mut Recorder<'_>, frame: u32, seed: u64) {
+    pub(crate) fn record_chain(&self, recorder: &mut Recorder<'_>, frame: u32, seed: u64) {
         let size = self.radiance.spec().size;
         let (plan, index) = &self.current;
         self.record_kept(recorder, 0);
@@ -320,7 +320,7 @@ impl Finish {
     }
 
     /// Where the delivered picture is, 4 bytes a pixel.
-    pub(super) fn pixels(&self) -> &Buffer {
+    pub(crate) fn pixels(&self) -> &Buffer {
         &self.pixels
     }
 }
@@ -351,7 +351,7 @@ fn pictures_of(plan: &Plan) -> Vec<Pictures> {
 }
 
 /// Brings new images into their layout, at once.
-pub(super) fn prepare<'i>(slot: &mut Slot, images: impl IntoIterator<Item = &'i Image>) -> Result<()> {
+pub(crate) fn prepare<'i>(slot: &mut Slot, images: impl IntoIterator<Item = &'i Image>) -> Result<()> {
     let mut recorder = slot.begin()?;
     recorder.prepare(images);
     recorder.finish();

@@ -1,11 +1,7 @@
 //! What is asked for, and what comes back.
 
-use std::sync::Arc;
-
-use super::Stage;
-use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
+use crate::camera::{Intrinsics, Pose, ShutterTiming};
 use crate::chain::{Settings, View};
-use crate::error::Result;
 use crate::gpu::PassTime;
 use crate::plane::Plane;
 
@@ -94,45 +90,4 @@ pub struct Frame {
     /// What the converter delivers of each pixel, 1 = full scale, behind its filter of `bayer_mosaic`, shape
     /// `[height, width, 1]`, if it was asked for.
     pub raw: Option<Plane<f32>>,
-}
-
-/// The camera's path as the frame sees it.
-pub(super) fn camera_path(stage: &Stage, request: &FrameRequest) -> Arc<Trajectory> {
-    if request.static_camera {
-        Arc::new(Trajectory::fixed(stage.trajectory.pose_at(request.shutter.start_s)))
-    } else {
-        stage.trajectory.clone()
-    }
-}
-
-/// Instants and poses of a frame.
-pub(super) fn instants(path: &Trajectory, shutter: &ShutterTiming) -> FrameInstants {
-    let at = |time_s: f64| (time_s, path.pose_at(time_s));
-    FrameInstants {
-        first_line_start: at(shutter.start_s),
-        middle: at(shutter.middle_s()),
-        last_line_end: at(shutter.end_s()),
-    }
-}
-
-/// Whether camera and objects have poses for the whole frame.
-pub(super) fn check_coverage(stage: &Stage, request: &FrameRequest) -> Result<()> {
-    let what = format!("frame {}", request.index);
-    let (start_s, end_s) = (request.shutter.start_s, request.shutter.end_s());
-    stage.trajectory.require(start_s, if request.static_camera { start_s } else { end_s }, &what)?;
-    for object in &stage.scene.objects {
-        if let Some(trajectory) = &object.trajectory {
-            trajectory.require(start_s, end_s, &format!("{what}, object `{}`", object.name))?;
-        }
-    }
-    Ok(())
-}
-
-/// Times for which camera and all objects have poses.
-pub(super) fn covered_span_s(stage: &Stage, path: &Trajectory) -> (f64, f64) {
-    let objects = stage.scene.objects.iter().filter_map(|o| o.trajectory.as_deref());
-    objects
-        .chain(std::iter::once(path))
-        .map(Trajectory::span_s)
-        .fold((f64::NEG_INFINITY, f64::INFINITY), |(from, to), (first, last)| (from.max(first), to.min(last)))
 }

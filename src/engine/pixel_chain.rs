@@ -4,9 +4,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::finish::Finish;
 use crate::chain::{Settings, View, Wanted};
 use crate::effects;
+use crate::engine::finish::Finish;
 use crate::error::Result;
 use crate::gpu::{Buffer, Context, Location, PassTime, Slot, Usage};
 use crate::plane::Plane;

@@ -1,69 +1,109 @@
 //! What each frame in flight has of its own: commands, mapped inputs, mapped readback.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant as Clock};
 
-use super::Stage;
-use super::delivery::{After, Delivery};
-use super::finish::Finish;
-use super::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::camera::{Intrinsics, Trajectory};
 use crate::effects;
+use crate::engine::delivery::{After, Delivery};
+use crate::engine::finish::Finish;
+use crate::engine::frame::{Frame, FrameInstants, FrameRequest, FrameStatistics, Planes};
 use crate::error::Result;
-use crate::gpu::{Buffer, Location, PassTime, Slot, Usage};
+use crate::gpu::{Buffer, Context, Format, Location, PassTime, Recorder, Shared, Slot, Usage};
 use crate::plane::Plane;
 use crate::raster::{CameraRow, Instant, ObjectRow, instant_rows};
 use crate::reference::chain::develop_on_host;
-
-/// The slot that the next frame takes: the first from `from` on, in turn, that holds no frame and has nothing in flight. Frames
-/// may be collected in any order, so the next in turn may be taken while another one is free.
-pub(super) fn free_slot(slots: &[FrameSlot], from: usize) -> Option<usize> {
-    // Where it cannot be asked, the submission says why.
-    let free = |s: &FrameSlot| !s.pending() && s.finished().unwrap_or(true);
-    (0..slots.len()).map(|i| (from + i) % slots.len()).find(|&i| free(&slots[i]))
-}
+use crate::scene::Object;
 
 /// Instants that one submission can hold: a chunk of the accumulation, or the paper's pictures and the sharp planes.
-pub(super) const MAX_INSTANTS: u32 = 40;
+pub(crate) const MAX_INSTANTS: u32 = 40;
 
 /// A frame in flight.
-pub(super) struct FrameSlot {
+pub(crate) struct FrameSlot {
     /// Made when a frame first goes elsewhere too.
     after: Option<After>,
-    pub(super) gpu: Slot,
-    pub(super) index: usize,
-    pub(super) inputs: SlotInputs,
+    pub(crate) gpu: Slot,
+    pub(crate) index: usize,
+    pub(crate) inputs: SlotInputs,
     /// 8-bit picture, RGBA.
-    pub(super) picture: Buffer,
+    pub(crate) picture: Buffer,
     /// Radiance with statistics in alpha.
-    pub(super) radiance: Buffer,
+    pub(crate) radiance: Buffer,
     request: Option<(FrameRequest, FrameInstants, Clock)>,
     earlier: Vec<PassTime>,
+    /// Sharp planes on their way down, if the engine makes them.
+    pub(crate) planes: Option<PlanesReadback>,
+    /// What of the caller's the work in flight uses.
+    pub(crate) kept: (Delivery, Vec<Shared>),
+}
+
+/// Where a frame goes in host memory.
+#[derive(Clone, Copy)]
+pub(crate) struct ReadTo<'a> {
+    pub(crate) picture: &'a Buffer,
+    pub(crate) radiance: &'a Buffer,
+    pub(crate) planes: Option<&'a PlanesReadback>,
+}
+
+/// Mapped buffers of the sharp planes.
+pub(crate) struct PlanesReadback {
+    pub(crate) color: Buffer,
+    pub(crate) motion: Buffer,
+    pub(crate) depth: Buffer,
+    size: [u32; 2],
+}
+
+impl PlanesReadback {
+    pub(crate) fn new(context: &Arc<Context>, size: [u32; 2]) -> Result<Self> {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let buffer = |name: &str, format: Format| {
+            Buffer::new(context, name, pixels * format.texel_bytes(), Usage::Transfer, Location::Readback)
+        };
+        Ok(Self {
+            color: buffer("plane color", Format::Rgba32f)?,
+            motion: buffer("plane motion", Format::Rg32f)?,
+            depth: buffer("plane depth", Format::R32f)?,
+            size,
+        })
+    }
+
+    /// Those of a finished frame.
+    fn read(&self) -> Planes {
+        let [width, height] = self.size.map(|s| s as usize);
+        let plane = |buffer: &Buffer, channels: usize| {
+            let values: &[f32] = bytemuck::cast_slice(buffer.mapped());
+            Plane { width, height, channels, data: values[..width * height * channels].to_vec() }
+        };
+        Planes {
+            color: plane(&self.color, 4),
+            motion_px: plane(&self.motion, 2),
+            depth_m: plane(&self.depth, 1),
+        }
+    }
 }
 
 /// Mapped buffers that the host writes before it submits.
-pub(super) struct SlotInputs {
-    pub(super) instants: Buffer,
-    pub(super) cameras: Buffer,
-    pub(super) weights: Buffer,
+pub(crate) struct SlotInputs {
+    pub(crate) instants: Buffer,
+    pub(crate) cameras: Buffer,
+    pub(crate) weights: Buffer,
     object_count: u32,
     used: u32,
     used_weights: u32,
 }
 
 impl FrameSlot {
-    pub(super) fn new(stage: &Stage, index: usize) -> Result<Self> {
-        let (width, height) = (u64::from(stage.intrinsics.width), u64::from(stage.intrinsics.height));
-        let objects = stage.scene.objects.len() as u64;
-        let upload = |name: &str, bytes: u64, usage: Usage| {
-            Buffer::new(&stage.context, name, bytes, usage, Location::Upload)
-        };
+    /// For pictures of `size`, of scenes with so many objects.
+    pub(crate) fn new(context: &Arc<Context>, size: [u32; 2], objects: usize, index: usize) -> Result<Self> {
+        let ([width, height], objects) = (size.map(u64::from), objects as u64);
+        let upload =
+            |name: &str, bytes: u64, usage: Usage| Buffer::new(context, name, bytes, usage, Location::Upload);
         let rows = u64::from(MAX_INSTANTS);
-        let readback = |name: &str, bytes: u64| {
-            Buffer::new(&stage.context, name, bytes, Usage::Transfer, Location::Readback)
-        };
+        let readback =
+            |name: &str, bytes: u64| Buffer::new(context, name, bytes, Usage::Transfer, Location::Readback);
         Ok(Self {
             after: None,
-            gpu: Slot::new(&stage.context, &format!("frame {index}"))?,
+            gpu: Slot::new(context, &format!("frame {index}"))?,
             index,
             inputs: SlotInputs {
                 instants: upload(
@@ -81,32 +121,40 @@ impl FrameSlot {
             radiance: readback("radiance", width * height * 16)?,
             request: None,
             earlier: Vec::new(),
+            planes: None,
+            kept: Default::default(),
         })
     }
 
+    /// What its next submission is recorded with, and where its frame goes.
+    pub(crate) fn begin(&mut self) -> Result<(Recorder<'_>, ReadTo<'_>)> {
+        let to = ReadTo { picture: &self.picture, radiance: &self.radiance, planes: self.planes.as_ref() };
+        Ok((self.gpu.begin()?, to))
+    }
+
     /// Whether it holds a frame that was not collected.
-    pub(super) fn pending(&self) -> bool {
+    pub(crate) fn pending(&self) -> bool {
         self.request.is_some()
     }
 
     /// Sends the picture elsewhere too, behind the frame's own work.
-    pub(super) fn deliver(&mut self, stage: &Stage, delivery: &Delivery) -> Result<()> {
+    pub(crate) fn deliver(&mut self, context: &Arc<Context>, delivery: &Delivery) -> Result<()> {
         if delivery.is_empty() {
             return Ok(());
         }
         if self.after.is_none() {
-            self.after = Some(After::new(&stage.context)?);
+            self.after = Some(After::new(context)?);
         }
         self.after.as_mut().expect("just made").submit(delivery, &self.picture)
     }
 
     /// Whether all of the frame's work has finished; does not wait.
-    pub(super) fn finished(&self) -> Result<bool> {
+    pub(crate) fn finished(&self) -> Result<bool> {
         Ok(self.gpu.finished()? && self.after.as_ref().map_or(Ok(true), |a| a.gpu.finished())?)
     }
 
     /// Waits for all of the frame's work.
-    pub(super) fn wait(&mut self, limit: Duration) -> Result<()> {
+    pub(crate) fn wait(&mut self, limit: Duration) -> Result<()> {
         let start = Clock::now();
         self.gpu.wait(limit)?;
         if let Some(after) = &mut self.after {
@@ -116,37 +164,33 @@ impl FrameSlot {
         Ok(())
     }
 
-    pub(super) fn start(&mut self, request: &FrameRequest, instants: FrameInstants) {
+    pub(crate) fn start(&mut self, request: &FrameRequest, instants: FrameInstants) {
         self.request = Some((request.clone(), instants, Clock::now()));
         self.earlier.clear();
         self.inputs.clear();
     }
 
     /// Forgets a frame that could not be submitted, or that nobody will collect.
-    pub(super) fn cancel(&mut self) {
+    pub(crate) fn cancel(&mut self) {
         self.request = None;
     }
 
-    pub(super) fn wants_planes(&self) -> bool {
-        self.request.as_ref().is_some_and(|(r, ..)| r.planes)
-    }
-
     /// Keeps the times of a finished submission before the slot is recorded anew: its frame's next part, or new images.
-    pub(super) fn keep_times(&mut self) -> Result<()> {
+    pub(crate) fn keep_times(&mut self) -> Result<()> {
         let times = self.gpu.take_times()?;
         add_times(&mut self.earlier, times);
         Ok(())
     }
 
     /// Waits for the work in flight, so that what it uses may be made anew; its frame, if any, can still be collected.
-    pub(super) fn settle(&mut self, limit: Duration) -> Result<()> {
+    pub(crate) fn settle(&mut self, limit: Duration) -> Result<()> {
         self.gpu.wait(limit)?;
         self.keep_times()
     }
 
     /// Waits for the frame; times of all its submissions. On failure the frame is given up: its ticket is gone, and the slot
     /// must not stay taken.
-    pub(super) fn finish(&mut self, limit: Duration) -> Result<Vec<PassTime>> {
+    pub(crate) fn finish(&mut self, limit: Duration) -> Result<Vec<PassTime>> {
         let done = self.wait(limit).and_then(|()| self.keep_times());
         if done.is_err() {
             self.cancel();
@@ -155,13 +199,7 @@ impl FrameSlot {
     }
 
     /// The finished frame.
-    pub(super) fn take_frame(
-        &mut self,
-        size: [u32; 2],
-        times: Vec<PassTime>,
-        planes: Option<Planes>,
-        finish: &Finish,
-    ) -> Frame {
+    pub(crate) fn take_frame(&mut self, size: [u32; 2], times: Vec<PassTime>, finish: &Finish) -> Frame {
         let (request, instants, clock) = self.request.take().expect("the ticket of this slot's frame");
         // A buffer is a little larger than the smallest pictures.
         let pixels = size[0] as usize * size[1] as usize;
@@ -180,6 +218,8 @@ impl FrameSlot {
             channels: 4,
             data: bytemuck::cast_slice(radiance).to_vec(),
         });
+        let planes = self.planes.as_ref().filter(|_| request.planes).map(PlanesReadback::read);
+        self.kept = Default::default();
         let [values, raw] = finish.take_kept(self.index, &request.settings);
         Frame {
             radiance,
@@ -198,12 +238,12 @@ impl FrameSlot {
 
 impl SlotInputs {
     /// Forgets the rows of the last submission, which must have finished.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         (self.used, self.used_weights) = (0, 0);
     }
 
     /// Adds weights; returns the place of the first.
-    pub(super) fn add_weights(&mut self, weights: &[f32]) -> u32 {
+    pub(crate) fn add_weights(&mut self, weights: &[f32]) -> u32 {
         let first = self.used_weights;
         self.weights.write(first as usize * size_of::<f32>(), weights);
         self.used_weights += weights.len() as u32;
@@ -211,15 +251,14 @@ impl SlotInputs {
     }
 
     /// Adds the rows of an instant; returns its number and the number of objects, as the vertex stage wants them.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
-        stage: &Stage,
-        path: &Trajectory,
+        (path, objects): (&Trajectory, &[Object]),
         camera: &Intrinsics,
         instant: &Instant,
     ) -> (u32, u32) {
         assert!(self.used < MAX_INSTANTS, "a submission holds at most {MAX_INSTANTS} instants");
-        let (rows, eye) = instant_rows(instant, camera, path, &stage.scene.objects);
+        let (rows, eye) = instant_rows(instant, camera, path, objects);
         let at = self.used as usize;
         self.instants.write(at * rows.len() * size_of::<ObjectRow>(), &rows);
         self.cameras.write(at * size_of::<CameraRow>(), &[eye]);

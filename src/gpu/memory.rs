@@ -61,6 +61,38 @@ pub struct Buffer {
     pub(super) context: Arc<Context>,
 }
 
+impl Usage {
+    /// As Vulkan says it. Everything can be copied.
+    fn flags(self) -> vk::BufferUsageFlags {
+        let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        match self {
+            Self::Storage => {
+                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER | copies
+            }
+            Self::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
+            Self::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
+            Self::StorageTexels => {
+                vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
+            }
+            Self::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
+            Self::VertexTexels => {
+                vk::BufferUsageFlags::VERTEX_BUFFER
+                    | vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
+                    | copies
+            }
+            Self::StorageVertex => {
+                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
+            }
+            Self::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
+            Self::Transfer => copies,
+        }
+    }
+}
+
 impl Buffer {
     /// A buffer of `bytes` (at least 16 are allocated, as Vulkan has no empty buffers).
     ///
@@ -86,33 +118,7 @@ impl Buffer {
             let why = format!("maxTexelBufferElements of {}", context.info().name);
             return Err(Error::Limit { what: "texels of a buffer", value: texels, limit, why });
         }
-        let copies = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-        let flags = match usage {
-            Usage::Storage => {
-                vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::INDIRECT_BUFFER | copies
-            }
-            Usage::Uniform => vk::BufferUsageFlags::UNIFORM_BUFFER | copies,
-            Usage::Texels => vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER | copies,
-            Usage::StorageTexels => {
-                vk::BufferUsageFlags::STORAGE_BUFFER
-                    | vk::BufferUsageFlags::INDIRECT_BUFFER
-                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-                    | copies
-            }
-            Usage::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER | copies,
-            Usage::VertexTexels => {
-                vk::BufferUsageFlags::VERTEX_BUFFER
-                    | vk::BufferUsageFlags::STORAGE_BUFFER
-                    | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-                    | copies
-            }
-            Usage::StorageVertex => {
-                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER | copies
-            }
-            Usage::Index => vk::BufferUsageFlags::INDEX_BUFFER | copies,
-            Usage::Transfer => copies,
-        };
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(flags);
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage.flags());
         // SAFETY: the device is alive and `info` is complete.
         let handle =
             unsafe { context.device.create_buffer(&info, None) }.map_err(failed("vkCreateBuffer"))?;

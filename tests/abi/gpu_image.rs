@@ -2,13 +2,15 @@
 //! file descriptor. The picture is that of the same pixels in host memory, bit for bit.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
+mod given;
+
 use std::ptr::null_mut;
 use std::time::{Duration, Instant};
 
 use crate::capi_host::{Host, HostImage, ImageSpec};
 use crate::capi_support::*;
 use ash::vk::{self, Handle as _};
-use exr::prelude::f16;
+use given::{Given, bytes_of};
 use shutterbug::capi::*;
 use shutterbug::plane::PixelFormat;
 
@@ -61,38 +63,6 @@ fn picture(memory: Handle) -> shutterbug_image {
 fn input(format: vk::Format) -> ImageSpec {
     let usage = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
     ImageSpec { size: [32, 24], format, usage, layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL }
-}
-
-/// Some picture as bytes of a format; halves and floats in -2 ... 2 or depths in 1 ... 3.
-fn bytes_of(format: PixelFormat) -> Vec<u8> {
-    let mut seed = 5u32;
-    let mut number = || {
-        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (seed >> 8) as f32 / 16_777_216.0
-    };
-    let values = PIXELS * format.bytes() / format.alignment();
-    match format.alignment() {
-        1 => (0..values).map(|_| (255.0 * number()) as u8).collect(),
-        2 => (0..values).flat_map(|_| f16::from_f32(4.0 * number() - 2.0).to_le_bytes()).collect(),
-        _ if format == PixelFormat::R32f => {
-            (0..values).flat_map(|_| (1.0 + 2.0 * number()).to_le_bytes()).collect()
-        }
-        _ => (0..values).flat_map(|_| (4.0 * number() - 2.0).to_le_bytes()).collect(),
-    }
-}
-
-/// The library's own bytes, aligned for floats.
-struct Given(Vec<u32>, PixelFormat);
-
-impl Given {
-    fn new(format: PixelFormat) -> Self {
-        let words =
-            bytes_of(format).chunks_exact(4).map(|c| u32::from_le_bytes(c.try_into().unwrap())).collect();
-        Self(words, format)
-    }
-    fn image(&mut self) -> shutterbug_image {
-        image(self.1, SIZE[0], SIZE[1], bytemuck::cast_slice_mut(&mut self.0))
-    }
 }
 
 const COLORS: [(vk::Format, PixelFormat); 6] = [

@@ -3,14 +3,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::lens::Channel;
-use super::super::slots::FrameSlot;
 use super::Input;
 use super::uncover::Uncover;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, NEAR_M, ScanOrder, ShutterTiming};
+use crate::engine::flight::Room;
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Channel;
 use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
@@ -144,8 +143,7 @@ impl Images {
 impl Blur {
     pub(super) fn new(
         stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         group_count: usize,
         (margin_px, uncovers): ([u32; 2], bool),
     ) -> Result<Self> {
@@ -159,7 +157,7 @@ impl Blur {
             &images.paths,
             &images.inverses,
         ]);
-        prepare(&mut slots[0].gpu, all.chain(&images.tiles).chain(&images.around))?;
+        room.prepare(all.chain(&images.tiles).chain(&images.around))?;
         let multisampled = const { kernel("exact_paths_ms.comp") };
         let plain = const { kernel("exact_paths.comp") };
         let paths = if stage.plan.msaa > 1 { multisampled } else { plain };
@@ -173,15 +171,15 @@ impl Blur {
         ];
         let (sampler, linear) = (Sampler::new(context, false)?, Sampler::in_shares(context)?);
         let inputs =
-            slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
-        let uncover = uncovers.then(|| Uncover::new(stage, slots, size, &inputs)).transpose()?;
+            room.slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<Vec<_>>>()?;
+        let uncover = uncovers.then(|| Uncover::new(stage, room, size, &inputs)).transpose()?;
         let groups = bind(&paths[0], &kernels, &target, &images, &sampler)?;
         let gather = |way: u32, uncover: Option<&Uncover>| {
             let constants = [way, uncover.is_some().into(), stage.plan.grid];
             let kernel =
                 ComputePipeline::specialized(context, const { kernel("exact_gather.comp") }, &constants)?;
             let list = &images.lists[way as usize];
-            let group = bind_gather(&kernel, (&images, list), uncover, radiance, (&sampler, &linear))?;
+            let group = bind_gather(&kernel, (&images, list), uncover, room.radiance, (&sampler, &linear))?;
             Ok((kernel, group))
         };
         let gathers = WAYS.iter().map(|(way, _)| gather(*way, None)).collect::<Result<_>>()?;

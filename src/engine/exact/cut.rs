@@ -9,9 +9,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::Stage;
-use super::super::lens::Cone;
 use crate::camera::{ExtendedLens, Intrinsics, Pose, Trajectory};
+use crate::engine::scene::Stage;
+use crate::engine::scene::lens::Cone;
 use crate::raster::{Mesh, MotionGroups};
 use crate::scene::Vertex;
 

@@ -5,8 +5,8 @@
 //! Frames whose blur hides it are cut more coarsely. A frame that nobody announced is drawn with triangles cut for the whole
 //! trajectory.
 
-use super::super::Stage;
 use super::cut::{Limits, Views, cut, strength};
+use crate::engine::scene::Stage;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::raster::{Geometry, Mesh, MotionGroups, Place, PlaceInput};

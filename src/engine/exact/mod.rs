@@ -14,15 +14,14 @@ mod uncover;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::Stage;
-use super::finish::Finish;
-use super::frame::{FrameRequest, covered_span_s};
-use super::lens::Channel;
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
-use crate::camera::{ShutterTiming, Trajectory};
+use crate::camera::{Intrinsics, ShutterTiming};
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::larger;
+use crate::engine::scene::{Choices, Renderer, Shot, Stage, covered_span_s};
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Context, Image, Location, Recorder, RenderArea, Usage};
+use crate::gpu::{Buffer, Context, Location, Recorder, RenderArea, Usage};
 use crate::raster::{
     Geometry, KnotRow, Mesh, MotionGroups, Place, PlacePush, RasterInput, RasterTarget, RelativeRow,
     SceneBuffers, View, relative_rows,
@@ -61,7 +60,7 @@ impl Default for ExactOptions {
 }
 
 /// The method.
-pub(super) struct Exact {
+struct Exact {
     still: Option<Still>,
     blur: Option<Blur>,
     place: Place,
@@ -101,14 +100,84 @@ impl Input {
     }
 }
 
-impl Exact {
-    pub(super) fn new(
+impl Choices for ExactOptions {
+    fn make(
+        &self,
         stage: &Stage,
-        options: &ExactOptions,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         expected: &[FrameRequest],
-    ) -> Result<Self> {
+    ) -> Result<Box<dyn Renderer>> {
+        let mut exact = Exact::new(stage, *self, room, expected)?;
+        exact.expect(stage, room, expected)?;
+        Ok(Box::new(exact))
+    }
+
+    /// It cuts triangles of its own.
+    fn draws_instants(&self) -> bool {
+        false
+    }
+}
+
+impl Renderer for Exact {
+    fn margin_px(&self) -> [u32; 2] {
+        self.blur.as_ref().map_or([0; 2], |b| b.margin_px)
+    }
+
+    fn fits(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
+        !self.needs_cut(stage, request) && !self.needs_images(stage, request)
+    }
+
+    fn fit(&mut self, stage: &Stage, room: &mut Room<'_>, request: &FrameRequest) -> Result<()> {
+        if self.needs_images(stage, request) {
+            let have = self.margin_px();
+            let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
+            let uncovers = uncovered.is_some() || self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
+            self.make_images(stage, room, request, (larger(needed, have), uncovers))?;
+        }
+        self.fit_cut(stage, request)
+    }
+
+    fn forget_lens(&mut self) {
+        self.cuts.forget();
+        self.known.clear();
+    }
+
+    fn forget(&mut self) {
+        self.forget_lens();
+        (self.still, self.blur) = (None, None);
+    }
+
+    fn submit(&mut self, mut shot: Shot<'_>) -> Result<()> {
+        let (stage, request, index) = (shot.stage, shot.request, shot.slot.index);
+        let blurs = request.shutter.exposure_time_s > 0.0;
+        let reach = self.reach(stage, request);
+        let camera = stage.intrinsics.with_margin(if blurs { self.margin_px() } else { [0; 2] });
+        let view = View { camera: &camera, path: shot.path };
+        let (push, part) = self.write_inputs(stage, index, &view, &request.shutter, reach);
+        let ending = shot.ending();
+        let bent = push.knot_count > 1 || stage.lens.is_some();
+        let seen = (span(request), reach.hides_chords());
+        let cut = bent.then(|| self.cuts.of(seen, lines(request))).flatten();
+        let drawn = Drawn { placeable: cut.unwrap_or(&self.whole), index, camera, push, part };
+        shot.submit(&ending, false, |recorder, channel| {
+            self.record(stage, recorder, &request.shutter, &drawn, channel);
+        })
+    }
+}
+
+/// What a frame is drawn from.
+struct Drawn<'a> {
+    placeable: &'a Placeable,
+    /// The frame's slot.
+    index: usize,
+    /// With the margin.
+    camera: Intrinsics,
+    push: PlacePush,
+    part: Part,
+}
+
+impl Exact {
+    fn new(stage: &Stage, options: ExactOptions, room: &Room<'_>, expected: &[FrameRequest]) -> Result<Self> {
         let groups = MotionGroups::new(&stage.scene);
         if groups.count() > MOST_GROUPS {
             let why = "method exact keeps their numbers in half floats".to_owned();
@@ -122,12 +191,12 @@ impl Exact {
         };
         let mesh = Mesh::joined(vertex, &scene.indices, &scene.draws);
         let place = Place::new(&stage.context, &stage.buffers)?;
-        let knots = slots.iter().map(|_| {
+        let knots = room.slots.iter().map(|_| {
             let bytes = groups.count() * MAX_KNOTS * size_of::<KnotRow>();
             Buffer::new(&stage.context, "knots", bytes as u64, Usage::StorageTexels, Location::Upload)
         });
         let knots = knots.collect::<Result<Vec<_>>>()?;
-        let mut exact = Self {
+        Ok(Self {
             still: None,
             blur: None,
             whole: Placeable::new(stage, &place, &knots, &mesh)?,
@@ -138,45 +207,28 @@ impl Exact {
             mesh,
             groups,
             known: HashMap::new(),
-            options: *options,
-        };
+            options,
+        })
+    }
+
+    /// Makes what frames like these need, once for all of them.
+    fn expect(&mut self, stage: &Stage, room: &mut Room<'_>, expected: &[FrameRequest]) -> Result<()> {
         let (mut margin_px, mut uncovers) = ([0; 2], false);
         for request in expected {
-            let reach = exact.reach(stage, request);
+            let reach = self.reach(stage, request);
             margin_px = [0, 1].map(|i| reach.margin_px[i].max(margin_px[i]));
             uncovers |= reach.uncovered.is_some();
         }
         if let Some(first) = expected.iter().find(|r| r.shutter.exposure_time_s > 0.0) {
-            exact.make_images(stage, slots, radiance, first, (margin_px, uncovers))?;
+            self.make_images(stage, room, first, (margin_px, uncovers))?;
         }
         if let Some(longest) = expected.iter().max_by(|a, b| readout_s(a).total_cmp(&readout_s(b))) {
-            exact.fit(stage, slots, radiance, longest)?;
+            self.fit(stage, room, longest)?;
         }
         for request in expected {
-            exact.fit_cut(stage, request)?;
+            self.fit_cut(stage, request)?;
         }
-        Ok(exact)
-    }
-
-    pub(super) fn margin_px(&self) -> [u32; 2] {
-        self.blur.as_ref().map_or([0; 2], |b| b.margin_px)
-    }
-
-    /// Whether something must be made for a frame: nothing may be in flight when [`Self::fit`] does so.
-    pub(super) fn needs_fit(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
-        self.needs_cut(stage, request) || self.needs_images(stage, request)
-    }
-
-    /// What depends on the lens must be made anew.
-    pub(super) fn forget_lens(&mut self) {
-        self.cuts.forget();
-        self.known.clear();
-    }
-
-    /// Everything that frames have left behind goes.
-    pub(super) fn forget(&mut self) {
-        self.forget_lens();
-        (self.still, self.blur) = (None, None);
+        Ok(())
     }
 
     fn needs_cut(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
@@ -196,24 +248,6 @@ impl Exact {
         self.blur.as_ref().is_none_or(lacks)
     }
 
-    /// See [`Self::needs_fit`].
-    pub(super) fn fit(
-        &mut self,
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-        request: &FrameRequest,
-    ) -> Result<()> {
-        if self.needs_images(stage, request) {
-            let have = self.margin_px();
-            let BlurReach { margin_px: needed, uncovered, .. } = self.reach(stage, request);
-            let uncovers = uncovered.is_some() || self.blur.as_ref().is_some_and(|b| b.uncover.is_some());
-            let margin_px = [0, 1].map(|i| needed[i].max(have[i]));
-            self.make_images(stage, slots, radiance, request, (margin_px, uncovers))?;
-        }
-        self.fit_cut(stage, request)
-    }
-
     fn fit_cut(&mut self, stage: &Stage, request: &FrameRequest) -> Result<()> {
         if !self.needs_cut(stage, request) {
             return Ok(());
@@ -228,8 +262,7 @@ impl Exact {
     fn make_images(
         &mut self,
         stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         request: &FrameRequest,
         extent: ([u32; 2], bool),
     ) -> Result<()> {
@@ -237,9 +270,9 @@ impl Exact {
         if request.shutter.exposure_time_s > 0.0 {
             // The old images go first: they are large.
             self.blur = None;
-            self.blur = Some(Blur::new(stage, slots, radiance, count, extent)?);
+            self.blur = Some(Blur::new(stage, room, count, extent)?);
         } else {
-            self.still = Some(Still::new(stage, slots, radiance, count)?);
+            self.still = Some(Still::new(stage, room, count)?);
         }
         Ok(())
     }
@@ -262,58 +295,41 @@ impl Exact {
         reach
     }
 
-    pub(super) fn submit(
-        &mut self,
+    /// One colour of a frame.
+    fn record(
+        &self,
         stage: &Stage,
-        slot: &mut FrameSlot,
-        request: &FrameRequest,
-        path: &Trajectory,
-        (finish, planes): (&Finish, Option<&PlanesPass>),
-    ) -> Result<()> {
-        let index = slot.index;
-        let blurs = request.shutter.exposure_time_s > 0.0;
-        let reach = self.reach(stage, request);
-        let camera = stage.intrinsics.with_margin(if blurs { self.margin_px() } else { [0; 2] });
-        let view = View { camera: &camera, path };
-        let (push, part) = self.write_inputs(stage, index, &view, &request.shutter, reach);
-        let ending = Ending::new(planes, stage, slot, request, path);
-        let mut recorder = slot.gpu.begin()?;
+        recorder: &mut Recorder<'_>,
+        shutter: &ShutterTiming,
+        drawn: &Drawn<'_>,
+        channel: Channel,
+    ) {
+        let Drawn { placeable, index, camera, part, .. } = drawn;
+        let blurs = shutter.exposure_time_s > 0.0;
         let area = RenderArea { x: 0, y: 0, width: camera.width, height: camera.height };
-        let bent = push.knot_count > 1 || stage.lens.is_some();
-        let seen = (span(request), reach.hides_chords());
-        let cut = bent.then(|| self.cuts.of(seen, lines(request))).flatten();
-        let placeable = cut.unwrap_or(&self.whole);
         let scene = (&stage.buffers, &placeable.geometry);
-        for channel in stage.channels() {
-            let lens = stage.lens_push(channel, [camera.width, camera.height]);
-            let push = PlacePush { lens, ..push };
-            if let (Some(blur), Some(area)) = (&self.blur, part.uncovered) {
-                let pushes = uncover::INSTANTS.map(|tau| PlacePush {
-                    lens,
-                    ..place_push(&camera, &request.shutter, push.knot_count as usize, tau)
-                });
-                self.draw_uncovered(&mut recorder, blur, scene, (placeable, index), &pushes, area);
-            }
-            recorder.mark("exact_place");
-            self.place.record(&mut recorder, &placeable.geometry, &placeable.groups[index], &push);
-            recorder.mark("raster");
-            match (&self.blur, &self.still) {
-                (Some(blur), _) if blurs => {
-                    blur.target.draw_exact(&mut recorder, scene, &blur.inputs[index].raster, area);
-                    let part = Part { channel, ..part };
-                    blur.record(stage, &mut recorder, index, &request.shutter, &part);
-                }
-                (_, Some(still)) => {
-                    still.target.draw_exact(&mut recorder, scene, &still.inputs[index].raster, area);
-                    still.record(stage, &mut recorder);
-                }
-                _ => unreachable!("`fit` made the images of this kind of frame"),
-            }
-            stage.merge(&mut recorder, channel);
+        let lens = stage.lens_push(channel, [camera.width, camera.height]);
+        let push = PlacePush { lens, ..drawn.push };
+        if let (Some(blur), Some(area)) = (&self.blur, part.uncovered) {
+            let knot_count = push.knot_count as usize;
+            let pushes = uncover::INSTANTS
+                .map(|tau| PlacePush { lens, ..place_push(camera, shutter, knot_count, tau) });
+            self.draw_uncovered(recorder, blur, scene, (placeable, *index), &pushes, area);
         }
-        ending.record(stage, &mut recorder, index, (finish, request, false), (&slot.picture, &slot.radiance));
-        recorder.finish();
-        slot.gpu.submit()
+        recorder.mark("exact_place");
+        self.place.record(recorder, &placeable.geometry, &placeable.groups[*index], &push);
+        recorder.mark("raster");
+        match (&self.blur, &self.still) {
+            (Some(blur), _) if blurs => {
+                blur.target.draw_exact(recorder, scene, &blur.inputs[*index].raster, area);
+                blur.record(stage, recorder, *index, shutter, &Part { channel, ..*part });
+            }
+            (_, Some(still)) => {
+                still.target.draw_exact(recorder, scene, &still.inputs[*index].raster, area);
+                still.record(stage, recorder);
+            }
+            _ => unreachable!("`fit` made the images of this kind of frame"),
+        }
     }
 
     /// The pictures of the begin and the end of the exposure.

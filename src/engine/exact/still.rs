@@ -2,14 +2,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::paper::resolve_constants;
-use super::super::slots::FrameSlot;
 use super::Input;
 use crate::assert_push_layout;
+use crate::engine::flight::Room;
+use crate::engine::scene::Stage;
+use crate::engine::scene::resolve::resolve_constants;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, ComputePipeline, Image, Recorder, Sampler};
+use crate::gpu::{BindGroup, Bound, ComputePipeline, Recorder, Sampler};
 use crate::kernels::kernel;
 use crate::raster::{RasterKind, RasterTarget};
 
@@ -32,16 +31,11 @@ pub(super) struct Still {
 }
 
 impl Still {
-    pub(super) fn new(
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-        group_count: usize,
-    ) -> Result<Self> {
+    pub(super) fn new(stage: &Stage, room: &mut Room<'_>, group_count: usize) -> Result<Self> {
         let context = &stage.context;
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::Exact, size, stage.plan)?;
-        prepare(&mut slots[0].gpu, target.attachments.images())?;
+        room.prepare(target.attachments.images())?;
         let multisampled = const { kernel("exact_still_ms.comp") };
         let plain = const { kernel("exact_still.comp") };
         let kernel = if stage.plan.msaa > 1 { multisampled } else { plain };
@@ -49,9 +43,10 @@ impl Still {
         let sampler = Sampler::new(context, false)?;
         let group = kernel.bind(&[
             ("color_samples", Bound::Sampled(&target.attachments.colors()[0], &sampler)),
-            ("radiance", Bound::Storage(radiance)),
+            ("radiance", Bound::Storage(room.radiance)),
         ])?;
-        let inputs = slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<_>>()?;
+        let inputs =
+            room.slots.iter().map(|_| Input::new(stage, &target, group_count)).collect::<Result<_>>()?;
         Ok(Self { inputs, group, kernel, target, _sampler: sampler })
     }
 

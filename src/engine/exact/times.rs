@@ -2,11 +2,12 @@
 
 use glam::DVec2;
 
-use super::super::Stage;
-use super::super::frame::{FrameRequest, camera_path, check_coverage};
-use super::super::margin::reach_of;
 use super::blur::orientation;
 use crate::camera::{Intrinsics, NEAR_M, ShutterTiming};
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::margin::reach_of;
+use crate::engine::scene::{camera_path, check_coverage};
 use crate::gpu::RenderArea;
 use crate::raster::{LensPush, PlacePush, View, spaced};
 

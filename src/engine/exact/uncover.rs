@@ -4,11 +4,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::Stage;
-use super::super::finish::prepare;
-use super::super::frame::{FrameRequest, camera_path, check_coverage};
-use super::super::slots::FrameSlot;
 use super::Input;
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
+use crate::engine::scene::{camera_path, check_coverage};
 use crate::error::Result;
 use crate::gpu::{Image, Recorder, RenderArea};
 use crate::raster::{
@@ -101,16 +101,11 @@ pub(super) struct Uncover {
 
 impl Uncover {
     /// Of `size` px, margin included.
-    pub(super) fn new(
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        size: [u32; 2],
-        inputs: &[Input],
-    ) -> Result<Self> {
+    pub(super) fn new(stage: &Stage, room: &mut Room<'_>, size: [u32; 2], inputs: &[Input]) -> Result<Self> {
         let plan = SamplePlan { grid: 1, msaa: 1 };
         let target = || RasterTarget::new(&stage.context, &stage.buffers, RasterKind::Exact, size, plan);
         let targets = [target()?, target()?];
-        prepare(&mut slots[0].gpu, targets.iter().flat_map(|t| t.attachments.images()))?;
+        room.prepare(targets.iter().flat_map(|t| t.attachments.images()))?;
         let bind = |input: &Input| -> Result<[RasterInput; 2]> {
             let bind = |t: &RasterTarget| t.bind_exact(&stage.buffers, &input.camera);
             Ok([bind(&targets[0])?, bind(&targets[1])?])

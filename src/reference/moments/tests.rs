@@ -220,6 +220,17 @@ fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
     }
 }
 
+/// Independent values in what [`of_grey`] looks at: a row's in every frame, a pixel's in every frame or in all of them.
+fn independent(settings: &Settings) -> f64 {
+    if settings.has("row_noise") {
+        384.0
+    } else if settings.has("fixed_pattern_noise") || settings.has("paper_noise") {
+        2304.0
+    } else {
+        18_432.0
+    }
+}
+
 #[test]
 fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve() {
     let noises: &[Given<'_>] = &[
@@ -244,40 +255,28 @@ fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve()
         &[number("quantization", "bits", 8.0)],
     ];
     let mut wrong = Vec::new();
-    for noise in noises {
-        for curve in curves {
-            let settings = settings(&[*noise, *curve].concat());
-            for linear in [0.02f32, 0.2, 0.5] {
-                let (seen, told) = of_grey(&settings, linear);
-                // Independent values: a row's in every frame, a pixel's in every frame or in all of them.
-                let independent = if settings.has("row_noise") {
-                    384.0
-                } else if settings.has("fixed_pattern_noise") || settings.has("paper_noise") {
-                    2304.0
-                } else {
-                    18_432.0
-                };
-                let of_spread = 0.05 + 4.0 * f64::sqrt(2.0 / independent);
-                // What is clipped at black is mixed into the other colours: no normal distribution is left of that.
-                if settings.has("saturation") && linear < 0.1 {
+    for (noise, curve) in noises.iter().flat_map(|n| curves.iter().map(move |c| (n, c))) {
+        let settings = settings(&[*noise, *curve].concat());
+        for linear in [0.02f32, 0.2, 0.5] {
+            let (seen, told) = of_grey(&settings, linear);
+            let independent = independent(&settings);
+            let of_spread = 0.05 + 4.0 * f64::sqrt(2.0 / independent);
+            // What is clipped at black is mixed into the other colours: no normal distribution is left of that.
+            if settings.has("saturation") && linear < 0.1 {
+                continue;
+            }
+            for c in 0..3 {
+                let [[mean, variance], [told_mean, told_variance]] = [seen[c], told[c]];
+                // Rounding without noise is no noise.
+                if told_variance < 0.15 {
                     continue;
                 }
-                for c in 0..3 {
-                    let [[mean, variance], [told_mean, told_variance]] = [seen[c], told[c]];
-                    // Rounding without noise is no noise.
-                    if told_variance < 0.15 {
-                        continue;
-                    }
-                    let off = (mean - told_mean).abs() / (0.25 + 4.0 * (variance / independent).sqrt());
-                    // Few electrons are no normal distribution.
-                    let most = if linear < 0.1 { of_spread + 0.1 } else { of_spread };
-                    let ratio = (variance / told_variance - 1.0).abs() / most;
-                    if !(off < 1.0 && ratio < 1.0) {
-                        wrong.push(format!(
-                            "{noise:?} {curve:?} {linear} {c}: {:?} told {:?}",
-                            seen[c], told[c]
-                        ));
-                    }
+                let off = (mean - told_mean).abs() / (0.25 + 4.0 * (variance / independent).sqrt());
+                // Few electrons are no normal distribution.
+                let most = if linear < 0.1 { of_spread + 0.1 } else { of_spread };
+                let ratio = (variance / told_variance - 1.0).abs() / most;
+                if !(off < 1.0 && ratio < 1.0) {
+                    wrong.push(format!("{noise:?} {curve:?} {linear} {c}: {:?} told {:?}", seen[c], told[c]));
                 }
             }
         }

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand, ValueEnum as _};
 
 use super::args_board::Board;
 use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout};
 use super::args_import::Import;
-use crate::formats::Format;
+pub use super::args_names::{
+    EncodingName, FormName, FormatName, GatherName, MethodName, MotionSourceName, PlaneName, ShiftName,
+};
 use shutterbug::engine::{
     AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
     MotionSource, PaperOptions, Shift,
@@ -84,33 +86,6 @@ pub struct Convert {
     pub name: Option<String>,
 }
 
-/// `--from`, `--to`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FormatName {
-    /// camera.toml
-    Toml,
-    /// ROS camera_info YAML
-    Ros,
-    /// Kalibr camchain YAML
-    Kalibr,
-    /// EuRoC / ASL sensor.yaml
-    Euroc,
-    /// Gazebo SDF (to write only)
-    Sdf,
-}
-
-impl From<FormatName> for Format {
-    fn from(name: FormatName) -> Self {
-        match name {
-            FormatName::Toml => Self::Toml,
-            FormatName::Ros => Self::Ros,
-            FormatName::Kalibr => Self::Kalibr,
-            FormatName::Euroc => Self::Euroc,
-            FormatName::Sdf => Self::Sdf,
-        }
-    }
-}
-
 /// What `calibrate` measures.
 #[derive(Debug, Subcommand)]
 pub enum Calibrate {
@@ -148,16 +123,6 @@ pub struct CalibrateNoise {
     /// Seed of the simulated frames
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-}
-
-/// `--encoding`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum EncodingName {
-    /// Made for viewing
-    #[default]
-    Srgb,
-    /// Raw: proportional to light
-    Linear,
 }
 
 /// Arguments of `simulate`.
@@ -231,27 +196,6 @@ pub struct Simulate {
     /// paper: count the pixel's place in its line as time too (eq. 5 instead of eq. 6)
     #[arg(long)]
     pub pixel_time: bool,
-}
-
-/// `--gather`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum GatherName {
-    /// The bits of the reference, a tap a px
-    Exact,
-    /// A tap every second px, weights of 8 bits
-    Bilinear,
-    /// The nearest texel, a tap a px
-    Fast,
-}
-
-impl From<GatherName> for Gather {
-    fn from(name: GatherName) -> Self {
-        match name {
-            GatherName::Exact => Self::Exact,
-            GatherName::Bilinear => Self::Bilinear,
-            GatherName::Fast => Self::Fast,
-        }
-    }
 }
 
 /// Arguments of `devices`.
@@ -371,63 +315,6 @@ pub struct Withhold {
     /// Device of the diagnosis, by index, UUID or (part of its) name
     #[arg(long)]
     pub device: Option<String>,
-}
-
-/// `--form`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum FormName {
-    /// A scene and a path
-    #[default]
-    Capture,
-    /// Simulated frames of the same moments, with depth and the path
-    Pairs,
-    /// Simulated frames at poses that are a little off, and nothing else
-    Rough,
-    /// Simulated frames of the same room from another path
-    Unpaired,
-}
-
-/// `--method`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum MethodName {
-    /// One render with every line at its own time, blurred along the paths of its samples
-    #[default]
-    Exact,
-    /// One render and a warp along the paths of what it shows
-    Fast,
-    /// Many renders over the frame, each weighed into the lines that see it: the reference
-    Accumulation,
-    /// One render, motion images, remap and blur as published in 2008
-    Paper,
-}
-
-/// `--planes`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PlaneName {
-    /// Linear R, G, B and coverage A
-    Color,
-    /// forward.u, forward.v: px moved from this frame to the next
-    Motion,
-    /// Z: metres along the optical axis
-    Depth,
-}
-
-/// `--shift`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ShiftName {
-    /// The frame's start
-    Start,
-    /// The frame's middle
-    Middle,
-}
-
-/// `--motion-source`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MotionSourceName {
-    /// From the projections of every surface point
-    Rasterized,
-    /// From depth and two camera matrices
-    Depth,
 }
 
 impl Simulate {

@@ -4,6 +4,7 @@ mod args;
 mod args_board;
 mod args_calibrate;
 mod args_import;
+mod args_names;
 mod begin;
 mod board;
 mod calibrate;

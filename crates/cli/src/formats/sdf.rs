@@ -15,11 +15,9 @@ const FAR_M: f64 = 1000.0;
 /// Linear radiance at which the slope of the sRGB curve turns linear noise into displayed noise: a mid grey.
 const MID_GREY: f64 = 0.2;
 
-/// Writes the sensor; with it, what it cannot hold.
-pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
+/// What the format cannot hold; `sigma`: of the noise.
+fn notes(camera: &CameraModel, sigma: f64) -> Vec<String> {
     const TARGET: &str = "SDF";
-    let k = &camera.intrinsics;
-    let sigma = linear_noise_sigma(camera);
     let mut notes = camera.left_out(TARGET, &["read_noise", "paper_noise"]);
     if sigma > 0.0 {
         notes.push(format!(
@@ -41,6 +39,14 @@ pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
     notes.push(
         "cy counts from the upper edge, as new Gazebo does; Gazebo Classic counts from the lower".to_owned(),
     );
+    notes
+}
+
+/// Writes the sensor; with it, what it cannot hold.
+pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
+    let k = &camera.intrinsics;
+    let sigma = linear_noise_sigma(camera);
+    let notes = notes(camera, sigma);
     let mut text = String::new();
     // A double hyphen would end the comment.
     text.extend(

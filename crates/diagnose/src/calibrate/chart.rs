@@ -126,6 +126,12 @@ pub fn photon_transfer(c: &Calibration) -> Result<Plane<u8>> {
     })
 }
 
+/// The 95 % interval of a variance that is known from so many pixels for one.
+fn bar((x, y): (f64, f64), share: f64, ink: RGBColor) -> PathElement<(f64, f64)> {
+    let half = 1.96 * y * (2.0 * share).sqrt();
+    PathElement::new([(x, y - half), (x, y + half)], ink.stroke_width(1))
+}
+
 fn transfer_panel(area: &Area<'_>, c: &Calibration, channel: usize, linear: bool) -> Result<()> {
     let scale =
         |b: &Bin| if linear { (b.mean_linear, 1e6 * b.variance_linear) } else { (b.mean_dn, b.variance_dn2) };
@@ -151,11 +157,7 @@ fn transfer_panel(area: &Area<'_>, c: &Calibration, channel: usize, linear: bool
         .draw()
         .map_err(fault)?;
     let effective = c.real.neighbours[channel].effective_pixels;
-    let bars = real.iter().map(|b| {
-        let (x, y) = scale(b);
-        let half = 1.96 * y * (2.0 * effective / b.count).sqrt();
-        PathElement::new([(x, y - half), (x, y + half)], INK[channel].stroke_width(1))
-    });
+    let bars = real.iter().map(|b| bar(scale(b), effective / b.count, INK[channel]));
     chart.draw_series(bars).map_err(fault)?;
     let point = |b: &Bin, ink: ShapeStyle| Circle::new(scale(b), 4, ink);
     let ink = INK[channel];

@@ -140,14 +140,9 @@ impl FlatSums {
         self.levels.push(level);
     }
 
-    /// What they tell.
-    ///
-    /// # Errors
-    /// Fewer than two pictures; pictures too small for a fall-off; a surface that is black or white.
-    pub fn measure(self, path: &std::path::Path) -> Result<Flat> {
+    /// Whether they can tell anything; `level`: their mean.
+    fn check(&self, level: f64, path: &std::path::Path) -> Result<()> {
         let frames = self.levels.len();
-        let n = frames as f64;
-        let level = self.levels.iter().sum::<f64>() / n.max(1.0);
         let refuse = |found: String, expected: &str| Err(Error::input(path, None, found, expected));
         if frames < 2 {
             return refuse(
@@ -164,6 +159,18 @@ impl FlatSums {
         if self.blocks.len() < 16 {
             return refuse(format!("{}x{} px", self.size[0], self.size[1]), "at least 128x128 px");
         }
+        Ok(())
+    }
+
+    /// What they tell.
+    ///
+    /// # Errors
+    /// Fewer than two pictures; pictures too small for a fall-off; a surface that is black or white.
+    pub fn measure(self, path: &std::path::Path) -> Result<Flat> {
+        let frames = self.levels.len();
+        let n = frames as f64;
+        let level = self.levels.iter().sum::<f64>() / n.max(1.0);
+        self.check(level, path)?;
         let shape = self.shape(n);
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();

@@ -283,32 +283,33 @@ pub(super) fn compare(real: &Measured, simulated: &Measured) -> Comparison {
 
 const NAMES: [&str; 3] = ["red", "green", "blue"];
 
+/// Of a camera or a scene that moved or changed.
+fn notes_on_place(r: &Registration, notes: &mut Vec<String>) {
+    if r.moved {
+        notes.push(format!(
+            "the camera moved by ({}, {}) px and {:.2} px more in half of the textured picture: {:.0} % of it is \
+             left out (edges and what saturates or changed); edge noise cannot be told from displacement",
+            r.shift_px[0], r.shift_px[1], r.residual_median_px, 100.0 * r.masked_fraction
+        ));
+    } else if r.masked_fraction > 0.0 {
+        notes.push(format!(
+            "{:.1} % of the picture left out: something moved there",
+            100.0 * r.masked_fraction
+        ));
+    }
+    if r.textured_blocks == 0 {
+        notes.push("no texture to tell displacement by; without texture it does no harm".to_owned());
+    }
+    if r.gain.iter().any(|g| (g - 1.0).abs() >= 1e-3) {
+        let [r, g, b] = r.gain.map(|g| 100.0 * (g - 1.0));
+        notes.push(format!("brightness changed by {r:+.2} {g:+.2} {b:+.2} % (R, G, B) and was taken back"));
+    }
+}
+
 /// What limits the result.
 fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
     let mut notes = Vec::new();
-    for r in &c.registration {
-        if r.moved {
-            notes.push(format!(
-                "the camera moved by ({}, {}) px and {:.2} px more in half of the textured picture: {:.0} % of it is \
-                 left out (edges and what saturates or changed); edge noise cannot be told from displacement",
-                r.shift_px[0], r.shift_px[1], r.residual_median_px, 100.0 * r.masked_fraction
-            ));
-        } else if r.masked_fraction > 0.0 {
-            notes.push(format!(
-                "{:.1} % of the picture left out: something moved there",
-                100.0 * r.masked_fraction
-            ));
-        }
-        if r.textured_blocks == 0 {
-            notes.push("no texture to tell displacement by; without texture it does no harm".to_owned());
-        }
-        if r.gain.iter().any(|g| (g - 1.0).abs() >= 1e-3) {
-            let [r, g, b] = r.gain.map(|g| 100.0 * (g - 1.0));
-            notes.push(format!(
-                "brightness changed by {r:+.2} {g:+.2} {b:+.2} % (R, G, B) and was taken back"
-            ));
-        }
-    }
+    c.registration.iter().for_each(|r| notes_on_place(r, &mut notes));
     for (name, fit) in NAMES.iter().zip(&c.real.fits) {
         match fit {
             None => notes.push(format!("{name}: too few intensities for a line through the photon transfer curve")),

@@ -67,14 +67,19 @@ pub struct ParameterScore {
     pub half_width: Option<f64>,
 }
 
+/// The effects of an opened answer.
+fn hidden(answer: &Value) -> &[Value] {
+    answer["effects"].as_array().map(Vec::as_slice).unwrap_or_default()
+}
+
 impl CaseScore {
-    /// `answer` is the opened answer, `report` the diagnosis or the error that it ended with.
-    pub(super) fn new(answer: &Value, kind: Kind, motion: &str, report: Result<&Report, &str>) -> Self {
-        let effects = answer["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
+    /// Of a trial that ended with nothing.
+    fn blank(answer: &Value, kind: Kind, motion: &str) -> Self {
+        let hidden = hidden(answer);
         let hidden: Vec<String> =
-            effects.iter().filter_map(|e| Some(e["name"].as_str()?.to_owned())).collect();
+            hidden.iter().filter_map(|e| Some(e["name"].as_str()?.to_owned())).collect();
         let case = answer["case"].as_u64().unwrap_or(0) as usize;
-        let blank = Self {
+        Self {
             case,
             kind,
             motion: motion.to_owned(),
@@ -91,7 +96,12 @@ impl CaseScore {
             closed_by_truth: None,
             parameters: Vec::new(),
             seconds: 0.0,
-        };
+        }
+    }
+
+    /// `answer` is the opened answer, `report` the diagnosis or the error that it ended with.
+    pub(super) fn new(answer: &Value, kind: Kind, motion: &str, report: Result<&Report, &str>) -> Self {
+        let blank = Self::blank(answer, kind, motion);
         let report = match report {
             Err(error) => return Self { sentence: error.to_owned(), ..blank },
             Ok(report) => report,
@@ -116,7 +126,7 @@ impl CaseScore {
             Kind::Single | Kind::Several => (found.first().is_some_and(|f| blank.hidden.contains(f)), same),
         };
         let g = &report.gap;
-        let parameters = effects.iter().flat_map(|truth| parameters(truth, report)).collect();
+        let parameters = hidden(answer).iter().flat_map(|truth| parameters(truth, report)).collect();
         Self {
             found,
             described,

@@ -125,75 +125,77 @@ fn a_euroc_sensor_is_read() {
     assert!(notes.is_empty(), "{notes:?}");
 }
 
+/// A text, what of it is replaced by what, and what is then said.
+const REFUSED: &[(&str, &str, &str, &str)] = &[
+    (
+        ROS,
+        "image_width: 640",
+        "image_width: 0",
+        "c.yaml:1: found image_width = 0; expected a whole number of px, 1 to 16384",
+    ),
+    (ROS, "image_height: 480", "image_hight: 480", "is `image_hight` meant to be it?"),
+    (
+        ROS,
+        "580.5, 0., 315.25, 0., 576.75",
+        "0., 0., 315.25, 0., 0.",
+        "c.yaml:4: found fx = 0 in camera_matrix",
+    ),
+    (
+        ROS,
+        "plumb_bob",
+        "plump_bob",
+        "c.yaml:8: unknown distortion_model `plump_bob`; did you mean `plumb_bob`?",
+    ),
+    (
+        ROS,
+        "-0.25,",
+        "-0.25, 0.1, 0.1, 0.1,",
+        "found 8 numbers in distortion_coefficients.data; expected 1 rows of 5",
+    ),
+    (ROS, "0.01]", "nan]", "c.yaml:12: found distortion_coefficients.data = nan"),
+    (ROS, "0., 0., 1.]\ndist", "0., 0., 2.]\ndist", "zeros below the diagonal"),
+    (ROS, "-0.25, 0.08", "-0.9, 0.08", "c.yaml:9: the lens (k1 = -0.9, k2 = 0.08"),
+    (
+        KALIBR,
+        "camera_model: pinhole",
+        "camera_model: omni",
+        "c.yaml:3: found cam0.camera_model = omni; expected pinhole",
+    ),
+    (KALIBR, "distortion_model: radtan", "distortion_model: fov", "radtan, equidistant or none"),
+    (KALIBR, "line_delay: 2.5e-05", "line_delay: 25000", "is it in ns?"),
+    (
+        KALIBR,
+        "line_delay: 2.5e-05",
+        "line_delay: -1",
+        "rolling_shutter.readout_time_s = -480 s is outside 0 to 1 s",
+    ),
+    (
+        KALIBR,
+        "[461.6, 460.1, 362.6, 246.0]",
+        "[461.6, 460.1, 362.6]",
+        "c.yaml:6: found cam0.intrinsics of 3 numbers",
+    ),
+    (KALIBR, "[752, 480]", "[752.5, 480]", "found cam0.resolution = [752.5, 480.0]"),
+    (KALIBR, "[0.0, 1.0, 0.0, 0.07]", "[0.0, 1.1, 0.0, 0.07]", "orthonormal"),
+    (KALIBR, "[0.0, 1.0, 0.0, 0.07]", "[0.0, -1.0, 0.0, 0.07]", "mirrors"),
+    (
+        EUROC,
+        "sensor_type: camera",
+        "sensor_type: imu",
+        "c.yaml:2: found sensor_type = imu; expected `camera`",
+    ),
+    (
+        EUROC,
+        "rate_hz: 20",
+        "rate_hz: 0",
+        "c.yaml:13: found rate_hz = 0; expected a number, 0.00001 to 1000000 Hz",
+    ),
+    (EUROC, "0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.1, 1.0]", "last row 0 0 0 1"),
+];
+
 #[test]
 fn what_cannot_be_a_camera_is_refused_with_file_line_and_reason() {
-    let cases: &[(&str, &str, &str, &str)] = &[
-        (
-            ROS,
-            "image_width: 640",
-            "image_width: 0",
-            "c.yaml:1: found image_width = 0; expected a whole number of px, 1 to 16384",
-        ),
-        (ROS, "image_height: 480", "image_hight: 480", "is `image_hight` meant to be it?"),
-        (
-            ROS,
-            "580.5, 0., 315.25, 0., 576.75",
-            "0., 0., 315.25, 0., 0.",
-            "c.yaml:4: found fx = 0 in camera_matrix",
-        ),
-        (
-            ROS,
-            "plumb_bob",
-            "plump_bob",
-            "c.yaml:8: unknown distortion_model `plump_bob`; did you mean `plumb_bob`?",
-        ),
-        (
-            ROS,
-            "-0.25,",
-            "-0.25, 0.1, 0.1, 0.1,",
-            "found 8 numbers in distortion_coefficients.data; expected 1 rows of 5",
-        ),
-        (ROS, "0.01]", "nan]", "c.yaml:12: found distortion_coefficients.data = nan"),
-        (ROS, "0., 0., 1.]\ndist", "0., 0., 2.]\ndist", "zeros below the diagonal"),
-        (ROS, "-0.25, 0.08", "-0.9, 0.08", "c.yaml:9: the lens (k1 = -0.9, k2 = 0.08"),
-        (
-            KALIBR,
-            "camera_model: pinhole",
-            "camera_model: omni",
-            "c.yaml:3: found cam0.camera_model = omni; expected pinhole",
-        ),
-        (KALIBR, "distortion_model: radtan", "distortion_model: fov", "radtan, equidistant or none"),
-        (KALIBR, "line_delay: 2.5e-05", "line_delay: 25000", "is it in ns?"),
-        (
-            KALIBR,
-            "line_delay: 2.5e-05",
-            "line_delay: -1",
-            "rolling_shutter.readout_time_s = -480 s is outside 0 to 1 s",
-        ),
-        (
-            KALIBR,
-            "[461.6, 460.1, 362.6, 246.0]",
-            "[461.6, 460.1, 362.6]",
-            "c.yaml:6: found cam0.intrinsics of 3 numbers",
-        ),
-        (KALIBR, "[752, 480]", "[752.5, 480]", "found cam0.resolution = [752.5, 480.0]"),
-        (KALIBR, "[0.0, 1.0, 0.0, 0.07]", "[0.0, 1.1, 0.0, 0.07]", "orthonormal"),
-        (KALIBR, "[0.0, 1.0, 0.0, 0.07]", "[0.0, -1.0, 0.0, 0.07]", "mirrors"),
-        (
-            EUROC,
-            "sensor_type: camera",
-            "sensor_type: imu",
-            "c.yaml:2: found sensor_type = imu; expected `camera`",
-        ),
-        (
-            EUROC,
-            "rate_hz: 20",
-            "rate_hz: 0",
-            "c.yaml:13: found rate_hz = 0; expected a number, 0.00001 to 1000000 Hz",
-        ),
-        (EUROC, "0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.1, 1.0]", "last row 0 0 0 1"),
-    ];
-    for (text, from, to, want) in cases {
+    for (text, from, to, want) in REFUSED {
         let changed = text.replacen(from, to, 1);
         assert_ne!(&changed, text, "{from}");
         let error = refused(&changed);

@@ -8,18 +8,21 @@
 //! What it gets wrong: what the picture does not show (behind a silhouette at the reference instant) is taken from beside
 //! it; shading does not change during the frame; silhouettes are as fine as the path images.
 
-use super::Stage;
-use super::fast_depth::{DepthKernels, DepthPaths, turns_only};
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
-use super::finish::{Finish, prepare};
-use super::frame::FrameRequest;
-use super::lens::Channel;
-use super::margin::reach_of;
-use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, ResolveColorPush, larger, resolve_constants};
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
+pub(crate) mod depth;
+pub(crate) mod pass;
+
 use crate::assert_push_layout;
-use crate::camera::{ShutterTiming, Trajectory};
+use crate::camera::{Intrinsics, Trajectory};
+use crate::engine::fast::depth::{DepthKernels, DepthPaths, turns_only};
+use crate::engine::fast::pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming};
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::{holds, larger, needed_px};
+use crate::engine::scene::resolve::{ResolveColorPush, resolve_constants};
+use crate::engine::scene::taps::Taps;
+use crate::engine::scene::{Choices, Renderer, Shot, Stage};
+use crate::engine::slots::FrameSlot;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
@@ -48,7 +51,7 @@ impl Default for FastOptions {
 assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
 
 /// The method.
-pub(super) struct Fast {
+struct Fast {
     images: Images,
     kernels: Kernels,
     options: FastOptions,
@@ -99,21 +102,36 @@ struct DrawnPaths {
     warp: FastBinding,
 }
 
-impl Fast {
-    pub(super) fn new(
+impl Choices for FastOptions {
+    fn make(
+        &self,
         stage: &Stage,
-        options: &FastOptions,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         expected: &[FrameRequest],
-    ) -> Result<Self> {
-        let mut options = *options;
-        options.motion_images = options.motion_images.clamp(2, 6).next_multiple_of(2);
+    ) -> Result<Box<dyn Renderer>> {
+        let options = Self {
+            motion_images: self.motion_images.clamp(2, 6).next_multiple_of(2),
+            path_scale: self.path_scale.clamp(1, 2),
+            ..*self
+        };
+        let kernels = Kernels::new(stage, &options)?;
+        let margin_px = expected.iter().map(|r| needed_margin_px(stage, r)).fold([0, 0], larger);
+        let images = Images::new(stage, &kernels, room, margin_px)?;
+        Ok(Box::new(Fast { images, kernels, options }))
+    }
+}
+
+/// Around the picture, which is of the middle of the frame.
+fn needed_margin_px(stage: &Stage, request: &FrameRequest) -> [u32; 2] {
+    needed_px(stage, request, request.shutter.middle_s())
+}
+
+impl Kernels {
+    fn new(stage: &Stage, options: &FastOptions) -> Result<Self> {
         let resolve_color = match stage.plan.msaa > 1 {
             true => const { [kernel("resolve_color_ms.comp"), kernel("resolve_color_half_ms.comp")] },
             false => const { [kernel("resolve_color.comp"), kernel("resolve_color_half.comp")] },
         };
-        options.path_scale = options.path_scale.clamp(1, 2);
         let (context, grid) = (&stage.context, stage.plan.grid);
         let of_texel = SamplePlan { grid: grid / grid.min(2), ..stage.plan };
         let constants = resolve_constants(of_texel);
@@ -127,7 +145,7 @@ impl Fast {
         // Depth is as fine as the picture is.
         let from_depth = (path_images, path_scale.min(grid));
         let resting = || DepthKernels::new(context, size, from_depth, (color_scale, stage.plan.msaa));
-        let kernels = Kernels {
+        Ok(Self {
             resolve_color: [exact?, half?],
             warp: FastGather::new(context, size, (path_images, path_scale), color_scale, kind)?,
             resting: rests.then(resting).transpose()?,
@@ -135,75 +153,48 @@ impl Fast {
             color_scale,
             path_scale,
             path_images,
-        };
-        let margin_px = expected.iter().map(|r| needed_margin_px(stage, r)).fold([0, 0], larger);
-        let images = Images::new(stage, &kernels, slots, radiance, margin_px)?;
-        Ok(Self { images, kernels, options })
+        })
     }
+}
 
-    pub(super) fn margin_px(&self) -> [u32; 2] {
+impl Renderer for Fast {
+    fn margin_px(&self) -> [u32; 2] {
         self.images.margin_px
     }
 
-    /// Colour and inverse depth that the warp of a frame reads, where its paths follow from depth.
-    pub(super) fn warp_images(
-        &self,
-        stage: &Stage,
-        request: &FrameRequest,
-        path: &Trajectory,
-    ) -> Option<[&Image; 2]> {
+    fn fits(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
+        let lacks = stage.lens.is_some() && self.images.drawn.is_none();
+        !lacks && holds(self.images.margin_px, needed_margin_px(stage, request))
+    }
+
+    fn fit(&mut self, stage: &Stage, room: &mut Room<'_>, request: &FrameRequest) -> Result<()> {
+        let margin_px = larger(needed_margin_px(stage, request), self.images.margin_px);
+        self.images = Images::new(stage, &self.kernels, room, margin_px)?;
+        Ok(())
+    }
+
+    fn submit(&mut self, mut shot: Shot<'_>) -> Result<()> {
+        let (stage, request, index) = (shot.stage, shot.request, shot.slot.index);
+        let camera = stage.intrinsics.with_margin(self.images.margin_px);
+        let (timing, knots) = plan(request, self.options.motion_images);
+        let row = shot.add(&camera, &Instant::still(timing.reference_s));
+        let knots = self.images.write_knots(&mut shot, &camera, (&timing, &knots));
+        let ending = shot.ending();
+        let blurs = request.shutter.exposure_time_s > 0.0;
+        shot.submit(&ending, false, |recorder, channel| {
+            self.images.draw_picture(stage, &self.kernels, recorder, index, (row, channel, blurs));
+            let with = (&timing, self.options.max_samples);
+            self.images.record_warp(stage, &self.kernels, recorder, (index, channel), &knots, with);
+        })
+    }
+
+    /// Colour and inverse depth that the warp reads, where its paths follow from depth.
+    fn taps(&self, stage: &Stage, request: &FrameRequest, path: &Trajectory) -> Option<Taps<'_>> {
         let paths = self.images.resting.as_ref().filter(|_| stage.lens.is_none())?;
         let blurs = usize::from(request.shutter.exposure_time_s > 0.0);
         let (_, knots_s) = FastTiming::spaced(request.shutter);
         let turns = turns_only(&stage.intrinsics, path, request.shutter.middle_s(), &knots_s);
-        Some([&self.images.color[blurs], paths.inverse_depth(turns)])
-    }
-
-    /// The margin to grow to, where the frame needs a wider one, or other images.
-    pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
-        let (needed, have) = (needed_margin_px(stage, request), self.images.margin_px);
-        let lacks = stage.lens.is_some() && self.images.drawn.is_none();
-        (lacks || needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
-    }
-
-    /// Makes the images anew; nothing must be in flight.
-    pub(super) fn widen(
-        &mut self,
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-        margin_px: [u32; 2],
-    ) -> Result<()> {
-        self.images = Images::new(stage, &self.kernels, slots, radiance, margin_px)?;
-        Ok(())
-    }
-
-    pub(super) fn submit(
-        &mut self,
-        stage: &Stage,
-        slot: &mut FrameSlot,
-        request: &FrameRequest,
-        path: &Trajectory,
-        (finish, planes): (&Finish, Option<&PlanesPass>),
-    ) -> Result<()> {
-        let camera = stage.intrinsics.with_margin(self.images.margin_px);
-        let (timing, knots) = plan(request, self.options.motion_images);
-        let row = slot.inputs.add(stage, path, &camera, &Instant::still(timing.reference_s));
-        let view = View { camera: &camera, path };
-        let knots = self.images.write_knots(stage, slot, &view, (timing.shutter, timing.reference_s, &knots));
-        let ending = Ending::new(planes, stage, slot, request, path);
-        let index = slot.index;
-        let blurs = request.shutter.exposure_time_s > 0.0;
-        let mut recorder = slot.gpu.begin()?;
-        for channel in stage.channels() {
-            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel, blurs));
-            let with = (&timing, self.options.max_samples);
-            self.images.record_warp(stage, &self.kernels, &mut recorder, (index, channel), &knots, with);
-            stage.merge(&mut recorder, channel);
-        }
-        ending.record(stage, &mut recorder, index, (finish, request, false), (&slot.picture, &slot.radiance));
-        recorder.finish();
-        slot.gpu.submit()
+        Some(Taps::Warp([&self.images.color[blurs], paths.inverse_depth(turns)], knots_s.to_vec()))
     }
 }
 
@@ -223,30 +214,8 @@ fn plan(request: &FrameRequest, motion_images: u32) -> (FastTiming, Vec<f64>) {
     (timing, knots)
 }
 
-/// The margin that a frame's motion asks for, px; at most the picture's own size.
-fn needed_margin_px(stage: &Stage, request: &FrameRequest) -> [u32; 2] {
-    let shutter = &request.shutter;
-    if shutter.end_s() <= shutter.start_s || super::frame::check_coverage(stage, request).is_err() {
-        return [0, 0];
-    }
-    let path = super::frame::camera_path(stage, request);
-    let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
-    let times: Vec<_> =
-        (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach_of(stage, &path, shutter.middle_s(), &times);
-    let size = [stage.intrinsics.width, stage.intrinsics.height];
-    let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
-    [needed[0].min(size[0]), needed[1].min(size[1])]
-}
-
 impl Images {
-    fn new(
-        stage: &Stage,
-        kernels: &Kernels,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-        margin_px: [u32; 2],
-    ) -> Result<Self> {
+    fn new(stage: &Stage, kernels: &Kernels, room: &mut Room<'_>, margin_px: [u32; 2]) -> Result<Self> {
         let (context, scene) = (&stage.context, &stage.buffers);
         let camera = stage.intrinsics.with_margin(margin_px);
         let size = [camera.width, camera.height];
@@ -254,7 +223,7 @@ impl Images {
         let texels = size.map(|s| s * kernels.color_scale);
         let color = |format| Image::new(context, "color", ImageSpec::storage(texels, format));
         let color = [color(Format::Rgba32f)?, color(Format::Rgba16f)?];
-        prepare(&mut slots[0].gpu, picture.attachments.images().chain(&color))?;
+        room.prepare(picture.attachments.images().chain(&color))?;
         let resolve = |blurs: usize| {
             kernels.resolve_color[blurs].bind(&[
                 ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
@@ -262,13 +231,12 @@ impl Images {
             ])
         };
         let resolve_color = [resolve(0)?, resolve(1)?];
-        let to = (&color, radiance);
-        let resting = kernels.resting.as_ref().map(|k| DepthPaths::new(stage, k, slots, &picture, to));
+        let resting = kernels.resting.as_ref().map(|k| DepthPaths::new(k, room, &picture, &color));
         let resting = resting.transpose()?;
         let drawn = (resting.is_none() || stage.lens.is_some())
-            .then(|| DrawnPaths::new(stage, kernels, slots, size, to))
+            .then(|| DrawnPaths::new(stage, kernels, room, size, &color))
             .transpose()?;
-        let inputs = slots.iter().map(|s| picture.bind(scene, &s.inputs.instants, &s.inputs.cameras));
+        let inputs = room.slots.iter().map(|s| picture.bind(scene, &s.inputs.instants, &s.inputs.cameras));
         let inputs = inputs.collect::<Result<Vec<_>>>()?;
         Ok(Self { margin_px, inputs, resolve_color, picture, resting, drawn, color })
     }
@@ -276,20 +244,20 @@ impl Images {
     /// Says when the knots of a frame are: whether the camera only turns, or the rows of drawn paths.
     fn write_knots(
         &mut self,
-        stage: &Stage,
-        slot: &mut FrameSlot,
-        view: &View<'_>,
-        (shutter, reference_s, knots_s): (ShutterTiming, f64, &[f64]),
+        shot: &mut Shot<'_>,
+        camera: &Intrinsics,
+        (timing, knots_s): (&FastTiming, &[f64]),
     ) -> Knots {
+        let (stage, reference_s) = (shot.stage, timing.reference_s);
         if let Some(paths) = self.resting.as_mut().filter(|_| stage.lens.is_none()) {
-            let (timing, knots_s) = FastTiming::spaced(shutter);
-            paths.write(slot.index, view, reference_s, &knots_s);
-            let turns = turns_only(&stage.intrinsics, view.path, reference_s, &knots_s);
+            let (timing, knots_s) = FastTiming::spaced(timing.shutter);
+            paths.write(shot.slot.index, &View { camera, path: shot.path }, reference_s, &knots_s);
+            let turns = turns_only(&stage.intrinsics, shot.path, reference_s, &knots_s);
             return Knots::Resting { turns, timing };
         }
         let rows = knots_s.chunks_exact(2).map(|k| {
             let instant = Instant { time_s: reference_s, motion_from_s: k[0], motion_to_s: k[1] };
-            slot.inputs.add(stage, view.path, view.camera, &instant)
+            shot.add(camera, &instant)
         });
         Knots::Drawn(rows.collect())
     }
@@ -346,20 +314,20 @@ impl DrawnPaths {
     fn new(
         stage: &Stage,
         kernels: &Kernels,
-        slots: &mut [FrameSlot],
+        room: &mut Room<'_>,
         size: [u32; 2],
-        (color, radiance): (&[Image; 2], &Image),
+        color: &[Image; 2],
     ) -> Result<Self> {
         let scene = &stage.buffers;
         let plan = SamplePlan { grid: kernels.path_scale, msaa: 1 };
         let target = |_| RasterTarget::new(&stage.context, scene, RasterKind::Path, size, plan);
         let targets = (0..kernels.path_images).map(target).collect::<Result<Vec<_>>>()?;
-        prepare(&mut slots[0].gpu, targets.iter().flat_map(|t| t.attachments.images()))?;
+        room.prepare(targets.iter().flat_map(|t| t.attachments.images()))?;
         let bind = |slot: &FrameSlot| {
             let one = |t: &RasterTarget| t.bind(scene, &slot.inputs.instants, &slot.inputs.cameras);
             targets.iter().map(one).collect::<Result<Vec<_>>>()
         };
-        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        let inputs = room.slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
         let warp = kernels.warp.bind(&FastImages {
             color: &color[0],
             filtered: &color[1],
@@ -367,7 +335,7 @@ impl DrawnPaths {
             moved: None,
             inverse_depth: targets[0].attachments.depth(),
             lens: None,
-            radiance,
+            radiance: room.radiance,
         })?;
         Ok(Self { targets, inputs, warp })
     }

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::finish::Finish;
-use super::gather::GatherKernel;
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
+use crate::engine::finish::Finish;
+use crate::engine::paper::gather::GatherKernel;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Context, Image, Recorder, Sampler};
 use crate::kernels::POINTWISE;

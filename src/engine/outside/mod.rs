@@ -1,48 +1,51 @@
 //! Frames from outside: colour with motion, or colour with depth and two poses, through the same gather and the same
 //! last passes as the engine's own; or colour with depth and the camera's path, through the warp of `--method fast`. The
-//! engine's own planes handed back in give the engine's own picture.
+//! engine's own planes handed back in give the engine's own picture. What is read and delivered takes part in the one
+//! submission of the frame.
+
+mod blend;
+pub(crate) mod frame;
+mod kernels;
+pub(crate) mod lens;
+mod motion;
+mod warp;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::delivery::Delivery;
-use super::finish::{Finish, prepare};
-use super::frame::{Frame, FrameInstants};
-use super::outside_fast::{OutsideWarp, WarpKind, WarpPlan};
-use super::outside_frame::{
-    MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
-};
-use super::outside_kernels::{Groups, Kernels, Role, Unpacked};
-use super::outside_lens::{BorderRays, OutsideLens};
-use super::outside_motion::{MotionPass, shared};
-use super::slots::{FrameSlot, free_slot};
-use super::{Stage, Ticket};
+use super::finish::Finish;
+use super::flight::{Flight, Room, Ticket};
+use super::frame::{FrameInstants, FrameRequest};
+use super::slots::FrameSlot;
+use super::source::Source;
+use super::{EngineOf, OutsideEngine};
 use crate::camera::{Intrinsics, Pose, ShutterTiming, Trajectory};
 use crate::effects::Defocus;
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Shared, Usage};
-use crate::raster::{SamplePlan, SceneBuffers};
+use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Usage};
 use crate::reference::motion_from_depth::Push as FromDepthPush;
-use crate::scene::Scene;
 
-/// Processes frames from outside for one camera.
-pub struct OutsideEngine {
-    slots: Vec<FrameSlot>,
+use frame::{
+    MAX_OUTSIDE_MOTIONS, MAX_PLACES, OutsideFrame, OutsideMotion, PixelSource, gather_push, pictures, place,
+};
+use kernels::{Groups, Kernels, Role, Unpacked};
+use lens::{BorderRays, OutsideLens};
+use motion::{MotionPass, shared};
+use warp::{OutsideWarp, WarpKind, WarpPlan};
+
+/// Frames from outside.
+pub struct Outside {
     uploads: Vec<Vec<Option<Buffer>>>,
-    /// What the frames in flight use of the caller's, by slot.
-    kept: Vec<Kept>,
     images: Option<Images>,
     kernels: Kernels,
-    finish: Finish,
     /// Of the last frame that brought a path.
     border: Option<BorderRays>,
-    next: usize,
-    time_limit: Duration,
-    stage: Stage,
+    /// How the frame that is being made gets its radiance.
+    plan: Option<Plan>,
+    intrinsics: Intrinsics,
+    context: Arc<Context>,
 }
-
-/// The caller's things that a frame in flight uses.
-type Kept = (Delivery, Vec<Shared>);
 
 /// Everything whose size depends on the margin.
 struct Images {
@@ -72,36 +75,18 @@ impl OutsideEngine {
         frames_in_flight: u32,
         time_limit: Duration,
     ) -> Result<Self> {
-        super::check_size(&intrinsics)?;
-        let scene = Scene::default();
-        let stage = Stage {
-            buffers: SceneBuffers::new(context, &scene)?,
-            plan: SamplePlan { grid: 1, msaa: 1 },
-            scene: Arc::new(scene),
-            trajectory: Arc::new(Trajectory::fixed(Pose::IDENTITY)),
+        let count = frames_in_flight.clamp(1, 8);
+        let flight = Flight::new(context, &intrinsics, (count, 0), time_limit)?;
+        let source = Outside {
+            uploads: (0..count).map(|_| (0..MAX_PLACES).map(|_| None).collect()).collect(),
+            images: None,
+            kernels: Kernels::new(context)?,
+            border: None,
+            plan: None,
             intrinsics,
-            lens: None,
             context: context.clone(),
         };
-        let count = frames_in_flight.clamp(1, 8) as usize;
-        let mut slots = (0..count).map(|i| FrameSlot::new(&stage, i)).collect::<Result<Vec<_>>>()?;
-        let size = [intrinsics.width, intrinsics.height];
-        let finish = Finish::new(context, size, count, &mut slots[0].gpu)?;
-        let kernels = Kernels::new(context)?;
-        let uploads = (0..count).map(|_| (0..MAX_PLACES).map(|_| None).collect()).collect();
-        let kept = (0..count).map(|_| Kept::default()).collect();
-        let (images, border) = (None, None);
-        Ok(Self { slots, uploads, kept, images, kernels, finish, border, next: 0, time_limit, stage })
-    }
-
-    /// Whether another frame can be submitted before one is collected.
-    pub fn has_room(&self) -> bool {
-        free_slot(&self.slots, self.next).is_some()
-    }
-
-    /// How many frames were submitted and not collected.
-    pub fn pending(&self) -> usize {
-        self.slots.iter().filter(|s| s.pending()).count()
+        Ok(EngineOf { source, flight })
     }
 
     /// Records a frame and hands it to the device.
@@ -113,82 +98,70 @@ impl OutsideEngine {
     /// # Panics
     /// If there is no room, a picture is shorter than its size and stride say, or pictures are not in order of time.
     pub fn submit(&mut self, frame: &OutsideFrame<'_>) -> Result<Ticket> {
-        let index = free_slot(&self.slots, self.next);
-        let index = index.expect("collect a frame before submitting more than fit in flight");
+        self.send(frame)
+    }
+}
+
+impl Source for Outside {
+    type Frame<'a> = OutsideFrame<'a>;
+
+    fn asked<'f>(frame: &'f OutsideFrame<'_>) -> (&'f FrameRequest, &'f Delivery) {
+        (&frame.request, &frame.delivery)
+    }
+
+    fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+
+    fn intrinsics(&self) -> &Intrinsics {
+        &self.intrinsics
+    }
+
+    fn fit(&mut self, frame: &OutsideFrame<'_>, mut room: Room<'_>, index: usize) -> Result<FrameInstants> {
         if Defocus::needs_depth(&frame.request.settings) {
             let what =
                 "by distance needs a scene: frames from outside have a fixed sigma_px or disc_radius_px"
                     .to_owned();
             return Err(Error::Contradiction { effect: "defocus", what });
         }
-        self.slots[index].gpu.wait(self.time_limit)?;
         assert!(frame.picture_times_s().is_sorted(), "pictures in order of time");
-        let lens = OutsideLens::of(&frame.request.settings, &self.stage.intrinsics);
+        let lens = OutsideLens::of(&frame.request.settings, &self.intrinsics);
         let is_path = matches!(frame.motion, OutsideMotion::Path { .. });
-        if is_path && !self.border.as_ref().is_some_and(|b| b.is_of(&self.stage.intrinsics, lens.as_ref())) {
-            self.border = Some(BorderRays::new(&self.stage.intrinsics, lens.as_ref())?);
+        if is_path && !self.border.as_ref().is_some_and(|b| b.is_of(&self.intrinsics, lens.as_ref())) {
+            self.border = Some(BorderRays::new(&self.intrinsics, lens.as_ref())?);
         }
         let plan = self.plan(frame)?;
         self.kernels.fit(&frame.motion)?;
-        self.fit(frame)?;
+        self.fit_images(frame, &mut room)?;
         if let Plan::Warp(plan) = &plan {
             let pictures = frame.picture_times_s().len();
             let kind = WarpKind { margin_px: frame.margin_px, lens, bodies: plan.body_count() > 0, pictures };
-            self.fit_warp(kind)?.write(index, plan);
+            self.fit_warp(kind, &mut room)?.write(index, plan);
         }
-        let view = frame.request.view(self.stage.intrinsics);
-        let slot = &mut self.slots[index];
-        let wanted = frame.delivery.wanted();
-        self.finish.fit((&frame.request.settings, &view), wanted, (&mut slot.gpu, slot.index))?;
-        self.upload(index, frame)?;
-        self.slots[index].start(&frame.request, instants(&frame.request.shutter));
-        if let Err(error) = self.record(index, frame, &plan) {
-            self.slots[index].cancel();
-            return Err(error);
-        }
-        self.next = (index + 1) % self.slots.len();
-        Ok(Ticket { slot: index })
+        self.plan = Some(plan);
+        Ok(instants(&frame.request.shutter))
     }
 
-    /// Whether a frame can be collected without waiting.
-    ///
-    /// # Errors
-    /// Device lost.
-    pub fn finished(&self, ticket: &Ticket) -> Result<bool> {
-        self.slots[ticket.slot].gpu.finished()
+    fn submit(
+        &mut self,
+        frame: &OutsideFrame<'_>,
+        slot: &mut FrameSlot,
+        finish: &Finish,
+        _: Duration,
+    ) -> Result<()> {
+        self.upload(slot.index, frame)?;
+        self.bind(slot.index, frame, finish.radiance())?;
+        self.record(slot, frame, finish)
     }
+}
 
-    /// Waits for a frame without taking it.
-    ///
-    /// # Errors
-    /// Device lost; not finished within `limit`: then it can be waited for again.
-    pub fn wait(&mut self, ticket: &Ticket, limit: Duration) -> Result<()> {
-        self.slots[ticket.slot].gpu.wait(limit)
-    }
-
-    /// A frame that nobody will collect: its slot is free again once the device is done with it.
-    pub fn give_up(&mut self, ticket: &Ticket) {
-        self.slots[ticket.slot].cancel();
-    }
-
-    /// Waits for a frame and reads it back. Poses in its instants are the identity: this engine knows none.
-    ///
-    /// # Errors
-    /// Device lost, or the time limit passed.
-    pub fn collect(&mut self, ticket: Ticket) -> Result<Frame> {
-        let slot = &mut self.slots[ticket.slot];
-        let times = slot.finish(self.time_limit)?;
-        self.kept[ticket.slot] = Kept::default();
-        let size = [self.stage.intrinsics.width, self.stage.intrinsics.height];
-        Ok(slot.take_frame(size, times, None, &self.finish))
-    }
-
+impl Outside {
     fn plan(&self, frame: &OutsideFrame<'_>) -> Result<Plan> {
         match &frame.motion {
             OutsideMotion::Images { .. } => Ok(Plan::Gather(None)),
             OutsideMotion::Depth { poses, .. } => Ok(Plan::Gather(Some(self.depth_push(frame, poses)?))),
             OutsideMotion::Path { path, bodies, nearest_m, repeat_border, .. } => {
-                let camera = (&self.stage.intrinsics, self.border.as_ref().expect("made by `submit`"));
+                let camera = (&self.intrinsics, self.border.as_ref().expect("made by `submit`"));
                 let (seen, border) = ((&**path, bodies.as_ref()), (*nearest_m, *repeat_border));
                 Ok(Plan::Warp(WarpPlan::new(camera, frame, seen, border)?))
             }
@@ -196,38 +169,33 @@ impl OutsideEngine {
     }
 
     /// Makes what the warp needs for frames of a kind.
-    fn fit_warp(&mut self, kind: WarpKind) -> Result<&mut OutsideWarp> {
-        let images = self.images.as_mut().expect("made by `fit`");
+    fn fit_warp(&mut self, kind: WarpKind, room: &mut Room<'_>) -> Result<&mut OutsideWarp> {
+        let images = self.images.as_mut().expect("made by `fit_images`");
         if !images.warp.as_ref().is_some_and(|w| w.fits(&kind)) {
-            for slot in &mut self.slots {
-                slot.settle(self.time_limit)?;
-            }
+            room.settle()?;
             // What was bound to the old images goes before them.
             images.groups.forget_warp();
             images.warp = None;
-            let to = (&images.color, self.finish.radiance());
-            images.warp = Some(OutsideWarp::new(&self.stage, &mut self.slots, kind, to)?);
+            images.warp = Some(OutsideWarp::new(&self.intrinsics, room, kind, &images.color)?);
         }
         Ok(images.warp.as_mut().expect("just made"))
     }
 
     /// Makes the images for the frame's margin.
-    fn fit(&mut self, frame: &OutsideFrame<'_>) -> Result<()> {
+    fn fit_images(&mut self, frame: &OutsideFrame<'_>, room: &mut Room<'_>) -> Result<()> {
         if self.images.as_ref().is_some_and(|i| i.margin_px == frame.margin_px) {
             return Ok(());
         }
-        for slot in &mut self.slots {
-            slot.settle(self.time_limit)?;
-        }
+        room.settle()?;
         // The old ones first: both might not fit.
         self.images = None;
-        self.images = Some(self.make_images(frame.margin_px)?);
+        self.images = Some(self.make_images(frame.margin_px, room)?);
         Ok(())
     }
 
-    fn make_images(&mut self, margin_px: [u32; 2]) -> Result<Images> {
-        let context = &self.stage.context;
-        let camera = self.stage.intrinsics.with_margin(margin_px);
+    fn make_images(&self, margin_px: [u32; 2], room: &mut Room<'_>) -> Result<Images> {
+        let context = room.context;
+        let camera = self.intrinsics.with_margin(margin_px);
         let size = [camera.width, camera.height];
         let color = Image::new(context, "outside color", ImageSpec::storage(size, Format::Rgba32f))?;
         let layers =
@@ -235,16 +203,16 @@ impl OutsideEngine {
         let motion = Image::new(context, "outside motion", layers)?;
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
         // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
-        prepare(&mut self.slots[0].gpu, [&color, &motion, &depth])?;
+        room.prepare([&color, &motion, &depth])?;
         let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None };
-        let groups = Groups::new(&self.kernels, to, self.finish.radiance(), self.slots.len())?;
+        let groups = Groups::new(&self.kernels, to, room.radiance, room.slots.len())?;
         Ok(Images { margin_px, groups, color, motion, depth, warp: None })
     }
 
     /// Copies the caller's host memory into the slot's staging buffers; makes them for images. Shared buffers are read
     /// where they are.
     fn upload(&mut self, slot: usize, frame: &OutsideFrame<'_>) -> Result<()> {
-        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
+        let camera = self.intrinsics.with_margin(frame.margin_px);
         for (i, pixels) in pictures(frame).into_iter().enumerate() {
             if let PixelSource::Shared(..) = pixels.source {
                 continue;
@@ -254,13 +222,8 @@ impl OutsideEngine {
             let needed = (stride * camera.height as usize) as u64;
             let staging = &mut self.uploads[slot][i];
             if staging.as_ref().is_none_or(|b| b.bytes() < needed) {
-                let made = Buffer::new(
-                    &self.stage.context,
-                    "outside upload",
-                    needed,
-                    Usage::Storage,
-                    Location::Upload,
-                )?;
+                let made =
+                    Buffer::new(&self.context, "outside upload", needed, Usage::Storage, Location::Upload)?;
                 *staging = Some(made);
                 if let Some(images) = &mut self.images {
                     images.groups.forget(slot, i);
@@ -290,7 +253,7 @@ impl OutsideEngine {
         path.require(frame.color_time_s, frame.color_time_s, &format!("frame {}", frame.request.index))?;
         let now = path.pose_at(frame.color_time_s);
         let camera_from_now = |pose: &Pose| pose.inverse().then_from(&now);
-        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
+        let camera = self.intrinsics.with_margin(frame.margin_px);
         let (from, to) = (camera_from_now(&poses[0].1), camera_from_now(&poses[1].1));
         // As the engine's own path rounds it, so that equal input gives equal bits.
         let scale = (frame.request.frame_interval_s / (to_s - from_s)) as f32;
@@ -302,11 +265,11 @@ impl OutsideEngine {
         Ok(FromDepthPush { scale, ..FromDepthPush::new(&camera, 0, 1.0, &from, &to) })
     }
 
-    fn record(&mut self, index: usize, frame: &OutsideFrame<'_>, plan: &Plan) -> Result<()> {
-        let camera = self.stage.intrinsics.with_margin(frame.margin_px);
-        let size = [camera.width, camera.height];
+    /// Binds what the frame of a slot is read from.
+    fn bind(&mut self, index: usize, frame: &OutsideFrame<'_>, radiance: &Image) -> Result<()> {
         let pictures = pictures(frame);
-        let Images { groups, color, motion, depth, warp, .. } = self.images.as_mut().expect("made by `fit`");
+        let Images { groups, color, motion, depth, warp, .. } =
+            self.images.as_mut().expect("made by `fit_images`");
         let to = Unpacked { color, motion, depth, warp: warp.as_ref() };
         let blurs = frame.request.shutter.exposure_time_s > 0.0;
         let role = |place: usize| Role::of(place, &frame.motion, blurs);
@@ -318,15 +281,21 @@ impl OutsideEngine {
             }
         }
         groups.bind_sources(&self.kernels, index, to, (&pictures, role), &self.uploads[index])?;
-        if let Plan::Gather(Some(_)) = plan {
-            groups.fit_depth(&self.kernels, to)?;
+        match frame.motion {
+            OutsideMotion::Images { .. } => groups.fit_integrated(&self.kernels, to, radiance),
+            OutsideMotion::Depth { .. } => groups.fit_depth(&self.kernels, to),
+            OutsideMotion::Path { .. } => Ok(()),
         }
-        if let OutsideMotion::Images { .. } = frame.motion {
-            groups.fit_integrated(&self.kernels, to, self.finish.radiance())?;
-        }
+    }
+
+    fn record(&mut self, slot: &mut FrameSlot, frame: &OutsideFrame<'_>, finish: &Finish) -> Result<()> {
+        let camera = self.intrinsics.with_margin(frame.margin_px);
+        let size = [camera.width, camera.height];
+        let (index, pictures) = (slot.index, pictures(frame));
+        let Images { groups, warp, .. } = self.images.as_ref().expect("made by `fit_images`");
         let placed: Vec<_> = pictures.iter().map(|p| place(p, size)).collect();
-        let slot = &mut self.slots[index];
-        let mut recorder = slot.gpu.begin()?;
+        slot.kept = (frame.delivery.clone(), pictures.iter().filter_map(shared).collect());
+        let (mut recorder, to) = slot.begin()?;
         recorder.mark("unpack");
         for (pixels, staging) in pictures.iter().zip(&self.uploads[index]) {
             if let (PixelSource::Image(image), Some(staging)) = (pixels.source, staging) {
@@ -335,42 +304,25 @@ impl OutsideEngine {
         }
         let motion = MotionPass { kernels: &self.kernels, groups, index, size, placed: &placed };
         motion.record_pictures(&mut recorder, frame, &pictures);
-        match (plan, warp) {
+        match (self.plan.as_ref().expect("made by `fit`"), warp) {
             (Plan::Warp(plan), Some(warp)) => {
                 warp.record(&mut recorder, index, plan, frame.max_samples);
             }
             (Plan::Warp(_), None) => unreachable!("made by `fit_warp`"),
             (Plan::Gather(from_depth), _) => {
                 motion.record(&mut recorder, &frame.motion, *from_depth);
-                let push = gather_push(&self.stage.intrinsics, frame);
+                let push = gather_push(&self.intrinsics, frame);
                 let (name, gather, group) = groups.gather_of(&self.kernels, push.motion_count);
                 recorder.mark(name);
                 recorder.dispatch(gather, group, &push, push.size);
             }
         }
-        finish_frame(&self.finish, recorder, frame, (&slot.picture, &slot.radiance));
-        self.kept[index] = (frame.delivery.clone(), pictures.iter().filter_map(shared).collect());
+        finish.record(&mut recorder, &frame.request, (to.picture, to.radiance));
+        frame.delivery.record(&mut recorder, to.picture);
+        recorder.finish();
         let Delivery { wait, signal, .. } = &frame.delivery;
         slot.gpu.submit_between(wait.as_ref(), signal.as_ref())
     }
-}
-
-impl Drop for OutsideEngine {
-    fn drop(&mut self) {
-        // Slots wait for their work when they are dropped; what the work uses goes after them.
-        self.slots.clear();
-    }
-}
-
-fn finish_frame(
-    finish: &Finish,
-    mut recorder: Recorder<'_>,
-    frame: &OutsideFrame<'_>,
-    to: (&Buffer, &Buffer),
-) {
-    finish.record(&mut recorder, &frame.request, to);
-    frame.delivery.record(&mut recorder, to.0);
-    recorder.finish();
 }
 
 fn instants(shutter: &ShutterTiming) -> FrameInstants {

@@ -2,11 +2,9 @@
 //! they are read together, as one picture of finer texels; else what each of them shows counts by how much of it was seen.
 //! Twin: `reference/outside_blend.rs`.
 
-use super::Stage;
-use super::fast_pass::{FastTiming, lines_between};
-use super::finish::prepare;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
+use crate::engine::fast::pass::{FastTiming, lines_between};
+use crate::engine::flight::Room;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, Sampler};
 use crate::kernels::kernel;
@@ -34,17 +32,13 @@ pub(super) struct Blend {
 
 impl Blend {
     /// Of pictures in order of time, two or more; nothing may be in flight.
-    pub(super) fn new(
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        (colors, radiance): (&[&Image], &Image),
-    ) -> Result<Self> {
-        let context = &stage.context;
+    pub(super) fn new(room: &mut Room<'_>, colors: &[&Image]) -> Result<Self> {
+        let (context, radiance) = (room.context, room.radiance);
         let size = radiance.spec().size;
         let spec = ImageSpec::storage(size, Format::Rgba32f);
         let warped = colors.iter().map(|_| Image::new(context, "outside warped", spec));
         let warped = warped.collect::<Result<Vec<_>>>()?;
-        prepare(&mut slots[0].gpu, &warped)?;
+        room.prepare(&warped)?;
         let kernel = ComputePipeline::new(context, const { kernel("outside_blend.comp") })?;
         let sampler = Sampler::new(context, false)?;
         let count = colors.len();

@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Stage;
-use super::fast_pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES};
-use super::finish::prepare;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{Intrinsics, Trajectory};
+use crate::engine::fast::pass::{FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES};
+use crate::engine::flight::Room;
 use crate::error::Result;
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Recorder,
@@ -84,14 +82,14 @@ struct Depth {
 impl DepthPaths {
     /// For a picture that is resolved to `color` (without and with an exposure).
     pub(super) fn new(
-        stage: &Stage,
         kernels: &DepthKernels,
-        slots: &mut [FrameSlot],
+        room: &mut Room<'_>,
         picture: &RasterTarget,
-        (color, radiance): (&[Image; 2], &Image),
+        color: &[Image; 2],
     ) -> Result<Self> {
-        let context = &stage.context;
-        let moved = slots
+        let context = room.context;
+        let moved = room
+            .slots
             .iter()
             .map(|_| Buffer::new(context, "moved", MOVED_BYTES, Usage::Texels, Location::Upload))
             .collect::<Result<Vec<_>>>()?;
@@ -99,7 +97,7 @@ impl DepthPaths {
             let scale = kernels.scales[i];
             let spec = ImageSpec::storage(picture.size.map(|s| s * scale), Format::R32f);
             let inverse_depth = Image::new(context, "inverse depth", spec)?;
-            prepare(&mut slots[0].gpu, [&inverse_depth])?;
+            room.prepare([&inverse_depth])?;
             let group = kernels.depth.bind(&[
                 ("depth_samples", Bound::Sampled(picture.attachments.depth(), &kernels.sampler)),
                 ("inverse_depth", Bound::Storage(&inverse_depth)),
@@ -112,7 +110,7 @@ impl DepthPaths {
                     moved: Some(moved),
                     inverse_depth: &inverse_depth,
                     lens: None,
-                    radiance,
+                    radiance: room.radiance,
                 })
             };
             let bindings = moved.iter().map(bind).collect::<Result<Vec<_>>>()?;
@@ -151,7 +149,7 @@ impl DepthPaths {
 }
 
 /// Whether the camera only turns: nothing that it passes moves against what is behind it, as far as can be seen.
-pub(super) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
+pub(crate) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
     let at_m = |time_s: f64| path.pose_at(time_s).translation_m;
     let farthest_m = knots_s.iter().map(|&t| (at_m(t) - at_m(reference_s)).length()).fold(0.0, f64::max);
     farthest_m * k.fx.max(k.fy) < LEAST_PX * NEAREST_M

@@ -2,28 +2,24 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Stage;
-use super::accumulation::{Accumulate, WeightedLines};
-use super::finish::{Finish, prepare};
-use super::frame::{FrameRequest, Planes, covered_span_s};
-use super::lens::Channel;
-use super::paper::ResolveMotion;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{ScanOrder, Trajectory};
 use crate::effects::Defocus;
+use crate::engine::finish::Finish;
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::accumulate::{Accumulate, WeightedLines};
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::resolve::ResolveMotion;
+use crate::engine::scene::{Stage, covered_span_s};
+use crate::engine::slots::{FrameSlot, PlanesReadback, ReadTo};
 use crate::error::Result;
-use crate::gpu::{
-    BindGroup, Bound, Buffer, ComputePipeline, Format, Image, ImageSpec, Location, Recorder, RenderArea,
-    Usage,
-};
+use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea};
 use crate::kernels::kernel;
-use crate::plane::Plane;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget};
 
 /// Draws the planes into images of its own, and copies them into mapped buffers of the slot.
-pub(super) struct PlanesPass {
-    readback: Vec<Readback>,
+pub(crate) struct PlanesPass {
     inputs: Vec<(RasterInput, BindGroup)>,
     accumulate: Accumulate,
     resolve_motion: ResolveMotion,
@@ -42,7 +38,7 @@ struct NearnessPush {
 assert_push_layout!("defocus_depth.comp", NearnessPush { size });
 
 /// The end of a frame: distances where the chain needs them, the chain, and the planes where they are delivered.
-pub(super) struct Ending<'a> {
+pub(crate) struct Ending<'a> {
     pass: Option<&'a PlanesPass>,
     delivered: Option<PlanesRow>,
     nearness: Option<PlanesRow>,
@@ -50,7 +46,7 @@ pub(super) struct Ending<'a> {
 
 impl<'a> Ending<'a> {
     /// Writes what [`Self::record`] will draw; the rows belong to one submission.
-    pub(super) fn new(
+    pub(crate) fn new(
         pass: Option<&'a PlanesPass>,
         stage: &Stage,
         slot: &mut FrameSlot,
@@ -69,18 +65,18 @@ impl<'a> Ending<'a> {
     }
 
     /// Whether the radiance's alpha is written before the chain.
-    pub(super) fn needs_depth(&self) -> bool {
+    pub(crate) fn needs_depth(&self) -> bool {
         self.nearness.is_some()
     }
 
     /// Records it behind what makes the radiance; `developed`: the chain is done already.
-    pub(super) fn record(
+    pub(crate) fn record(
         &self,
         stage: &Stage,
         recorder: &mut Recorder<'_>,
         slot: usize,
         (finish, request, developed): (&Finish, &FrameRequest, bool),
-        to: (&Buffer, &Buffer),
+        to: ReadTo<'_>,
     ) {
         if let (Some(pass), Some(row)) = (self.pass, self.nearness) {
             pass.draw(stage, recorder, slot, row);
@@ -92,32 +88,27 @@ impl<'a> Ending<'a> {
             );
         }
         if developed {
-            finish.record_readback(recorder, request, to);
+            finish.record_readback(recorder, request, (to.picture, to.radiance));
         } else {
-            finish.record(recorder, request, to);
+            finish.record(recorder, request, (to.picture, to.radiance));
         }
-        if let (Some(pass), Some(row)) = (self.pass, self.delivered) {
-            pass.record(stage, recorder, slot, row);
+        if let (Some(pass), Some(row), Some(to)) = (self.pass, self.delivered, to.planes) {
+            pass.draw(stage, recorder, slot, row);
+            pass.record_readback(recorder, to);
         }
     }
 }
 
-struct Readback {
-    color: Buffer,
-    motion: Buffer,
-    depth: Buffer,
-}
-
 /// What [`PlanesPass::write_inputs`] put where.
 #[derive(Clone, Copy)]
-pub(super) struct PlanesRow {
+pub(crate) struct PlanesRow {
     row: (u32, u32),
     scale: f64,
     first_weight: u32,
 }
 
 impl PlanesPass {
-    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
+    pub(crate) fn new(stage: &Stage, room: &mut Room<'_>) -> Result<Self> {
         let size = [stage.intrinsics.width, stage.intrinsics.height];
         let context = &stage.context;
         let target = RasterTarget::new(context, &stage.buffers, RasterKind::ColorMotion, size, stage.plan)?;
@@ -125,7 +116,7 @@ impl PlanesPass {
         let array = ImageSpec { array: true, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "plane motion", array)?;
         let depth = Image::new(context, "plane depth", ImageSpec::storage(size, Format::R32f))?;
-        prepare(&mut slots[0].gpu, target.attachments.images().chain([&color, &motion, &depth]))?;
+        room.prepare(target.attachments.images().chain([&color, &motion, &depth]))?;
         let accumulate = Accumulate::new(stage)?;
         let resolve_motion = ResolveMotion::new(stage, stage.plan)?;
         let motion_group = resolve_motion.bind(&target, &motion, &depth)?;
@@ -133,28 +124,19 @@ impl PlanesPass {
             let input = target.bind(&stage.buffers, &slot.inputs.instants, &slot.inputs.cameras)?;
             Ok((input, accumulate.bind(&target, &color, slot)?))
         };
-        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let buffer = |name: &str, format: Format| {
-            Buffer::new(context, name, pixels * format.texel_bytes(), Usage::Transfer, Location::Readback)
-        };
-        let one = |_: &FrameSlot| {
-            Ok(Readback {
-                color: buffer("plane color", Format::Rgba32f)?,
-                motion: buffer("plane motion", Format::Rg32f)?,
-                depth: buffer("plane depth", Format::R32f)?,
-            })
-        };
-        let readback = slots.iter().map(one).collect::<Result<Vec<_>>>()?;
+        let inputs = room.slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        for slot in room.slots.iter_mut() {
+            slot.planes = Some(PlanesReadback::new(context, size)?);
+        }
         let kernel = ComputePipeline::new(context, const { kernel("defocus_depth.comp") })?;
         let group =
-            kernel.bind(&[("depth", Bound::Storage(&depth)), ("radiance", Bound::Storage(radiance))])?;
+            kernel.bind(&[("depth", Bound::Storage(&depth)), ("radiance", Bound::Storage(room.radiance))])?;
         let (images, nearness) = ([color, motion, depth], (group, kernel));
-        Ok(Self { readback, inputs, accumulate, resolve_motion, motion_group, target, images, nearness })
+        Ok(Self { inputs, accumulate, resolve_motion, motion_group, target, images, nearness })
     }
 
     /// The instant is the timestamp; motion leads to the next frame's (or as far as there are poses, scaled).
-    pub(super) fn write_inputs(
+    pub(crate) fn write_inputs(
         &self,
         stage: &Stage,
         slot: &mut FrameSlot,
@@ -170,15 +152,13 @@ impl PlanesPass {
         }
         let scale = if to_s > from_s { interval_s / (to_s - from_s) } else { 0.0 };
         let instant = Instant { time_s, motion_from_s: from_s, motion_to_s: to_s };
-        let row = slot.inputs.add(stage, path, &stage.intrinsics, &instant);
+        let row = slot.inputs.add((path, &stage.scene.objects), &stage.intrinsics, &instant);
         let first_weight = slot.inputs.add_weights(&vec![1.0; self.target.size[1] as usize]);
         PlanesRow { row, scale, first_weight }
     }
 
-    fn record(&self, stage: &Stage, recorder: &mut Recorder<'_>, slot: usize, row: PlanesRow) {
-        self.draw(stage, recorder, slot, row);
+    fn record_readback(&self, recorder: &mut Recorder<'_>, to: &PlanesReadback) {
         let ([color, motion, depth], size) = (&self.images, self.target.size);
-        let to = &self.readback[slot];
         for (image, buffer) in [(color, &to.color), (motion, &to.motion), (depth, &to.depth)] {
             recorder.copy_image_to_buffer(image, [0, 0], size, buffer);
         }
@@ -195,20 +175,5 @@ impl PlanesPass {
         let lines = WeightedLines { first_line: 0, line_count: size[1], first_weight: row.first_weight };
         self.accumulate.record(recorder, group, &lines.push(ScanOrder::TopToBottom, size, stage.plan.grid));
         self.resolve_motion.record(recorder, &self.motion_group, &self.target, 0);
-    }
-
-    /// The planes of a finished frame.
-    pub(super) fn read(&self, slot: usize) -> Planes {
-        let from = &self.readback[slot];
-        let [width, height] = self.target.size.map(|s| s as usize);
-        let plane = |buffer: &Buffer, channels: usize| {
-            let values: &[f32] = bytemuck::cast_slice(buffer.mapped());
-            Plane { width, height, channels, data: values[..width * height * channels].to_vec() }
-        };
-        Planes {
-            color: plane(&from.color, 4),
-            motion_px: plane(&from.motion, 2),
-            depth_m: plane(&from.depth, 1),
-        }
     }
 }

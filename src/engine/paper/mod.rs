@@ -5,19 +5,24 @@
 //! What it gets wrong, by construction: one motion vector a pixel is read at the destination, so silhouettes tear;
 //! motion is a difference of the past (eq. 3), so acceleration lags; what no picture saw is invented.
 
-use super::Stage;
-use super::finish::{Finish, prepare};
-use super::frame::FrameRequest;
-use super::gather::{Gather, GatherKernel, choose_gather};
-use super::lens::Channel;
-use super::paper_fast::PaperFast;
-use super::paper_plan::{Plan, needed_margin_px, picture_kind, plan};
-use super::planes::{Ending, PlanesPass};
-use super::slots::FrameSlot;
-use super::taps::GatherTimes;
+mod fast;
+pub(crate) mod gather;
+mod plan;
+
 use crate::assert_push_layout;
-use crate::camera::{Intrinsics, NEAR_M, Trajectory};
-use crate::error::Result;
+use crate::camera::{Intrinsics, Trajectory};
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::paper::fast::PaperFast;
+use crate::engine::paper::gather::{Gather, GatherKernel, choose_gather};
+use crate::engine::paper::plan::{Plan, picture_kind, plan, reference_s};
+use crate::engine::scene::lens::Channel;
+use crate::engine::scene::margin::{holds, larger, needed_px};
+use crate::engine::scene::resolve::{ResolveColorPush, ResolveMotion, resolve_constants};
+use crate::engine::scene::taps::{GatherTimes, Taps};
+use crate::engine::scene::{Choices, Renderer, Shot, Stage};
+use crate::engine::slots::FrameSlot;
+use crate::error::{Error, Result};
 use crate::gpu::{
     BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder, RenderArea, Sampler,
 };
@@ -25,15 +30,9 @@ use crate::kernels::kernel;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
 use crate::reference::motion_from_depth::Push as DepthPush;
 use crate::reference::paper_gather::Push as GatherPush;
-use bytemuck::{Pod, Zeroable};
 
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
-/// Px beyond the computed margin: bilinear reading and the chord's deviation from the path.
-pub(super) const MARGIN_GUARD_PX: f64 = 4.0;
-/// Motion differences deviate from the true path under acceleration: so much more is rendered.
-pub(super) const MARGIN_FACTOR: f64 = 1.15;
-
 /// Which instant of the frame the picture is rendered at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Shift {
@@ -87,24 +86,6 @@ impl Default for PaperOptions {
     }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct ResolveColorPush {
-    pub(super) size: [u32; 2],
-    pub(super) grid: [i32; 2],
-}
-assert_push_layout!("resolve_color_ms.comp", ResolveColorPush { size, grid });
-
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct ResolveMotionPush {
-    pub(super) size: [u32; 2],
-    pub(super) grid: [i32; 2],
-    pub(super) layer: u32,
-    pub(super) near_m: f32,
-}
-assert_push_layout!("resolve_motion_ms.comp", ResolveMotionPush { size, grid, layer, near_m });
-
 assert_push_layout!(
     "paper_gather.comp",
     GatherPush {
@@ -139,57 +120,11 @@ assert_push_layout!(
     }
 );
 
-/// Specialization constants of the kernels that include `resolve.glsl`.
-pub(super) fn resolve_constants(plan: SamplePlan) -> [u32; 14] {
-    let mut constants = [0; 14];
-    (constants[12], constants[13]) = (plan.grid, plan.msaa);
-    constants
-}
-
-/// Resolves motion and depth of a target's nearest samples.
-pub(super) struct ResolveMotion {
-    kernel: ComputePipeline,
-    sampler: Sampler,
-}
-
-impl ResolveMotion {
-    pub(super) fn new(stage: &Stage, plan: SamplePlan) -> Result<Self> {
-        let multisampled = const { kernel("resolve_motion_ms.comp") };
-        let plain = const { kernel("resolve_motion.comp") };
-        let kernel = if plan.msaa > 1 { multisampled } else { plain };
-        let kernel = ComputePipeline::specialized(&stage.context, kernel, &resolve_constants(plan))?;
-        Ok(Self { kernel, sampler: Sampler::new(&stage.context, false)? })
-    }
-
-    pub(super) fn bind(&self, target: &RasterTarget, motion: &Image, depth: &Image) -> Result<BindGroup> {
-        let samples = target.attachments.colors().last().expect("a target has a colour image");
-        self.kernel.bind(&[
-            ("motion_samples", Bound::Sampled(samples, &self.sampler)),
-            ("depth_samples", Bound::Sampled(target.attachments.depth(), &self.sampler)),
-            ("motion", Bound::Storage(motion)),
-            ("depth", Bound::Storage(depth)),
-        ])
-    }
-
-    pub(super) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        group: &BindGroup,
-        target: &RasterTarget,
-        layer: u32,
-    ) {
-        let push = ResolveMotionPush {
-            size: target.size,
-            grid: [target.plan.grid as i32; 2],
-            layer,
-            near_m: NEAR_M as f32,
-        };
-        recorder.dispatch(&self.kernel, group, &push, target.size);
-    }
-}
+/// One sample a pixel: of motion.
+const PLAIN: SamplePlan = SamplePlan { grid: 1, msaa: 1 };
 
 /// The method.
-pub(super) struct Paper {
+struct Paper {
     images: Images,
     kernels: Kernels,
     /// The gather, if it is not the exact one.
@@ -228,15 +163,41 @@ struct Groups {
     gather: BindGroup,
 }
 
-impl Paper {
-    pub(super) fn new(
+impl Choices for PaperOptions {
+    fn make(
+        &self,
         stage: &Stage,
-        options: &PaperOptions,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         expected: &[FrameRequest],
-    ) -> Result<Self> {
-        let plain = SamplePlan { grid: 1, msaa: 1 };
+    ) -> Result<Box<dyn Renderer>> {
+        let options = Self { motion_images: self.motion_images.clamp(1, MAX_MOTION_IMAGES), ..*self };
+        let kernels = Kernels::new(stage, &options)?;
+        let needed = |r: &FrameRequest| needed_px(stage, r, reference_s(&options, &r.shutter));
+        let margin_px = expected.iter().map(needed).fold([0, 0], larger);
+        let images = Images::new(stage, &kernels, room, (&options, margin_px))?;
+        let context = &stage.context;
+        let fast = match (options.gather, options.gather_kernel) {
+            (Gather::Exact, _) => None,
+            (_, Some(kernel)) => Some(PaperFast::new(context, kernel)?),
+            (gather, None) => Some(PaperFast::new(context, choose_gather(context, gather, None)?.kernel)?),
+        };
+        Ok(Box::new(Paper { images, kernels, fast, options }))
+    }
+
+    fn check_lens(&self) -> Result<()> {
+        match self.motion_source {
+            MotionSource::Rasterized => Ok(()),
+            MotionSource::Depth => Err(Error::Contradiction {
+                effect: "lens_distortion",
+                what: "motion from depth (the paper's reconstruction) knows only the ideal pinhole; use rasterized motion"
+                    .to_owned(),
+            }),
+        }
+    }
+}
+
+impl Kernels {
+    fn new(stage: &Stage, options: &PaperOptions) -> Result<Self> {
         let resolve_color = match (options.gather == Gather::Exact, stage.plan.msaa > 1) {
             (true, true) => const { kernel("resolve_color_ms.comp") },
             (true, false) => const { kernel("resolve_color.comp") },
@@ -244,146 +205,127 @@ impl Paper {
             (false, false) => const { kernel("resolve_color_half.comp") },
         };
         let context = &stage.context;
-        let kernels = Kernels {
-            resolve_color: ComputePipeline::specialized(
-                context,
-                resolve_color,
-                &resolve_constants(stage.plan),
-            )?,
+        let constants = resolve_constants(stage.plan);
+        Ok(Self {
+            resolve_color: ComputePipeline::specialized(context, resolve_color, &constants)?,
             resolve_motion: ResolveMotion::new(stage, stage.plan)?,
-            resolve_motion_plain: ResolveMotion::new(stage, plain)?,
+            resolve_motion_plain: ResolveMotion::new(stage, PLAIN)?,
             motion_from_depth: ComputePipeline::new(context, const { kernel("motion_from_depth.comp") })?,
             gather: ComputePipeline::new(context, const { kernel("paper_gather.comp") })?,
             sampler: Sampler::new(context, false)?,
-        };
-        let mut options = *options;
-        options.motion_images = options.motion_images.clamp(1, MAX_MOTION_IMAGES);
-        let margin_px = expected.iter().map(|r| needed_margin_px(stage, &options, r)).fold([0, 0], larger);
-        let images = Images::new(stage, &kernels, slots, radiance, (&options, margin_px))?;
-        let fast = match (options.gather, options.gather_kernel) {
-            (Gather::Exact, _) => None,
-            (_, Some(kernel)) => Some(PaperFast::new(context, kernel)?),
-            (gather, None) => Some(PaperFast::new(context, choose_gather(context, gather, None)?.kernel)?),
-        };
-        Ok(Self { images, kernels, fast, options })
+        })
     }
+}
 
-    pub(super) fn margin_px(&self) -> [u32; 2] {
+/// A frame's instants, and where their rows are.
+struct Rows {
+    plan: Plan,
+    /// Which motion image is drawn with the picture.
+    in_picture: Option<usize>,
+    picture: (u32, u32),
+    /// Of the motion images that are drawn by themselves.
+    motions: Vec<Option<(u32, u32)>>,
+}
+
+impl Renderer for Paper {
+    fn margin_px(&self) -> [u32; 2] {
         self.images.margin_px
     }
 
-    /// What the gather reads: colour, motion, and the depth of the motion image drawn last.
-    pub(super) fn gather_images(&self) -> [&Image; 3] {
-        let [motion, depth] = &self.images.bound;
-        [&self.images.color, motion, depth]
+    fn fits(&mut self, stage: &Stage, request: &FrameRequest) -> bool {
+        holds(self.images.margin_px, self.needed_margin_px(stage, request))
     }
 
-    /// The instants of what the gather reads for a frame.
-    pub(super) fn gather_times(
-        &self,
-        stage: &Stage,
-        request: &FrameRequest,
-        path: &Trajectory,
-    ) -> GatherTimes {
-        let Plan { reference_s, first_motion_s, step_s, motions } = plan(stage, &self.options, request, path);
-        GatherTimes { reference_s, first_motion_s, step_s, count: motions.len() }
-    }
-
-    /// Makes the images anew where the frame needs a wider margin; nothing must be in flight then, which the caller
-    /// sees to by the `idle` it is told to provide.
-    pub(super) fn needs_wider(&self, stage: &Stage, request: &FrameRequest) -> Option<[u32; 2]> {
-        let needed = needed_margin_px(stage, &self.options, request);
-        let have = self.images.margin_px;
-        (needed[0] > have[0] || needed[1] > have[1]).then(|| larger(needed, have))
-    }
-
-    /// See [`Self::needs_wider`].
-    pub(super) fn widen(
-        &mut self,
-        stage: &Stage,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
-        margin_px: [u32; 2],
-    ) -> Result<()> {
-        self.images = Images::new(stage, &self.kernels, slots, radiance, (&self.options, margin_px))?;
+    fn fit(&mut self, stage: &Stage, room: &mut Room<'_>, request: &FrameRequest) -> Result<()> {
+        let margin_px = larger(self.needed_margin_px(stage, request), self.images.margin_px);
+        self.images = Images::new(stage, &self.kernels, room, (&self.options, margin_px))?;
         if let Some(fast) = &mut self.fast {
             fast.forget();
         }
         Ok(())
     }
 
-    pub(super) fn submit(
-        &mut self,
-        stage: &Stage,
-        slot: &mut FrameSlot,
-        request: &FrameRequest,
-        path: &Trajectory,
-        (finish, planes): (&Finish, Option<&PlanesPass>),
-    ) -> Result<()> {
-        let plan = plan(stage, &self.options, request, path);
+    fn submit(&mut self, mut shot: Shot<'_>) -> Result<()> {
+        let (stage, request, path) = (shot.stage, shot.request, shot.path);
         let camera = stage.intrinsics.with_margin(self.images.margin_px);
+        let rows = self.write_rows(&mut shot, &camera);
+        let ending = shot.ending();
+        let index = shot.slot.index;
+        let push = self.gather_push(stage, request, &rows.plan);
+        // One kernel can do gather and chain where nothing else is done to the radiance or asks for it.
+        let fuse = stage.channels().len() == 1 && !request.statistics && !ending.needs_depth();
+        let images = [&self.images.color, &self.images.bound[0]];
+        let fast = self.fast.as_mut();
+        let fitted = fast.map(|f| f.fit(images, shot.finish, push.motion_count, fuse)).transpose()?;
+        let developed = fitted.as_ref().is_some_and(|f| f.develops());
+        shot.submit(&ending, developed, |recorder, channel| {
+            let scale = rows.in_picture.map_or(0.0, |k| rows.plan.motions[k].1);
+            self.images.draw_picture(stage, &self.kernels, recorder, index, (rows.picture, channel), scale);
+            recorder.mark("motion");
+            self.record_motion(stage, recorder, (index, channel), &rows, (&camera, path));
+            recorder.mark("paper_gather");
+            match (&self.fast, &fitted) {
+                (Some(fast), Some(fitted)) => {
+                    fast.record(recorder, fitted, index, &push, (request.index, request.seed));
+                }
+                _ => recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size),
+            }
+        })
+    }
+
+    /// What the gather reads: colour, motion, and the depth of the motion image drawn last.
+    fn taps(&self, stage: &Stage, request: &FrameRequest, path: &Trajectory) -> Option<Taps<'_>> {
+        let Plan { reference_s, first_motion_s, step_s, motions } = plan(stage, &self.options, request, path);
+        let times = GatherTimes { reference_s, first_motion_s, step_s, count: motions.len() };
+        let [motion, depth] = &self.images.bound;
+        Some(Taps::Gather([&self.images.color, motion, depth], times))
+    }
+}
+
+impl Paper {
+    fn needed_margin_px(&self, stage: &Stage, request: &FrameRequest) -> [u32; 2] {
+        needed_px(stage, request, reference_s(&self.options, &request.shutter))
+    }
+
+    fn write_rows(&self, shot: &mut Shot<'_>, camera: &Intrinsics) -> Rows {
+        let plan = plan(shot.stage, &self.options, shot.request, shot.path);
         // A still frame's motion coincides with a picture that may have been made to hold none.
         let holds_motion = self.images.picture.kind == RasterKind::ColorMotion;
         let in_picture = plan.motions.iter().position(|(i, _)| holds_motion && i.time_s == plan.reference_s);
         let picture = in_picture.map_or(Instant::still(plan.reference_s), |k| plan.motions[k].0);
-        let row = slot.inputs.add(stage, path, &camera, &picture);
-        let mut motion_rows = Vec::new();
-        for (k, (instant, _)) in plan.motions.iter().enumerate() {
-            let own = Some(k) != in_picture || self.options.motion_source == MotionSource::Depth;
-            motion_rows.push(own.then(|| slot.inputs.add(stage, path, &camera, instant)));
+        let picture = shot.add(camera, &picture);
+        let from_depth = self.options.motion_source == MotionSource::Depth;
+        let row = |(k, (instant, _)): (usize, &(Instant, f64))| {
+            (Some(k) != in_picture || from_depth).then(|| shot.add(camera, instant))
+        };
+        let motions = plan.motions.iter().enumerate().map(row).collect();
+        Rows { plan, in_picture, picture, motions }
+    }
+
+    /// All motion images of a frame.
+    fn record_motion(
+        &self,
+        stage: &Stage,
+        recorder: &mut Recorder<'_>,
+        (slot, channel): (usize, Channel),
+        rows: &Rows,
+        (camera, path): (&Intrinsics, &Trajectory),
+    ) {
+        let rasterized = self.options.motion_source == MotionSource::Rasterized;
+        if let Some(layer) = rows.in_picture.filter(|_| rasterized) {
+            let (pass, group) = (&self.kernels.resolve_motion, &self.images.groups.resolve_picture_motion);
+            pass.record(recorder, group, &self.images.picture, layer as u32);
         }
-        let ending = Ending::new(planes, stage, slot, request, path);
-        let index = slot.index;
-        let channels = stage.channels();
-        let push = self.gather_push(stage, request, &plan);
-        // One kernel can do gather and chain where nothing else is done to the radiance or asks for it.
-        let fuse = channels.len() == 1 && !request.statistics && !ending.needs_depth();
-        let images = [&self.images.color, &self.images.bound[0]];
-        let fast = self.fast.as_mut();
-        let fitted = fast.map(|f| f.fit(images, finish, push.motion_count, fuse)).transpose()?;
-        let mut recorder = slot.gpu.begin()?;
-        let scale = in_picture.map_or(0.0, |k| plan.motions[k].1);
-        for channel in channels {
-            self.images.draw_picture(stage, &self.kernels, &mut recorder, index, (row, channel), scale);
-            recorder.mark("motion");
-            if let Some(layer) = in_picture.filter(|_| self.options.motion_source == MotionSource::Rasterized)
-            {
-                let (pass, group) =
-                    (&self.kernels.resolve_motion, &self.images.groups.resolve_picture_motion);
-                pass.record(&mut recorder, group, &self.images.picture, layer as u32);
+        for (layer, (row, (instant, scale))) in rows.motions.iter().zip(&rows.plan.motions).enumerate() {
+            let Some(row) = row else { continue };
+            let to = (layer as u32, *scale);
+            self.images.draw_motion(stage, &self.kernels, recorder, slot, (*row, channel), to);
+            if !rasterized {
+                let push = depth_push(camera, path, instant, to.0, *scale);
+                let group = &self.images.groups.motion_from_depth;
+                recorder.dispatch(&self.kernels.motion_from_depth, group, &push, push.size);
             }
-            for (layer, row) in motion_rows.iter().enumerate() {
-                let Some(row) = row else { continue };
-                let (instant, scale) = &plan.motions[layer];
-                let row = (*row, channel);
-                self.images.draw_motion(
-                    stage,
-                    &self.kernels,
-                    &mut recorder,
-                    index,
-                    row,
-                    (layer as u32, *scale),
-                );
-                if self.options.motion_source == MotionSource::Depth {
-                    let push = depth_push(&camera, path, instant, layer as u32, *scale);
-                    let group = &self.images.groups.motion_from_depth;
-                    recorder.dispatch(&self.kernels.motion_from_depth, group, &push, push.size);
-                }
-            }
-            recorder.mark("paper_gather");
-            match (&self.fast, &fitted) {
-                (Some(fast), Some(fitted)) => {
-                    fast.record(&mut recorder, fitted, index, &push, (request.index, request.seed));
-                }
-                _ => recorder.dispatch(&self.kernels.gather, &self.images.groups.gather, &push, push.size),
-            }
-            stage.merge(&mut recorder, channel);
         }
-        let to = (&slot.picture, &slot.radiance);
-        let developed = fitted.is_some_and(|f| f.develops());
-        ending.record(stage, &mut recorder, index, (finish, request, developed), to);
-        recorder.finish();
-        slot.gpu.submit()
     }
 
     fn gather_push(&self, stage: &Stage, request: &FrameRequest, plan: &Plan) -> GatherPush {
@@ -405,10 +347,6 @@ impl Paper {
     }
 }
 
-pub(super) fn larger(a: [u32; 2], b: [u32; 2]) -> [u32; 2] {
-    [a[0].max(b[0]), a[1].max(b[1])]
-}
-
 /// The reconstruction method's matrices: where the camera was and will be, from where it is.
 fn depth_push(
     camera: &Intrinsics,
@@ -427,15 +365,13 @@ impl Images {
     fn new(
         stage: &Stage,
         kernels: &Kernels,
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
         (options, margin_px): (&PaperOptions, [u32; 2]),
     ) -> Result<Self> {
         let (context, scene) = (&stage.context, &stage.buffers);
         let size = [0, 1].map(|i| [stage.intrinsics.width, stage.intrinsics.height][i] + 2 * margin_px[i]);
         let picture = RasterTarget::new(context, scene, picture_kind(options), size, stage.plan)?;
-        let plain = SamplePlan { grid: 1, msaa: 1 };
-        let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, plain)?;
+        let motion_only = RasterTarget::new(context, scene, RasterKind::Motion, size, PLAIN)?;
         // Floats: a frame without motion is the still picture bit for bit, which half floats would round once more.
         let format = if options.gather == Gather::Exact { Format::Rgba32f } else { Format::Rgba16f };
         let color = Image::new(context, "color", ImageSpec::storage(size, format))?;
@@ -443,7 +379,7 @@ impl Images {
         let motion = Image::new(context, "motion", layers)?;
         let depth = Image::new(context, "depth", ImageSpec::storage(size, Format::R32f))?;
         let all = picture.attachments.images().chain(motion_only.attachments.images());
-        prepare(&mut slots[0].gpu, all.chain([&color, &motion, &depth]))?;
+        room.prepare(all.chain([&color, &motion, &depth]))?;
         let groups = Groups {
             resolve_color: kernels.resolve_color.bind(&[
                 ("color_samples", Bound::Sampled(&picture.attachments.colors()[0], &kernels.sampler)),
@@ -457,14 +393,14 @@ impl Images {
             gather: kernels.gather.bind(&[
                 ("color", Bound::Sampled(&color, &kernels.sampler)),
                 ("motion", Bound::Storage(&motion)),
-                ("radiance", Bound::Storage(radiance)),
+                ("radiance", Bound::Storage(room.radiance)),
             ])?,
         };
         let bind = |slot: &FrameSlot| {
             let (instants, cameras) = (&slot.inputs.instants, &slot.inputs.cameras);
             Ok([picture.bind(scene, instants, cameras)?, motion_only.bind(scene, instants, cameras)?])
         };
-        let inputs = slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
+        let inputs = room.slots.iter().map(bind).collect::<Result<Vec<_>>>()?;
         Ok(Self { margin_px, inputs, groups, picture, motion_only, color, bound: [motion, depth] })
     }
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::delivery::Delivery;
-use super::frame::FrameRequest;
 use crate::camera::{Intrinsics, Pose, Trajectory};
+use crate::engine::delivery::Delivery;
+use crate::engine::frame::FrameRequest;
 use crate::gpu::{Buffer, SharedImage};
 use crate::plane::PixelFormat;
 use crate::reference::paper_gather::Push as GatherPush;

@@ -4,10 +4,10 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
-use super::lens::LensKey;
 use crate::camera::{ExtendedLens, Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
 use crate::chain::Settings;
 use crate::effects::{FocalLengthError, PoseOffset};
+use crate::engine::scene::lens::LensKey;
 use crate::error::Result;
 
 /// Where nothing is shown, px: no picture is as large.

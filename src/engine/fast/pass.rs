@@ -259,7 +259,7 @@ impl FastGather {
 }
 
 /// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each side.
-pub(super) fn lines_between(
+pub(crate) fn lines_between(
     shutter: &ShutterTiming,
     size: [u32; 2],
     [from_s, to_s]: [f64; 2],

@@ -1,9 +1,9 @@
 //! How a frame from outside moves, on the device: motion images unpacked or made from depth; depth and bodies as the warp reads
 //! them.
 
-use super::outside_frame::{OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
-use super::outside_kernels::{Groups, Kernels, Role};
 use crate::camera::NEAR_M;
+use crate::engine::outside::frame::{OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
+use crate::engine::outside::kernels::{Groups, Kernels, Role};
 use crate::gpu::{Recorder, Shared};
 use crate::plane::PixelFormat;
 use crate::reference::motion_from_depth::Push as FromDepthPush;

@@ -7,14 +7,13 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 
-use super::Stage;
-use super::finish::prepare;
-use super::frame::FrameRequest;
-use super::slots::FrameSlot;
 use crate::assert_push_layout;
 use crate::camera::{Distortion, ExtendedLens, Intrinsics, Lens, Pose};
 use crate::chain::Settings;
 use crate::effects::{ChromaticAberration, LensDistortion};
+use crate::engine::flight::Room;
+use crate::engine::frame::FrameRequest;
+use crate::engine::scene::Stage;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Format, Image, ImageSpec, Recorder};
 use crate::kernels::kernel;
@@ -40,17 +39,17 @@ pub struct LensKey {
 
 impl LensKey {
     /// The model and its coefficients.
-    pub(super) fn distortion(&self) -> Distortion {
+    pub(crate) fn distortion(&self) -> Distortion {
         self.distortion
     }
 
     /// Sizes of red, green and blue.
-    pub(super) fn scales(&self) -> [f64; 3] {
+    pub(crate) fn scales(&self) -> [f64; 3] {
         self.scales
     }
 
     /// `None`: the ideal pinhole.
-    pub(super) fn of(settings: &Settings) -> Option<Self> {
+    pub(crate) fn of(settings: &Settings) -> Option<Self> {
         let key = Self {
             distortion: LensDistortion::distortion(settings),
             scales: ChromaticAberration::scales(settings),
@@ -69,25 +68,25 @@ assert_push_layout!("chromatic_merge.comp", MergePush { size, channel });
 
 /// One drawing of a frame: all of it, or what one colour sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Channel {
+pub(crate) struct Channel {
     /// Size against green.
-    pub(super) magnification: f64,
+    pub(crate) magnification: f64,
     /// The colour it is drawn for: 0, 1, 2.
     merge: Option<u32>,
 }
 
 /// A lens, and everything that depends on it.
-pub(super) struct LensStage {
-    pub(super) key: LensKey,
-    pub(super) extended: ExtendedLens,
-    pub(super) chords: Chords,
+pub(crate) struct LensStage {
+    pub(crate) key: LensKey,
+    pub(crate) extended: ExtendedLens,
+    pub(crate) chords: Chords,
     /// Triangles for the methods that draw instants; made when first asked for.
     geometry: Option<Geometry>,
     merge: Option<Merge>,
 }
 
 /// Puts colours together that were made one after another.
-pub(super) struct Merge {
+pub(crate) struct Merge {
     group: BindGroup,
     kernel: ComputePipeline,
     _kept: Image,
@@ -98,23 +97,22 @@ impl LensStage {
     ///
     /// # Errors
     /// [`crate::Error::LensFolds`]; out of memory.
-    pub(super) fn new(
+    pub(crate) fn new(
         stage: &Stage,
         key: LensKey,
         expected: &[FrameRequest],
-        slots: &mut [FrameSlot],
-        radiance: &Image,
+        room: &mut Room<'_>,
     ) -> Result<Self> {
         let extended = ExtendedLens::new(Lens::new(stage.intrinsics, key.distortion)?);
         let groups = MotionGroups::new(&stage.scene);
         let frames: Vec<_> = expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect();
         let chords = Chords::new(stage, &groups, &extended, &frames);
-        let merge = if key.scales == [1.0; 3] { None } else { Some(Merge::new(stage, slots, radiance)?) };
+        let merge = if key.scales == [1.0; 3] { None } else { Some(Merge::new(room)?) };
         Ok(Self { key, extended, chords, geometry: None, merge })
     }
 
     /// Cuts the scene for methods that draw it as it stands.
-    pub(super) fn cut(&mut self, stage: &Stage) -> Result<()> {
+    pub(crate) fn cut(&mut self, stage: &Stage) -> Result<()> {
         let scene = &stage.scene;
         let groups = MotionGroups::new(scene);
         let mesh = Mesh::joined(|i| scene.vertices[i as usize], &scene.indices, &scene.draws);
@@ -140,18 +138,19 @@ impl LensStage {
 }
 
 impl Merge {
-    pub(super) fn new(stage: &Stage, slots: &mut [FrameSlot], radiance: &Image) -> Result<Self> {
+    pub(crate) fn new(room: &mut Room<'_>) -> Result<Self> {
+        let (context, radiance) = (room.context, room.radiance);
         let spec = ImageSpec::storage(radiance.spec().size, Format::Rgba32f);
-        let kept = Image::new(&stage.context, "red and blue", spec)?;
-        prepare(&mut slots[0].gpu, [&kept])?;
-        let kernel = ComputePipeline::new(&stage.context, const { kernel("chromatic_merge.comp") })?;
+        let kept = Image::new(context, "red and blue", spec)?;
+        room.prepare([&kept])?;
+        let kernel = ComputePipeline::new(context, const { kernel("chromatic_merge.comp") })?;
         let group =
             kernel.bind(&[("radiance", Bound::Storage(radiance)), ("kept", Bound::Storage(&kept))])?;
         Ok(Self { group, kernel, _kept: kept })
     }
 
     /// Keeps what was made for a colour: 0, 2, and at last 1, with which the others come back.
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, size: [u32; 2], channel: u32) {
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, size: [u32; 2], channel: u32) {
         recorder.mark("chromatic_merge");
         recorder.dispatch(&self.kernel, &self.group, &MergePush { size, channel }, size);
     }
@@ -159,7 +158,7 @@ impl Merge {
 
 impl Stage {
     /// The drawings that a frame needs, in order.
-    pub(super) fn channels(&self) -> Vec<Channel> {
+    pub(crate) fn channels(&self) -> Vec<Channel> {
         match &self.lens {
             Some(LensStage { merge: Some(_), key, .. }) => {
                 [0, 2, 1].map(|c| Channel { magnification: key.scales[c], merge: Some(c as u32) }).to_vec()
@@ -169,7 +168,7 @@ impl Stage {
     }
 
     /// Scene, triangles and lens of a drawing.
-    pub(super) fn drawn(&self, channel: Channel) -> Drawn<'_> {
+    pub(crate) fn drawn(&self, channel: Channel) -> Drawn<'_> {
         Drawn {
             scene: &self.buffers,
             geometry: self.lens.as_ref().and_then(|l| l.geometry.as_ref()),
@@ -178,13 +177,13 @@ impl Stage {
     }
 
     /// The lens of a drawing into an attachment of `size`, margin included.
-    pub(super) fn lens_push(&self, channel: Channel, size: [u32; 2]) -> LensPush {
+    pub(crate) fn lens_push(&self, channel: Channel, size: [u32; 2]) -> LensPush {
         let push = |l: &LensStage| LensPush::new(&l.extended, size, channel.magnification);
         self.lens.as_ref().map_or(LensPush::NONE, push)
     }
 
     /// Keeps what a drawing left in the radiance, or puts the colours together after the last one.
-    pub(super) fn merge(&self, recorder: &mut Recorder<'_>, channel: Channel) {
+    pub(crate) fn merge(&self, recorder: &mut Recorder<'_>, channel: Channel) {
         let merge = self.lens.as_ref().and_then(|l| l.merge.as_ref());
         if let (Some(merge), Some(colour)) = (merge, channel.merge) {
             let size = [self.intrinsics.width, self.intrinsics.height];
@@ -195,11 +194,11 @@ impl Stage {
 
 impl Channel {
     /// What the sharp planes show: green.
-    pub(super) const GREEN: Self = Self { magnification: 1.0, merge: None };
+    pub(crate) const GREEN: Self = Self { magnification: 1.0, merge: None };
 }
 
 /// How far straight edges are from the curves that the lens makes of them.
-pub(super) struct Chords {
+pub(crate) struct Chords {
     /// Camera from motion group at each of the times that are looked at.
     poses: Vec<Vec<Pose>>,
     extended: ExtendedLens,
@@ -238,7 +237,7 @@ impl Chords {
     }
 
     /// Whether an edge of that group is further from its curve than allowed, seen from any of the poses.
-    pub(super) fn is_long(&self, group: usize, a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
+    pub(crate) fn is_long(&self, group: usize, a: &Vertex, b: &Vertex, allowed_px: f64) -> bool {
         let [a, b] = [a, b].map(|v| DVec3::from(v.position_m.map(f64::from)));
         let half_m = 0.5 * (b - a).length();
         let exceeds = |pose: &Pose| self.exceeds(pose.transform(a), pose.transform(b), half_m, allowed_px);
@@ -270,19 +269,19 @@ impl Chords {
 }
 
 /// A cone around the camera's axis, of up to 90 degrees to either side.
-pub(super) struct Cone {
+pub(crate) struct Cone {
     sin: f64,
     cos: f64,
 }
 
 impl Cone {
-    pub(super) fn new(half_angle_rad: f64) -> Self {
+    pub(crate) fn new(half_angle_rad: f64) -> Self {
         let (sin, cos) = half_angle_rad.min(std::f64::consts::FRAC_PI_2).sin_cos();
         Self { sin, cos }
     }
 
     /// Whether all of a ball lies outside; not certain for balls behind the camera, which may count as inside.
-    pub(super) fn misses(&self, middle: DVec3, radius_m: f64) -> bool {
+    pub(crate) fn misses(&self, middle: DVec3, radius_m: f64) -> bool {
         middle.truncate().length() * self.cos - middle.z * self.sin > radius_m
     }
 }

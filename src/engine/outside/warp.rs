@@ -1,18 +1,16 @@
 //! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the camera's poses over
 //! the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by depth.
 
-use super::Stage;
-use super::fast_depth::turns_only;
-use super::fast_pass::{
+use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::engine::fast::depth::turns_only;
+use crate::engine::fast::pass::{
     FastBinding, FastGather, FastImages, FastKind, FastTiming, MOVED_BYTES, NO_PICTURE_S,
 };
-use super::finish::prepare;
-use super::lens::Merge;
-use super::outside_blend::{Blend, span_of, windows};
-use super::outside_frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
-use super::outside_lens::{BorderRays, MarginNeed, OutsideLens};
-use super::slots::FrameSlot;
-use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
+use crate::engine::flight::Room;
+use crate::engine::outside::blend::{Blend, span_of, windows};
+use crate::engine::outside::frame::{MAX_BODIES, OutsideBodies, OutsideFrame};
+use crate::engine::outside::lens::{BorderRays, MarginNeed, OutsideLens};
+use crate::engine::scene::lens::Merge;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Context, Format, Image, ImageSpec, Location, Recorder, Usage};
 use crate::raster::moved_row;
@@ -129,12 +127,12 @@ pub(super) struct PictureImages {
 }
 
 impl PictureImages {
-    fn new(context: &Arc<Context>, slot: &mut FrameSlot, wider: [u32; 2], first: bool) -> Result<Self> {
-        let image = |name, format| Image::new(context, name, ImageSpec::storage(wider, format));
+    fn new(room: &mut Room<'_>, wider: [u32; 2], first: bool) -> Result<Self> {
+        let image = |name, format| Image::new(room.context, name, ImageSpec::storage(wider, format));
         let color = (!first).then(|| image("outside color", Format::Rgba32f)).transpose()?;
         let half = image("outside half color", Format::Rgba16f)?;
         let inverse_depth = image("outside inverse depth", Format::Rg32f)?;
-        prepare(&mut slot.gpu, [&half, &inverse_depth].into_iter().chain(&color))?;
+        room.prepare([&half, &inverse_depth].into_iter().chain(&color))?;
         Ok(Self { color, half, inverse_depth })
     }
 }
@@ -162,33 +160,33 @@ pub(super) struct OutsideWarp {
 impl OutsideWarp {
     /// For pictures of `color`'s size; nothing may be in flight.
     pub(super) fn new(
-        stage: &Stage,
-        slots: &mut [FrameSlot],
+        nominal: &Intrinsics,
+        room: &mut Room<'_>,
         kind: WarpKind,
-        (color, radiance): (&Image, &Image),
+        color: &Image,
     ) -> Result<Self> {
-        let context = &stage.context;
+        let (context, radiance) = (room.context, room.radiance);
         let wider = color.spec().size;
-        let picture = |k: usize, slot: &mut FrameSlot| PictureImages::new(context, slot, wider, k == 0);
-        let pictures = (0..kind.pictures).map(|k| picture(k, &mut slots[0])).collect::<Result<Vec<_>>>()?;
+        let pictures = (0..kind.pictures).map(|k| PictureImages::new(room, wider, k == 0));
+        let pictures = pictures.collect::<Result<Vec<_>>>()?;
         let tables = match &kind.lens {
-            Some(lens) => tables(stage, &mut slots[0], lens, kind.margin_px)?,
+            Some(lens) => tables(nominal, room, lens, kind.margin_px)?,
             None => Vec::new(),
         };
         let colors: Vec<_> = pictures.iter().map(|p| p.color.as_ref().unwrap_or(color)).collect();
-        let blend = (kind.pictures > 1).then(|| Blend::new(stage, slots, (&colors, radiance))).transpose()?;
-        let size = [stage.intrinsics.width, stage.intrinsics.height];
+        let blend = (kind.pictures > 1).then(|| Blend::new(room, &colors)).transpose()?;
+        let size = [nominal.width, nominal.height];
         let warps = [warp(context, size, &kind, false)?, warp(context, size, &kind, true)?];
         let buffers = || (0..kind.pictures).map(|_| moved_buffer(context, kind.bodies)).collect();
-        let moved = slots.iter().map(|_| buffers()).collect::<Result<Vec<Vec<_>>>>()?;
-        let numbers = slots.iter().map(|_| numbers_buffer(context)).collect::<Result<Vec<_>>>()?;
+        let moved = room.slots.iter().map(|_| buffers()).collect::<Result<Vec<Vec<_>>>>()?;
+        let numbers = room.slots.iter().map(|_| numbers_buffer(context)).collect::<Result<Vec<_>>>()?;
         let to = |k: usize| blend.as_ref().map_or(radiance, |b| &b.warped[k]);
         let images: Vec<_> = (0..kind.pictures).map(|k| (&pictures[k], colors[k], to(k))).collect();
         let both = |moved: &Vec<Buffer>| -> Result<_> {
             Ok([bind(&warps[0], moved, &images, &tables)?, bind(&warps[1], moved, &images, &tables)?])
         };
         let bindings = moved.iter().map(both).collect::<Result<Vec<_>>>()?;
-        let merge = (tables.len() > 1).then(|| Merge::new(stage, slots, radiance)).transpose()?;
+        let merge = (tables.len() > 1).then(|| Merge::new(room)).transpose()?;
         let _tables = tables;
         Ok(Self { kind, size, pictures, _tables, moved, numbers, warps, bindings, blend, merge })
     }
@@ -285,13 +283,12 @@ fn numbers_buffer(context: &Arc<Context>) -> Result<Buffer> {
 
 /// The lens's two tables by colour, on the device.
 fn tables(
-    stage: &Stage,
-    slot: &mut FrameSlot,
+    nominal: &Intrinsics,
+    room: &mut Room<'_>,
     lens: &OutsideLens,
     margin_px: [u32; 2],
 ) -> Result<Vec<[Image; 2]>> {
-    let context = &stage.context;
-    let nominal = stage.intrinsics;
+    let (context, slot) = (room.context, &mut room.slots[0]);
     let wider = nominal.with_margin(margin_px);
     let sizes = [[nominal.width, nominal.height], [wider.width, wider.height]];
     let rays = lens.rays()?;

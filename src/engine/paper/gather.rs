@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::finish::prepare;
-use super::paper_fast::{FastPush, constants};
+use crate::engine::finish::prepare;
+use crate::engine::paper::fast::{FastPush, constants};
 use crate::error::{Error, Result};
 use crate::files::{Limit, read, write_atomic};
 use crate::gpu::{

@@ -1,10 +1,10 @@
-//! Which instants the paper's method renders for a frame, and how much beyond its borders.
+//! Which instants the paper's method renders for a frame.
 
-use super::Stage;
-use super::frame::{FrameRequest, camera_path, check_coverage, covered_span_s};
-use super::margin::reach_of;
-use super::paper::{MARGIN_FACTOR, MARGIN_GUARD_PX, MotionSource, PaperOptions, Shift};
-use crate::camera::Trajectory;
+use crate::camera::{ShutterTiming, Trajectory};
+use crate::engine::frame::FrameRequest;
+use crate::engine::paper::{MotionSource, PaperOptions, Shift};
+use crate::engine::scene::Stage;
+use crate::engine::scene::covered_span_s;
 use crate::raster::{Instant, RasterKind};
 
 /// Instants of one frame.
@@ -26,15 +26,20 @@ pub(super) fn picture_kind(options: &PaperOptions) -> RasterKind {
     }
 }
 
+/// When the picture of a frame is taken, s.
+pub(super) fn reference_s(options: &PaperOptions, shutter: &ShutterTiming) -> f64 {
+    match options.shift {
+        Shift::Start => shutter.start_s,
+        Shift::Middle => shutter.middle_s(),
+    }
+}
+
 /// The instants of a frame: the picture's, and those of the motion images, equally spaced over the frame.
 pub(super) fn plan(stage: &Stage, options: &PaperOptions, request: &FrameRequest, path: &Trajectory) -> Plan {
     let shutter = &request.shutter;
     let (start_s, end_s) = (shutter.start_s, shutter.end_s());
     let span_s = end_s - start_s;
-    let reference_s = match options.shift {
-        Shift::Start => start_s,
-        Shift::Middle => shutter.middle_s(),
-    };
+    let reference_s = reference_s(options, shutter);
     if span_s <= 0.0 {
         let still = vec![(Instant::still(reference_s), 0.0)];
         return Plan { reference_s, first_motion_s: start_s, step_s: 1.0, motions: still };
@@ -70,24 +75,4 @@ fn motion_instant(
     }
     let scale = if to_s > from_s { interval_s / (to_s - from_s) } else { 0.0 };
     (Instant { time_s, motion_from_s: from_s, motion_to_s: to_s }, scale)
-}
-
-/// The margin that a frame's motion asks for, px; at most the picture's own size.
-pub(super) fn needed_margin_px(stage: &Stage, options: &PaperOptions, request: &FrameRequest) -> [u32; 2] {
-    let shutter = &request.shutter;
-    if shutter.end_s() <= shutter.start_s || check_coverage(stage, request).is_err() {
-        return [0, 0];
-    }
-    let path = camera_path(stage, request);
-    let reference_s = match options.shift {
-        Shift::Start => shutter.start_s,
-        Shift::Middle => shutter.middle_s(),
-    };
-    let quarter_s = 0.25 * (shutter.end_s() - shutter.start_s);
-    let times: Vec<_> =
-        (0..=4).map(|i| (shutter.start_s + quarter_s * f64::from(i)).min(shutter.end_s())).collect();
-    let reach = reach_of(stage, &path, reference_s, &times);
-    let size = [stage.intrinsics.width, stage.intrinsics.height];
-    let needed = reach.beyond_px.map(|px| (px * MARGIN_FACTOR + MARGIN_GUARD_PX).ceil() as u32);
-    [needed[0].min(size[0]), needed[1].min(size[1])]
 }

@@ -2,9 +2,9 @@
 
 use std::sync::{Arc, Weak};
 
-use super::outside_fast::OutsideWarp;
-use super::outside_frame::{MAX_PLACES, OutsideMotion, OutsidePixels, PixelSource};
 use crate::assert_push_layout;
+use crate::engine::outside::frame::{MAX_PLACES, OutsideMotion, OutsidePixels, PixelSource};
+use crate::engine::outside::warp::OutsideWarp;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
 use crate::kernels::kernel;
