@@ -117,7 +117,7 @@ fn bytes_that_a_name_alone_makes_a_video_are_refused() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let bytes: Vec<u8> = (0..20_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-    for name in ["a.bin", "a.xb", "a.idf", "a.txt", "a.ans", "a.nfo", "a.adf"] {
+    for name in ["a.bin", "a.xb", "a.idf", "a.ans", "a.nfo", "a.adf"] {
         let path = folder.path().join(name);
         fs::write(&path, &bytes).expect("written");
         let out = folder.path().join(format!("{name}.out"));
@@ -125,6 +125,11 @@ fn bytes_that_a_name_alone_makes_a_video_are_refused() {
         assert!(code == 1 && said.contains("no video") && said.contains("expected MCAP"), "{name}: {said}");
         assert!(!out.join("frames.csv").exists(), "{name}");
     }
+    // What is called .txt is read as KITTI's poses.
+    let path = folder.path().join("a.txt");
+    fs::write(&path, &bytes).expect("written");
+    let (code, _, said) = import(&[&text(&path)]);
+    assert!(code == 1 && said.contains("not UTF-8"), "{said}");
     let (code, listed, _) = import(&[&text(&uneven(folder.path()))]);
     assert!(code == 0 && listed.contains("8 frames"), "control: {listed}");
 }

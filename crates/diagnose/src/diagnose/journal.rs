@@ -154,16 +154,18 @@ impl Journal {
 }
 
 /// Reads a journal of `key` as a diagnosis that goes on does, each result as a fit, and takes that for a camera's; how many
-/// results there are. For tests that spoil one.
+/// fits there are. For tests that spoil one.
 ///
 /// # Errors
-/// A file that cannot be read.
+/// A file that cannot be read, or that holds no fit.
 #[doc(hidden)]
 pub fn read_journal(path: &Path, key: &str) -> Result<usize> {
     let mut journal = Journal::default();
     journal.read(path, key)?;
+    let mut usable = 0;
     for (kind, key) in journal.known.keys() {
         if let Some(fit) = journal.recall::<super::fit::Fit>(kind, key) {
+            usable += 1;
             let _ = (
                 fit.theta.bits(),
                 super::settings::lens(&fit.theta),
@@ -178,7 +180,9 @@ pub fn read_journal(path: &Path, key: &str) -> Result<usize> {
             );
         }
     }
-    Ok(journal.known.len())
+    let none =
+        || Error::input(path, None, "no fit that can be gone on with", "lines of JSON of the same run");
+    (usable > 0).then_some(usable).ok_or_else(none)
 }
 
 /// A journal of `key` with a step and a fit.

@@ -62,12 +62,26 @@ pub(super) fn candidate_of(name: &str) -> &'static CandidateSpec {
 /// A point in the space of all parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Theta {
+    #[serde(deserialize_with = "in_their_ranges")]
     values: Vec<f64>,
     /// Which line is read first.
     #[serde(with = "order_by_name")]
     pub scan_order: ScanOrder,
     /// What of the description is taken to be wrong.
     pub room: Room,
+}
+
+/// Numbers of a file: one for each parameter, in its range, or they are not what this program wrote.
+fn in_their_ranges<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
+    let values: Vec<f64> = Vec::deserialize(from)?;
+    let belongs = |(p, v): (&P, &f64)| {
+        let [lo, hi] = p.spec().range;
+        (lo..=hi).contains(v) || *v == p.spec().neutral
+    };
+    if values.len() == PARAMETERS.len() && PLACES.iter().zip(&values).all(belongs) {
+        return Ok(values);
+    }
+    Err(serde::de::Error::custom(format!("found {values:?}; expected {} numbers in range", PARAMETERS.len())))
 }
 
 impl Theta {

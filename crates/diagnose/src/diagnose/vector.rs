@@ -118,7 +118,17 @@ const fn place(effect: &str, name: &str, component: usize) -> P {
 
 /// A place in the vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "u16")]
 pub(super) struct P(pub(super) u16);
+
+impl TryFrom<u16> for P {
+    type Error = String;
+
+    fn try_from(place: u16) -> Result<Self, String> {
+        let expected = || format!("found place {place}; expected one below {COUNT}");
+        PLACES.get(usize::from(place)).copied().ok_or_else(expected)
+    }
+}
 
 /// All places.
 pub(super) static PLACES: [P; COUNT] = {
