@@ -31,6 +31,9 @@ pub(super) struct Facts {
     pub any: bool,
     /// Checks that what is left has not passed, in words.
     pub failed: Vec<&'static str>,
+    /// Whether one of them is of the noise. A score counts what spreads as a model says as expected: how much of a gap is closed
+    /// says nothing of what kind the noise is.
+    pub other_noise: bool,
     /// Share of the gap that is closed.
     pub closed: f64,
     /// Share of the gap that lies where it is closed altogether.
@@ -68,7 +71,7 @@ pub(super) fn decide(facts: &Facts) -> Decision {
         say(Verdict::UnknownEffect, named)
     } else if failed.is_empty() && !facts.bounded {
         say(Verdict::Explained, true)
-    } else if named && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded)) {
+    } else if named && !facts.other_noise && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded)) {
         say(Verdict::PartlyExplained, true)
     } else {
         say(Verdict::UnknownEffect, named && !facts.bounded)
@@ -82,6 +85,7 @@ impl Facts {
         let (before, after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
         Self {
             any: !found.set.is_empty(),
+            other_noise: !failed_of_noise(found).is_empty(),
             failed: failed(search, found),
             closed: super::judge::closed_fraction(before, after, floor),
             solved: found.residue.solved,
@@ -104,11 +108,16 @@ fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
     if left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot) {
         failed.push("single values far off");
     }
-    let noise = ["the spread of single values", "noise of rows", "a fixed pattern"];
-    let beyond = |(z, words): (&f64, &'static str)| (*z > quantile(noise.len())).then_some(words);
-    failed.extend(left.noise.iter().zip(noise).filter_map(beyond));
+    failed.extend(failed_of_noise(found));
     tracing::info!("checks that failed: {failed:?} of {} candidates' set {:?}", search.tests(), found.set);
     failed
+}
+
+/// Checks of the noise that the model does not pass.
+fn failed_of_noise(found: &Found) -> Vec<&'static str> {
+    let kinds = ["the spread of single values", "noise of rows", "a fixed pattern"];
+    let beyond = |(z, words): (&f64, &'static str)| (*z > quantile(kinds.len())).then_some(words);
+    found.residue.noise.iter().zip(kinds).filter_map(beyond).collect()
 }
 
 /// Whether a fit has run to the end of what a parameter may be.
@@ -129,6 +138,7 @@ mod tests {
         Facts {
             any: true,
             failed: Vec::new(),
+            other_noise: false,
             closed,
             solved,
             placed: false,
@@ -148,6 +158,12 @@ mod tests {
             left(0.93).names
                 && !decide(&Facts { solved: 0.0, ..Facts { failed: vec!["rows"], closed: 0.5, ..facts() } })
                     .names
+        );
+        let noisy = Facts { other_noise: true, failed: vec!["a fixed pattern"], ..facts() };
+        assert_eq!(
+            decide(&noisy).verdict,
+            Verdict::UnknownEffect,
+            "another noise closes all of a gap as well"
         );
         assert_eq!(decide(&Facts { bounded: true, ..facts() }).verdict, Verdict::UnknownEffect);
         let surfaces = decide(&Facts { surfaces_alone: true, ..facts() });

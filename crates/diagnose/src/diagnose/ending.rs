@@ -65,17 +65,22 @@ impl Search<'_> {
     /// Takes out what only coarse renders made look useful.
     ///
     /// The description is questioned only where the rest leaves more than the discrepancy can make: a part of it without which
-    /// nothing is left beyond that goes, however much better the frames are met with it.
+    /// nothing is left beyond that goes, however much better the frames are met with it. And an effect without which more is left
+    /// than the discrepancy can make, and with which no more is, stays: the verdict would ask for it.
     pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
         while !found.set.is_empty() {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            let passes = now.beyond_bounds().is_empty();
             let mut weakest: Option<(usize, Theta, f64)> = None;
             for i in 0..found.set.len() {
                 let name = found.set[i];
                 let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
-                let enough = is_description(name) && scores.beyond_bounds().is_empty();
-                let needed =
-                    !enough && self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?;
+                let enough = scores.beyond_bounds().is_empty();
+                let needed = match (is_description(name), passes && !enough) {
+                    (true, _) if enough => false,
+                    (false, true) => self.is_there(found, name)?,
+                    _ => self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?,
+                };
                 if !needed && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
                     weakest = Some((i, fit.theta, scores.mean()));
                 }

@@ -6,7 +6,7 @@
 //! one that leaves the rest of the picture unexplained.
 
 use super::super::forward::Quality;
-use super::super::judge::{ALPHA, Judge, closed_fraction};
+use super::super::judge::{ALPHA, Judge, Scores, closed_fraction};
 use super::super::model::Theta;
 use super::super::search::{Found, Search};
 use super::super::tone::Tone;
@@ -209,7 +209,7 @@ impl Search<'_> {
             .iter()
             .map(|&at| less(masks.map(|m| &m[at]), &means[at], &blocks[at], &foreign[at]))
             .collect();
-        Ok(self.rest_is_explained(theta, &masks)?.then_some(Objects { masks, share }))
+        Ok(self.objects_explain(theta, &left, &masks)?.then_some(Objects { masks, share }))
     }
 
     /// How far the content has gone by each frame since the first, as a rule, in blocks of so many px.
@@ -228,16 +228,20 @@ impl Search<'_> {
         way
     }
 
-    /// Whether a model explains what is compared in these places.
-    fn rest_is_explained(&mut self, theta: &Theta, masks: &[Plane<f32>]) -> Result<bool> {
+    /// Whether it is these places that a model fails at: what is compared elsewhere is explained, and most of what was left
+    /// beyond the discrepancy is gone with them. What is left everywhere has the largest blocks too, and they are no objects.
+    fn objects_explain(&mut self, theta: &Theta, left: &Scores, masks: &[Plane<f32>]) -> Result<bool> {
         let mut judge = Judge::new(self.evidence, Some(masks), self.judge.seed, self.judge.hot.clone());
         (judge.quality, judge.kind) = (self.judge.quality, theta.room.kind());
         let [before, after] = [&self.base.clone(), theta].map(|t| judge.scores(self.forward, t));
         let (before, after) = (before?, after?);
         let closed = closed_fraction(before.mean(), after.mean(), after.floor());
         let beyond = after.beyond_bounds();
-        tracing::info!("elsewhere {closed:.3} of the gap is closed, beyond bounds: {beyond:?}");
-        Ok(beyond.is_empty() || closed >= REST)
+        let [was, is] = [left, &after].map(|s| (s.mean() - s.bound()).max(0.0));
+        tracing::info!(
+            "elsewhere {closed:.3} of the gap is closed, {was:.3} to {is:.3} DN beyond: {beyond:?}"
+        );
+        Ok(beyond.is_empty() || (closed >= REST && is < 0.5 * was))
     }
 }
 
