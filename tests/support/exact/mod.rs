@@ -15,9 +15,8 @@ pub struct TestLens {
 }
 
 impl TestLens {
-    pub fn all(size: [u32; 2]) -> [Self; 2] {
+    pub fn all(size: [u32; 2]) -> [Self; 5] {
         let pixels = Vec2::new(size[0] as f32, size[1] as f32);
-        let distortion = Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] };
         let k = Intrinsics {
             width: size[0],
             height: size[1],
@@ -25,10 +24,16 @@ impl TestLens {
             cy: 0.5 * f64::from(size[1]),
             ..CAMERA
         };
-        let extended = ExtendedLens::new(Lens::new(k, distortion).unwrap());
+        let through = |distortion: Distortion| {
+            let extended = ExtendedLens::new(Lens::new(k, distortion).unwrap());
+            Self { push: LensPush::new(&extended, size, 1.0), extended: Some(extended), size: pixels }
+        };
         [
             Self { push: LensPush::NONE, extended: None, size: pixels },
-            Self { push: LensPush::new(&extended, size, 1.0), extended: Some(extended), size: pixels },
+            through(Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] }),
+            through(Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] }),
+            through(Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [1e-3, -2e-3] }),
+            through(Distortion::Division { k1: -0.2 }),
         ]
     }
 
