@@ -2,8 +2,6 @@
 
 use glam::{DMat2, DVec2};
 
-use super::{Distortion, division, rational};
-
 /// Rays from the axis that are searched for the first singular Jacobian. Where it lies varies smoothly with the
 /// direction; the best ray is refined.
 const DIRECTIONS: usize = 128;
@@ -11,24 +9,21 @@ const DIRECTIONS: usize = 128;
 /// A polynomial of a radius, lowest power first. Degree at most 20: the determinant of the rational model.
 pub(super) type Polynomial = Vec<f64>;
 
-/// The ideal radius up to which the mapping is one-to-one in every direction, at most `limit`.
-pub(super) fn invertible_radius(distortion: &Distortion, limit: f64) -> f64 {
-    match distortion {
-        Distortion::None => limit,
-        Distortion::Equidistant { k } => {
-            let slope = vec![1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]];
-            // A falling slope of theta also makes the ratio to r fall to zero later than this, never before.
-            match first_root(&slope, limit.atan()) {
-                Some(theta) => theta.tan().min(limit),
-                None => limit,
-            }
-        }
-        Distortion::BrownConrady { k, p } => least_over_directions(p, limit, |angle| {
-            first_singular(k, p, DVec2::from_angle(angle), limit).unwrap_or(limit)
-        }),
-        Distortion::Rational { k, p } => rational::fold(k, p, limit),
-        Distortion::Division { k1 } => division::fold(*k1, limit),
+/// Of the fisheye: up to where the slope of theta vanishes.
+pub(super) fn equidistant(k: &[f64; 4], limit: f64) -> f64 {
+    let slope = vec![1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]];
+    // A falling slope of theta also makes the ratio to r fall to zero later than this, never before.
+    match first_root(&slope, limit.atan()) {
+        Some(theta) => theta.tan().min(limit),
+        None => limit,
     }
+}
+
+/// Of Brown-Conrady: up to the first singular Jacobian of any direction.
+pub(super) fn brown_conrady(k: &[f64; 3], p: &[f64; 2], limit: f64) -> f64 {
+    least_over_directions(p, limit, |angle| {
+        first_singular(k, p, DVec2::from_angle(angle), limit).unwrap_or(limit)
+    })
 }
 
 /// The least of what every direction gives, at most `limit`; without tangential coefficients all are alike.
@@ -135,6 +130,7 @@ fn roots(p: &[f64], limit: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Distortion, invertible_radius};
     use super::*;
 
     #[test]

@@ -188,6 +188,17 @@ impl Distortion {
     }
 }
 
+/// The ideal radius up to which the mapping is one-to-one in every direction, at most `limit`.
+fn invertible_radius(distortion: &Distortion, limit: f64) -> f64 {
+    match distortion {
+        Distortion::None => limit,
+        Distortion::Equidistant { k } => fold::equidistant(k, limit),
+        Distortion::BrownConrady { k, p } => fold::brown_conrady(k, p, limit),
+        Distortion::Rational { k, p } => rational::fold(k, p, limit),
+        Distortion::Division { k1 } => division::fold(*k1, limit),
+    }
+}
+
 /// The Jacobian of a mapping that only stretches: along the ray through a point, and across it.
 fn radial_jacobian(at: DVec2, along: f64, across: f64) -> DMat2 {
     let n = at.normalize_or_zero();

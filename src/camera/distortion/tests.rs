@@ -109,14 +109,14 @@ fn the_inverse_is_bisections_to_a_trillionth() {
         ),
     ];
     for (lens, wrong, slowly) in models {
-        let limit = fold::invertible_radius(&lens, 3.0);
+        let limit = invertible_radius(&lens, 3.0);
         let (mut worst, mut control) = (0.0f64, 0.0f64);
         for step in 1..100 {
             let distorted = slowly(0.97 * limit * f64::from(step) / 100.0);
             let want = inverse_slowly(distorted, limit, &slowly);
             let n = DVec2::from_angle(f64::from(step));
             let off = |lens: &Distortion| {
-                let got = lens.undistort_within(n * distorted, fold::invertible_radius(lens, 3.0));
+                let got = lens.undistort_within(n * distorted, invertible_radius(lens, 3.0));
                 (got.expect("inside") - n * want).length() / (1.0 + want)
             };
             (worst, control) = (worst.max(off(&lens)), control.max(off(&wrong)));
@@ -220,7 +220,7 @@ proptest! {
 
     #[test]
     fn inside_the_fold_the_round_trip_is_exact(lens in plausible(), angle in 0.0..6.3f64, share in 0.0..0.9f64) {
-        let radius = fold::invertible_radius(&lens, 2.0);
+        let radius = invertible_radius(&lens, 2.0);
         let ideal = DVec2::from_angle(angle) * radius * share;
         let back = lens.undistort_within(lens.distort(ideal), radius);
         prop_assert!(back.is_some(), "{lens:?} {ideal}");
@@ -232,7 +232,7 @@ proptest! {
     fn the_jacobian_is_the_slope(lens in plausible(), x in -0.9..0.9f64, y in -0.9..0.9f64) {
         let at = DVec2::new(x, y);
         // At the fold a quotient may have a pole.
-        prop_assume!(at.length() < 0.9 * fold::invertible_radius(&lens, 2.0));
+        prop_assume!(at.length() < 0.9 * invertible_radius(&lens, 2.0));
         let (_, jacobian) = lens.distort_with_jacobian(at);
         let h = 1e-6;
         for (axis, column) in [(DVec2::X, jacobian.x_axis), (DVec2::Y, jacobian.y_axis)] {
