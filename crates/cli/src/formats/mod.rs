@@ -28,8 +28,8 @@ pub use capture::read_capture;
 pub use kalibr_target::{KalibrTarget, read_target};
 pub use model::{CameraModel, Imported};
 pub use motion::{Motion, body_from_sensor, read_euroc, read_kitti, read_times};
-pub use presets::{PRESETS, Preset, apply_preset, preset};
-pub use profiles::{Profile, Profiles};
+pub use presets::{PRESETS, Preset, apply_preset};
+pub use profiles::{Profile, Profiles, preset};
 
 use shutterbug::capture::{CameraFile, read_text};
 use shutterbug::error::{Error, Result};

@@ -6,12 +6,10 @@
 //! values.
 
 use std::borrow::Cow;
-use std::path::Path;
 
-use super::profiles::Profiles;
 use shutterbug::capture::CameraFile;
 use shutterbug::effects;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::Result;
 
 /// A preset.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,20 +33,6 @@ pub const PRESETS: &[Preset] = &[
     Preset::shipped("phone", include_str!("../../presets/phone.toml")),
     Preset::shipped("usb-webcam", include_str!("../../presets/usb-webcam.toml")),
 ];
-
-/// The preset of that name: one that ships, or one of `profiles`.
-///
-/// # Errors
-/// An unknown name, with the nearest known one; a profile whose lens no pinhole's picture shows.
-pub fn preset(name: &str, profiles: Option<&Profiles>) -> Result<Preset> {
-    if let Some(known) = PRESETS.iter().find(|p| p.name == name) {
-        return Ok(known.clone());
-    }
-    profiles.and_then(|p| p.preset(name)).unwrap_or_else(|| {
-        let names = PRESETS.iter().map(|p| p.name.as_ref()).chain(profiles.iter().flat_map(|p| p.names()));
-        Err(Error::unknown_name(Path::new("--preset"), None, "preset", name, names))
-    })
-}
 
 impl Preset {
     /// What it is: the first line of the file.

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::gyroflow::{self, About};
-use super::presets::Preset;
+use super::presets::{PRESETS, Preset};
 use super::yaml::{self, Field};
 use super::{CameraModel, common};
 use shutterbug::camera::{Distortion, Intrinsics};
@@ -206,6 +206,20 @@ impl Profile {
         head.extend(notes);
         Ok(common::comments(&head) + "\n" + &file.to_toml())
     }
+}
+
+/// The preset of that name: one that ships, or one of `profiles`.
+///
+/// # Errors
+/// An unknown name, with the nearest known one; a profile whose lens no pinhole's picture shows.
+pub fn preset(name: &str, profiles: Option<&Profiles>) -> Result<Preset> {
+    if let Some(known) = PRESETS.iter().find(|p| p.name == name) {
+        return Ok(known.clone());
+    }
+    profiles.and_then(|p| p.preset(name)).unwrap_or_else(|| {
+        let names = PRESETS.iter().map(|p| p.name.as_ref()).chain(profiles.iter().flat_map(|p| p.names()));
+        Err(Error::unknown_name(Path::new("--preset"), None, "preset", name, names))
+    })
 }
 
 /// Files below a folder that may hold profiles.
