@@ -24,16 +24,18 @@ impl TestLens {
             cy: 0.5 * f64::from(size[1]),
             ..CAMERA
         };
-        let through = |distortion: Distortion| {
+        // A fisheye shows less than 90 degrees: longer where pictures are larger.
+        let long = Intrinsics { fx: 1.5 * k.fx, fy: 1.5 * k.fy, ..k };
+        let through = |k: Intrinsics, distortion: Distortion| {
             let extended = ExtendedLens::new(Lens::new(k, distortion).unwrap());
             Self { push: LensPush::new(&extended, size, 1.0), extended: Some(extended), size: pixels }
         };
         [
             Self { push: LensPush::NONE, extended: None, size: pixels },
-            through(Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] }),
-            through(Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] }),
-            through(Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [1e-3, -2e-3] }),
-            through(Distortion::Division { k1: -0.2 }),
+            through(k, Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] }),
+            through(long, Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] }),
+            through(long, Distortion::Rational { k: [0.3, 0.0, 0.0, 0.4, 0.02, 0.0], p: [1e-3, -2e-3] }),
+            through(long, Distortion::Division { k1: -0.1 }),
         ]
     }
 
