@@ -13,6 +13,8 @@
 const uint LENS_NONE = 0u;
 const uint LENS_BROWN_CONRADY = 1u;
 const uint LENS_EQUIDISTANT = 2u;
+const uint LENS_RATIONAL = 3u;
+const uint LENS_DIVISION = 4u;
 
 struct Lens {
     // Normalised device coordinates: centre + scale * normalised coordinates (x / z, y / z).
@@ -21,6 +23,7 @@ struct Lens {
     vec2 k12;
     // k3, k4.
     vec2 k34;
+    vec2 k56;
     vec2 p;
     // Ideal radius up to which the model holds, and the slope beyond.
     float radius;
@@ -32,8 +35,14 @@ struct Lens {
 
 vec2 lens_distort(Lens lens, vec2 ideal) {
     float s = dot(ideal, ideal);
-    if (lens.model == LENS_BROWN_CONRADY) {
+    if (lens.model == LENS_DIVISION) {
+        return ideal * (2.0 / (1.0 + sqrt(max(1.0 - 4.0 * lens.k12.x * s, 0.0))));
+    }
+    if (lens.model != LENS_EQUIDISTANT) {
         float radial = 1.0 + s * (lens.k12.x + s * (lens.k12.y + s * lens.k34.x));
+        if (lens.model == LENS_RATIONAL) {
+            radial /= 1.0 + s * (lens.k34.y + s * (lens.k56.x + s * lens.k56.y));
+        }
         float xy = 2.0 * ideal.x * ideal.y;
         vec2 along = s + 2.0 * ideal * ideal;
         return ideal * radial + vec2(lens.p.x * xy + lens.p.y * along.x, lens.p.x * along.y + lens.p.y * xy);
@@ -79,6 +88,8 @@ vec2 lens_ideal(Lens lens, vec2 sensor) {
     if (lens.model == LENS_EQUIDISTANT) {
         float theta = length(seen);
         at = theta > 1e-6 ? seen * (tan(min(theta, 1.5)) / theta) : seen;
+    } else if (lens.model == LENS_DIVISION) {
+        at = seen / max(1.0 + lens.k12.x * dot(seen, seen), 1e-3);
     }
     for (int i = 0; i < STEPS; ++i) {
         at *= min(1.0, 0.999 * lens.radius / max(length(at), 1e-9));

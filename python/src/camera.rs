@@ -47,13 +47,13 @@ pub fn import_camera(
 /// Names of the presets, each with a line about it.
 #[pyfunction]
 pub fn presets() -> Vec<(&'static str, &'static str)> {
-    formats::PRESETS.iter().map(|p| (p.name, p.about())).collect()
+    formats::PRESETS.iter().map(|p| (&*p.name, p.about())).collect()
 }
 
 /// A preset's `camera.toml`, with the source of every number as comments.
 #[pyfunction]
-pub fn preset_text(py: Python<'_>, name: &str) -> PyResult<&'static str> {
-    formats::preset(name).map(|p| p.toml).map_err(|e| input_error(py, &e))
+pub fn preset_text(py: Python<'_>, name: &str) -> PyResult<String> {
+    formats::preset(name, None).map(|p| p.toml.into_owned()).map_err(|e| input_error(py, &e))
 }
 
 /// Runs the command line in this process, whose signals it takes over, and returns its exit code. The first argument is the

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use toml::de::{DeTable, DeValue};
 
-use super::effect_tables::{choose, read_effects};
+use super::effect_tables::{KEYS, choose, read_effects};
 use super::text::{Entry, TomlText, read_text};
 use crate::camera::Intrinsics;
 use crate::chain::{ParamKind, Settings, Value};
@@ -37,20 +37,6 @@ pub struct CameraFile {
     /// What is allowed but worth saying: "readout longer than the frame period".
     pub warnings: Vec<String>,
 }
-
-pub(super) const KEYS: [&str; 11] = [
-    "width",
-    "height",
-    "fx",
-    "fy",
-    "cx",
-    "cy",
-    "frame_period_s",
-    "background",
-    "static",
-    "shading",
-    "linear",
-];
 
 /// Focal lengths outside this are no camera's, px; inside it every ray stays finite in an `f32`.
 const FOCAL_RANGE_PX: (f64, f64) = (1e-3, 1e7);

@@ -5,11 +5,24 @@ use std::borrow::Cow;
 use toml::Spanned;
 use toml::de::DeTable;
 
-use super::camera_toml::KEYS;
 use super::text::{Entry, TomlText};
 use crate::chain::{Effect, ParamKind, ParamSpec, Settings, Value};
 use crate::effects;
 use crate::error::{Error, Result};
+
+pub(super) const KEYS: [&str; 11] = [
+    "width",
+    "height",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "frame_period_s",
+    "background",
+    "static",
+    "shading",
+    "linear",
+];
 
 /// One of `options`.
 pub(super) fn choose(

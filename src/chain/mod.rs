@@ -3,6 +3,7 @@
 //! `docs/add-an-effect.md` walks through a real one.
 
 mod fit;
+mod handle;
 mod moments;
 mod pack;
 mod params;
@@ -10,6 +11,7 @@ mod plan;
 pub mod rng;
 
 pub use fit::{Fit, Held, Law, Trial};
+pub use handle::{Choice, Number};
 pub use moments::{BANDS, Left, Mixing, Moments, Noise, Variances, mixing_of};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};

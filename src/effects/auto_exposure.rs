@@ -10,7 +10,7 @@
 
 use std::collections::VecDeque;
 
-use crate::chain::{Effect, ParamSpec, Settings, Stage, Value};
+use crate::chain::{Effect, Number, ParamSpec, Settings, Stage, Value};
 use crate::effects::ExposureGain;
 use crate::error::{Error, Result};
 use crate::plane::{Plane, srgb_decode};
@@ -48,6 +48,14 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("initial_gain", "", GAIN, 1.0, "gain until the first frame that was metered counts"),
 ];
 
+const TARGET: Number = Number::of(ID, SPECS, "target");
+const DELAY_FRAMES: Number = Number::of(ID, SPECS, "delay_frames");
+const SPEED: Number = Number::of(ID, SPECS, "speed");
+const MAX_STEP_EV: Number = Number::of(ID, SPECS, "max_step_ev");
+const MIN_GAIN: Number = Number::of(ID, SPECS, "min_gain");
+const MAX_GAIN: Number = Number::of(ID, SPECS, "max_gain");
+const INITIAL_GAIN: Number = Number::of(ID, SPECS, "initial_gain");
+
 impl Effect for AutoExposure {
     fn id(&self) -> &'static str {
         ID
@@ -66,13 +74,13 @@ impl Effect for AutoExposure {
     }
 
     fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
-        let number = |name: &str, neutral: f64| settings.number(ID, name, neutral);
-        let (low, high) = (number("min_gain", GAIN.0), number("max_gain", GAIN.1));
+        let number = |of| settings.value(of);
+        let (low, high) = (number(MIN_GAIN), number(MAX_GAIN));
         if low > high {
             let what = format!("min_gain = {low} is above max_gain = {high}");
             return Err(Error::Contradiction { effect: ID, what });
         }
-        let idle = number("target", 0.0) > 0.0 && number("speed", 1.0) * number("max_step_ev", 10.0) == 0.0;
+        let idle = number(TARGET) > 0.0 && number(SPEED) * number(MAX_STEP_EV) == 0.0;
         let said = format!("{ID} never changes the gain: speed or max_step_ev is 0");
         Ok(idle.then_some(said).into_iter().collect())
     }
@@ -100,16 +108,16 @@ pub struct ExposureControl {
 impl ExposureControl {
     /// `None` where the effect is off or has no target.
     pub fn new(settings: &Settings) -> Option<Self> {
-        let number = |name: &str, neutral: f64| settings.number(ID, name, neutral);
-        let target = number("target", 0.0);
+        let number = |of| settings.value(of);
+        let target = number(TARGET);
         (target > 0.0).then(|| Self {
             target,
-            delay: number("delay_frames", 1.0) as usize,
-            speed: number("speed", 1.0),
-            max_step: number("max_step_ev", 10.0) * std::f64::consts::LN_2,
-            range: (number("min_gain", GAIN.0).ln(), number("max_gain", GAIN.1).ln()),
-            given_range: [number("min_gain", GAIN.0), number("max_gain", GAIN.1)],
-            initial: number("initial_gain", 1.0).ln(),
+            delay: number(DELAY_FRAMES) as usize,
+            speed: number(SPEED),
+            max_step: number(MAX_STEP_EV) * std::f64::consts::LN_2,
+            range: (number(MIN_GAIN).ln(), number(MAX_GAIN).ln()),
+            given_range: [number(MIN_GAIN), number(MAX_GAIN)],
+            initial: number(INITIAL_GAIN).ln(),
             first: 0,
             log_gains: VecDeque::new(),
             means: VecDeque::new(),

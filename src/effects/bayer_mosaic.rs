@@ -11,7 +11,8 @@ use std::sync::LazyLock;
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work, mixing_of,
+    Choice, Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
+    mixing_of,
 };
 use crate::plane::Plane;
 
@@ -28,9 +29,12 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in"),
 ];
 
+const PATTERN: Choice = Choice::of("bayer_mosaic", SPECS, "pattern");
+const DEMOSAIC: Choice = Choice::of("bayer_mosaic", SPECS, "demosaic");
+
 /// Column and row of the red pixel in each block of 2x2; `None` without a mosaic.
 fn red(settings: &Settings) -> Option<[usize; 2]> {
-    match settings.choice("bayer_mosaic", "pattern")? {
+    match settings.chosen(PATTERN)? {
         "RGGB" => Some([0, 0]),
         "GRBG" => Some([1, 0]),
         "GBRG" => Some([0, 1]),
@@ -40,7 +44,7 @@ fn red(settings: &Settings) -> Option<[usize; 2]> {
 }
 
 fn is_malvar(settings: &Settings) -> bool {
-    settings.choice("bayer_mosaic", "demosaic") == Some("malvar_he_cutler")
+    settings.chosen(DEMOSAIC) == Some("malvar_he_cutler")
 }
 
 /// Channel of the filter before a pixel.

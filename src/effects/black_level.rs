@@ -2,7 +2,7 @@
 //! electrons to digital numbers.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -12,13 +12,15 @@ pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("offset", "fraction of full scale", (-0.5, 0.9), 0.0, "value of no light")
         .fit(Fit::by(0.002).within(-0.2, 0.4).trial(Law::Up, 0.008, 0.1).graded(3e-4, 3e-2))];
 
+const OFFSET: Number = Number::of("black_level", SPECS, "offset");
+
 /// The function of the same name in `glsl/include/effects/black_level.glsl`.
 fn black_level(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) + p.number(1) * v)
 }
 
 fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
-    let offset = settings.number("black_level", "offset", 0.0);
+    let offset = settings.value(OFFSET);
     [[1.0 - offset, offset]; 3]
 }
 
@@ -48,7 +50,7 @@ impl Effect for BlackLevel {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let offset = settings.number("black_level", "offset", 0.0);
+        let offset = settings.value(OFFSET);
         packer.number(offset);
         packer.number(1.0 - offset);
     }

@@ -4,7 +4,7 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
+    Choice, Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
 };
 use crate::plane::Plane;
 use crate::plane::stats::{LUMA, luma};
@@ -16,8 +16,10 @@ pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::choice("scheme", &["4:4:4", "4:2:0", "4:2:2"], "which pixels share their colour")
         .fit(Fit::choice().trial(Law::Option, 0.4, 1.0))];
 
+const SCHEME: Choice = Choice::of("chroma_subsampling", SPECS, "scheme");
+
 fn block_rows(settings: &Settings) -> usize {
-    if settings.choice("chroma_subsampling", "scheme") == Some("4:2:0") { 2 } else { 1 }
+    if settings.chosen(SCHEME) == Some("4:2:0") { 2 } else { 1 }
 }
 
 /// Twin of `glsl/chroma_subsampling.comp`.

@@ -2,7 +2,7 @@
 //! frame is rendered, behind the distortion: a colour's place on the sensor is
 //! (cx, cy) + scale (distorted place - (cx, cy)).
 
-use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaticAberration;
@@ -18,10 +18,13 @@ pub(super) const SPECS: &[ParamSpec] = &[
         .fit(Fit::by(1e-3).within(0.97, 1.03).trial(Law::Follows, -1.5, -0.5)),
 ];
 
+const SCALE_R: Number = Number::of(ID, SPECS, "scale_r");
+const SCALE_B: Number = Number::of(ID, SPECS, "scale_b");
+
 impl ChromaticAberration {
     /// Magnification of red, green and blue; 1 when the effect is off.
     pub fn scales(settings: &Settings) -> [f64; 3] {
-        [settings.number(ID, "scale_r", 1.0), 1.0, settings.number(ID, "scale_b", 1.0)]
+        [settings.value(SCALE_R), 1.0, settings.value(SCALE_B)]
     }
 }
 

@@ -2,7 +2,9 @@
 //! before [`super::ShotNoise`], which thus makes its noise too. Linear radiance, 1 = full well.
 
 use super::MotionBlur;
-use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};
+use crate::chain::{
+    At, Domain, Effect, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
@@ -16,6 +18,8 @@ pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::number(
     "electrons per second over full well, times the exposure of the frame",
 )];
 
+const RATE_PER_S: Number = Number::of("dark_current", SPECS, "rate_per_s");
+
 /// The function of the same name in `glsl/include/effects/dark_current.glsl`.
 fn dark_current(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| v + p.number(0))
@@ -24,7 +28,7 @@ fn dark_current(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
 impl DarkCurrent {
     /// What it adds to every pixel of a frame, fraction of full scale.
     pub(super) fn mean(settings: &Settings, view: &View) -> f64 {
-        settings.number("dark_current", "rate_per_s", 0.0) * view.shutter.exposure_time_s
+        settings.value(RATE_PER_S) * view.shutter.exposure_time_s
     }
 }
 

@@ -13,7 +13,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+    Choice, Domain, Effect, Fit, Law, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View,
+    Work,
 };
 use crate::plane::Plane;
 
@@ -31,26 +32,33 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("max_radius_px", "px", (1.0, 20.0), 8.0, "by depth: larger discs are cut to this"),
 ];
 
+const FOCUS_M: Number = Number::of("defocus", SPECS, "focus_m");
+const MAX_RADIUS_PX: Number = Number::of("defocus", SPECS, "max_radius_px");
+const SIGMA_PX: Number = Number::of("defocus", SPECS, "sigma_px");
+const DISC_RADIUS_PX: Number = Number::of("defocus", SPECS, "disc_radius_px");
+const APERTURE_M: Number = Number::of("defocus", SPECS, "aperture_m");
+const SHAPE: Choice = Choice::of("defocus", SPECS, "shape");
+
 /// Steps a side in which a pixel's share of the disc is counted.
 const SHARE_STEPS: i32 = 16;
 
 fn sigma_px(settings: &Settings) -> f64 {
-    settings.number("defocus", "sigma_px", 0.0)
+    settings.value(SIGMA_PX)
 }
 
 fn disc_radius_px(settings: &Settings) -> f64 {
-    settings.number("defocus", "disc_radius_px", 0.0)
+    settings.value(DISC_RADIUS_PX)
 }
 
 impl Defocus {
     /// Whether the fourth channel of the radiance must hold one over the distance, 1/m.
     pub fn needs_depth(settings: &Settings) -> bool {
-        settings.number("defocus", "aperture_m", 0.0) > 0.0
+        settings.value(APERTURE_M) > 0.0
     }
 }
 
 fn is_gaussian(settings: &Settings) -> bool {
-    settings.choice("defocus", "shape") == Some("gaussian")
+    settings.chosen(SHAPE) == Some("gaussian")
 }
 
 /// What a pixel whose disc has that radius gives to another one so many px away; not normalised.
@@ -181,15 +189,14 @@ impl Effect for Defocus {
     }
 
     fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
-        let number = |name: &str, neutral: f64| settings.number("defocus", name, neutral);
         let (radius, weights) = match disc_radius_px(settings) {
             0.0 => (0, Vec::new()),
             radius_px => disc(radius_px),
         };
         packer.bits(radius as u32);
         packer.table(weights);
-        let scale = number("aperture_m", 0.0) * view.intrinsics.fx;
-        let depth = [scale, 1.0 / number("focus_m", 1e6), number("max_radius_px", 8.0)];
+        let scale = settings.value(APERTURE_M) * view.intrinsics.fx;
+        let depth = [scale, 1.0 / settings.value(FOCUS_M), settings.value(MAX_RADIUS_PX)];
         packer.table(depth.map(|v| v as f32));
         if sigma_px(settings) > 0.0 {
             gaussian::pack(sigma_px(settings), packer);

@@ -2,7 +2,7 @@
 //! gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -11,6 +11,8 @@ pub struct ExposureGain;
 pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("gain", "", (0.0, 100.0), 1.0, "factor on the radiance")
         .fit(Fit::by(0.01).within(0.05, 20.0).trial(Law::Factor, 0.05, 0.5).graded(2e-3, 2e-1))];
+
+const GAIN: Number = Number::of("exposure_gain", SPECS, "gain");
 
 /// The function of the same name in `glsl/include/effects/exposure_gain.glsl`.
 fn exposure_gain(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -35,7 +37,7 @@ impl Effect for ExposureGain {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Affine(|settings, _| [[settings.number("exposure_gain", "gain", 1.0), 0.0]; 3])
+        Moments::Affine(|settings, _| [[settings.value(GAIN), 0.0]; 3])
     }
 
     fn work(&self) -> Work {
@@ -43,6 +45,6 @@ impl Effect for ExposureGain {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number("exposure_gain", "gain", 1.0));
+        packer.number(settings.value(GAIN));
     }
 }

@@ -6,7 +6,8 @@
 use super::DarkCurrent;
 use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
+    View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -25,19 +26,23 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
 ];
 
-const DSNU: u32 = 1;
-const PRNU: u32 = 2;
+const DSNU: Number = Number::of("fixed_pattern_noise", SPECS, "dsnu");
+const PRNU: Number = Number::of("fixed_pattern_noise", SPECS, "prnu");
+const SENSOR_SEED: Number = Number::of("fixed_pattern_noise", SPECS, "sensor_seed");
+
+const OFFSETS: u32 = 1;
+const GAINS: u32 = 2;
 
 /// The function of the same name in `glsl/include/effects/fixed_pattern_noise.glsl`.
 fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
     let sensor = [p.bits(2), p.bits(3)];
     let normal = |stream| random_normal(at.pixel, FIXED_FRAME, stream, sensor);
     let mut seen = value;
-    if at.variant & PRNU != 0 {
+    if at.variant & GAINS != 0 {
         let n = normal(STREAM_FIXED_PATTERN_PRNU);
         seen = [0, 1, 2].map(|c| seen[c] + (seen[c] - p.number(4)) * (p.number(1) * n[c]));
     }
-    if at.variant & DSNU != 0 {
+    if at.variant & OFFSETS != 0 {
         let n = normal(STREAM_FIXED_PATTERN_DSNU);
         seen = [0, 1, 2].map(|c| seen[c] + p.number(0) * n[c]);
     }
@@ -45,7 +50,7 @@ fn fixed_pattern_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
 }
 
 fn noise(settings: &Settings) -> [Noise; 3] {
-    let [dsnu, prnu] = ["dsnu", "prnu"].map(|name| settings.number("fixed_pattern_noise", name, 0.0));
+    let [dsnu, prnu] = [DSNU, PRNU].map(|of| settings.value(of));
     [Noise { fixed: [dsnu * dsnu, 0.0, prnu * prnu], ..Noise::default() }; 3]
 }
 
@@ -63,8 +68,8 @@ impl Effect for FixedPatternNoise {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
-        has("dsnu", DSNU) | has("prnu", PRNU)
+        let has = |of, part| if settings.value(of) != 0.0 { part } else { 0 };
+        has(DSNU, OFFSETS) | has(PRNU, GAINS)
     }
 
     fn moments(&self) -> Moments {
@@ -76,9 +81,9 @@ impl Effect for FixedPatternNoise {
     }
 
     fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number(self.id(), "dsnu", 0.0));
-        packer.number(settings.number(self.id(), "prnu", 0.0));
-        let seed = settings.number(self.id(), "sensor_seed", 0.0) as u64;
+        packer.number(settings.value(DSNU));
+        packer.number(settings.value(PRNU));
+        let seed = settings.value(SENSOR_SEED) as u64;
         seed_words(seed).into_iter().for_each(|word| packer.bits(word));
         packer.number(DarkCurrent::mean(settings, view));
     }

@@ -8,7 +8,8 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Held, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Choice, Domain, Effect, Fit, Held, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings,
+    Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -33,20 +34,25 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means"),
 ];
 
+const FREQUENCY_HZ: Number = Number::of("flicker", SPECS, "frequency_hz");
+const PHASE_RAD: Number = Number::of("flicker", SPECS, "phase_rad");
+const DEPTH: Number = Number::of("flicker", SPECS, "depth");
+const AVERAGE: Choice = Choice::of("flicker", SPECS, "average");
+
 impl Flicker {
     /// Brightness of the light that a line sees, relative to its mean; `line` is the line's place in scan order.
     pub fn factor(settings: &Settings, view: &View, line: u32) -> f64 {
-        let get = |name| settings.number("flicker", name, 0.0);
-        let (frequency_hz, depth) = (get("frequency_hz"), get("depth"));
+        let get = |of| settings.value(of);
+        let (frequency_hz, depth) = (get(FREQUENCY_HZ), get(DEPTH));
         let shutter = &view.shutter;
-        let (time_s, weight) = match settings.choice("flicker", "average") {
+        let (time_s, weight) = match settings.chosen(AVERAGE) {
             Some("exposure") if shutter.exposure_time_s > 0.0 => {
                 let x = PI * frequency_hz * shutter.exposure_time_s;
                 (shutter.line_middle_s(line), if x == 0.0 { 1.0 } else { x.sin() / x })
             }
             _ => (shutter.line_start_s(line), 1.0),
         };
-        1.0 + depth * weight * (TAU * frequency_hz * time_s + get("phase_rad")).sin()
+        1.0 + depth * weight * (TAU * frequency_hz * time_s + get(PHASE_RAD)).sin()
     }
 }
 
@@ -86,7 +92,7 @@ impl Effect for Flicker {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        u32::from(settings.number("flicker", "depth", 0.0) != 0.0)
+        u32::from(settings.value(DEPTH) != 0.0)
     }
 
     fn moments(&self) -> Moments {

@@ -2,7 +2,7 @@
 //! camera encodes, so it is part of every chain; when it is off the exponent is 1.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::plane::srgb_encode;
 
@@ -12,6 +12,8 @@ pub struct Gamma;
 pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("exponent", "", (0.1, 10.0), 1.0, "power of the sRGB-encoded value")
         .fit(Fit::by(0.01).within(0.3, 3.0).trial(Law::Factor, 0.05, 0.35).graded(2e-3, 2e-1))];
+
+const EXPONENT: Number = Number::of("gamma", SPECS, "exponent");
 
 const ENCODE: u32 = 1;
 const POWER: u32 = 2;
@@ -52,6 +54,6 @@ impl Effect for Gamma {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number("gamma", "exponent", 1.0));
+        packer.number(settings.value(EXPONENT));
     }
 }

@@ -2,7 +2,7 @@
 //! alike, so contrast is lost most in the shadows. Linear radiance.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -24,13 +24,16 @@ pub(super) const SPECS: &[ParamSpec] = &[
         )),
 ];
 
+const VEIL: Number = Number::of("glare", SPECS, "veil");
+const LEVEL: Number = Number::of("glare", SPECS, "level");
+
 /// The function of the same name in `glsl/include/effects/glare.glsl`.
 fn glare(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     value.map(|v| p.number(0) * v + p.number(1))
 }
 
 fn affine(settings: &Settings, _: &View) -> [[f64; 2]; 3] {
-    let (veil, level) = (settings.number("glare", "veil", 0.0), settings.number("glare", "level", 0.0));
+    let (veil, level) = (settings.value(VEIL), settings.value(LEVEL));
     [[1.0 - veil, veil * level]; 3]
 }
 
@@ -53,7 +56,7 @@ impl Effect for Glare {
 
     fn variant(&self, settings: &Settings) -> u32 {
         // A level without a veil changes nothing.
-        u32::from(settings.number("glare", "veil", 0.0) != 0.0)
+        u32::from(settings.value(VEIL) != 0.0)
     }
 
     fn moments(&self) -> Moments {
@@ -65,8 +68,8 @@ impl Effect for Glare {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let veil = settings.number("glare", "veil", 0.0);
+        let veil = settings.value(VEIL);
         packer.number(1.0 - veil);
-        packer.number(veil * settings.number("glare", "level", 0.0));
+        packer.number(veil * settings.value(LEVEL));
     }
 }

@@ -4,7 +4,8 @@
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
+    View, Work,
 };
 use crate::error::Result;
 
@@ -21,14 +22,18 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
 ];
 
+const COUNT: Number = Number::of("hot_pixels", SPECS, "count");
+const FRACTION: Number = Number::of("hot_pixels", SPECS, "fraction");
+const SENSOR_SEED: Number = Number::of("hot_pixels", SPECS, "sensor_seed");
+
 impl HotPixels {
     /// One bit a pixel, row by row, lowest bit first: set where it is hot.
     pub fn mask(settings: &Settings, size: [u32; 2]) -> Vec<u32> {
-        let get = |name| settings.number("hot_pixels", name, 0.0);
+        let get = |of| settings.value(of);
         let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let count = get("count").max((get("fraction") * pixels as f64).round()) as u64;
+        let count = get(COUNT).max((get(FRACTION) * pixels as f64).round()) as u64;
         let count = count.min(pixels.div_ceil(2));
-        let seed = seed_words(get("sensor_seed") as u64);
+        let seed = seed_words(get(SENSOR_SEED) as u64);
         let mut mask = vec![0_u32; pixels.div_ceil(32) as usize];
         let (mut set, mut draw) = (0, 0);
         while set < count {
@@ -68,8 +73,8 @@ impl Effect for HotPixels {
     }
 
     fn check(&self, settings: &Settings, _: f64) -> Result<Vec<String>> {
-        let get = |name| settings.number(self.id(), name, 0.0);
-        if get("count") > 0.0 && get("fraction") > 0.0 {
+        let get = |of| settings.value(of);
+        if get(COUNT) > 0.0 && get(FRACTION) > 0.0 {
             return Ok(vec![
                 "hot_pixels has both `count` and `fraction`: the larger number counts".to_owned(),
             ]);
@@ -78,8 +83,8 @@ impl Effect for HotPixels {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        let get = |name| settings.number(self.id(), name, 0.0);
-        u32::from(get("count") > 0.0 || get("fraction") > 0.0)
+        let get = |of| settings.value(of);
+        u32::from(get(COUNT) > 0.0 || get(FRACTION) > 0.0)
     }
 
     fn moments(&self) -> Moments {

@@ -9,7 +9,7 @@ pub mod packing;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageFormat};
 
-use crate::chain::{Domain, Effect, Fit, Law, Moments, ParamSpec, Settings, Stage, Work};
+use crate::chain::{Domain, Effect, Fit, Law, Moments, Number, ParamSpec, Settings, Stage, Work};
 use crate::plane::Plane;
 
 /// The effect; its values live in [`Settings`].
@@ -19,8 +19,10 @@ pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::integer("quality", "", (0.0, 100.0), "1 (coarsest) to 100, as in libjpeg; 0: no JPEG")
         .fit(Fit::choice().trial(Law::Coarser, 25.0, 85.0).graded(2.0, 70.0))];
 
+const QUALITY: Number = Number::of("jpeg", SPECS, "quality");
+
 fn through_jpeg(picture: &mut Plane<u8>, settings: &Settings) {
-    let quality = settings.number("jpeg", "quality", 0.0) as u8;
+    let quality = settings.value(QUALITY) as u8;
     picture.data = coded(&picture.data, [picture.width, picture.height], quality);
 }
 
@@ -57,7 +59,7 @@ impl Effect for Jpeg {
     }
 
     fn moments(&self) -> Moments {
-        Moments::File(|settings| settings.number("jpeg", "quality", 0.0) as u8)
+        Moments::File(|settings| settings.value(QUALITY) as u8)
     }
 
     fn work(&self) -> Work {

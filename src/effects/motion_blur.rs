@@ -1,7 +1,7 @@
 //! Every line is the mean of the linear radiance over [start, start + exposure] (CAPTURE contract; the paper's
 //! section 3.3).
 
-use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
@@ -17,10 +17,12 @@ pub(super) const SPECS: &[ParamSpec] =
             .graded(5e-4, 2e-2),
     )];
 
+const EXPOSURE_TIME_S: Number = Number::of("motion_blur", SPECS, "exposure_time_s");
+
 impl MotionBlur {
     /// Exposure time, s; 0 when the effect is off.
     pub fn exposure_time_s(settings: &Settings) -> f64 {
-        settings.number("motion_blur", "exposure_time_s", 0.0)
+        settings.value(EXPOSURE_TIME_S)
     }
 }
 
@@ -46,7 +48,7 @@ impl Effect for MotionBlur {
         if exposure_s <= frame_period_s {
             return Ok(Vec::new());
         }
-        let global = settings.number("rolling_shutter", "readout_time_s", 0.0) == 0.0;
+        let global = super::RollingShutter::readout_time_s(settings) == 0.0;
         let shutter = if global { ", which no sensor with a global shutter can do" } else { "" };
         Ok(vec![format!(
             "motion_blur.exposure_time_s = {exposure_s} s is longer than frame_period_s = {frame_period_s} s: \

@@ -7,8 +7,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Left, Mixing, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
-    View, Work,
+    Domain, Effect, Fit, Law, Left, Mixing, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings,
+    Stage, View, Work,
 };
 use crate::plane::Plane;
 use crate::plane::stats::{LUMA, luma};
@@ -40,12 +40,16 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ),
 ];
 
+const EDGE: Number = Number::of(ID, SPECS, "edge");
+const LUMA_SIGMA_PX: Number = Number::of(ID, SPECS, "luma_sigma_px");
+const CHROMA_SIGMA_PX: Number = Number::of(ID, SPECS, "chroma_sigma_px");
+
 fn sigmas_px(settings: &Settings) -> [f64; 2] {
-    ["luma_sigma_px", "chroma_sigma_px"].map(|name| settings.number(ID, name, 0.0))
+    [LUMA_SIGMA_PX, CHROMA_SIGMA_PX].map(|of| settings.value(of))
 }
 
 fn edge(settings: &Settings) -> f64 {
-    settings.number(ID, "edge", 0.0)
+    settings.value(EDGE)
 }
 
 /// Weights of luma and colours by distance, both to the wider one's radius.

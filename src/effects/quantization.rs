@@ -2,7 +2,7 @@
 //! delivered picture is rounded to 8 bits besides. Without it nothing is clipped before the tone curve.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -11,6 +11,8 @@ pub struct Quantization;
 pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::integer("bits", "bit", (0.0, 16.0), "depth of the converter; 0: no converter")
         .fit(Fit::choice().within(0.0, 10.0).trial(Law::Coarser, 3.0, 6.0))];
+
+const BITS: Number = Number::of("quantization", SPECS, "bits");
 
 /// The function of the same name in `glsl/include/effects/quantization.glsl`.
 fn quantization(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -31,7 +33,7 @@ impl Effect for Quantization {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Steps(|settings| 1.0 / (settings.number("quantization", "bits", 0.0).exp2() - 1.0))
+        Moments::Steps(|settings| 1.0 / (settings.value(BITS).exp2() - 1.0))
     }
 
     fn work(&self) -> Work {
@@ -39,7 +41,7 @@ impl Effect for Quantization {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let largest = settings.number("quantization", "bits", 0.0).exp2() - 1.0;
+        let largest = settings.value(BITS).exp2() - 1.0;
         packer.number(largest);
         packer.number(1.0 / largest);
     }

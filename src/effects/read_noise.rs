@@ -7,7 +7,8 @@
 
 use crate::chain::rng::{random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
+    View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -21,6 +22,9 @@ pub(super) const SPECS: &[ParamSpec] = &[
         .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.004, 0.04).graded(3e-4, 1e-2)),
     ParamSpec::number("frame_correlation", "", (0.0, 0.9), 0.0, "correlation with the frame before"),
 ];
+
+const FRAME_CORRELATION: Number = Number::of("read_noise", SPECS, "frame_correlation");
+const SIGMA: Number = Number::of("read_noise", SPECS, "sigma");
 
 const PRESENT: u32 = 1;
 const CORRELATED: u32 = 2;
@@ -53,7 +57,7 @@ fn read_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
 }
 
 fn noise(settings: &Settings) -> [Noise; 3] {
-    let sigma = settings.number("read_noise", "sigma", 0.0);
+    let sigma = settings.value(SIGMA);
     [Noise { free: [sigma * sigma, 0.0, 0.0], ..Noise::default() }; 3]
 }
 
@@ -71,8 +75,8 @@ impl Effect for ReadNoise {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        let get = |name| settings.number(self.id(), name, 0.0);
-        match (get("sigma"), get("frame_correlation")) {
+        let get = |of| settings.value(of);
+        match (get(SIGMA), get(FRAME_CORRELATION)) {
             (0.0, _) => 0,
             (_, 0.0) => PRESENT,
             _ => PRESENT | CORRELATED,
@@ -88,9 +92,9 @@ impl Effect for ReadNoise {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let get = |name| settings.number(self.id(), name, 0.0);
-        let correlation = get("frame_correlation");
-        packer.number(Self::weight(get("sigma"), correlation));
+        let get = |of| settings.value(of);
+        let correlation = get(FRAME_CORRELATION);
+        packer.number(Self::weight(get(SIGMA), correlation));
         packer.number(correlation);
         packer.bits(Self::terms(correlation));
     }

@@ -2,7 +2,7 @@
 //! the paper's eq. 1 with the readout in seconds instead of frames).
 
 use crate::camera::ScanOrder;
-use crate::chain::{Effect, Fit, Held, Law, ParamSpec, Settings, Stage};
+use crate::chain::{Choice, Effect, Fit, Held, Law, Number, ParamSpec, Settings, Stage};
 use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
@@ -31,15 +31,18 @@ pub(super) const SPECS: &[ParamSpec] = &[
     .fit(Fit::choice().held(Held::Aside).trial(Law::Option, -1.5, 1.0)),
 ];
 
+const READOUT_TIME_S: Number = Number::of("rolling_shutter", SPECS, "readout_time_s");
+const SCAN_ORDER: Choice = Choice::of("rolling_shutter", SPECS, "scan_order");
+
 impl RollingShutter {
     /// Readout time, s; 0 when the effect is off.
     pub fn readout_time_s(settings: &Settings) -> f64 {
-        settings.number("rolling_shutter", "readout_time_s", 0.0)
+        settings.value(READOUT_TIME_S)
     }
 
     /// Scan order; top to bottom when the effect is off.
     pub fn scan_order(settings: &Settings) -> ScanOrder {
-        let name = settings.choice("rolling_shutter", "scan_order");
+        let name = settings.chosen(SCAN_ORDER);
         name.and_then(ScanOrder::from_name).unwrap_or_default()
     }
 }

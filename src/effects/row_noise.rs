@@ -3,7 +3,8 @@
 
 use crate::chain::rng::{random_normal, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
+    View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -26,6 +27,9 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ),
 ];
 
+const SIGMA: Number = Number::of("row_noise", SPECS, "sigma");
+const COLUMN_SIGMA: Number = Number::of("row_noise", SPECS, "column_sigma");
+
 const ROWS: u32 = 1;
 const COLUMNS: u32 = 2;
 
@@ -42,7 +46,7 @@ fn row_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
 }
 
 fn noise(settings: &Settings) -> [Noise; 3] {
-    let [rows, columns] = ["sigma", "column_sigma"].map(|name| settings.number("row_noise", name, 0.0));
+    let [rows, columns] = [SIGMA, COLUMN_SIGMA].map(|of| settings.value(of));
     // What a column shares counts as each pixel's and colour's own: nothing here knows columns.
     [Noise { free: [columns * columns, 0.0, 0.0], row: [rows * rows, 0.0, 0.0], ..Noise::default() }; 3]
 }
@@ -61,8 +65,8 @@ impl Effect for RowNoise {
     }
 
     fn variant(&self, settings: &Settings) -> u32 {
-        let has = |name, part| if settings.number(self.id(), name, 0.0) != 0.0 { part } else { 0 };
-        has("sigma", ROWS) | has("column_sigma", COLUMNS)
+        let has = |of, part| if settings.value(of) != 0.0 { part } else { 0 };
+        has(SIGMA, ROWS) | has(COLUMN_SIGMA, COLUMNS)
     }
 
     fn moments(&self) -> Moments {
@@ -75,10 +79,10 @@ impl Effect for RowNoise {
 
     fn pack(&self, settings: &Settings, view: &View, packer: &mut Packer<'_>) {
         let k = &view.intrinsics;
-        for (name, lines, stream) in
-            [("sigma", k.height, STREAM_ROW_NOISE), ("column_sigma", k.width, STREAM_COLUMN_NOISE)]
+        for (of, lines, stream) in
+            [(SIGMA, k.height, STREAM_ROW_NOISE), (COLUMN_SIGMA, k.width, STREAM_COLUMN_NOISE)]
         {
-            let sigma = settings.number(self.id(), name, 0.0) as f32;
+            let sigma = settings.value(of) as f32;
             let lines = if sigma == 0.0 { 0 } else { lines };
             let normal = |line| random_normal([line, 0], view.frame, stream, seed_words(view.seed))[0];
             packer.table((0..lines).map(|line| sigma * normal(line)));

@@ -4,7 +4,7 @@
 //! colours piles up at 0.25 Y, whatever Y is.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::plane::stats::{LUMA, luma};
 
@@ -16,9 +16,11 @@ pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("factor", "", (0.0, 4.0), 1.0, "factor on the differences from luma; 0: grey")
         .fit(Fit::by(0.02).within(0.0, 3.0).trial(Law::Factor, 0.1, 0.6).graded(5e-3, 5e-1))];
 
+const FACTOR: Number = Number::of(ID, SPECS, "factor");
+
 impl Saturation {
     pub(super) fn factor(settings: &Settings) -> f64 {
-        settings.number(ID, "factor", 1.0)
+        settings.value(FACTOR)
     }
 }
 

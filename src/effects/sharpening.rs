@@ -3,7 +3,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View, Work,
+    Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View,
+    Work,
 };
 use crate::plane::Plane;
 
@@ -18,12 +19,15 @@ pub(super) const SPECS: &[ParamSpec] = &[
         .fit(Fit::by(0.1).within(0.4, 5.0).rest(1.0).starts(&[0.7, 1.5, 1.0]).trial(Law::Even, 0.7, 2.0)),
 ];
 
+const AMOUNT: Number = Number::of("sharpening", SPECS, "amount");
+const RADIUS_PX: Number = Number::of("sharpening", SPECS, "radius_px");
+
 fn amount(settings: &Settings) -> f64 {
-    settings.number("sharpening", "amount", 0.0)
+    settings.value(AMOUNT)
 }
 
 fn radius_px(settings: &Settings) -> f64 {
-    settings.number("sharpening", "radius_px", 0.0)
+    settings.value(RADIUS_PX)
 }
 
 /// Twin of `glsl/sharpening.comp`.

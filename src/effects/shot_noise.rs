@@ -10,8 +10,8 @@
 
 use crate::chain::rng::{normal_of_bits, random_bits, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Held, Law, Moments, Noise, Packer, ParamSpec, Parameters, Settings, Stage, View,
-    Work,
+    At, Domain, Effect, Fit, Held, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings,
+    Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -28,6 +28,8 @@ pub(super) const SPECS: &[ParamSpec] =
             .trial(Law::Electrons, 0.014, 0.071)
             .graded(2e-3, 7e-2),
     )];
+
+const FULL_WELL_E: Number = Number::of("shot_noise", SPECS, "full_well_e");
 
 /// Mean counts below this are inverted exactly.
 const FEW: f32 = 12.0;
@@ -79,7 +81,7 @@ fn shot_noise(value: [f32; 3], at: &At, p: &Parameters) -> [f32; 3] {
 }
 
 fn noise(settings: &Settings) -> [Noise; 3] {
-    let full_well_e = settings.number("shot_noise", "full_well_e", 0.0);
+    let full_well_e = settings.value(FULL_WELL_E);
     [Noise { free: [0.0, 1.0 / full_well_e, 0.0], ..Noise::default() }; 3]
 }
 
@@ -105,7 +107,7 @@ impl Effect for ShotNoise {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        let full_well_e = settings.number("shot_noise", "full_well_e", 0.0);
+        let full_well_e = settings.value(FULL_WELL_E);
         packer.number(full_well_e);
         packer.number(1.0 / full_well_e);
     }

@@ -3,7 +3,7 @@
 //! library's own tests, which make frames on the CPU and have them diagnosed (`withhold`).
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::plane::stats::luma;
 
@@ -14,6 +14,8 @@ const ID: &str = "split_toning";
 pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("amount", "", (-0.5, 0.5), 0.0, "what white gains in red and loses in blue")
         .fit(Fit::by(0.01).trial(Law::Either, 0.02, 0.1))];
+
+const AMOUNT: Number = Number::of(ID, SPECS, "amount");
 
 fn split_toning([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     let tint = p.number(0) * (2.0 * luma(&[r, g, b]) - 1.0);
@@ -38,6 +40,6 @@ impl Effect for SplitToning {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number(ID, "amount", 0.0));
+        packer.number(settings.value(AMOUNT));
     }
 }

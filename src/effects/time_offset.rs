@@ -1,7 +1,7 @@
 //! The camera's clock is not the trajectory's: true start = timestamp + offset (CAPTURE contract). Acts where a frame is
 //! requested: [`crate::capture::Capture::shutter`].
 
-use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage};
+use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};
 
 /// The effect; its values live in [`Settings`].
 pub struct TimeOffset;
@@ -21,10 +21,12 @@ pub(super) const SPECS: &[ParamSpec] = &[ParamSpec::number(
         .graded(1e-4, 1e-2),
 )];
 
+const OFFSET_S: Number = Number::of("time_offset", SPECS, "offset_s");
+
 impl TimeOffset {
     /// Offset, s; 0 when the effect is off.
     pub fn offset_s(settings: &Settings) -> f64 {
-        settings.number("time_offset", "offset_s", 0.0)
+        settings.value(OFFSET_S)
     }
 }
 

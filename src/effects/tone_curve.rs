@@ -2,7 +2,7 @@
 //! Encoded values. For powers see [`super::Gamma`].
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -11,6 +11,8 @@ pub struct ToneCurve;
 pub(super) const SPECS: &[ParamSpec] =
     &[ParamSpec::number("contrast", "", (-1.0, 1.0), 0.0, "how much of the S-curve is mixed in")
         .fit(Fit::by(0.02).trial(Law::Either, 0.1, 0.6).graded(5e-3, 5e-1))];
+
+const CONTRAST: Number = Number::of("tone_curve", SPECS, "contrast");
 
 /// The function of the same name in `glsl/include/effects/tone_curve.glsl`.
 fn tone_curve(value: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
@@ -43,6 +45,6 @@ impl Effect for ToneCurve {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number("tone_curve", "contrast", 0.0));
+        packer.number(settings.value(CONTRAST));
     }
 }

@@ -2,7 +2,7 @@
 //! diagonal of the picture (CAPTURE contract). Linear radiance. Where the polynomial is negative no light arrives.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -14,6 +14,9 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("a2", "", (-2.0, 2.0), 0.0, "change of brightness per squared q")
         .fit(Fit::by(0.01).within(-1.0, 1.5).trial(Law::Even, -0.2, 0.1)),
 ];
+
+const A1: Number = Number::of("vignetting", SPECS, "a1");
+const A2: Number = Number::of("vignetting", SPECS, "a2");
 
 /// What a place lets through; `p`: centre, scale of q and the polynomial.
 #[inline]
@@ -65,8 +68,8 @@ impl Effect for Vignetting {
         for number in [k.cx, k.cy, 4.0 / (w * w + h * h)] {
             packer.number(number);
         }
-        for name in ["a1", "a2"] {
-            packer.number(settings.number("vignetting", name, 0.0));
+        for of in [A1, A2] {
+            packer.number(settings.value(of));
         }
     }
 }

@@ -2,7 +2,7 @@
 //! the noise, which it scales too.
 
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 
 /// The effect; its values live in [`Settings`].
@@ -15,13 +15,16 @@ pub(super) const SPECS: &[ParamSpec] = &[
         .fit(Fit::by(0.01).within(0.2, 5.0).trial(Law::Factor, 0.04, 0.35).graded(2e-3, 2e-1)),
 ];
 
+const R: Number = Number::of("white_balance", SPECS, "r");
+const B: Number = Number::of("white_balance", SPECS, "b");
+
 /// The function of the same name in `glsl/include/effects/white_balance.glsl`.
 fn white_balance([r, g, b]: [f32; 3], _: &At, p: &Parameters) -> [f32; 3] {
     [r * p.number(0), g, b * p.number(1)]
 }
 
 fn matrix(settings: &Settings) -> [[f64; 3]; 3] {
-    let [r, b] = ["r", "b"].map(|name| settings.number("white_balance", name, 1.0));
+    let [r, b] = [R, B].map(|of| settings.value(of));
     [[r, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, b]]
 }
 
@@ -47,7 +50,7 @@ impl Effect for WhiteBalance {
     }
 
     fn pack(&self, settings: &Settings, _: &View, packer: &mut Packer<'_>) {
-        packer.number(settings.number("white_balance", "r", 1.0));
-        packer.number(settings.number("white_balance", "b", 1.0));
+        packer.number(settings.value(R));
+        packer.number(settings.value(B));
     }
 }

@@ -12,6 +12,7 @@ pub struct LensPush {
     centre: [f32; 2],
     k12: [f32; 2],
     k34: [f32; 2],
+    k56: [f32; 2],
     p: [f32; 2],
     radius: f32,
     slope: f32,
@@ -26,6 +27,7 @@ impl LensPush {
         centre: [0.0; 2],
         k12: [0.0; 2],
         k34: [0.0; 2],
+        k56: [0.0; 2],
         p: [0.0; 2],
         radius: 0.0,
         slope: 1.0,
@@ -46,16 +48,21 @@ impl LensPush {
         let k = camera.with_margin(margin_px);
         let (w, h) = (f64::from(k.width), f64::from(k.height));
         let single = |pair: [f64; 2]| pair.map(|v| v as f32);
-        let (model, k12, k34, p) = match *lens.lens().distortion() {
-            Distortion::None => (1, [0.0; 2], [0.0; 2], [0.0; 2]),
-            Distortion::BrownConrady { k: [k1, k2, k3], p } => (1, [k1, k2], [k3, 0.0], p),
-            Distortion::Equidistant { k: [k1, k2, k3, k4] } => (2, [k1, k2], [k3, k4], [0.0; 2]),
+        // The values of `LENS_...` in `lens.glsl`; k1 to k6.
+        let (model, coefficients, p) = match *lens.lens().distortion() {
+            Distortion::None => (1, [0.0; 6], [0.0; 2]),
+            Distortion::BrownConrady { k: [k1, k2, k3], p } => (1, [k1, k2, k3, 0.0, 0.0, 0.0], p),
+            Distortion::Equidistant { k: [k1, k2, k3, k4] } => (2, [k1, k2, k3, k4, 0.0, 0.0], [0.0; 2]),
+            Distortion::Rational { k, p } => (3, k, p),
+            Distortion::Division { k1 } => (4, [k1, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]),
         };
+        let [k1, k2, k3, k4, k5, k6] = coefficients;
         Self {
             scale: single([2.0 * k.fx / w, 2.0 * k.fy / h]),
             centre: single([2.0 * k.cx / w - 1.0, 2.0 * k.cy / h - 1.0]),
-            k12: single(k12),
-            k34: single(k34),
+            k12: single([k1, k2]),
+            k34: single([k3, k4]),
+            k56: single([k5, k6]),
             p: single(p),
             radius: lens.radius() as f32,
             slope: lens.slope() as f32,

@@ -41,6 +41,30 @@ pub struct Push {
     pub pixel_time: u32,
 }
 
+/// Asserts that [`Push`] is the push-constant block of a kernel that gathers like the paper's.
+macro_rules! assert_gather_push {
+    ($kernel:literal) => {
+        $crate::assert_push_layout!(
+            $kernel,
+            GatherPush {
+                size,
+                margin_px,
+                start_s,
+                readout_time_s,
+                exposure_time_s,
+                frame_interval_s,
+                first_motion_s,
+                motion_step_s,
+                motion_count,
+                scan_order,
+                max_samples,
+                pixel_time
+            }
+        );
+    };
+}
+pub(crate) use assert_gather_push;
+
 /// What the sensor sees: shape `[height, width, 4]`; linear RGB and the number of samples, which is negative where one
 /// of them left the picture (the margin was too small).
 ///

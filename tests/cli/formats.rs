@@ -37,6 +37,79 @@ fn presets_are_listed_and_printed() {
     assert!(error.contains("unknown preset `fone`; did you mean `phone`?"), "{error}");
 }
 
+/// A table of two cameras, of which the second sees 90 degrees, and a profile of Gyroflow that names its shutter.
+fn profiles(folder: &Path) -> String {
+    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,fx_px,fy_px,cx_px,cy_px,\
+                 d1,d2,d3,d4,rms_px,images,source_path\n\
+                 Acme,Dash 1,Wide,\"4:3, flat\",128,96,30,-12.5,opencv_fisheye,96,96,63.5,47.5,0.03,-0.01,0,0,0.4,15,a.json\n\
+                 Acme,Dash 2,Round,,128,96,30,12.5,opencv_fisheye,40,40,63.5,47.5,0,0,0,0,0.4,15,b.json\n\
+                 Acme,Dash 3,Round,,128,96,30,12.5,opencv_fisheye,-40,40,63.5,47.5,0,0,0,0,0.4,15,c.json\n";
+    fs::create_dir_all(folder.join("more")).expect("a folder");
+    fs::write(folder.join("table.csv"), table).expect("written");
+    fs::write(folder.join("LICENSE"), "CC0 1.0 Universal\n\nmore\n").expect("written");
+    let profile = r#"{ "camera_brand": "Acme", "camera_model": "Drone", "fps": 24.0, "frame_readout_time": 20.0,
+        "calib_dimension": { "w": 128, "h": 96 }, "distortion_model": "opencv_standard", "num_images": 9,
+        "fisheye_params": { "RMS_error": 0.25, "camera_matrix": [[100, 0, 64], [0, 100, 48], [0, 0, 1]],
+        "distortion_coeffs": [0.1, 0.01, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0] } }"#;
+    fs::write(folder.join("more/drone.json"), profile).expect("written");
+    folder.to_string_lossy().into_owned()
+}
+
+#[test]
+fn lens_profiles_are_searched_shown_and_used() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let dir = profiles(folder.path());
+    let (code, found, said) = shutterbug(&["presets", "search", "ACME", "4:3", "--profiles", &dir]);
+    assert_eq!(code, 0);
+    assert!(found.starts_with("acme-dash-1-wide-4-3-flat-128x96-30fps\n"), "{found}");
+    assert!(
+        found.contains("rolling shutter 12.5 ms, calibrated to 0.4 px rms with 15 pictures\n"),
+        "{found}"
+    );
+    assert!(!found.contains("dash-2") && !found.contains("drone"), "control: other words: {found}");
+    assert!(
+        said.contains("1 entries") && said.contains("table.csv:4") && said.contains("fx = -40"),
+        "{said}"
+    );
+
+    let name = "acme-dash-1-wide-4-3-flat-128x96-30fps";
+    let show = |name: &str| shutterbug(&["presets", "show", name, "--profiles", &dir]);
+    let (code, toml, _) = show(name);
+    assert_eq!(code, 0);
+    for line in [
+        "# Source: table.csv line 2, from a.json.",
+        "# Licence: CC0 1.0 Universal.",
+        "cx = 64.0",
+        "model = \"equidistant\"",
+        "readout_time_s = 0.0125",
+        "scan_order = \"bottom_to_top\"",
+    ] {
+        assert!(toml.lines().any(|l| l == line), "{line}: {toml}");
+    }
+    // What no source states is absent.
+    for effect in ["shot_noise", "read_noise", "motion_blur", "full_well_e ="] {
+        assert!(!toml.contains(&format!("[{effect}]")), "{toml}");
+    }
+    let (code, toml, _) = show("acme-drone-128x96-24fps");
+    assert!(code == 0 && toml.contains("model = \"rational\"") && toml.contains("k4 = 0.2"), "{toml}");
+
+    let (_, found, _) = shutterbug(&["presets", "search", "dash", "2", "round", "--profiles", &dir]);
+    assert!(found.contains("sees 90 degrees or folds: not usable"), "{found}");
+    let (code, _, error) = show("acme-dash-2-round-128x96-30fps");
+    assert!(code == 1 && error.contains("90 degrees"), "{error}");
+    let (code, _, error) = show("acme-dron-128x96-24fps");
+    assert!(code == 2 && error.contains("did you mean `acme-drone-128x96-24fps`?"), "{error}");
+
+    // The environment names the folder as well.
+    let with = Command::new(env!("CARGO_BIN_EXE_shutterbug"))
+        .args(["presets", name])
+        .env("SHUTTERBUG_PROFILES", &dir)
+        .output()
+        .expect("runs");
+    assert!(with.status.success());
+    assert_ne!(shutterbug(&["presets", name]).0, 0, "control: without a folder there is no such preset");
+}
+
 #[test]
 fn a_lens_that_folds_inside_the_picture_is_not_converted() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -71,16 +144,17 @@ fn a_camera_goes_from_kalibr_to_toml_and_on_to_every_format() {
         ("ros", "camera_matrix:"),
         ("kalibr", "line_delay:"),
         ("euroc", "sensor_type: camera"),
+        ("gyroflow", "\"frame_readout_time\": 12.0"),
         ("sdf", "<sensor name="),
         ("toml", "[rolling_shutter]"),
     ] {
         let (code, out, error) = shutterbug(&["camera", "convert", &toml, "--to", to]);
         assert!(code == 0 && out.contains(mark), "{to}: {out} {error}");
-        // What a target cannot hold is said; Kalibr and camera.toml hold the shutter.
+        // What a target cannot hold is said; Kalibr, Gyroflow and camera.toml hold the shutter.
         assert_eq!(error.contains("rolling_shutter"), ["ros", "euroc", "sdf"].contains(&to), "{to}: {error}");
     }
     let (code, _, error) = shutterbug(&["camera", "convert", &toml, "--out", &path(folder.path(), "x.yaml")]);
-    assert!(code == 1 && error.contains("--to toml, ros, kalibr, euroc, sdf"), "{error}");
+    assert!(code == 1 && error.contains("--to toml, ros, kalibr, euroc, gyroflow, sdf"), "{error}");
     let (code, _, _) = shutterbug(&["camera", "convert", &toml, "--to", "orb"]);
     assert_eq!(code, 2);
 }

@@ -7,6 +7,7 @@ mod description;
 mod percepts;
 mod photographs;
 mod recovery;
+mod report_axe;
 mod report_page;
 mod resume;
 mod withhold;

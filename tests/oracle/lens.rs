@@ -21,21 +21,7 @@ const K: Intrinsics = Intrinsics { width: 97, height: 73, fx: 83.0, fy: 85.0, cx
 
 fn settings(distortion: &Distortion, scales: [f64; 2]) -> Settings {
     let mut settings = Settings::default();
-    let mut set = |name: &str, value: Value| settings.set(&LensDistortion, name, value).unwrap();
-    match *distortion {
-        Distortion::None => {}
-        Distortion::BrownConrady { k, p } => {
-            for (name, value) in ["k1", "k2", "k3", "p1", "p2"].iter().zip([k[0], k[1], k[2], p[0], p[1]]) {
-                set(name, Value::Number(value));
-            }
-        }
-        Distortion::Equidistant { k } => {
-            set("model", Value::Choice("equidistant"));
-            for (name, value) in ["k1", "k2", "k3", "k4"].iter().zip(k) {
-                set(name, Value::Number(value));
-            }
-        }
-    }
+    LensDistortion::set(&mut settings, distortion).unwrap();
     if scales != [1.0; 2] {
         for (name, value) in ["scale_r", "scale_b"].iter().zip(scales) {
             settings.set(&ChromaticAberration, name, Value::Number(value)).unwrap();
@@ -75,6 +61,9 @@ fn untextured() -> Scene {
 const PINCUSHION: Distortion = Distortion::BrownConrady { k: [0.19449, -0.01467, 0.0], p: [0.0; 2] };
 const BARREL: Distortion = Distortion::BrownConrady { k: [-0.3, 0.09, 0.01], p: [0.004, -0.006] };
 const FISHEYE: Distortion = Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] };
+const QUOTIENT: Distortion =
+    Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.002] };
+const DIVISION: Distortion = Distortion::Division { k1: -0.2 };
 
 fn exact() -> Method {
     Method::Exact(ExactOptions::default())
@@ -91,7 +80,7 @@ fn a_still_frame_is_the_oracles() {
     let mut request = still(&K);
     let plain = oracle(&scene, &request, &Distortion::None, [1.0; 2], 1);
     let none = levels(&render(&watched, &scene, exact(), &request), &plain).0;
-    for distortion in [PINCUSHION, BARREL, FISHEYE] {
+    for distortion in [PINCUSHION, BARREL, FISHEYE, QUOTIENT, DIVISION] {
         let want = oracle(&scene, &request, &distortion, [1.0; 2], 1);
         request.settings = settings(&distortion, [1.0; 2]);
         for method in [exact(), accumulation(1), Method::Fast(FastOptions::default())] {
@@ -121,7 +110,7 @@ fn lens_shutter_and_blur_hold_as_well_as_shutter_and_blur() {
         let fast = || Method::Fast(FastOptions::default());
         let none = levels(&render(&watched, &scene, exact(), &request), &plain).0;
         let none_fast = levels(&render(&watched, &scene, fast(), &request), &plain).0;
-        for distortion in [PINCUSHION, BARREL, FISHEYE] {
+        for distortion in [PINCUSHION, BARREL, FISHEYE, QUOTIENT, DIVISION] {
             let want = oracle(&scene, &request, &distortion, [1.0; 2], renders);
             request.settings = settings(&distortion, [1.0; 2]);
             let got = render(&watched, &scene, exact(), &request);

@@ -10,6 +10,8 @@ use crate::outside_support::{
 };
 use shutterbug::camera::{Distortion, Intrinsics, Lens, Pose};
 use shutterbug::capi::*;
+use shutterbug::capture::CameraFile;
+use shutterbug::effects::LensDistortion;
 
 #[test]
 fn thirteen_poses_follow_a_camera_that_shakes() {
@@ -131,6 +133,39 @@ fn a_lens_shutter_and_blur_read_the_colour_once() {
             }
             assert!(found > alone[at] - 1.0, "{name}, {exposure_s}: {found:.1} dB, alone {:.1}", alone[at]);
         }
+    }
+    finish(engine);
+}
+
+#[test]
+fn every_model_of_a_lens_is_read_backwards() {
+    let test = "every_model_of_a_lens_is_read_backwards";
+    let Some(engine) = engine(test, options(0, 1)) else { return };
+    let world = World::new(false);
+    for lens in [
+        Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] },
+        Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.0008] },
+        Distortion::Division { k1: -0.25 },
+    ] {
+        let mut camera = CameraFile::pinhole("camera".into(), K, 0.04);
+        LensDistortion::set(&mut camera.settings, &lens).unwrap();
+        let text = camera.to_toml();
+        let tables = &text[text.find("[lens_distortion]").expect("written")..];
+        set_camera(engine, 0.0, tables);
+        let truly = Lens::new(K, lens).unwrap();
+        let looks = |px: glam::DVec2, _: usize| through(&truly, px);
+        let shutter = shutter(0.0);
+        let motion = |t: f64| vec![camera_motion("still", t), Pose::IDENTITY];
+        let want = truth(&world, &motion, &shutter, Some(&looks as Looks<'_>));
+        let given = poses("still", shutter.end_s(), POSES);
+        let margin = margin_of(engine, "still", shutter.end_s(), &given);
+        let found = psnr(&deliver(engine, "still", (shutter.end_s(), margin), &given, true).unwrap(), &want);
+        set_camera(engine, 0.0, "");
+        let plain = deliver(engine, "still", (shutter.end_s(), margin), &given, true).unwrap();
+        let control = psnr(&plain, &want);
+        eprintln!("{lens:?}: {found:.1} dB, margin {margin:?}; without lens {control:.1} dB");
+        assert!(found > 33.0, "{lens:?}: {found:.1} dB");
+        assert!(control < 26.0, "control: no lens passes, {control:.1} dB");
     }
     finish(engine);
 }

@@ -7,7 +7,7 @@ use crate::gpu_support::bench::{Bench, Scatter, differing};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 use shutterbug::assert_push_layout;
-use shutterbug::camera::NEAR_M;
+use shutterbug::camera::{Distortion, NEAR_M};
 use shutterbug::gpu::{Bound, Format, Sampler};
 use shutterbug::kernels::kernel;
 use shutterbug::plane::Plane;
@@ -156,15 +156,18 @@ fn exact_paths_is_its_twin() {
             for lens in &TestLens::all(size.map(|s| s as u32)) {
                 let case = paths_case(size, grid, groups, columns, &mut scatter);
                 let label = format!(
-                    "{size:?}, grid {grid}, {groups} groups, columns {columns}, lens {}",
-                    lens.push.index()
+                    "{size:?}, grid {grid}, {groups} groups, columns {columns}, lens {:?}",
+                    lens.extended.as_ref().map(|l| l.lens().distortion())
                 );
                 let Outputs { words, inverses, paths } = run_paths(&mut bench, &case, lens);
                 let want = paths_twin(&case, lens);
                 let others = words.iter().zip(&want.words).filter(|(a, b)| a != b).count();
                 assert!(others == 0, "{label}: {others} pairs of texels");
                 assert_eq!(differing(&inverses, &want.inverses, 1e-6).1, 0, "{label}: inverse distances");
-                assert_eq!(differing(&paths, &want.paths, HALF).1, 0, "{label}: paths");
+                // Vulkan lets the arc tangent be off by 4096 units in the last place.
+                let fisheye = lens.extended.as_ref().map(|l| l.lens().distortion());
+                let allowed = if matches!(fisheye, Some(Distortion::Equidistant { .. })) { 2.0 } else { 1.0 };
+                assert_eq!(differing(&paths, &want.paths, allowed * HALF).1, 0, "{label}: paths");
                 if size == [1, 1] {
                     continue;
                 }

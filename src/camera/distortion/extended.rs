@@ -141,6 +141,9 @@ mod tests {
             brown([-0.3, 0.09, 0.0], [0.001, -0.002]),
             brown([-0.25, 0.0, 0.0], [0.0; 2]),
             Distortion::Equidistant { k: [0.05, -0.01, 0.002, 0.0] },
+            Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.002] },
+            Distortion::Division { k1: -0.2 },
+            Distortion::Division { k1: 0.15 },
         ];
         all.map(|d| ExtendedLens::new(Lens::new(K, d).expect("invertible"))).to_vec()
     }

@@ -3,8 +3,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::Distortion;
-use super::fold::invertible_radius;
+use super::{Distortion, invertible_radius};
 use crate::camera::Intrinsics;
 use crate::error::{Error, LensFold, Result};
 

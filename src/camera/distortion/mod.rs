@@ -1,18 +1,20 @@
-//! Lens distortion: where a ray really falls. Brown-Conrady with OpenCV's five coefficients and the equidistant fisheye
-//! (Kannala-Brandt) with Kalibr's and OpenCV's four, both directions of the mapping, and the radius up to which it can
-//! be inverted.
+//! Lens distortion: where a ray really falls. Brown-Conrady with OpenCV's five coefficients, OpenCV's rational model with
+//! eight, the equidistant fisheye (Kannala-Brandt) with Kalibr's and OpenCV's four, and the division model with one; both
+//! directions of the mapping, and the radius up to which it can be inverted.
 //!
 //! All coordinates are normalised: x = (u - cx) / fx, y = (v - cy) / fy. *Ideal* is where the pinhole would put a
 //! ray (X / Z, Y / Z), *distorted* is where the lens puts it. OpenCV counts pixels from their centres; u and cx shift by
 //! the same half pixel, so the coefficients are the same here and there.
 //!
-//! Both models have a symmetric Jacobian: they are gradients of a potential. Where that Jacobian is positive definite
+//! All models have a symmetric Jacobian: they are gradients of a potential. Where that Jacobian is positive definite
 //! on a disc the potential is convex, so the mapping is one-to-one there, and Newton with a shrinking step finds the
 //! inverse from any start. [`Lens`] holds such a disc, as large as it can be.
 
+mod division;
 mod extended;
 mod fold;
 mod lens;
+mod rational;
 #[cfg(test)]
 mod tests;
 
@@ -48,6 +50,18 @@ pub enum Distortion {
         /// k1 to k4.
         k: [f64; 4],
     },
+    /// OpenCV's rational model: the radial factor is (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6).
+    Rational {
+        /// k1 to k6.
+        k: [f64; 6],
+        /// p1, p2: tangential, as Brown-Conrady's.
+        p: [f64; 2],
+    },
+    /// Division model: ideal = distorted / (1 + k1 r^2), r the distorted radius.
+    Division {
+        /// Below zero: barrel.
+        k1: f64,
+    },
 }
 
 impl Distortion {
@@ -58,6 +72,9 @@ impl Distortion {
             Self::BrownConrady { k, p } => *k == [0.0; 3] && *p == [0.0; 2],
             // Zeros are the ideal fisheye, which is no pinhole.
             Self::Equidistant { .. } => false,
+            // Equal halves of the quotient cancel.
+            Self::Rational { k, p } => k[..3] == k[3..] && *p == [0.0; 2],
+            Self::Division { k1 } => *k1 == 0.0,
         }
     }
 
@@ -73,6 +90,11 @@ impl Distortion {
                 list(&["k1", "k2", "p1", "p2", "k3"], &[*k1, *k2, *p1, *p2, *k3])
             }
             Self::Equidistant { k } => list(&["equidistant k1", "k2", "k3", "k4"], k),
+            Self::Rational { k, p } => list(
+                &["rational k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+                &[k[0], k[1], p[0], p[1], k[2], k[3], k[4], k[5]],
+            ),
+            Self::Division { k1 } => list(&["division k1"], &[*k1]),
         }
     }
 
@@ -88,6 +110,8 @@ impl Distortion {
                 ideal * radial + DVec2::new(p1 * xy + p2 * along.x, p1 * along.y + p2 * xy)
             }
             Self::Equidistant { k } => ideal * equidistant_ratio(&k, ideal.length()),
+            Self::Rational { k, p } => rational::distort_with_jacobian(&k, p, ideal).0,
+            Self::Division { k1 } => ideal * division::ratio_and_slope(k1, ideal.length()).0,
         }
     }
 
@@ -111,9 +135,12 @@ impl Distortion {
                 let r = ideal.length();
                 let across = equidistant_ratio(&k, r);
                 let along = equidistant_slope(&k, r.atan()) / (1.0 + r * r);
-                let n = ideal.normalize_or_zero();
-                let nn = DMat2::from_cols(n * n.x, n * n.y);
-                (ideal * across, DMat2::IDENTITY * across + nn * (along - across))
+                (ideal * across, radial_jacobian(ideal, along, across))
+            }
+            Self::Rational { k, p } => rational::distort_with_jacobian(&k, p, ideal),
+            Self::Division { k1 } => {
+                let (across, along) = division::ratio_and_slope(k1, ideal.length());
+                (ideal * across, radial_jacobian(ideal, along, across))
             }
         }
     }
@@ -153,11 +180,29 @@ impl Distortion {
                 let theta = distorted.length().min(1.5);
                 distorted.normalize_or_zero() * theta.tan()
             }
+            Self::Division { k1 } => distorted * division::inverse_ratio(*k1, distorted.length()),
             _ => distorted,
         };
         // Just inside, so that the first Jacobian is regular.
         guess.clamp_length_max(0.999 * max_radius)
     }
+}
+
+/// The ideal radius up to which the mapping is one-to-one in every direction, at most `limit`.
+fn invertible_radius(distortion: &Distortion, limit: f64) -> f64 {
+    match distortion {
+        Distortion::None => limit,
+        Distortion::Equidistant { k } => fold::equidistant(k, limit),
+        Distortion::BrownConrady { k, p } => fold::brown_conrady(k, p, limit),
+        Distortion::Rational { k, p } => rational::fold(k, p, limit),
+        Distortion::Division { k1 } => division::fold(*k1, limit),
+    }
+}
+
+/// The Jacobian of a mapping that only stretches: along the ray through a point, and across it.
+fn radial_jacobian(at: DVec2, along: f64, across: f64) -> DMat2 {
+    let n = at.normalize_or_zero();
+    DMat2::IDENTITY * across + DMat2::from_cols(n * n.x, n * n.y) * (along - across)
 }
 
 /// Distorted over ideal radius of the fisheye.

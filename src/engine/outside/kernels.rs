@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Image, Location, Sampler, Usage};
 use crate::kernels::kernel;
 use crate::plane::PixelFormat;
-use crate::reference::paper_gather::Push as GatherPush;
+use crate::reference::paper_gather::{Push as GatherPush, assert_gather_push};
 use crate::reference::unpack::{BodyPush, ColorPush, DepthPush, InverseDepthPush, MotionPush, decode_table};
 
 assert_push_layout!("unpack_color.comp", ColorPush { size, first_byte, stride_bytes, format, codes_from });
@@ -25,23 +25,7 @@ assert_push_layout!(
     "unpack_color_half.comp",
     ColorPush { size, first_byte, stride_bytes, format, codes_from }
 );
-assert_push_layout!(
-    "outside_gather.comp",
-    GatherPush {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        frame_interval_s,
-        first_motion_s,
-        motion_step_s,
-        motion_count,
-        scan_order,
-        max_samples,
-        pixel_time
-    }
-);
+assert_gather_push!("outside_gather.comp");
 assert_push_layout!("unpack_body.comp", BodyPush { size, first_byte, stride_bytes, id_bytes, count });
 assert_push_layout!(
     "unpack_inverse_depth.comp",

@@ -29,7 +29,7 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::raster::{Instant, RasterInput, RasterKind, RasterTarget, SamplePlan};
 use crate::reference::motion_from_depth::Push as DepthPush;
-use crate::reference::paper_gather::Push as GatherPush;
+use crate::reference::paper_gather::{Push as GatherPush, assert_gather_push};
 
 /// Most motion images kept for a frame (the paper's section 3).
 pub const MAX_MOTION_IMAGES: u32 = 6;
@@ -86,23 +86,7 @@ impl Default for PaperOptions {
     }
 }
 
-assert_push_layout!(
-    "paper_gather.comp",
-    GatherPush {
-        size,
-        margin_px,
-        start_s,
-        readout_time_s,
-        exposure_time_s,
-        frame_interval_s,
-        first_motion_s,
-        motion_step_s,
-        motion_count,
-        scan_order,
-        max_samples,
-        pixel_time
-    }
-);
+assert_gather_push!("paper_gather.comp");
 
 assert_push_layout!(
     "motion_from_depth.comp",

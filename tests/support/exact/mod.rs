@@ -15,9 +15,8 @@ pub struct TestLens {
 }
 
 impl TestLens {
-    pub fn all(size: [u32; 2]) -> [Self; 2] {
+    pub fn all(size: [u32; 2]) -> [Self; 5] {
         let pixels = Vec2::new(size[0] as f32, size[1] as f32);
-        let distortion = Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] };
         let k = Intrinsics {
             width: size[0],
             height: size[1],
@@ -25,10 +24,18 @@ impl TestLens {
             cy: 0.5 * f64::from(size[1]),
             ..CAMERA
         };
-        let extended = ExtendedLens::new(Lens::new(k, distortion).unwrap());
+        // A fisheye shows less than 90 degrees: longer where pictures are larger.
+        let long = Intrinsics { fx: 1.5 * k.fx, fy: 1.5 * k.fy, ..k };
+        let through = |k: Intrinsics, distortion: Distortion| {
+            let extended = ExtendedLens::new(Lens::new(k, distortion).unwrap());
+            Self { push: LensPush::new(&extended, size, 1.0), extended: Some(extended), size: pixels }
+        };
         [
             Self { push: LensPush::NONE, extended: None, size: pixels },
-            Self { push: LensPush::new(&extended, size, 1.0), extended: Some(extended), size: pixels },
+            through(k, Distortion::BrownConrady { k: [-0.12, 0.02, 0.0], p: [1e-3, -2e-3] }),
+            through(long, Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] }),
+            through(long, Distortion::Rational { k: [0.3, 0.0, 0.0, 0.4, 0.02, 0.0], p: [1e-3, -2e-3] }),
+            through(long, Distortion::Division { k1: -0.1 }),
         ]
     }
 

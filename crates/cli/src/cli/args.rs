@@ -37,11 +37,8 @@ pub enum Command {
     Devices(Devices),
     /// List the effects that camera.toml may hold, with parameters, units, ranges and neutral values
     Effects,
-    /// List the presets of real cameras, or print one as camera.toml
-    Presets {
-        /// The preset to print
-        name: Option<String>,
-    },
+    /// List the presets of real cameras, search them, or print one as camera.toml
+    Presets(Presets),
     /// Cameras in other tools' files
     #[command(subcommand)]
     Camera(Camera),
@@ -54,10 +51,43 @@ pub enum Command {
     Calibrate(Calibrate),
 }
 
+/// `shutterbug presets`.
+#[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Presets {
+    /// What to do; without it, list what ships
+    #[command(subcommand)]
+    pub action: Option<PresetsAction>,
+    /// The preset to print, as `show` does
+    pub name: Option<String>,
+}
+
+/// What can be done with presets.
+#[derive(Debug, Subcommand)]
+pub enum PresetsAction {
+    /// List the presets in whose description every word occurs
+    Search {
+        /// Words, such as `gopro hero9 wide`
+        #[arg(required = true)]
+        words: Vec<String>,
+        /// Folder of lens profiles (Gyroflow's JSON, or tables of them) [default: the one that SHUTTERBUG_PROFILES names]
+        #[arg(long)]
+        profiles: Option<PathBuf>,
+    },
+    /// Print one as camera.toml, with source, error and licence
+    Show {
+        /// Its name, as `search` prints it
+        name: String,
+        /// Folder of lens profiles [default: the one that SHUTTERBUG_PROFILES names]
+        #[arg(long)]
+        profiles: Option<PathBuf>,
+    },
+}
+
 /// What can be done with a camera.
 #[derive(Debug, Subcommand)]
 pub enum Camera {
-    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml and (to) Gazebo SDF
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml, Gyroflow's lens profile and (to) Gazebo SDF
     Convert(Convert),
 }
 
@@ -145,6 +175,9 @@ pub struct Simulate {
     /// Add the effects of a preset (see `shutterbug presets`); the camera's own tables win
     #[arg(long)]
     pub preset: Option<String>,
+    /// Folder of lens profiles for --preset [default: the one that SHUTTERBUG_PROFILES names]
+    #[arg(long, requires = "preset")]
+    pub profiles: Option<PathBuf>,
     /// How shutter and blur are made
     #[arg(long, value_enum, default_value_t)]
     pub method: MethodName,

@@ -16,6 +16,8 @@ pub enum FormatName {
     Kalibr,
     /// EuRoC / ASL sensor.yaml
     Euroc,
+    /// Gyroflow's lens profile (JSON)
+    Gyroflow,
     /// Gazebo SDF (to write only)
     Sdf,
 }
@@ -105,6 +107,7 @@ impl From<FormatName> for Format {
             FormatName::Ros => Self::Ros,
             FormatName::Kalibr => Self::Kalibr,
             FormatName::Euroc => Self::Euroc,
+            FormatName::Gyroflow => Self::Gyroflow,
             FormatName::Sdf => Self::Sdf,
         }
     }

@@ -36,6 +36,7 @@ fn by_ending(out: Option<&Path>) -> Result<Format> {
     match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
         Some("toml") => Ok(Format::Toml),
         Some("sdf" | "xml" | "world") => Ok(Format::Sdf),
+        Some("json") => Ok(Format::Gyroflow),
         _ => {
             let names: Vec<_> = Format::ALL.iter().map(|f| f.name()).collect();
             let expected = format!("--to {}", names.join(", "));

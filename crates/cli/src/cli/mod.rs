@@ -102,7 +102,7 @@ fn run_command(command: &Command) -> Result<()> {
         Command::Withhold(args) => withhold::run(args),
         Command::Devices(args) => devices::run(args),
         Command::Effects => effects::run(),
-        Command::Presets { name } => presets::run(name.as_deref()),
+        Command::Presets(args) => presets::run(args),
         Command::Camera(Camera::Convert(convert)) => camera::run(convert),
         Command::Import(import) => import::run(import),
         Command::Board(args) => board::run(args),
@@ -124,7 +124,7 @@ mod tests {
         let unknown = |path: &str| Error::unknown_name(Path::new(path), None, "candidate", "x", ["y"]);
         let code = |error: Error| exit_code(&error);
         assert_eq!(code(unknown("--without")), 2);
-        assert_eq!(code(crate::formats::preset("none").map(|_| ()).expect_err("no such preset")), 2);
+        assert_eq!(code(crate::formats::preset("none", None).map(|_| ()).expect_err("no such preset")), 2);
         assert_eq!(code(unknown("camera.toml")), 1);
         assert_eq!(code(Error::NoDevice { wanted: String::new(), present: String::new() }), 1);
     }

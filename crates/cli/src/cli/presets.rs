@@ -1,19 +1,88 @@
 //! `shutterbug presets`.
 
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::args::{Presets, PresetsAction};
 use super::terminal::print;
-use crate::formats::{PRESETS, Preset, preset};
+use crate::formats::{PRESETS, Preset, Profile, Profiles, preset};
 use shutterbug::effects::{MotionBlur, RollingShutter};
 use shutterbug::error::Result;
 
-/// Lists the presets, or prints one.
-pub fn run(name: Option<&str>) -> Result<()> {
-    if let Some(name) = name {
-        return print(preset(name)?.toml);
+/// Names a folder of lens profiles.
+const FOLDER: &str = "SHUTTERBUG_PROFILES";
+
+/// Lists presets, searches them, or prints one.
+pub fn run(args: &Presets) -> Result<()> {
+    match (&args.action, &args.name) {
+        (Some(PresetsAction::Show { name, profiles }), _) => {
+            print(&find_preset(name, profiles.as_deref())?.toml)
+        }
+        (Some(PresetsAction::Search { words, profiles }), _) => search(words, profiles.as_deref()),
+        (None, Some(name)) => print(&find_preset(name, None)?.toml),
+        (None, None) => list(),
     }
+}
+
+/// The preset of that name: one that ships, or one of the folder of lens profiles that is named.
+pub fn find_preset(name: &str, folder: Option<&Path>) -> Result<Preset> {
+    // Those that ship need no folder, not even one that is wrong.
+    if PRESETS.iter().any(|p| p.name == name) {
+        return preset(name, None);
+    }
+    preset(name, read(folder)?.as_ref())
+}
+
+/// The profiles of the folder, or of the one that the environment names.
+fn read(folder: Option<&Path>) -> Result<Option<Profiles>> {
+    let named = std::env::var_os(FOLDER).filter(|f| !f.is_empty()).map(PathBuf::from);
+    folder.map(Path::to_owned).or(named).map(|f| Profiles::read(&f)).transpose()
+}
+
+fn list() -> Result<()> {
     let mut text: String = PRESETS.iter().map(describe).collect::<Result<_>>()?;
     text += "\nshutterbug presets NAME prints one with the source of every number.\n";
+    text += "shutterbug presets search WORDS --profiles DIR finds cameras among lens profiles.\n";
     text += "shutterbug simulate CAPTURE --preset NAME adds its effects to a capture's camera.\n";
-    print(text)
+    print(&text)
+}
+
+fn search(words: &[String], folder: Option<&Path>) -> Result<()> {
+    let profiles = read(folder)?;
+    let mut text = String::new();
+    for shipped in PRESETS {
+        let all = format!("{} {}", shipped.name, shipped.about()).to_lowercase();
+        if words.iter().all(|w| all.contains(&w.to_lowercase())) {
+            text += &describe(shipped)?;
+        }
+    }
+    let found = profiles.as_ref().map(|p| p.search(words)).unwrap_or_default();
+    let lines: Vec<_> = found.par_iter().map(|p| line(p)).collect();
+    text.extend(lines);
+    match &profiles {
+        Some(profiles) if !profiles.refused.is_empty() => {
+            let count = profiles.refused.len();
+            tracing::warn!("{count} entries are no usable profiles, such as: {}", profiles.refused[0]);
+        }
+        Some(_) => {}
+        None => tracing::warn!(
+            "only what ships was searched: --profiles DIR or {FOLDER} names a folder of lens profiles"
+        ),
+    }
+    if text.is_empty() {
+        text = "no preset has all of these words\n".to_owned();
+    }
+    print(&text)
+}
+
+/// A profile: its name, what it is, and whether a pinhole's picture can show it.
+fn line(profile: &Profile) -> String {
+    let usable = match profile.check() {
+        Ok(()) => String::new(),
+        Err(_) => "; sees 90 degrees or folds: not usable".to_owned(),
+    };
+    format!("{}\n    {}: {}{usable}\n", profile.name, profile.title(), profile.describe())
 }
 
 fn describe(preset: &Preset) -> Result<String> {

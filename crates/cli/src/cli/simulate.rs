@@ -13,9 +13,10 @@ use super::args::{PlaneName, Simulate};
 use super::begin::{Begin, plane_folder, stem};
 use super::description::Description;
 use super::interrupt::Interrupt;
+use super::presets::find_preset;
 use super::terminal::say;
 use super::timings::Timings;
-use crate::formats::{preset, read_capture};
+use crate::formats::read_capture;
 use shutterbug::capture::Capture;
 use shutterbug::chain::View;
 use shutterbug::effects::ExposureControl;
@@ -32,8 +33,11 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Runs the command.
 pub fn run(args: &Simulate) -> Result<()> {
-    let preset = args.preset.as_deref().map(preset).transpose()?;
-    let mut capture = read_capture(&args.capture, args.camera.as_deref(), preset)?;
+    let preset = match &args.preset {
+        Some(name) => Some(find_preset(name, args.profiles.as_deref())?),
+        None => None,
+    };
+    let mut capture = read_capture(&args.capture, args.camera.as_deref(), preset.as_ref())?;
     let description = Description::of(args.description.as_deref(), &mut capture)?;
     let rules = OutRules {
         command: "simulate",

@@ -11,7 +11,8 @@ use shutterbug::files::Limit;
 /// Files that stand for `camera.toml` in a capture without one, as ROS, Kalibr and EuRoC call them.
 const STAND_INS: [&str; 3] = ["camera_info.yaml", "camchain.yaml", "sensor.yaml"];
 
-/// Reads a capture. `camera` replaces its `camera.toml` and may be ROS, Kalibr or EuRoC YAML; without both, the one of
+/// Reads a capture. `camera` replaces its `camera.toml` and may be ROS, Kalibr or EuRoC YAML or
+/// Gyroflow's JSON; without both, the one of
 /// `camera_info.yaml`, `camchain.yaml` and `sensor.yaml` that is there is taken. `preset` adds effects that the camera does not have itself. What has no place is
 /// emitted as a warning.
 ///
@@ -34,7 +35,8 @@ pub fn read_capture(root: &Path, camera: Option<&Path>, preset: Option<&Preset>)
 }
 
 fn is_yaml(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("yaml") || e.eq_ignore_ascii_case("yml"))
+    path.extension()
+        .is_some_and(|e| ["yaml", "yml", "json"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
 fn stand_in(root: &Path) -> Option<PathBuf> {
@@ -129,8 +131,8 @@ mod tests {
         // Poses to 20 ms after the last frame: enough for an instant, not for a readout of 31 ms.
         write("trajectory.tum", "0.9 0 0 0 0 0 0 1\n1.06 1 0 0 0 0 0 1\n");
         assert!(read_capture(folder.path(), None, None).is_ok());
-        let humanoid = preset("humanoid-2008").expect("known");
-        let error = read_capture(folder.path(), None, Some(humanoid)).expect_err("too short").to_string();
+        let humanoid = preset("humanoid-2008", None).expect("known");
+        let error = read_capture(folder.path(), None, Some(&humanoid)).expect_err("too short").to_string();
         assert!(error.contains("frame 1 (000001.png)"), "{error}");
     }
 }

@@ -56,6 +56,11 @@ pub(super) fn brown_conrady(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> Dist
     if lens.is_identity() { Distortion::None } else { lens }
 }
 
+/// What is said of a lens that a format has no model for.
+pub(super) fn lens_left_out(camera: &super::CameraModel, target: &str) -> String {
+    format!("the lens ({}) has no place in {target}", camera.distortion.coefficients())
+}
+
 /// The error of something that concerns one line of a file.
 pub(super) fn at(field: &Field, problem: Error) -> Error {
     at_with_hint(field, problem, String::new())

@@ -2,7 +2,8 @@
 //! with Kalibr, so pixel centres are at whole numbers.
 
 use super::common::{
-    at, brown_conrady, comments, list, opencv_pinhole, pinhole, pose, quoted, rows_of, unused_keys,
+    at, brown_conrady, comments, lens_left_out, list, opencv_pinhole, pinhole, pose, quoted, rows_of,
+    unused_keys,
 };
 use super::yaml::Field;
 use super::{CameraModel, Imported};
@@ -103,6 +104,10 @@ pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
             ("radial-tangential", vec![k1, k2, p1, p2])
         }
         Distortion::Equidistant { k } => ("equidistant", k.to_vec()),
+        Distortion::Rational { .. } | Distortion::Division { .. } => {
+            notes.push(lens_left_out(camera, TARGET));
+            ("radial-tangential", vec![0.0; 4])
+        }
     };
     if camera.body_from_camera.is_none() {
         notes.push("T_BS is the identity: the camera's place on its body is not known".to_owned());

@@ -2,8 +2,8 @@
 //! `line_delay` in s a row for rolling shutters. Pixel centres are at whole numbers there.
 
 use super::common::{
-    at, at_with_hint, brown_conrady, comments, list, opencv_pinhole, pinhole, pose, quoted, rows_of,
-    unused_keys,
+    at, at_with_hint, brown_conrady, comments, lens_left_out, list, opencv_pinhole, pinhole, pose, quoted,
+    rows_of, unused_keys,
 };
 use super::yaml::Field;
 use super::{CameraModel, Imported};
@@ -148,6 +148,10 @@ pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
             ("radtan", vec![k1, k2, p1, p2])
         }
         Distortion::Equidistant { k } => ("equidistant", k.to_vec()),
+        Distortion::Rational { .. } | Distortion::Division { .. } => {
+            notes.push(lens_left_out(camera, TARGET));
+            ("none", Vec::new())
+        }
     };
     let k = &camera.intrinsics;
     let mut text =

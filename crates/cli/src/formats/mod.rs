@@ -1,5 +1,5 @@
 //! Cameras and motion in the files that users have: ROS `camera_info`, Kalibr camchain, EuRoC `sensor.yaml` and `mav0`,
-//! KITTI poses in; the first three and Gazebo's SDF out; and presets of real cameras.
+//! Gyroflow's lens profiles, KITTI poses in; the cameras and Gazebo's SDF out; and presets of real cameras.
 //!
 //! Nothing is dropped silently: what a format cannot hold comes back as a list of sentences, and stands as comments in a
 //! written file. OpenCV, ROS, Kalibr and EuRoC put pixel centres at whole numbers, this program at halves: cx and cy
@@ -8,11 +8,13 @@
 mod capture;
 mod common;
 mod euroc;
+mod gyroflow;
 mod kalibr;
 mod kalibr_target;
 mod model;
 mod motion;
 mod presets;
+mod profiles;
 mod refit;
 mod ros;
 mod sdf;
@@ -26,7 +28,8 @@ pub use capture::read_capture;
 pub use kalibr_target::{KalibrTarget, read_target};
 pub use model::{CameraModel, Imported};
 pub use motion::{Motion, body_from_sensor, read_euroc, read_kitti, read_times};
-pub use presets::{PRESETS, Preset, apply_preset, preset};
+pub use presets::{PRESETS, Preset, apply_preset};
+pub use profiles::{Profile, Profiles, preset};
 
 use shutterbug::capture::{CameraFile, read_text};
 use shutterbug::error::{Error, Result};
@@ -47,13 +50,15 @@ pub enum Format {
     Kalibr,
     /// EuRoC / ASL `sensor.yaml`.
     Euroc,
+    /// Gyroflow's lens profile, JSON.
+    Gyroflow,
     /// Gazebo's SDF; written only.
     Sdf,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 5] = [Self::Toml, Self::Ros, Self::Kalibr, Self::Euroc, Self::Sdf];
+    pub const ALL: [Self; 6] = [Self::Toml, Self::Ros, Self::Kalibr, Self::Euroc, Self::Gyroflow, Self::Sdf];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
@@ -62,6 +67,7 @@ impl Format {
             Self::Ros => "ros",
             Self::Kalibr => "kalibr",
             Self::Euroc => "euroc",
+            Self::Gyroflow => "gyroflow",
             Self::Sdf => "sdf",
         }
     }
@@ -72,7 +78,8 @@ impl Format {
 /// # Errors
 /// A file that is missing, is of no known format or holds something unusable; with file and line.
 pub fn read_camera(path: &Path, format: Option<Format>, camera: Option<&str>) -> Result<Imported> {
-    let purpose = "a camera: camera.toml, ROS camera_info, Kalibr camchain or EuRoC sensor.yaml";
+    let purpose =
+        "a camera: camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml or a lens profile";
     let text = read_text(path, purpose, Limit::SETTINGS)?;
     parse_camera(path, &text, format, camera)
 }
@@ -100,7 +107,7 @@ pub fn parse_camera(
         return Ok(Imported { camera, notes: file.warnings });
     }
     if format == Some(Format::Sdf) {
-        let expected = "toml, ros, kalibr or euroc: SDF is written only";
+        let expected = "toml, ros, kalibr, euroc or gyroflow: SDF is written only";
         return Err(Error::input(Path::new("--from"), None, "sdf", expected));
     }
     if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
@@ -120,6 +127,7 @@ pub fn parse_camera(
     let mut imported = match format {
         Format::Kalibr => kalibr::import(&top, camera)?,
         Format::Euroc => euroc::import(&top)?,
+        Format::Gyroflow => gyroflow::import(&top)?,
         _ => ros::import(&top)?,
     };
     if documents.len() > 1 {
@@ -133,6 +141,9 @@ fn detect(top: &Field) -> Result<Format> {
     if ros::recognises(top) {
         return Ok(Format::Ros);
     }
+    if gyroflow::recognises(top) {
+        return Ok(Format::Gyroflow);
+    }
     if euroc::recognises(top) {
         return Ok(Format::Euroc);
     }
@@ -141,7 +152,8 @@ fn detect(top: &Field) -> Result<Format> {
     }
     let keys: Vec<_> = top.keys().into_iter().take(5).map(yaml::shortened).collect();
     let found = format!("YAML of no known format (keys: {})", keys.join(", "));
-    let expected = "`camera_matrix` or `K` (ROS), `cam0` (Kalibr) or `sensor_type: camera` (EuRoC)";
+    let expected = "`camera_matrix` or `K` (ROS), `cam0` (Kalibr), `sensor_type: camera` (EuRoC) or `fisheye_params` \
+                    (Gyroflow)";
     Err(Error::input(top.path(), top.line(), found, expected))
 }
 
@@ -165,6 +177,7 @@ pub fn write_camera(
         Format::Ros => Ok(ros::export(&camera)),
         Format::Kalibr => Ok(kalibr::export(&camera)),
         Format::Euroc => Ok(euroc::export(&camera)),
+        Format::Gyroflow => Ok(gyroflow::export(&camera)),
         Format::Sdf => Ok(sdf::export(&camera)),
     }
 }

@@ -2,14 +2,9 @@
 
 use shutterbug::camera::{Distortion, Intrinsics, Lens, Pose};
 use shutterbug::capture::CameraFile;
-use shutterbug::chain::{Effect, ParamKind, ParamSpec, Settings, Value, neutral};
-use shutterbug::effects::{self, RollingShutter};
+use shutterbug::chain::{Effect as _, ParamSpec, Settings, Value, neutral};
+use shutterbug::effects::{self, LensDistortion, RollingShutter};
 use shutterbug::error::{Error, Result};
-
-/// The effect that holds a [`Distortion`].
-const LENS: &str = "lens_distortion";
-/// Its parameter that chooses the model, where it has one.
-const MODEL: &str = "model";
 
 /// What all formats together know about a camera. Lengths in px as in [`Intrinsics`]: pixel centres at +0.5.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +73,8 @@ impl CameraModel {
     pub fn from_camera_file(camera: &CameraFile) -> Self {
         let name = camera.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let mut settings = camera.settings.clone();
-        let distortion = distortion_of(&settings);
-        settings.disable(LENS);
+        let distortion = LensDistortion::distortion(&settings);
+        settings.disable(LensDistortion.id());
         Self {
             distortion,
             rate_hz: Some(1.0 / camera.frame_period_s),
@@ -104,7 +99,7 @@ impl CameraModel {
         let mut settings = self.settings.clone();
         let mut notes = Vec::new();
         if !self.distortion.is_identity() {
-            place_distortion(&mut settings, &self.distortion, effects::by_id(LENS), &mut notes)?;
+            LensDistortion::set(&mut settings, &self.distortion)?;
         }
         if self.body_from_camera.is_some() {
             notes.push(
@@ -148,133 +143,9 @@ fn written(value: &Value) -> String {
     }
 }
 
-/// Name, value of every coefficient.
-fn coefficients(distortion: &Distortion) -> Vec<(&'static str, f64)> {
-    match *distortion {
-        Distortion::None => Vec::new(),
-        Distortion::BrownConrady { k, p } => {
-            vec![("k1", k[0]), ("k2", k[1]), ("p1", p[0]), ("p2", p[1]), ("k3", k[2])]
-        }
-        Distortion::Equidistant { k } => vec![("k1", k[0]), ("k2", k[1]), ("k3", k[2]), ("k4", k[3])],
-    }
-}
-
-/// Puts a lens into the effect's table, as far as the effect has parameters for it.
-fn place_distortion(
-    settings: &mut Settings,
-    distortion: &Distortion,
-    effect: Option<&'static dyn Effect>,
-    notes: &mut Vec<String>,
-) -> Result<()> {
-    let left_out = |why: &str| format!("the lens ({}) is left out: {why}", distortion.coefficients());
-    let Some(effect) = effect else {
-        notes.push(left_out("this build has no effect `lens_distortion`"));
-        return Ok(());
-    };
-    let spec = |name: &str| effect.specs().iter().find(|s| s.name == name);
-    if matches!(distortion, Distortion::Equidistant { .. }) {
-        let fisheye = spec(MODEL).and_then(|s| match s.kind {
-            ParamKind::Choice { options, .. } => options.iter().find(|o| **o == "equidistant"),
-            _ => None,
-        });
-        let Some(fisheye) = fisheye else {
-            notes.push(left_out("`lens_distortion` knows no equidistant model"));
-            return Ok(());
-        };
-        settings.set(effect, MODEL, Value::Choice(fisheye))?;
-    }
-    for (name, value) in coefficients(distortion) {
-        if spec(name).is_some() {
-            settings.set(effect, name, Value::Number(value))?;
-        } else if value != 0.0 {
-            notes.push(format!(
-                "{name} = {value} of the lens is left out: `lens_distortion` has no such parameter"
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// The lens that an effect's table describes.
-fn distortion_of(settings: &Settings) -> Distortion {
-    if !settings.has(LENS) {
-        return Distortion::None;
-    }
-    let number = |name: &str| match settings.get(LENS, name) {
-        Some(Value::Number(n)) => n,
-        _ => 0.0,
-    };
-    let distortion = match settings.get(LENS, MODEL) {
-        Some(Value::Choice("equidistant")) => {
-            Distortion::Equidistant { k: ["k1", "k2", "k3", "k4"].map(number) }
-        }
-        _ => Distortion::BrownConrady { k: ["k1", "k2", "k3"].map(number), p: ["p1", "p2"].map(number) },
-    };
-    if distortion.is_identity() { Distortion::None } else { distortion }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shutterbug::chain::Stage;
-
-    /// Stands for the effect until it is in the list, and for what it may look like.
-    struct FakeLens(&'static [ParamSpec]);
-
-    const fn number(name: &'static str) -> ParamSpec {
-        let kind = ParamKind::Number { min: -10.0, max: 10.0, neutral: 0.0 };
-        ParamSpec { name, unit: "", kind, about: "", fit: None }
-    }
-
-    const FIVE: &[ParamSpec] = &[number("k1"), number("k2"), number("p1"), number("p2"), number("k3")];
-    const SEVEN: &[ParamSpec] = &[
-        ParamSpec {
-            name: "model",
-            unit: "",
-            kind: ParamKind::Choice { options: &["brown_conrady", "equidistant"], neutral: "brown_conrady" },
-            about: "",
-            fit: None,
-        },
-        number("k1"),
-        number("k2"),
-        number("p1"),
-        number("p2"),
-        number("k3"),
-        number("k4"),
-    ];
-
-    impl Effect for FakeLens {
-        fn id(&self) -> &'static str {
-            LENS
-        }
-        fn specs(&self) -> &'static [ParamSpec] {
-            self.0
-        }
-        fn stage(&self) -> Stage {
-            Stage::Time
-        }
-    }
-
-    #[test]
-    fn a_lens_survives_the_way_into_settings_and_back() {
-        static PLAIN: FakeLens = FakeLens(FIVE);
-        static BOTH: FakeLens = FakeLens(SEVEN);
-        let brown = Distortion::BrownConrady { k: [0.1, -0.2, 0.3], p: [0.01, -0.02] };
-        let fish = Distortion::Equidistant { k: [0.1, -0.2, 0.3, -0.4] };
-        for (lens, effect) in [(brown, &PLAIN), (brown, &BOTH), (fish, &BOTH)] {
-            let (mut settings, mut notes) = (Settings::default(), Vec::new());
-            place_distortion(&mut settings, &lens, Some(effect), &mut notes).expect("in range");
-            assert_eq!(distortion_of(&settings), lens);
-            assert!(notes.is_empty(), "{notes:?}");
-        }
-        // A lens without place is said, and nothing is switched on in its stead.
-        for (lens, effect) in [(fish, Some(&PLAIN as &dyn Effect)), (brown, None)] {
-            let (mut settings, mut notes) = (Settings::default(), Vec::new());
-            place_distortion(&mut settings, &lens, effect, &mut notes).expect("nothing is set");
-            assert_eq!(settings, Settings::default());
-            assert!(notes.len() == 1 && notes[0].contains("k1 = 0.1"), "{notes:?}");
-        }
-    }
 
     #[test]
     fn only_effects_that_change_something_are_left_out_aloud() {

@@ -5,44 +5,38 @@
 //! real or nominal pictures were taken with them, and an effect that the capture's `camera.toml` has keeps its own
 //! values.
 
-use std::path::Path;
+use std::borrow::Cow;
 
 use shutterbug::capture::CameraFile;
 use shutterbug::effects;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::Result;
 
 /// A preset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Preset {
     /// Its name.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Its `camera.toml`, with the source of every number as comments.
-    pub toml: &'static str,
-}
-
-/// All presets.
-pub const PRESETS: &[Preset] = &[
-    Preset { name: "humanoid-2008", toml: include_str!("../../presets/humanoid-2008.toml") },
-    Preset { name: "machine-vision", toml: include_str!("../../presets/machine-vision.toml") },
-    Preset { name: "phone", toml: include_str!("../../presets/phone.toml") },
-    Preset { name: "usb-webcam", toml: include_str!("../../presets/usb-webcam.toml") },
-];
-
-/// The preset of that name.
-///
-/// # Errors
-/// An unknown name, with the nearest known one.
-pub fn preset(name: &str) -> Result<&'static Preset> {
-    let known = PRESETS.iter().find(|p| p.name == name);
-    known.ok_or_else(|| {
-        let names = PRESETS.iter().map(|p| p.name);
-        Error::unknown_name(Path::new("--preset"), None, "preset", name, names)
-    })
+    pub toml: Cow<'static, str>,
 }
 
 impl Preset {
+    const fn shipped(name: &'static str, toml: &'static str) -> Self {
+        Self { name: Cow::Borrowed(name), toml: Cow::Borrowed(toml) }
+    }
+}
+
+/// All presets that ship.
+pub const PRESETS: &[Preset] = &[
+    Preset::shipped("humanoid-2008", include_str!("../../presets/humanoid-2008.toml")),
+    Preset::shipped("machine-vision", include_str!("../../presets/machine-vision.toml")),
+    Preset::shipped("phone", include_str!("../../presets/phone.toml")),
+    Preset::shipped("usb-webcam", include_str!("../../presets/usb-webcam.toml")),
+];
+
+impl Preset {
     /// What it is: the first line of the file.
-    pub fn about(&self) -> &'static str {
+    pub fn about(&self) -> &str {
         self.toml.lines().next().unwrap_or_default().trim_start_matches(['#', ' '])
     }
 
@@ -51,7 +45,7 @@ impl Preset {
     /// # Errors
     /// An effect or a parameter that this build does not have.
     pub fn camera(&self) -> Result<CameraFile> {
-        CameraFile::parse(&std::path::PathBuf::from(format!("preset {}", self.name)), self.toml)
+        CameraFile::parse(&std::path::PathBuf::from(format!("preset {}", self.name)), &self.toml)
     }
 }
 
@@ -82,6 +76,14 @@ pub fn apply_preset(preset: &Preset, camera: &mut CameraFile) -> Result<Vec<Stri
                 effect.id()
             ));
         }
+    }
+    let [own, theirs] = [&*camera, &from].map(|c| c.intrinsics.fx / f64::from(c.intrinsics.width));
+    let bent = from.settings.has("lens_distortion") && (own / theirs - 1.0).abs() > 0.01;
+    if bent {
+        notes.push(format!(
+            "lens_distortion belongs to a focal length of {theirs:.3} widths, the camera has {own:.3}: use the preset's \
+             pinhole for its field of view"
+        ));
     }
     for effect in effects::LIST.iter().filter(|e| camera.settings.has(e.id())) {
         for warning in effect.check(&camera.settings, camera.frame_period_s)? {

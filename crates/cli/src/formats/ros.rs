@@ -5,7 +5,7 @@
 use glam::DVec2;
 
 use super::common::{
-    at, brown_conrady, comments, list, opencv_pinhole, pinhole, quoted, side_px, unused_keys,
+    at, brown_conrady, comments, lens_left_out, list, opencv_pinhole, pinhole, quoted, side_px, unused_keys,
 };
 use super::refit::fit_brown_conrady;
 use super::yaml::Field;
@@ -84,8 +84,7 @@ pub(super) fn import(top: &Field) -> Result<Imported> {
     Ok(Imported { camera, notes })
 }
 
-/// The lens. A rational polynomial with a denominator is fitted anew, because its first coefficients alone are another
-/// lens.
+/// The lens. A thin prism is fitted anew, because no model here has one.
 fn distortion(top: &Field, k: &Intrinsics, notes: &mut Vec<String>) -> Result<Distortion> {
     let Some(field) = top.get_any(&["D", "d", "distortion_coefficients", "distortion_coeffs"]) else {
         notes.push("no distortion coefficients are given: the lens is taken as ideal".to_owned());
@@ -139,8 +138,13 @@ fn known(name: &str) -> bool {
     name.is_empty() || MODELS.contains(&name)
 }
 
-/// OpenCV's rational model with thin prism: five coefficients as they are if the others are zero, else a fit.
-fn rational(field: &Field, k: &Intrinsics, d: &[f64], notes: &mut Vec<String>) -> Result<Distortion> {
+/// OpenCV's rational model as it is; with a thin prism, a fit of five coefficients.
+pub(super) fn rational(
+    field: &Field,
+    k: &Intrinsics,
+    d: &[f64],
+    notes: &mut Vec<String>,
+) -> Result<Distortion> {
     let c = |i: usize| d.get(i).copied().unwrap_or(0.0);
     if c(12) != 0.0 || c(13) != 0.0 {
         notes.push(format!(
@@ -151,6 +155,10 @@ fn rational(field: &Field, k: &Intrinsics, d: &[f64], notes: &mut Vec<String>) -
     }
     if (5..12).all(|i| c(i) == 0.0) {
         return Ok(brown_conrady(c(0), c(1), c(2), c(3), c(4)));
+    }
+    if (8..12).all(|i| c(i) == 0.0) {
+        let lens = Distortion::Rational { k: [c(0), c(1), c(4), c(5), c(6), c(7)], p: [c(2), c(3)] };
+        return Ok(if lens.is_identity() { Distortion::None } else { lens });
     }
     let (k_up, k_down) = ([c(0), c(1), c(4)], [c(5), c(6), c(7)]);
     let radial = |k: [f64; 3], s: f64| 1.0 + s * (k[0] + s * (k[1] + s * k[2]));
@@ -165,11 +173,9 @@ fn rational(field: &Field, k: &Intrinsics, d: &[f64], notes: &mut Vec<String>) -
         return Err(field.unexpected("a rational polynomial that maps the picture one to one"));
     };
     notes.push(format!(
-        "k4 = {}, k5 = {}, k6 = {} (and s1 to s4) have no place here: the lens was fitted anew with five coefficients \
-         ({}), at most {worst_px:.3} px off in the picture",
-        c(5),
-        c(6),
-        c(7),
+        "the thin prism s1 to s4 = {:?} has no place here: the lens was fitted anew with five coefficients ({}), at \
+         most {worst_px:.3} px off in the picture",
+        [c(8), c(9), c(10), c(11)],
         lens.coefficients(),
     ));
     Ok(lens)
@@ -231,6 +237,13 @@ pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
         Distortion::None => ("plumb_bob", vec![0.0; 5]),
         Distortion::BrownConrady { k: [k1, k2, k3], p: [p1, p2] } => ("plumb_bob", vec![k1, k2, p1, p2, k3]),
         Distortion::Equidistant { k } => ("equidistant", k.to_vec()),
+        Distortion::Rational { k: [k1, k2, k3, k4, k5, k6], p: [p1, p2] } => {
+            ("rational_polynomial", vec![k1, k2, p1, p2, k3, k4, k5, k6])
+        }
+        Distortion::Division { .. } => {
+            notes.push(lens_left_out(camera, TARGET));
+            ("plumb_bob", vec![0.0; 5])
+        }
     };
     let matrix = |name: &str, rows: usize, numbers: &[f64]| {
         let cols = numbers.len() / rows;

@@ -8,6 +8,7 @@
 use std::fmt::Write as _;
 
 use super::CameraModel;
+use super::common::lens_left_out;
 use shutterbug::camera::{Distortion, NEAR_M};
 
 /// Far clip plane, m. Gazebo needs one, this program has none; its own default is 100.
@@ -27,8 +28,8 @@ fn notes(camera: &CameraModel, sigma: f64) -> Vec<String> {
         ));
     }
     notes.extend(paper_noise_parts(camera));
-    if let Distortion::Equidistant { .. } = camera.distortion {
-        notes.push(format!("the lens ({}) has no place in {TARGET}", camera.distortion.coefficients()));
+    if !matches!(camera.distortion, Distortion::None | Distortion::BrownConrady { .. }) {
+        notes.push(lens_left_out(camera, TARGET));
     }
     if camera.rate_hz.is_none() {
         notes.push("the frame rate is not known: Gazebo then renders as often as it can".to_owned());

@@ -2,6 +2,8 @@
 
 use minijinja::{AutoEscape, Environment, Value};
 
+use super::glossary::{all, mark};
+
 /// The style sheet and the shared parts of all pages of this program.
 const STYLE: &str = include_str!("style.css");
 
@@ -18,6 +20,8 @@ pub fn environment() -> Environment<'static> {
     environment.add_filter("px", |v: Value| fixed(&v, 1));
     environment.add_filter("pct", |v: Value| f64::try_from(v).map_or_else(|_| "–".to_owned(), percent));
     environment.add_filter("plain", |v: &str| plain_name(v));
+    environment.add_filter("term", |word: &str, key: &str| mark(word, key));
+    environment.add_global("terms", all());
     environment.add_global("style", Value::from_safe_string(STYLE.to_owned()));
     environment.add_template("charts.html", include_str!("charts.html")).expect("a constant template");
     environment

@@ -10,6 +10,7 @@
 mod chart;
 mod embed;
 mod format;
+mod glossary;
 mod page;
 mod percepts;
 

@@ -70,13 +70,21 @@ fn what_ros_says_and_has_no_place_is_said() {
 }
 
 #[test]
-fn a_rational_lens_is_fitted_not_cut_short() {
+fn a_rational_lens_is_read_as_it_is_and_a_thin_prism_is_fitted() {
     // k4 = 0.3 with k1 = 0.2: the quotient is a barrel of some -0.1, the first coefficient alone a pincushion.
     let text = ROS.replace("plumb_bob", "rational_polynomial").replace("cols: 5", "cols: 8");
     let text =
         text.replace("[-0.25, 0.08, 0.002, -0.001, 0.01]", "[0.2, 0.01, 0.0, 0.0, 0.0, 0.3, 0.02, 0.0]");
     let Imported { camera, notes } = read(&text);
-    assert!(notes.len() == 1 && notes[0].contains("k4 = 0.3") && notes[0].contains("px off"), "{notes:?}");
+    assert!(notes.is_empty(), "{notes:?}");
+    assert_eq!(camera.distortion, Distortion::Rational { k: [0.2, 0.01, 0.0, 0.3, 0.02, 0.0], p: [0.0; 2] });
+
+    // s1 to s4 are zero but one, which is almost that.
+    let prism = text
+        .replace("0.3, 0.02, 0.0]", "0.3, 0.02, 0.0, 1e-9, 0.0, 0.0, 0.0]")
+        .replace("cols: 8", "cols: 12");
+    let Imported { camera, notes } = read(&prism);
+    assert!(notes.len() == 1 && notes[0].contains("thin prism") && notes[0].contains("px off"), "{notes:?}");
     let error_px = |lens: Distortion, x: f64, y: f64| {
         let s: f64 = x * x + y * y;
         let quotient = (1.0 + 0.2 * s + 0.01 * s * s) / (1.0 + 0.3 * s + 0.02 * s * s);

@@ -144,12 +144,51 @@ fn camera_toml_needs_a_frame_rate() {
     assert!(lens_there || text.contains("# the lens (k1 = -0.25"), "{text}");
 }
 
+#[test]
+fn a_lens_profile_keeps_every_model_but_division_to_the_last_bit() {
+    let k = Intrinsics { width: 3840, height: 2160, fx: 4540.9, fy: 4543.03, cx: 1930.2, cy: 1053.6 };
+    for lens in [
+        Distortion::None,
+        Distortion::BrownConrady { k: [-0.1, 0.02, 0.001], p: [0.002, -0.001] },
+        Distortion::Equidistant { k: [0.0417, 0.0005, 0.008, -0.0078] },
+        Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.002] },
+        Distortion::Division { k1: -0.2 },
+    ] {
+        let mut camera = CameraModel::new("camera", k);
+        camera.distortion = lens;
+        camera.rate_hz = Some(30_000.0 / 1001.0);
+        camera.settings.set(&RollingShutter, "readout_time_s", Value::Number(0.0166)).expect("in range");
+        camera.settings.set(&RollingShutter, "scan_order", Value::Choice("bottom_to_top")).expect("one");
+        let (text, notes) = written(&camera, Format::Gyroflow);
+        let back = parse_camera(Path::new("lens.json"), &text, None, None).expect(&text);
+        assert!(back.notes.is_empty(), "{:?}", back.notes);
+        if let Distortion::Division { .. } = lens {
+            assert!(notes.len() == 1 && notes[0].contains("division k1 = -0.2"), "{notes:?}");
+            assert!(text.contains(&notes[0]), "said in the file too");
+            camera.distortion = Distortion::None;
+        } else {
+            assert!(notes.is_empty(), "{notes:?}");
+        }
+        let (readout, readout_s) =
+            (camera.settings.clone(), RollingShutter::readout_time_s(&back.camera.settings));
+        assert!((readout_s - 0.0166).abs() < 1e-15);
+        assert_eq!(RollingShutter::scan_order(&back.camera.settings).name(), "bottom_to_top");
+        assert_eq!(CameraModel { settings: readout, ..back.camera }, camera, "{text}");
+    }
+    // Control: another program's model is refused by name, not read as one of these.
+    let (text, _) = written(&CameraModel::new("camera", k), Format::Gyroflow);
+    let other = text.replace("opencv_standard", "poly5");
+    let error = parse_camera(Path::new("lens.json"), &other, None, None).expect_err("unknown").to_string();
+    assert!(error.contains("lens.json:") && error.contains("unknown distortion_model `poly5`"), "{error}");
+}
+
 fn any_camera() -> impl Strategy<Value = CameraModel> {
     let numbers = (100.0..3000.0f64, 100.0..3000.0f64, 0.0..640.0f64, 0.0..480.0f64);
     let lens = prop_oneof![
         Just(Distortion::None),
         ([-0.05..0.05f64, -0.02..0.02], [-0.002..0.002f64, -0.002..0.002])
             .prop_map(|(k, p)| Distortion::BrownConrady { k: [k[0], k[1], 0.0], p }),
+        [-0.05..0.05f64, -0.02..0.02, -0.01..0.01, -0.01..0.01].prop_map(|k| Distortion::Equidistant { k }),
     ];
     (numbers, lens, "\\PC{0,12}", 1e-6..1e-3f64).prop_map(|((fx, fy, cx, cy), distortion, name, delay_s)| {
         let mut camera = CameraModel::new(name, Intrinsics { width: 640, height: 480, fx, fy, cx, cy });
@@ -164,7 +203,7 @@ proptest! {
     #[test]
     fn what_is_written_reads_back(camera in any_camera()) {
         prop_assume!(camera.check_lens().is_ok());
-        for format in [Format::Ros, Format::Kalibr, Format::Euroc] {
+        for format in [Format::Ros, Format::Kalibr, Format::Euroc, Format::Gyroflow] {
             let (text, _) = written(&camera, format);
             let back = parse_camera(Path::new("c.yaml"), &text, None, None);
             prop_assert!(back.is_ok(), "{format:?}: {:?} in {text}", back.err().map(|e| e.to_string()));
