@@ -200,6 +200,11 @@ pub enum Error {
         /// The file that holds what was worked out; nothing if it was kept nowhere.
         kept: Option<PathBuf>,
     },
+    /// A time limit came before there was anything to say.
+    OutOfTime {
+        /// The limit, s.
+        limit_s: f64,
+    },
 }
 
 impl fmt::Display for Error {
@@ -247,6 +252,11 @@ impl fmt::Display for Error {
             Self::DiagnosisInterrupted { at, kept } => {
                 write!(f, "interrupted at `{at}`; {}", kept_text(kept))
             }
+            Self::OutOfTime { limit_s } => write!(
+                f,
+                "the time limit of {limit_s:.0} s came before the frames had been compared once; expected a longer \
+                 --time-limit-s, or smaller frames"
+            ),
         }
     }
 }

@@ -25,46 +25,47 @@ const JOURNAL_FILE: &str = "progress.jsonl";
 
 /// Runs the command.
 pub fn run(args: &Diagnose) -> Result<()> {
+    let begun = Instant::now();
     match (&args.capture, &args.sim, &args.real) {
-        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, sim, real),
-        (_, Some(sim), Some(real)) => of_pair(args, sim, real),
-        (Some(capture), ..) => of_capture(args, capture),
+        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, begun, sim, real),
+        (_, Some(sim), Some(real)) => of_pair(args, begun, sim, real),
+        (Some(capture), ..) => of_capture(args, begun, capture),
         _ => unreachable!("clap asks for a capture or for both folders"),
     }
 }
 
-fn of_capture(args: &Diagnose, folder: &Path) -> Result<()> {
+fn of_capture(args: &Diagnose, begun: Instant, folder: &Path) -> Result<()> {
     let capture = Capture::read(folder, args.camera.as_deref())?;
     let out = open(args, &[folder, &folder.join("real")])?;
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: Validation::Off })?;
     out.working(JOURNAL_FILE)?;
     let mut lines = Lines::new();
-    let diagnosis = diagnose(&context, &capture, &options(args), &mut lines);
+    let diagnosis = diagnose(&context, &capture, &options(args, begun), &mut lines);
     lines.bar.finish_and_clear();
     write(args, &out, diagnosis?, &capture)
 }
 
-fn of_pair(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<()> {
     let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref())?;
     if !pair.shows_one_place()? {
         say(
             "the frames that go together do not show the same place: the folders are compared as with --unpaired",
         );
-        return of_unpaired(args, sim, real);
+        return of_unpaired(args, begun, sim, real);
     }
     let out = open(args, &[sim, real])?;
     out.working(JOURNAL_FILE)?;
     let mut lines = Lines::new();
-    let diagnosis = diagnose_pair(&pair, &options(args), &mut lines);
+    let diagnosis = diagnose_pair(&pair, &options(args, begun), &mut lines);
     lines.bar.finish_and_clear();
     write(args, &out, diagnosis?, &pair.capture)
 }
 
-fn of_unpaired(args: &Diagnose, sim: &Path, real: &Path) -> Result<()> {
+fn of_unpaired(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<()> {
     let out = open(args, &[sim, real])?;
     let mut lines = Lines::new();
-    let found = diagnose_unpaired(sim, real, &options(args), &mut lines);
+    let found = diagnose_unpaired(sim, real, &options(args, begun), &mut lines);
     lines.bar.finish_and_clear();
     let found = found?;
     out.start()?;
@@ -80,13 +81,14 @@ fn open(args: &Diagnose, inputs: &[&Path]) -> Result<Out> {
     Out::open(&args.out, &rules)
 }
 
-fn options(args: &Diagnose) -> DiagnoseOptions {
+fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
     DiagnoseOptions {
         seed: args.seed,
         without: args.without.clone(),
         scene_exact: args.scene == Described::Exact,
         poses_exact: args.poses == Described::Exact,
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
+        begun: Some(begun),
         journal: Some(args.out.join(JOURNAL_FILE)),
         stop: Some(Interrupt::listen().flag()),
     }

@@ -1,9 +1,10 @@
 //! The decision: what was measured goes in, a verdict comes out. Nothing is rendered, fitted or scored here.
 
+use super::found::Found;
 use super::judge::quantile;
 use super::model::{P, candidate_of};
 use super::report::Verdict;
-use super::search::{Found, Search};
+use super::search::Search;
 
 /// Share of flat places in which single values may be far off.
 ///

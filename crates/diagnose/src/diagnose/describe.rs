@@ -2,14 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use super::budget::{Stage, in_time};
 use super::decide::{Facts, decide};
 use super::description::{Kind, is_description};
 use super::evidence::Evidence;
 use super::forward::Quality;
-use super::judge::{closed_fraction, gain};
+use super::found::{Found, SHARES};
+use super::judge::{Estimate, closed_fraction, gain};
 use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
-use super::search::{Alone, Found, Search};
+use super::search::{Alone, Search};
 use super::support::restored;
 use shutterbug::capture::Capture;
 use shutterbug::error::Result;
@@ -38,11 +40,23 @@ pub(super) fn describe(
         // All of the picture is compared where nothing is named.
         if search.judge.kind != Kind::default() {
             search.judge.kind = Kind::default();
+            search.forward.budget.stage = Stage::Must;
             found.before = search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)?;
+            search.forward.budget.stage = Stage::End;
             found.after = found.before.clone();
         }
+    } else {
+        let set = &found.set;
+        found.late.retain(|n| !set.contains(n));
     }
     let verdict = decision.verdict;
+    let effects = match in_time(effects(search, found))? {
+        Some(effects) => effects,
+        None => {
+            found.leave_out(SHARES);
+            effects_alone(search, found)?
+        }
+    };
     let found = &*found;
     let (before, after) = (found.before.mean(), found.after.mean());
     let floor = found.after.floor();
@@ -60,7 +74,6 @@ pub(super) fn describe(
         after_ci95: found.after.estimate().interval(),
         renderer_difference: found.before.bound(),
     };
-    let effects = effects(search, found)?;
     let candidates = rejected(search, found);
     let place_of = |f: &usize| evidence.frames[*f].index;
     let k = &capture.camera.intrinsics;
@@ -221,11 +234,40 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     search.judge.quality = Quality::Fit;
     let shares = shapley(search, found)?;
     let with = search.judge.scores(search.forward, &found.fit.theta)?;
+    let mut gains = Vec::new();
+    for i in 0..set.len() {
+        let without = search.leave_out(set, i, &found.fit.theta)?.1;
+        gains.push(gain(&without, &with));
+    }
+    as_found(search, found, &shares, &gains)
+}
+
+/// The same without a render: shares and gains are those of each effect alone.
+fn effects_alone(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
+    let of = |name: &&'static str| {
+        let alone = found.alone.iter().find(|a| a.name == *name);
+        alone.map_or(Estimate::default(), |a| gain(&a.against, &a.scores))
+    };
+    let gains: Vec<Estimate> = found.set.iter().map(of).collect();
+    let total: f64 = gains.iter().map(|g| g.value.max(0.0)).sum();
+    let even = 1.0 / found.set.len().max(1) as f64;
+    let share = |g: &Estimate| if total > 0.0 { g.value.max(0.0) / total } else { even };
+    let shares: Vec<f64> = gains.iter().map(share).collect();
+    as_found(search, found, &shares, &gains)
+}
+
+/// Effects with their shares, and what each gains beside the others.
+fn as_found(
+    search: &mut Search<'_>,
+    found: &Found,
+    shares: &[f64],
+    gains: &[Estimate],
+) -> Result<Vec<EffectFound>> {
+    let set = &found.set;
     let mut out = Vec::new();
     for (i, name) in set.iter().enumerate() {
-        let without = search.leave_out(set, i, &found.fit.theta)?.1;
         let alone = found.alone.iter().find(|a| a.name == *name);
-        let gain = gain(&without, &with);
+        let gain = gains[i];
         let alternatives: &[&str] = found.alternatives.get(name).map_or(&[], Vec::as_slice);
         out.push(EffectFound {
             name: (*name).to_owned(),

@@ -91,6 +91,7 @@ impl Forward {
         if !missing.is_empty() {
             let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
             let radiance = self.radiance(&places, theta, quality)?;
+            self.budget.go_on()?;
             let tone = Tone::new(theta);
             let develop = |(&at, r): (&usize, &Arc<Plane<f32>>)| Arc::new(self.develop(at, r, theta, &tone));
             let done: Vec<_> = places.par_iter().zip(&radiance).map(develop).collect();
@@ -115,6 +116,7 @@ impl Forward {
             return Ok(Vec::new());
         }
         let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        self.budget.go_on()?;
         let of = |dn: &Arc<Plane<f32>>| {
             let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
             let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
@@ -167,11 +169,15 @@ impl Forward {
         };
         let paths = self.paths(frames, theta);
         let one = |i: usize| -> Vec<Arc<Plane<f32>>> {
+            if self.budget.is_over() {
+                return Vec::new();
+            }
             let off = |draw| off_by(&before[i], paths.get(i), draw, frames[i]);
             let drawn = |draw| through_file(&off(draw), &settings, &tone);
             (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
         };
         let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();
+        self.budget.go_on()?;
         let kept = &mut self.bench.developed.flipped;
         kept.truncate(KEPT_DRAWS - 1);
         kept.insert(0, (key, flipped.clone()));

@@ -2,19 +2,80 @@
 
 use std::collections::BTreeMap;
 
+use super::budget::{Stage, in_time};
 use super::description::{Room, is_description};
 use super::fit::{FILTERS, FINE, Fit};
 use super::forward::Quality;
+use super::found::{FINER, FITS, Found, INTERVALS, REST};
 use super::judge::Scores;
 use super::model::{P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::placed::placed;
-use super::residue::{outliers, residue, solved};
-use super::search::{Found, Search, is_discrete, last_of};
+use super::residue::{Residue, outliers, residue, solved};
+use super::search::{Search, Watch, finest_of, is_discrete, last_of};
 use super::support::restored;
 use shutterbug::error::Result;
 
 impl Search<'_> {
+    /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left out; only what
+    /// is scored at the end always is.
+    pub(super) fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
+        self.forward.budget.stage = Stage::End;
+        let fitted = if searched { self.fit_to_the_end(found) } else { Ok(()) };
+        if in_time(fitted)?.is_none() || !searched {
+            found.leave_out(FITS);
+        }
+        watch.step("noise");
+        if in_time(self.noise_and_rest(found))?.is_none() {
+            let noises: Vec<_> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+            noises.into_iter().filter(|n| !found.set.contains(n)).for_each(|n| found.late.push(n));
+            found.late.dedup();
+            found.residue = Residue::unseen();
+            found.leave_out(REST);
+        }
+        watch.step("intervals");
+        if in_time(self.mean_intervals(found))?.is_none() {
+            found.leave_out(INTERVALS);
+        }
+        watch.step("scores");
+        // Before and after in the same places.
+        self.judge.kind = found.fit.theta.room.kind();
+        let report = &self.evidence.report;
+        if self.forward.budget.affords(report.len(), Quality::Fine) {
+            (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        } else {
+            (self.judge.quality, self.forward.native) = (Quality::Fit, false);
+            found.leave_out(FINER);
+        }
+        self.forward.budget.stage = Stage::Must;
+        found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
+        found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
+        (self.forward.budget.stage, found.quality) = (Stage::End, self.judge.quality);
+        Ok(())
+    }
+
+    /// What only makes a set better that is nearly right.
+    fn fit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+        if !found.set.is_empty() {
+            self.tune_choices(found)?;
+            self.exchange(found)?;
+            self.free_more(found)?;
+            self.refit_to_the_end(found)?;
+            self.tune_choices(found)?;
+            self.sharpen(found)?;
+        }
+        self.judge.quality = finest_of(&found.fit.theta);
+        self.prune_finely(found)
+    }
+
+    fn noise_and_rest(&mut self, found: &mut Found) -> Result<()> {
+        (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        self.choose_noise(found)?;
+        self.prune_beside_noise(found)?;
+        self.look_at_the_rest(found)
+    }
+
     /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
     pub(super) fn free_more(&mut self, found: &mut Found) -> Result<()> {
         let more: Vec<P> = found.set.iter().flat_map(|n| candidate_of(n).more.iter().copied()).collect();
@@ -232,8 +293,9 @@ impl Search<'_> {
         let last = last_of(&free);
         let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
         self.forward.native = false;
-        let mut half =
-            super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level)?;
+        let half = super::intervals::intervals(self.forward, target, frames, &found.fit.theta, &free, level);
+        self.forward.native = true;
+        let mut half = half?;
         if let (Some(&f), Some(&c)) = (half.get(&P::FlickerF), half.get(&P::FlickerC)) {
             // A phase counts from time 0, and the frequency is off all the way from there.
             let (depth, middle_s) = (
@@ -242,7 +304,6 @@ impl Search<'_> {
             );
             half.insert(P::FlickerS, c.hypot(depth * std::f64::consts::TAU * f * middle_s));
         }
-        self.forward.native = true;
         found.fit.half.extend(half);
         Ok(())
     }

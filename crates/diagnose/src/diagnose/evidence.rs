@@ -8,6 +8,7 @@ use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8};
 
+use super::budget::Budget;
 use super::report::LeftOut;
 
 /// Fewest frames that can be split into frames to fit and frames to judge.
@@ -67,7 +68,7 @@ impl Evidence {
     ///
     /// # Errors
     /// A missing folder, pictures that cannot be read or have another size, fewer than four usable frames.
-    pub(super) fn read(capture: &Capture, folder: &Path) -> Result<Self> {
+    pub(super) fn read(capture: &Capture, folder: &Path, budget: &Budget) -> Result<Self> {
         let expected = "the real frames that frames.csv names, as PNG or JPEG";
         if !folder.is_dir() {
             return Err(Error::input(folder, None, "no such folder", expected));
@@ -80,6 +81,7 @@ impl Evidence {
         }
         let (mut frames, mut left_out) = (Vec::new(), Vec::new());
         for (index, entry) in capture.frames.iter().enumerate() {
+            budget.go_on()?;
             let path = folder.join(&entry.filename);
             let mut skip = |why: String| {
                 left_out.push(LeftOut { index, filename: entry.filename.clone(), why });

@@ -7,11 +7,12 @@
 use super::description::is_description;
 use super::fit::{Fit, Level, VALUES, spread_out};
 use super::forward::Quality;
+use super::found::Found;
 use super::judge::{Scores, gain};
 use super::linear::solve;
 use super::model::{P, candidate_of};
 use super::normal::linearise;
-use super::search::{Found, Search, is_discrete, moves};
+use super::search::{Search, is_discrete, moves};
 use super::support::restored;
 use super::tone::Tone;
 use shutterbug::error::Result;

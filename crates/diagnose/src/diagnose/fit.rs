@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -122,7 +121,7 @@ fn fit_anew(
         let stage = Stage { target, frames: &some, free, level };
         let mut state = State { theta: theta.clone(), cost: f64::INFINITY, weighing: None, damping: 1e-4 };
         for _ in 0..level.iterations {
-            if forward.deadline.is_some_and(|d| Instant::now() >= d) {
+            if forward.budget.is_over() {
                 break;
             }
             let known = state.weighing.take();

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::budget::Budget;
 use super::description::Description;
 use super::developed::Developed;
 use super::evidence::Evidence;
@@ -85,8 +86,8 @@ pub(super) struct Forward {
     pub(super) light: Vec<f64>,
     /// Sharp planes by place.
     pub(super) sharp: Vec<Sharp>,
-    /// When fits are to end where they are.
-    pub(super) deadline: Option<Instant>,
+    /// How much time there is.
+    pub(super) budget: Budget,
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
     /// What has been worked out about the description.
@@ -126,6 +127,7 @@ impl Forward {
         capture: &Capture,
         evidence: &Evidence,
         sim: Option<&Arc<SimFrames>>,
+        budget: Budget,
     ) -> Result<Self> {
         let mut forward = Self {
             bench: Bench::default(),
@@ -143,7 +145,7 @@ impl Forward {
             reach_s: evidence.reach_s,
             light: vec![1.0; evidence.frames.len()],
             sharp: Vec::new(),
-            deadline: None,
+            budget,
             renders: (0, 0.0),
             compared: 0,
             journal: Arc::default(),
@@ -173,6 +175,7 @@ impl Forward {
     }
 
     fn measure(&self, at: usize, engine: &mut Engine) -> Result<Sharp> {
+        self.budget.go_on()?;
         // Speed over a short time, forward from its beginning.
         let mut request = self.request(at, &Theta::neutral());
         let early_s = if self.static_camera { 0.0 } else { SPEED_STEP_S };
@@ -312,6 +315,7 @@ impl Forward {
         let missing: Vec<_> = (0..frames.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
             self.journal().go_on()?;
+            self.budget.go_on()?;
             let requests: Vec<_> = missing.iter().map(|&i| self.request(frames[i], theta)).collect();
             let clock = Instant::now();
             let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
@@ -372,11 +376,12 @@ impl Forward {
             return Ok(value);
         }
         this.swap_benches(true)?;
-        let value = work(who)?;
+        let value = work(who);
         let this = forward(who);
         this.swap_benches(false)?;
+        let value = value?;
         // What the time limit has cut short is no result.
-        if this.deadline.is_none_or(|d| Instant::now() < d) {
+        if !this.budget.is_over() {
             this.journal().note(kind, &key, &value)?;
         }
         Ok(value)

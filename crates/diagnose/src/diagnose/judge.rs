@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -227,6 +228,7 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(super) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
+        let clock = Instant::now();
         let mut means = forward.pictures(frames, theta, self.quality)?;
         let drawn = forward.drawn(frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
@@ -259,6 +261,7 @@ impl<'a> Judge<'a> {
         // What a model says of every value takes many times what the picture does: a few frames at a time.
         let few = rayon::current_num_threads().max(2);
         for (chunk, frames) in scored.chunks(few).enumerate() {
+            forward.budget.go_on()?;
             let seen: Vec<_> = frames.par_iter().map(|frame| seen_in(frame, &tone)).collect();
             let before = |i: usize| if i > 0 { seen.get(i - 1) } else { last.as_ref() };
             let score = |i: usize| {
@@ -268,6 +271,7 @@ impl<'a> Judge<'a> {
             scores.par_extend((0..seen.len()).into_par_iter().map(score));
             last = seen.into_iter().next_back();
         }
+        forward.budget.has_scored(frames.len(), self.quality, clock.elapsed());
         Ok(Scores(scores))
     }
 

@@ -6,6 +6,7 @@
 //! ```
 
 mod apart;
+mod budget;
 mod choices;
 mod comb;
 mod cover;
@@ -21,6 +22,7 @@ mod fit;
 mod flicker;
 mod flow;
 mod forward;
+mod found;
 mod hot;
 mod intervals;
 mod journal;

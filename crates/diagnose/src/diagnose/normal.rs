@@ -102,8 +102,12 @@ pub(super) fn linearise(
             let base = &bases[i];
             let r = residual(target, at, &delivered[i], level.block);
             let velocity = timed.then(|| shared.velocity(at, theta));
+            let late = || shared.budget.is_over();
             let derivative =
                 |((p, step, changed, column), own): (&(P, f64, Theta, Column), &Option<Tone>)| {
+                    if late() {
+                        return Vec::new();
+                    }
                     let moved;
                     let other = match column {
                         Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
@@ -129,6 +133,7 @@ pub(super) fn linearise(
             (r, columns.par_iter().zip(&tones).map(derivative).collect())
         })
         .collect();
+    forward.budget.go_on()?;
     let weighing = match known {
         Some(known) => known,
         None => {

@@ -2,11 +2,19 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::report::{FrameEntry, FramePictures, Maps, Report};
+use super::budget::{Stage, in_time};
+use super::evidence::Evidence;
+use super::forward::Quality;
+use super::found::{Found, PICTURES};
+use super::model::P;
+use super::places::{Compared, measures, places};
+use super::report::{FrameEntry, FramePictures, Maps, Report, Verdict};
 use super::run::Diagnosis;
+use super::search::Search;
 use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
@@ -20,6 +28,76 @@ pub(super) struct Shown {
     pub real: Plane<f32>,
     pub before: Plane<f32>,
     pub after: Plane<f32>,
+}
+
+/// Simulates all frames of the evidence before and after, and says where they differ.
+pub(super) fn show(
+    search: &mut Search<'_>,
+    found: &mut Found,
+    evidence: &Evidence,
+    report: &mut Report,
+) -> Result<Vec<Shown>> {
+    let base = search.base.clone();
+    // As `simulate` does it, if there was time for that.
+    let quality = found.quality;
+    (search.judge.quality, search.forward.native) = (quality, quality == Quality::Fine);
+    let mut all: Vec<usize> = (0..evidence.frames.len()).collect();
+    let mut scores = None;
+    search.forward.budget.stage = Stage::End;
+    if search.forward.budget.affords(all.len(), quality) {
+        let both =
+            [&base, &found.fit.theta].map(|t| in_time(search.judge.scores_on(search.forward, t, &all)));
+        let [before, after] = both;
+        scores = before?.zip(after?);
+    }
+    // These have been scored, and rendered, for the report.
+    let scores = scores.unwrap_or_else(|| {
+        found.leave_out(PICTURES);
+        all.clone_from(&evidence.report);
+        (found.before.clone(), found.after.clone())
+    });
+    search.forward.budget.stage = Stage::Must;
+    let before = search.forward.simulate(&all, &base, quality)?;
+    let mut after = search.forward.simulate(&all, &found.fit.theta, quality)?;
+    if found.fit.theta.get(P::Hot) > 0.0 {
+        after.iter_mut().for_each(|m| search.judge.hot.put(m));
+    }
+    let held: Vec<Compared<'_>> = all
+        .iter()
+        .enumerate()
+        .filter(|(_, at)| evidence.report.contains(at))
+        .map(|(i, &at)| Compared {
+            index: evidence.frames[at].index,
+            real: &evidence.frames[at].dn,
+            before: &before[i],
+            after: &after[i],
+            mask: search.judge.masks.map(|m| &m[at]),
+            sharp: &search.forward.sharp[at],
+        })
+        .collect();
+    report.places = places(&held, search.forward, evidence, report.verdict == Verdict::NoGap);
+    report.measures = measures(&held);
+    let pictures = before.into_iter().zip(after).enumerate();
+    let shown = all.iter().zip(pictures).map(|(&at, (i, (before, after)))| Shown {
+        index: evidence.frames[at].index,
+        start_s: evidence.frames[at].start_s,
+        held_out: evidence.report.contains(&at),
+        scores: [scores.0.0[i].score, scores.1.0[i].score],
+        real: (*evidence.frames[at].dn).clone(),
+        before,
+        after,
+    });
+    Ok(shown.collect())
+}
+
+/// What encoding a picture as it is written takes.
+pub(super) fn time_of_writing(picture: &Plane<f32>) -> Duration {
+    let (clock, plane) = (Instant::now(), bytes(picture));
+    let encoder = image::codecs::png::PngEncoder::new(std::io::sink());
+    let [w, h] = [plane.width as u32, plane.height as u32];
+    // What cannot be encoded comes up where it is written.
+    let _ = image::ImageEncoder::write_image(encoder, &plane.data, w, h, image::ExtendedColorType::Rgb8);
+    clock.elapsed()
 }
 
 impl Diagnosis {

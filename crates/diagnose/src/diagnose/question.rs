@@ -62,7 +62,6 @@ impl<'a> Question<'a> {
     {
         Search {
             judge: Judge::new(self.evidence, masks, self.seed, seen.hot.clone()),
-            deadline: forward.deadline,
             forward,
             evidence: self.evidence,
             masks: &seen.masks,

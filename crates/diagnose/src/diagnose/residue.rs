@@ -30,6 +30,11 @@ pub(super) struct Residue {
 const LEAST_LIKENESS: f64 = 0.3;
 
 impl Residue {
+    /// Of frames that there was no time for: nothing is said of them, not even that they show another scene.
+    pub(super) fn unseen() -> Self {
+        Self { likeness: 1.0, ..Self::default() }
+    }
+
     /// Whether the frames are of another scene.
     pub(super) fn shows_another_scene(&self) -> bool {
         self.likeness < LEAST_LIKENESS

@@ -5,21 +5,22 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use super::budget::{Budget, Count, Stage, in_time};
 use super::cover::Cover;
 use super::decide::{Facts, decide};
 use super::describe::{describe, undetermined, without_motion, without_time};
 use super::description::{Objects, Parts};
 use super::evidence::Evidence;
-use super::forward::{Forward, Quality};
+use super::forward::Forward;
+use super::found::{Found, PERCEPTS, SEARCH};
 use super::journal::{Journal, key};
 use super::light::lights;
 use super::model::{Theta, candidate_of};
-use super::output::Shown;
+use super::output::{Shown, show, time_of_writing};
 use super::pair::{Aligned, FEW, Geometry, Pair, needs_more};
-use super::places::{Compared, measures, places};
 use super::question::Question;
 use super::report::*;
-use super::search::{Found, Search, Watch, all_names, moves};
+use super::search::{Search, Watch, all_names, moves};
 use super::settings::{apply, theta_of};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
@@ -46,6 +47,8 @@ pub struct DiagnoseOptions {
     pub poses_exact: bool,
     /// When to come to an end with what is known by then; candidates that were not reached are `undetermined`.
     pub time_limit: Option<Duration>,
+    /// Since when that counts: since the call, or since a program began to read what it gives.
+    pub begun: Option<Instant>,
     /// Where to keep what has been worked out; a diagnosis that was stopped goes on from there.
     pub journal: Option<PathBuf>,
     /// Ends the diagnosis with [`Error::DiagnosisInterrupted`] soon after it becomes true.
@@ -187,21 +190,26 @@ fn diagnose_given(
     options: &DiagnoseOptions,
     progress: &mut dyn Progress,
 ) -> Result<Diagnosis> {
-    let clock = Instant::now();
+    let clock = options.begun.unwrap_or_else(Instant::now);
     let capture = given.capture;
     let names = candidates(options)?;
-    let mut evidence = Evidence::read(capture, &given.real)?;
+    let mut budget = Budget::new(clock, options.time_limit);
+    let mut evidence = Evidence::read(capture, &given.real, &budget)?;
     evidence.warnings.extend(given.pair.iter().flat_map(|p| p.notes.clone()));
     let journal = Journal::open(options, || given.key(&evidence, options))?;
     if journal.found > 0 {
         progress.step("going on", &format!("{} results of an earlier run are there", journal.found), 1, 1);
     }
-    let mut forward = Forward::new(given.context, capture, &evidence, given.pair.map(|p| &p.sim))?;
+    budget.count = Count { all: evidence.frames.len(), report: evidence.report.len() };
+    if budget.is_limited() {
+        budget.has_written(time_of_writing(&evidence.frames[0].dn));
+    }
+    let sim = given.pair.map(|p| &p.sim);
+    let mut forward = Forward::new(given.context, capture, &evidence, sim, budget)?;
     let journal = Arc::new(Mutex::new(journal));
     forward.journal = journal.clone();
-    forward.deadline = options.time_limit.and_then(|limit| clock.checked_add(limit));
     let base = given.base();
-    let aligned = given.pair.map(|_| super::pair::align(&mut forward, &evidence));
+    let aligned = given.pair.map(|_| super::pair::align(&mut forward, &evidence)).transpose()?;
     let compared = capture.camera.background_ignored || given.pair.is_some();
     let mut cover = compared.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
     let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
@@ -224,7 +232,10 @@ fn diagnose_given(
     }
     for _ in 0..COVER_ROUNDS {
         let Some(known) = &mut cover else { break };
-        if !question.narrow(&mut forward, known, &mut relay)? {
+        forward.budget.stage = Stage::Search;
+        let narrowed = in_time(question.narrow(&mut forward, known, &mut relay))?;
+        forward.budget.stage = Stage::Begin;
+        if narrowed != Some(true) {
             break;
         }
     }
@@ -237,16 +248,31 @@ fn diagnose_given(
     if let Some(objects_there) = &objects {
         let forward = search.forward;
         forward.compared += 1;
+        forward.budget.stage = Stage::Must;
         elsewhere = objects_there.masks.clone();
         seen_elsewhere = question.look(forward, Some(&elsewhere))?;
         search = question.search(forward, &seen_elsewhere, Some(&elsewhere));
-        found = searched(&mut search, &mut relay)?.0;
-        if decide(&Facts::of(&search, &found)).verdict == Verdict::UnknownEffect {
+        let first = found.clone();
+        search.forward.budget.stage = Stage::Search;
+        let again = in_time(searched(&mut search, &mut relay))?.map(|(found, _)| found);
+        let unknown = |found: &Found| {
+            found.is_whole() && decide(&Facts::of(&search, found)).verdict == Verdict::UnknownEffect
+        };
+        let is_unknown = again.as_ref().is_none_or(unknown);
+        found = again.unwrap_or(first.clone());
+        if is_unknown {
             // What is left elsewhere is left by something that is no object: as if none had been found.
             objects = None;
             search.forward.compared -= 1;
             search = question.search(search.forward, &seen, masks);
-            found = searched(&mut search, &mut relay)?.0;
+            search.forward.budget.stage = Stage::Search;
+            found = match in_time(searched(&mut search, &mut relay))? {
+                Some((found, _)) => found,
+                None => {
+                    search.end_as(&first);
+                    Found { left_out: vec![SEARCH], ..first }
+                }
+            };
         }
     }
     let mut report = describe(&mut search, &mut found, &evidence, capture)?;
@@ -255,7 +281,7 @@ fn diagnose_given(
     }
     report.candidates.extend(names.iter().filter_map(|n| told.why_not(n)));
     add_late(&mut report, &found);
-    setup_checks::begin(&mut report, &set_up, &evidence, &found.late);
+    setup_checks::begin(&mut report, &set_up, &evidence, &found);
     report.warnings.extend(super::light::said(&search.forward.light));
     if given.pair.is_none() {
         report.warnings.extend(not_simulated(capture));
@@ -263,7 +289,7 @@ fn diagnose_given(
     }
     report.input.device = given.device();
     report.input.seed = options.seed;
-    let frames = show(&mut search, &found, &evidence, &mut report)?;
+    let frames = show(&mut search, &mut found, &evidence, &mut report)?;
     if let Some(aligned) = aligned {
         report.input.kind = "pair".to_owned();
         report.input.method = aligned.method.to_owned();
@@ -277,8 +303,19 @@ fn diagnose_given(
     }
     let before = Drawn { theta: &search.base.clone(), settings: &given.settings() };
     let after = Drawn { theta: &found.fit.theta, settings: &camera.settings };
-    let percepts = percepts(search.forward, &frames, &before, &after)?;
-    report.percepts = figures(&frames, &percepts);
+    search.forward.budget.stage = Stage::End;
+    let percepts = match in_time(percepts(search.forward, &frames, &before, &after))? {
+        Some(percepts) => {
+            report.percepts = figures(&frames, &percepts);
+            percepts
+        }
+        None => {
+            found.leave_out(PERCEPTS);
+            Vec::new()
+        }
+    };
+    search.forward.budget.stage = Stage::Must;
+    report.warnings.extend(found.said());
     report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, capture) };
     (report.input.renders, report.input.render_seconds) = search.forward.renders;
     report.input.seconds = clock.elapsed().as_secs_f64();
@@ -381,22 +418,42 @@ const ROUGH: [&str; 2] = [
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
     let room = std::mem::take(&mut search.room);
     let exact = search.run(watch)?;
-    let left = search.judge.scores(search.forward, &exact.fit.theta)?;
-    if room.is_empty() || search.late() || left.beyond_bounds().is_empty() {
+    let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
+    if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
         return Ok((exact, None));
     }
+    let late = |mut found: Found, room: &[&'static str]| {
+        room.iter().for_each(|n| found.is_late(n));
+        Ok((found, None))
+    };
+    search.forward.budget.stage = Stage::Search;
+    if left.is_none() || search.late() || !exact.is_whole() {
+        return late(exact, &room);
+    }
     let asked = room.contains(&"scene_radiance");
-    if asked && let Some(objects) = search.undescribed(&exact)? {
-        return Ok((exact, Some(objects)));
+    let Some(objects) = in_time(if asked { search.undescribed(&exact) } else { Ok(None) })? else {
+        return late(exact, &room);
+    };
+    if objects.is_some() {
+        return Ok((exact, objects));
     }
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
-    search.begin_anew(room);
-    let free = search.run(watch)?;
+    search.begin_anew(room.clone());
+    let Some(free) = in_time(search.run(watch))? else {
+        search.end_as(&exact);
+        return late(exact, &room);
+    };
+    search.forward.budget.stage = Stage::End;
     if free.set.iter().any(|name| super::description::is_description(name)) {
-        let objects = if asked { search.undescribed(&free)? } else { None };
+        let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
         return Ok((free, objects));
     }
     search.end_as(&exact);
+    let mut exact = exact;
+    if !free.is_whole() {
+        exact.leave_out(SEARCH);
+        room.iter().for_each(|n| exact.is_late(n));
+    }
     Ok((exact, None))
 }
 
@@ -409,52 +466,6 @@ fn uncontrolled(given: &shutterbug::chain::Settings) -> Option<String> {
          exposure_gain alone, and what the control changed from frame to frame counts as gap"
             .to_owned()
     })
-}
-
-/// Simulates all frames of the evidence before and after, and says where they differ.
-fn show(
-    search: &mut Search<'_>,
-    found: &Found,
-    evidence: &Evidence,
-    report: &mut Report,
-) -> Result<Vec<Shown>> {
-    let all: Vec<usize> = (0..evidence.frames.len()).collect();
-    let base = search.base.clone();
-    // As `simulate` does it.
-    (search.judge.quality, search.forward.native) = (Quality::Fine, true);
-    let scores = [
-        search.judge.scores_on(search.forward, &base, &all)?,
-        search.judge.scores_on(search.forward, &found.fit.theta, &all)?,
-    ];
-    let before = search.forward.simulate(&all, &base, Quality::Fine)?;
-    let mut after = search.forward.simulate(&all, &found.fit.theta, Quality::Fine)?;
-    if found.fit.theta.get(super::model::P::Hot) > 0.0 {
-        after.iter_mut().for_each(|m| search.judge.hot.put(m));
-    }
-    let held: Vec<Compared<'_>> = evidence
-        .report
-        .iter()
-        .map(|&at| Compared {
-            index: evidence.frames[at].index,
-            real: &evidence.frames[at].dn,
-            before: &before[at],
-            after: &after[at],
-            mask: search.judge.masks.map(|m| &m[at]),
-            sharp: &search.forward.sharp[at],
-        })
-        .collect();
-    report.places = places(&held, search.forward, evidence, report.verdict == Verdict::NoGap);
-    report.measures = measures(&held);
-    let shown = all.iter().zip(before.into_iter().zip(after)).map(|(&at, (before, after))| Shown {
-        index: evidence.frames[at].index,
-        start_s: evidence.frames[at].start_s,
-        held_out: evidence.report.contains(&at),
-        scores: [scores[0].0[at].score, scores[1].0[at].score],
-        real: (*evidence.frames[at].dn).clone(),
-        before,
-        after,
-    });
-    Ok(shown.collect())
 }
 
 fn next_of_pair(report: &Report) -> Vec<NextStep> {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use super::budget::{Stage, in_time};
 use super::evidence::Evidence;
 use super::fit::{
     COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit,
@@ -10,12 +11,12 @@ use super::fit::{
 };
 use super::flicker::is_periodic;
 use super::forward::{Forward, Quality};
+use super::found::{Found, SEARCH};
 use super::intervals::Slopes;
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
 use super::noise::{NOISES, NoiseData};
 use super::normal::screened;
-use super::residue::Residue;
 use super::shown::Shown;
 use super::starts::{best_starts, is_hopeful};
 use super::support::mixes_pixels;
@@ -56,41 +57,6 @@ pub(super) struct Alone {
     pub against: Scores,
 }
 
-/// The outcome of a search.
-pub(super) struct Found {
-    /// In the order in which they were taken.
-    pub set: Vec<&'static str>,
-    pub fit: Fit,
-    pub alone: Vec<Alone>,
-    pub before: Scores,
-    pub after: Scores,
-    /// Parameters that were freed besides those that every fit frees.
-    pub more: Vec<P>,
-    /// What is left on held-out frames.
-    pub residue: Residue,
-    /// By member of the set: effects that do the same on these frames.
-    pub alternatives: BTreeMap<&'static str, Vec<&'static str>>,
-    /// Candidates for which there was no time.
-    pub late: Vec<&'static str>,
-}
-
-impl Found {
-    /// Continuous parameters that fits of the set free.
-    pub(super) fn free(&self) -> Vec<P> {
-        Search::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
-    }
-}
-
-impl Found {
-    /// Takes back all effects.
-    pub(super) fn clear(&mut self, base: &Theta) {
-        self.set.clear();
-        self.fit.theta = base.clone();
-        self.fit.half.clear();
-        self.after = self.before.clone();
-    }
-}
-
 /// All that a search works on.
 pub(super) struct Search<'a> {
     pub forward: &'a mut Forward,
@@ -106,8 +72,6 @@ pub(super) struct Search<'a> {
     pub room: Vec<&'static str>,
     /// What the frames themselves show.
     pub shown: Shown,
-    /// When to come to an end.
-    pub deadline: Option<Instant>,
 }
 
 /// A candidate, its fit, and what that scored.
@@ -134,9 +98,9 @@ impl<'a> Search<'a> {
         &self.evidence.fit
     }
 
-    /// Whether there is no more time.
+    /// Whether the stage has no more time.
     pub(super) fn late(&self) -> bool {
-        self.deadline.is_some_and(|d| Instant::now() >= d)
+        self.forward.budget.is_over()
     }
 
     /// Fits a set jointly from a start.
@@ -276,56 +240,79 @@ impl<'a> Search<'a> {
         self.refit(&joint, &start, FINE)
     }
 
-    /// Runs the search.
+    /// Runs the search, for as long as there is time; what it had found by then is kept.
     pub(super) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
-        let mut late = Vec::new();
-        let (packed, mut set) = self.shown.put(&self.base);
-        let start = self.with_noise(&packed)?;
-        let mut scores = self.judge.scores(self.forward, &start)?;
-        let alone = self.each_alone(watch, "each candidate alone", &start, &mut late)?;
-        let mut current = Fit { theta: start, half: BTreeMap::new() };
-        for round in 0..MOST_EFFECTS {
-            let mut options: Vec<Tried> = if round == 0 {
-                let mean = alone.iter().filter(|a| !candidate_of(a.name).noise && !set.contains(&a.name));
-                mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
-            } else if self.late() {
-                late.extend(
-                    self.left_beside(&set).into_iter().filter(|n| !late.contains(n)).collect::<Vec<_>>(),
-                );
-                break;
-            } else {
-                self.round(watch, &set, &current, &scores, &mut late)?
-            };
-            let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
-            if !closes_nearly_all(&scores, best) {
-                options.extend(self.description_beside(watch, &set, &current.theta.clone(), &scores)?);
-            }
-            let Some((name, fit, _)) = self.choose(&current.theta.clone(), &scores, options)? else { break };
-            set.push(name);
-            let fit = if moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
-            // The noise shows better now.
-            current = Fit { theta: self.with_noise(&fit.theta)?, half: fit.half };
-            let better = self.judge.scores(self.forward, &current.theta)?;
-            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
-            scores = better;
-            self.prune(&mut set, &mut current, &mut scores)?;
+        self.forward.budget.go_on()?;
+        self.forward.budget.stage = Stage::Search;
+        let mut found = Found::nothing(&self.base, before);
+        let ended = self.look_for(&mut found, watch);
+        if in_time(ended)?.is_none() {
+            let tried = |n: &&str| found.set.is_empty() && found.alone.iter().any(|a| a.name == *n);
+            let late: Vec<_> = self.left_beside(&found.set).into_iter().filter(|n| !tried(n)).collect();
+            late.into_iter().for_each(|n| found.is_late(n));
+            found.leave_out(SEARCH);
         }
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
-        let mut found = Found {
-            set,
-            fit: current,
-            alone,
-            before,
-            after: scores,
-            more: Vec::new(),
-            residue: Residue::default(),
-            alternatives: BTreeMap::new(),
-            late,
-        };
+        let clock = Instant::now();
         self.finish(&mut found, watch)?;
+        self.forward.budget.tell(clock.elapsed().as_secs_f64());
         Ok(found)
+    }
+
+    fn look_for(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        let (packed, set) = self.shown.put(&self.base);
+        found.set = set;
+        found.fit.theta = packed.clone();
+        let start = self.with_noise(&packed)?;
+        found.fit.theta = start.clone();
+        let mut scores = self.judge.scores(self.forward, &start)?;
+        self.each_alone(watch, "each candidate alone", &start, &mut found.alone, &mut found.late)?;
+        for round in 0..MOST_EFFECTS {
+            let current = found.fit.clone();
+            let mut options: Vec<Tried> = if round == 0 {
+                let mean = found
+                    .alone
+                    .iter()
+                    .filter(|a| !candidate_of(a.name).noise && !found.set.contains(&a.name));
+                mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
+            } else if self.late() {
+                self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
+                break;
+            } else {
+                self.round(watch, &found.set, &current, &scores, &mut found.late)?
+            };
+            let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
+            if !closes_nearly_all(&scores, best) {
+                let beside = self.description_beside(watch, &found.set, &current.theta, &scores);
+                options.extend(in_time(beside)?.unwrap_or_default());
+            }
+            let late = self.late();
+            if late {
+                let unseen = self.room.iter().filter(|n| !found.set.contains(n)).copied();
+                unseen.collect::<Vec<_>>().into_iter().for_each(|n| found.is_late(n));
+                // What has been tried is taken in the time of the end.
+                self.forward.budget.stage = Stage::End;
+            }
+            let Some((name, fit, _)) = self.choose(&current.theta, &scores, options)? else { break };
+            let mut set = found.set.clone();
+            set.push(name);
+            let fit =
+                if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
+            // The noise shows better now.
+            let theta = self.with_noise(&fit.theta)?;
+            let better = self.judge.scores(self.forward, &theta)?;
+            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
+            (found.set, found.fit) = (set, Fit { theta, half: fit.half });
+            scores = better;
+            if late {
+                self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
+                break;
+            }
+            self.prune(&mut found.set, &mut found.fit, &mut scores)?;
+        }
+        Ok(())
     }
 
     /// As before a search, of which that much of the description may be wrong.
@@ -349,10 +336,11 @@ impl<'a> Search<'a> {
         let start = self.with_noise(&self.base.clone())?;
         let all = std::mem::take(&mut self.names);
         self.names = all.iter().copied().filter(|n| moves(candidate_of(n))).collect();
-        let tried = self.each_alone(watch, "where to compare", &start, &mut Vec::new());
+        let mut tried = Vec::new();
+        let looked = self.each_alone(watch, "where to compare", &start, &mut tried, &mut Vec::new());
         self.names = all;
         let gain = |a: &Alone| a.against.mean() - a.scores.mean();
-        let tried = tried?;
+        looked?;
         let best = tried.iter().map(gain).fold(0.0, f64::max);
         let least = f64::max(share * before.mean(), 0.5 * best);
         let mut promising: Vec<_> = tried.into_iter().filter(|a| gain(a) >= least).collect();
@@ -365,36 +353,40 @@ impl<'a> Search<'a> {
         watch: &mut dyn Watch,
         stage: &str,
         start: &Theta,
+        alone: &mut Vec<Alone>,
         late: &mut Vec<&'static str>,
-    ) -> Result<Vec<Alone>> {
+    ) -> Result<()> {
         watch.stage(stage, self.names.len());
-        let mut alone = Vec::new();
         for name in self.names.clone() {
             watch.step(name);
-            if self.late() {
-                late.push(name);
-                continue;
+            match in_time(self.one_alone(name, start))? {
+                Some(one) => alone.push(one),
+                None => late.push(name),
             }
-            let clock = Instant::now();
-            let candidate = candidate_of(name);
-            let fit = if candidate.noise {
-                let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
-                let theta = self.noisy(&data, &self.base, &[name]);
-                Fit { theta, half: BTreeMap::new() }
-            } else {
-                self.add(candidate, &[], start)?
-            };
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            self.log(name, &fit, &scores, clock);
-            let against = match name {
-                _ if candidate.noise => self.base.clone(),
-                _ if self.is_known(name) => self.with_noise(&self.base.clone())?,
-                _ => start.clone(),
-            };
-            let against = self.judge.scores(self.forward, &against)?;
-            alone.push(Alone { name, fit, scores, against });
         }
-        Ok(alone)
+        Ok(())
+    }
+
+    fn one_alone(&mut self, name: &'static str, start: &Theta) -> Result<Alone> {
+        self.forward.budget.go_on()?;
+        let clock = Instant::now();
+        let candidate = candidate_of(name);
+        let fit = if candidate.noise {
+            let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
+            let theta = self.noisy(&data, &self.base, &[name]);
+            Fit { theta, half: BTreeMap::new() }
+        } else {
+            self.add(candidate, &[], start)?
+        };
+        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        self.log(name, &fit, &scores, clock);
+        let against = match name {
+            _ if candidate.noise => self.base.clone(),
+            _ if self.is_known(name) => self.with_noise(&self.base.clone())?,
+            _ => start.clone(),
+        };
+        let against = self.judge.scores(self.forward, &against)?;
+        Ok(Alone { name, fit, scores, against })
     }
 
     fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
@@ -429,7 +421,10 @@ impl<'a> Search<'a> {
             self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
         watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
         watch.step("ranking");
-        let ranked = self.shortlist(set, current, &smooth)?;
+        let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
+            late.extend(smooth.into_iter().chain(rest));
+            return Ok(Vec::new());
+        };
         let mut out: Vec<Tried> = Vec::new();
         for &(name, promised) in &ranked {
             let little = promised < LITTLE * ranked[0].1;
@@ -445,7 +440,8 @@ impl<'a> Search<'a> {
         let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
         for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n)) {
             let (target, candidate) = (self.target(), candidate_of(name));
-            if is_hopeful(self.forward, target, self.evidence, &current.theta, candidate)? {
+            let hopeful = is_hopeful(self.forward, target, self.evidence, &current.theta, candidate);
+            if in_time(hopeful)?.unwrap_or(true) {
                 out.extend(self.beside(watch, name, set, current, late)?);
             }
         }
@@ -465,13 +461,17 @@ impl<'a> Search<'a> {
         late: &mut Vec<&'static str>,
     ) -> Result<Option<Tried>> {
         watch.step(name);
-        if self.late() {
+        let clock = Instant::now();
+        let mut work = || -> Result<(Fit, Scores)> {
+            self.forward.budget.go_on()?;
+            let fit = self.add(candidate_of(name), set, &current.theta)?;
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            Ok((fit, scores))
+        };
+        let Some((fit, scores)) = in_time(work())? else {
             late.push(name);
             return Ok(None);
-        }
-        let clock = Instant::now();
-        let fit = self.add(candidate_of(name), set, &current.theta)?;
-        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        };
         self.log(name, &fit, &scores, clock);
         Ok(Some((name, fit, scores)))
     }
@@ -513,36 +513,6 @@ impl<'a> Search<'a> {
         of.sort_unstable();
         of.dedup();
         slopes.step(&of).is_none_or(|way| way.share > way.half)
-    }
-
-    /// The last fit of the mean, then the noise: which kinds of it, and how much.
-    fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
-        // What only makes a set better that is nearly right is left out where there is no time for it.
-        if !found.set.is_empty() && !self.late() {
-            self.tune_choices(found)?;
-            self.exchange(found)?;
-            self.free_more(found)?;
-            self.refit_to_the_end(found)?;
-            self.tune_choices(found)?;
-            self.sharpen(found)?;
-        }
-        watch.step("noise");
-        self.judge.quality = finest_of(&found.fit.theta);
-        self.prune_finely(found)?;
-        self.judge.quality = Quality::Fine;
-        self.forward.native = true;
-        self.choose_noise(found)?;
-        self.prune_beside_noise(found)?;
-        self.look_at_the_rest(found)?;
-        watch.step("intervals");
-        self.mean_intervals(found)?;
-        watch.step("scores");
-        let report = &self.evidence.report;
-        // Before and after in the same places.
-        self.judge.kind = found.fit.theta.room.kind();
-        found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
-        found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
-        Ok(())
     }
 }
 

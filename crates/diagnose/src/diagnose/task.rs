@@ -50,15 +50,20 @@ pub(super) fn percepts(
     } else {
         None
     };
+    let budget = &forward.budget;
+    let find = |picture: &Plane<u8>| budget.go_on().map(|()| find(picture));
     let all = (0..frames.len()).into_par_iter().map(|i| {
-        let found = [find(&bytes(&frames[i].real)), find(&simulated[i]), find(&corrected[i])];
+        let found = [find(&bytes(&frames[i].real))?, find(&simulated[i])?, find(&corrected[i])?];
         let tolerance = tolerance_px(frames[i].real.width);
         let agrees = [1, 2].map(|k| compare(&found[k], &found[0], tolerance));
-        let other = again.as_ref().map_or_else(|| found[2].clone(), |a| find(&a[i]));
+        let other = match &again {
+            Some(again) => find(&again[i])?,
+            None => found[2].clone(),
+        };
         let floor = compare(&other, &found[2], tolerance);
-        FramePercepts { found, agrees, floor }
+        Ok(FramePercepts { found, agrees, floor })
     });
-    Ok(all.collect())
+    all.collect()
 }
 
 /// Frames as the camera delivers them: with their noise, by the references of the effects.

@@ -6,9 +6,10 @@
 //! one that leaves the rest of the picture unexplained.
 
 use super::super::forward::Quality;
+use super::super::found::Found;
 use super::super::judge::{ALPHA, Judge, Scores, closed_fraction};
 use super::super::model::Theta;
-use super::super::search::{Found, Search};
+use super::super::search::Search;
 use super::super::tone::Tone;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;

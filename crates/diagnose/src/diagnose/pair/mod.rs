@@ -342,16 +342,18 @@ impl Aligned {
 
 /// Measures how the frames lie on each other. Where the simulator says nothing of geometry and they do not lie on each other,
 /// each simulated frame is warped to its real one, and what does not fit then is closed.
-pub(super) fn align(forward: &mut Forward, evidence: &Evidence) -> Aligned {
+pub(super) fn align(forward: &mut Forward, evidence: &Evidence) -> Result<Aligned> {
     let outside = forward.outside.clone().expect("a pair has simulated frames");
     let method = match outside.sim.geometry {
         Geometry::Depth => "given frames, depth and poses",
         Geometry::Motion => "given frames and motion",
         Geometry::None => "given frames",
     };
-    let all: Vec<_> = (0..evidence.frames.len())
-        .map(|at| lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance)))
-        .collect();
+    let look = |at: usize| {
+        forward.budget.go_on()?;
+        Ok(lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance)))
+    };
+    let all: Vec<_> = (0..evidence.frames.len()).map(look).collect::<Result<_>>()?;
     let seen: Vec<f64> = all.iter().filter_map(|l| l.rms_px).collect();
     let before_px = (2 * seen.len() > all.len()).then(|| rms(&seen));
     let warped = outside.sim.geometry == Geometry::None && before_px.is_some_and(|px| px > align::EXACT_PX);
@@ -367,5 +369,5 @@ pub(super) fn align(forward: &mut Forward, evidence: &Evidence) -> Aligned {
         }
         forward.outside = Some(Arc::new(aligned));
     }
-    Aligned { before_px, warped, method }
+    Ok(Aligned { before_px, warped, method })
 }

@@ -10,6 +10,7 @@ mod values;
 use super::describe::listed;
 use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
+use super::found::Found;
 use super::model::Theta;
 use super::report::{Report, Verdict};
 use shutterbug::error::Result;
@@ -67,11 +68,11 @@ pub(super) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) ->
     Ok(set_up(evidence, &forward.simulate(&all, given, Quality::Coarse)?))
 }
 
-/// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects (`late`) for
-/// which no time was left.
-pub(super) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, late: &[&str]) {
-    if !late.is_empty() && report.verdict != Verdict::NoGap {
-        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, late));
+/// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for which no
+/// time was left.
+pub(super) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, found: &Found) {
+    if !found.is_whole() && (report.verdict != Verdict::NoGap || !found.is_checked()) {
+        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, &found.late));
     }
     if let Some(first) = said.first() {
         let lead = "Look at the set-up before anything else";
@@ -93,11 +94,15 @@ fn cut_short(report: &Report, late: &[&str]) -> String {
             100.0 * report.gap.closed_fraction
         ),
     };
+    let names = listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>());
+    let unseen = match late {
+        [] => String::new(),
+        _ => format!(" {names} were not looked at, and nothing is said of them."),
+    };
     format!(
-        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far} {} were not looked at, and \
-         nothing is said of them. Run again with a longer --time-limit-s.",
-        report.gap.before,
-        listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>())
+        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far}{unseen} Run again with a \
+         longer --time-limit-s.",
+        report.gap.before
     )
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::choose::{EDGES_TELL, NAMES, Simulated, parameters};
+use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, squares};
 use super::marks::EDGES;
 use crate::diagnose::judge::quantile_of_length;
@@ -23,10 +24,9 @@ pub(super) enum ShowsFrom {
     Nowhere,
 }
 
-/// The same for all candidates among `names` that were not found, with what was found on; `made` are the marks then.
+/// The same for all candidates among `names` that were not found and that there is time for, with what was found on; `made` are the marks then.
 pub(super) fn shows_from(
-    real: &Fingerprint,
-    (simulated, made): (&Simulated, &Fingerprint),
+    (real, (simulated, made), clock): (&Fingerprint, (&Simulated, &Fingerprint), &Clock),
     theta: &Theta,
     counted: &[bool],
     names: &[&'static str],
@@ -40,6 +40,9 @@ pub(super) fn shows_from(
         all && (!EDGES_TELL.contains(&name) || edges > quantile_of_length(EDGES_TELL.len(), 1).powi(2))
     };
     let one = |&name: &&'static str| {
+        if clock.is_late_for(DOUBLINGS as usize + 1) {
+            return None;
+        }
         let steps = (0..=DOUBLINGS).map(|k| f64::from(2_i32.pow(k as u32)));
         let value = steps.map(|times| at_strength(name, theta, times)).position(|with| shows(name, &with));
         let first = parameters(&[name])[0];
@@ -51,9 +54,9 @@ pub(super) fn shows_from(
             },
             None => ShowsFrom::Nowhere,
         };
-        (name, from)
+        Some((name, from))
     };
-    names.iter().map(one).collect()
+    names.iter().filter_map(one).collect()
 }
 
 /// Marks known as well as those of the real frames.

@@ -2,10 +2,12 @@
 //! are measured again, so that whatever an effect does to a mark is in the comparison (rounding, encoding, compression).
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
 use super::bounds::{ShowsFrom, shows_from};
+use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
 use crate::diagnose::judge::quantile_of_length;
@@ -108,6 +110,8 @@ pub(super) struct Chosen {
     pub withdrawn: Vec<&'static str>,
     /// Of what was not found: from which strength on it would show.
     pub shows_from: BTreeMap<&'static str, ShowsFrom>,
+    /// Candidates for which there was no time.
+    pub late: Vec<&'static str>,
 }
 
 /// Chooses effects one by one for as long as the next makes marks agree better beyond chance.
@@ -119,6 +123,7 @@ pub(super) fn choose(
     simulated: &Simulated,
     base: &Theta,
     names: &[&'static str],
+    clock: &mut Clock,
     mut step: impl FnMut(&'static str) -> Result<()>,
 ) -> Result<Chosen> {
     let mut chosen = Chosen {
@@ -128,15 +133,22 @@ pub(super) fn choose(
         counted: Vec::new(),
         withdrawn: Vec::new(),
         shows_from: BTreeMap::new(),
+        late: Vec::new(),
     };
+    let begun = Instant::now();
     let plain = simulated.fingerprint(base);
+    clock.has_measured(begun.elapsed())?;
+    let clock = &*clock;
     let counted = common(real, &plain);
     let mut left = squares(&apart(real, &plain), &counted);
     let mut began = BTreeMap::new();
-    let seen = Seen { real, simulated, counted: &counted };
-    while let Some((cost, name, theta)) = seen.next(&chosen, left, names, &mut began, &mut step)? {
+    let seen = Seen { real, simulated, counted: &counted, clock };
+    while let Some((cost, name, theta)) = seen.next(&mut chosen, left, names, &mut began, &mut step)? {
         (left, chosen.theta) = (cost, theta);
         chosen.set.push(name);
+        if !chosen.late.is_empty() {
+            break;
+        }
     }
     let mut made = simulated.fingerprint(&chosen.theta);
     if !noise_agrees(real, &made) {
@@ -150,9 +162,18 @@ pub(super) fn choose(
     let tried = || NAMES.iter().map(|(n, _)| *n).filter(|n| names.contains(n));
     let found = |n: &&'static str| chosen.set.contains(n) || chosen.withdrawn.contains(n);
     let not_found: Vec<&'static str> = tried().filter(|n| !found(n)).collect();
-    chosen.shows_from = shows_from(real, (simulated, &made), &chosen.theta, &counted, &not_found);
+    let looked = (real, (simulated, &made), clock);
+    chosen.shows_from = shows_from(looked, &chosen.theta, &counted, &not_found);
+    // How strong it would have to be is part of what is said of it.
+    let unseen =
+        not_found.into_iter().filter(|n| !chosen.shows_from.contains_key(n) && !chosen.late.contains(n));
+    let unseen: Vec<_> = unseen.collect();
+    chosen.late.extend(unseen);
+    chosen.late.retain(|n| !chosen.set.contains(n));
     chosen.counted = counted;
-    chosen.half = half_widths(real, simulated, &chosen);
+    if !clock.is_late() {
+        chosen.half = half_widths(real, simulated, &chosen);
+    }
     Ok(chosen)
 }
 
@@ -161,6 +182,7 @@ struct Seen<'a> {
     real: &'a Fingerprint,
     simulated: &'a Simulated,
     counted: &'a [bool],
+    clock: &'a Clock,
 }
 
 impl Seen<'_> {
@@ -168,21 +190,35 @@ impl Seen<'_> {
     /// parameters. `began` keeps where the fit of each began best at first: beside other effects it begins there again.
     fn next(
         &self,
-        chosen: &Chosen,
+        chosen: &mut Chosen,
         left: f64,
         names: &[&'static str],
         began: &mut BTreeMap<&'static str, f64>,
         step: &mut impl FnMut(&'static str) -> Result<()>,
     ) -> Result<Option<(f64, &'static str, Theta)>> {
         let mut best: Option<(f64, &'static str, Theta)> = None;
-        let untried = |name: &&'static str| names.contains(name) && !chosen.set.contains(name);
+        let set = chosen.set.clone();
+        let untried = |name: &&'static str| names.contains(name) && !set.contains(name);
         for (name, starts) in NAMES.into_iter().filter(|(n, _)| untried(n)) {
             step(name)?;
+            if self.clock.is_late() {
+                chosen.late.push(name);
+                continue;
+            }
             let mut free = smooth(&chosen.set);
             free.extend(smooth(&[name]));
             let starts = began.get(name).map_or(starts, std::slice::from_ref);
-            let (theta, cost, start) =
-                fit(self.real, (self.simulated, self.counted), &chosen.theta, &free, (name, starts));
+            let (theta, cost, start) = fit(
+                self.real,
+                (self.simulated, self.counted, self.clock),
+                &chosen.theta,
+                &free,
+                (name, starts),
+            );
+            if self.clock.is_late() {
+                // It may have ended where it was.
+                chosen.late.push(name);
+            }
             began.extend(start.map(|start| (name, start)));
             tracing::info!(
                 "{name} beside {:?}: {left:.1} to {cost:.1}, {:?}",
@@ -251,7 +287,7 @@ fn smooth(set: &[&'static str]) -> Vec<P> {
 /// Fits `free` from the best of some values of a candidate; parameters, the sum of squares that is left, and that value.
 fn fit(
     real: &Fingerprint,
-    (simulated, counted): (&Simulated, &[bool]),
+    (simulated, counted, clock): (&Simulated, &[bool], &Clock),
     base: &Theta,
     free: &[P],
     (name, starts): (&'static str, &[f64]),
@@ -270,12 +306,17 @@ fn fit(
     };
     let (mut best, mut theta, start) = starts
         .iter()
-        .map(begin)
+        .enumerate()
+        .filter(|(i, _)| *i == 0 || !clock.is_late())
+        .map(|(_, v)| begin(v))
         .chain(by_brightness(real, base, free).map(|theta| (cost(&theta), theta, None)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .expect("every candidate has a value to begin with");
     let mut damping = 1e-3;
     for _ in 0..STEPS {
+        if clock.is_late_for(free.len() + 2) {
+            break;
+        }
         let Some((a, b)) = equations(real, simulated, &theta, free) else { break };
         let Some(step) = solve(&a, &b, damping) else { break };
         let mut moved = theta.clone();
@@ -381,7 +422,29 @@ mod tests {
         let base = Theta::neutral();
         let real = Fingerprint::of(&room(5, 5).delivered(hidden, 77), 0.0);
         let names: Vec<&'static str> = NAMES.iter().map(|(n, _)| *n).collect();
-        choose(&real, &room(9, 5), &base, &names, |_| Ok(())).expect("nothing stops it")
+        choose(&real, &room(9, 5), &base, &names, &mut Clock::default(), |_| Ok(()))
+            .expect("nothing stops it")
+    }
+
+    #[test]
+    fn without_time_what_was_not_tried_is_late_and_not_denied() {
+        let hidden = Theta::neutral().with(P::Row, 0.02);
+        let real = Fingerprint::of(&room(5, 5).delivered(&hidden, 77), 0.0);
+        let names: Vec<&'static str> = NAMES.iter().map(|(n, _)| *n).collect();
+        // The time of the end begins when so many candidates have been told of.
+        let mut clock = Clock::default();
+        let over = clock.over();
+        let mut told = 0;
+        let step = |_: &'static str| {
+            told += 1;
+            over.store(told > 3, std::sync::atomic::Ordering::Relaxed);
+            Ok(())
+        };
+        let chosen =
+            choose(&real, &room(9, 5), &Theta::neutral(), &names, &mut clock, step).expect("something");
+        assert_eq!(chosen.late.len() + chosen.set.len(), NAMES.len(), "{:?} {:?}", chosen.late, chosen.set);
+        assert!(chosen.late.contains(&"row_noise") && chosen.shows_from.is_empty());
+        assert!(found(&hidden).late.is_empty(), "control");
     }
 
     #[test]

@@ -12,6 +12,7 @@
 
 mod bounds;
 mod choose;
+mod clock;
 mod fingerprint;
 mod marks;
 mod outcome;
@@ -20,12 +21,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::budget::Budget;
 use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use super::model::Theta;
 use super::pair::{Pair, linear_of, pictures};
 use super::report::Report;
 use super::run::{DiagnoseOptions, Progress, candidates};
 use choose::{Chosen, Simulated, choose};
+use clock::Clock;
 use fingerprint::Fingerprint;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
@@ -96,21 +99,23 @@ pub fn diagnose_unpaired(
     options: &DiagnoseOptions,
     progress: &mut dyn Progress,
 ) -> Result<Unpaired> {
-    let clock = Instant::now();
+    let begun = options.begun.unwrap_or_else(Instant::now);
+    let budget = Budget::new(begun, options.time_limit);
     let names = candidates(options)?;
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
     let mut notes = Vec::new();
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
-    let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear)?;
-    let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear)?;
+    let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;
+    let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear, &budget)?;
     let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
     let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
     let marks = Fingerprint::of(&fit.real, choose::packed_dn2(&base));
     let steps = choose::NAMES.len();
     let mut step = 0;
-    let chosen = choose(&marks, &fit.simulated, &base, &names, |name| {
+    let mut clock = Clock::new(budget);
+    let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
         if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
             return Err(Error::DiagnosisInterrupted {
                 at: format!("effects that leave marks, {name}"),
@@ -126,7 +131,7 @@ pub fn diagnose_unpaired(
     let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
     report.input.capture = format!("{} beside {}", sim.display(), real.display());
     report.input.seed = options.seed;
-    report.input.seconds = clock.elapsed().as_secs_f64();
+    report.input.seconds = begun.elapsed().as_secs_f64();
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
     super::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
@@ -138,8 +143,10 @@ fn read(
     real: &Path,
     (reals, of_real): (&Folder, &[usize]),
     linear: bool,
+    budget: &Budget,
 ) -> Result<Frames> {
     let dn = |i: &usize| -> Result<Arc<Plane<f32>>> {
+        budget.go_on()?;
         let path = real.join(&reals.names[*i]);
         let picture = read_rgb8(&path)?;
         if let Some(why) = useless(&picture) {
@@ -149,6 +156,7 @@ fn read(
         Ok(Arc::new(picture.to_f32()))
     };
     let radiance = |i: &usize| -> Result<Plane<f32>> {
+        budget.go_on()?;
         let plane = linear_of(&sim.join(&sims.names[*i]), linear)?;
         let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
         Ok(Plane { channels: 4, data, ..plane })

@@ -12,7 +12,7 @@ use super::choose::packed_dn2;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::{Chosen, Folder, Frames, Unpaired};
-use crate::diagnose::describe::{listed, undetermined};
+use crate::diagnose::describe::{listed, undetermined, without_time};
 use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
 use crate::diagnose::output::bytes;
@@ -89,6 +89,7 @@ pub(super) fn report(
     let left = left(&after);
     let set = what.set();
     let verdict = match (set.is_empty(), left.is_empty()) {
+        _ if !what.chosen.late.is_empty() => Verdict::Undetermined,
         (true, true) => Verdict::NoGap,
         (false, true) => Verdict::Explained,
         (false, false) => Verdict::PartlyExplained,
@@ -117,7 +118,7 @@ pub(super) fn report(
     }
     let report = Report {
         verdict,
-        sentence: sentence(verdict, &gap, &effects, &left),
+        sentence: sentence(verdict, &gap, &effects, &left, &what.chosen.late),
         waterfall: Vec::new(),
         candidates: candidates(what, &gap),
         places: places(&before, &after, &real),
@@ -212,6 +213,9 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         if !what.noise_seen && NOISES.contains(n) {
             return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
         }
+        if what.chosen.late.contains(n) {
+            return without_time(n);
+        }
         if what.chosen.withdrawn.contains(n) {
             return undetermined(n, OTHER_NOISE, "simulated frames of the same moments as the real ones");
         }
@@ -297,7 +301,13 @@ fn places(before: &[Option<f64>], after: &[Option<f64>], real: &Fingerprint) -> 
     }
 }
 
-fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String]) -> String {
+fn sentence(
+    verdict: Verdict,
+    gap: &Gap,
+    effects: &[EffectFound],
+    left: &[String],
+    late: &[&'static str],
+) -> String {
     let names: Vec<String> = effects.iter().map(|e| e.name.replace('_', " ")).collect();
     let names = listed(&names);
     let rest = listed(left);
@@ -312,7 +322,21 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], left: &[String
             "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
             gap.after, gap.before
         ),
-        Verdict::UnknownEffect | Verdict::Undetermined => format!("The folders differ in {rest}, and no known effect explains it."),
+        Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
+        Verdict::Undetermined => {
+            let so_far = match names.as_str() {
+                "" => format!("The traces in both folders are {:.1} standard errors apart", gap.before),
+                _ => format!(
+                    "With {names} the traces in both folders are {:.1} standard errors apart, before {:.1}",
+                    gap.after, gap.before
+                ),
+            };
+            let late = listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>());
+            format!(
+                "{so_far}, and the time limit came before the search had ended: {late} were not looked at, and nothing is \
+                 said of them. Run again with a longer --time-limit-s."
+            )
+        }
     }
 }
 
