@@ -72,7 +72,7 @@ pub(super) fn decide(facts: &Facts) -> Decision {
         say(Verdict::UnknownEffect, named)
     } else if failed.is_empty() && !facts.bounded {
         say(Verdict::Explained, true)
-    } else if named && !facts.other_noise && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded)) {
+    } else if named && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded && !facts.other_noise)) {
         say(Verdict::PartlyExplained, true)
     } else {
         say(Verdict::UnknownEffect, named && !facts.bounded)
@@ -166,6 +166,8 @@ mod tests {
             Verdict::UnknownEffect,
             "another noise closes all of a gap as well"
         );
+        let board = decide(&Facts { placed: true, ..noisy });
+        assert_eq!(board.verdict, Verdict::PartlyExplained, "what lies in its place is no noise");
         assert_eq!(decide(&Facts { bounded: true, ..facts() }).verdict, Verdict::UnknownEffect);
         let surfaces = decide(&Facts { surfaces_alone: true, ..facts() });
         assert!(surfaces.verdict == Verdict::UnknownEffect && surfaces.names, "{surfaces:?}");
