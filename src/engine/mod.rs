@@ -6,7 +6,7 @@
 //!
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
 //!
-//! [`EngineOf`] has what all frames share: slots, the chain, delivery. A [`source::Source`] makes the radiance, and there are
+//! [`EngineOf`] has what all frames share: slots, the chain, delivery. A `Source` makes the radiance, and there are
 //! two: [`Scenes`] and [`Outside`]. What the four methods of a scene differ in is a `scene::Renderer`.
 
 mod accumulation;
