@@ -9,7 +9,7 @@ use shutterbug::camera::Trajectory;
 use shutterbug::capture::{CameraFile, parse_frames, parse_lights};
 use shutterbug::plane::{decode_picture, read_exr};
 use shutterbug::scene::load_obj;
-use shutterbug_cli::formats::{parse_camera, read_euroc, read_kitti, read_target, read_times};
+use shutterbug_cli::formats::{Profiles, parse_camera, read_euroc, read_kitti, read_target, read_times};
 use shutterbug_cli::import::{Recording, Request};
 use shutterbug_diagnose::board::read_corners;
 use shutterbug_diagnose::diagnose::{Pair, Report, example_of_a_journal, read_journal};
@@ -139,7 +139,18 @@ fn cameras(folder: &Path) -> Vec<Parser> {
     let times = folder.join("times.txt");
     fs::write(&times, "0\n0.1\n").unwrap();
     let camera = || text(|path, text| parse_camera(path, text, None, None));
+    let gyroflow = "{\"camera_brand\":\"A\",\"calib_dimension\":{\"w\":64,\"h\":48},\"fps\":25,\"frame_readout_time\":8.5,\
+                    \"fisheye_params\":{\"camera_matrix\":[[50,0,31.5],[0,50,23.5],[0,0,1]],\
+                    \"distortion_coeffs\":[0.01,0,0,0]},\"distortion_model\":\"opencv_fisheye\"}";
+    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,fx_px,fy_px,cx_px,cy_px,d1,d2,\
+                 d3,d4,rms_px,images\nA,\"B, C\",,,64,48,25,8.5,opencv_fisheye,50,50,32,24,0.01,0,0,0,0.5,20\n";
+    let profiles = |path: &Path| {
+        let profiles = Profiles::read(path.parent().expect("a folder"))?;
+        profiles.names().filter_map(|name| profiles.preset(name)).try_for_each(|p| p.map(drop))
+    };
     vec![
+        Parser::new("Gyroflow", gyroflow, camera()),
+        Parser::new("profiles.csv", table, file(&folder.join("profiles"), "a.csv", profiles)),
         Parser::new("ROS", ros, camera()),
         Parser::new("Kalibr", kalibr, camera()),
         Parser::new("EuRoC", sensor, camera()),

@@ -66,8 +66,9 @@ pub struct CalibrateReadout {
 }
 
 fn region(text: &str) -> Result<[usize; 4], String> {
-    let all: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
-    <[usize; 4]>::try_from(all).map_err(|_| "left,top,width,height in px, as in 100,80,64,64".to_owned())
+    let all: Option<Vec<usize>> = text.split(',').map(|t| t.trim().parse().ok()).collect();
+    let four = all.and_then(|all| <[usize; 4]>::try_from(all).ok());
+    four.ok_or_else(|| "left,top,width,height in px, as in 100,80,64,64".to_owned())
 }
 
 fn blinks_hz(text: &str) -> Result<f64, String> {

@@ -188,12 +188,11 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
     let frame = Frame::read(&args.photo)?;
     let picture = &frame.encoded;
-    let region = args.region.or_else(|| find_edge(picture));
-    let Some(region) = region else {
-        let expected = "a straight edge slanted by 1 to 35 degrees, or --region where it is";
-        return Err(Error::input(&args.photo, None, "no slanted edge", expected));
+    let encoding = args.common.encoding();
+    let found = match args.region {
+        Some(region) => measure_edge(picture, region, encoding, &args.photo)?,
+        None => find_edge(picture, encoding, &args.photo)?,
     };
-    let found = measure_edge(picture, region, args.common.encoding(), &args.photo)?;
     out.start()?;
     let sigma = found.defocus_sigma_px;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();

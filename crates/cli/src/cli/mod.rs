@@ -30,7 +30,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 
 use args::{Args, Calibrate, Camera, Command};
-use terminal::{end_log, say, start_log};
+use terminal::{end_log, print, say, start_log};
 
 use shutterbug::error::{Error, Result};
 
@@ -44,20 +44,22 @@ pub fn run() -> ExitCode {
     ExitCode::from(run_from(std::env::args_os()))
 }
 
-/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. Ends the process where the
-/// arguments ask for help or are wrong. For a process that has nothing else to do: it takes over signals.
+/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. For a process that has nothing
+/// else to do: it takes over signals.
 pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let args = Args::parse_from(args);
-    if let Command::Simulate(simulate) = &args.command
-        && let Err(problem) = simulate.check()
-    {
-        Args::command().error(ErrorKind::ArgumentConflict, problem).exit();
-    }
+    let args = match parse(args) {
+        Ok(args) => args,
+        Err(told) => return tell(&told),
+    };
     start_log();
     survive_full_disks();
     shutterbug_diagnose::out::record_reads();
     let done = run_command(&args.command);
     end_log();
+    ended(done)
+}
+
+fn ended(done: Result<()>) -> u8 {
     match done {
         Ok(()) => 0,
         Err(error) => {
@@ -65,6 +67,26 @@ pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
             exit_code(&error)
         }
     }
+}
+
+fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, clap::Error> {
+    let args = Args::try_parse_from(args)?;
+    if let Command::Simulate(simulate) = &args.command
+        && let Err(problem) = simulate.check()
+    {
+        return Err(Args::command().error(ErrorKind::ArgumentConflict, problem));
+    }
+    Ok(args)
+}
+
+/// Prints help, which was asked for, or what is wrong with the arguments; the exit code. clap's own way would let escape sequences of
+/// an argument through to the terminal, and would take help that a full disk swallowed for printed.
+fn tell(told: &clap::Error) -> u8 {
+    if told.use_stderr() {
+        told.to_string().lines().for_each(|line| say(line));
+        return 2;
+    }
+    ended(print(told))
 }
 
 /// A file that grows beyond what `ulimit -f` allows is an error of that write, with its name, not the end of the process.

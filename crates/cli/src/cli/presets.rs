@@ -8,7 +8,7 @@ use super::args::{Presets, PresetsAction};
 use super::terminal::print;
 use crate::formats::{PRESETS, Preset, Profile, Profiles, preset};
 use shutterbug::effects::{MotionBlur, RollingShutter};
-use shutterbug::error::Result;
+use shutterbug::error::{Result, one_line};
 
 /// Names a folder of lens profiles.
 const FOLDER: &str = "SHUTTERBUG_PROFILES";
@@ -82,7 +82,9 @@ fn line(profile: &Profile) -> String {
         Ok(()) => String::new(),
         Err(_) => "; sees 90 degrees or folds: not usable".to_owned(),
     };
-    format!("{}\n    {}: {}{usable}\n", profile.name, profile.title(), profile.describe())
+    // Its words are a stranger's.
+    let about = one_line(&format!("{}: {}{usable}", profile.title(), profile.describe()));
+    format!("{}\n    {about}\n", profile.name)
 }
 
 fn describe(preset: &Preset) -> Result<String> {

@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::yaml::Field;
 use shutterbug::camera::{Distortion, Intrinsics, Pose};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, one_line};
 use shutterbug::plane::MAX_SIDE_PX;
 
 /// OpenCV, ROS, Kalibr and EuRoC count from the centre of the first pixel, this program from its upper left corner:
@@ -12,9 +12,9 @@ use shutterbug::plane::MAX_SIDE_PX;
 pub(super) const PIXEL_CENTRE: f64 = 0.5;
 
 /// Focal lengths that a camera can have, px (as in `camera.toml`).
-const FOCAL_PX: (f64, f64) = (1e-3, 1e7);
+pub(super) const FOCAL_PX: (f64, f64) = (1e-3, 1e7);
 /// Principal points, px (as in `camera.toml`).
-const CENTRE_PX: (f64, f64) = (-1e6, 1e6);
+pub(super) const CENTRE_PX: (f64, f64) = (-1e6, 1e6);
 /// How far rows of a rotation may be from orthonormal: calibration files give four digits and more.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
@@ -43,6 +43,17 @@ pub(super) fn pinhole(field: &Field, size: [u32; 2], [fx, fy, cx, cy]: [f64; 4])
     }
     let [width, height] = size;
     Ok(Intrinsics { width, height, fx, fy, cx: cx + PIXEL_CENTRE, cy: cy + PIXEL_CENTRE })
+}
+
+/// Refuses a camera matrix, row by row, that is no pinhole's; notes a skew, which has no place here.
+pub(super) fn no_more_than_a_pinhole(field: &Field, m: &[f64; 9], notes: &mut Vec<String>) -> Result<()> {
+    if m[3..4] != [0.0] || m[6..] != [0.0, 0.0, 1.0] {
+        return Err(field.unexpected("zeros below the diagonal and 1 at its end"));
+    }
+    if m[1] != 0.0 {
+        notes.push(format!("the skew {} px of {} has no place here and is left out", m[1], field.name()));
+    }
+    Ok(())
 }
 
 /// `fx, fy, cx, cy` as OpenCV counts.
@@ -119,8 +130,8 @@ pub(super) fn unused_keys(field: &Field, used: &[&str], notes: &mut Vec<String>)
 
 /// `# ...` lines that head a written file.
 pub(super) fn comments(lines: &[String]) -> String {
-    // A line break in a name must not end the comment.
-    lines.iter().map(|line| format!("# {}\n", line.replace(['\n', '\r'], " "))).collect()
+    // A line break in a name must not end the comment, and neither TOML nor YAML takes control characters in one.
+    lines.iter().map(|line| format!("# {}\n", one_line(&line.replace(['\n', '\r'], " ")))).collect()
 }
 
 /// Numbers as YAML lists them; `{:?}` keeps every bit, and a point, which Kalibr asks for.

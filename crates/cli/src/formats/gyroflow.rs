@@ -1,7 +1,7 @@
 //! Lens profiles of Gyroflow: JSON, which is YAML, so errors name lines. Pixel centres are at whole numbers, as in
 //! OpenCV, whose models they use.
 
-use super::common::{at, lens_left_out, opencv_pinhole, pinhole, side_px};
+use super::common::{at, lens_left_out, no_more_than_a_pinhole, opencv_pinhole, pinhole, side_px};
 use super::ros::rational;
 use super::yaml::Field;
 use super::{CameraModel, Imported};
@@ -51,8 +51,8 @@ pub(super) fn read(top: &Field) -> Result<Imported> {
     let matrix = lens.require("camera_matrix", "a 3x3 matrix: fx 0 cx, 0 fy cy, 0 0 1")?;
     let m: [f64; 9] = matrix.exactly("nine numbers, row by row: fx 0 cx, 0 fy cy, 0 0 1")?;
     let intrinsics = pinhole(&matrix, [width?, height?], [m[0], m[4], m[2], m[5]])?;
-
     let mut notes = Vec::new();
+    no_more_than_a_pinhole(&matrix, &m, &mut notes)?;
     let name = about(top).words.join(" ");
     let mut camera = CameraModel::new(if name.is_empty() { "camera" } else { &name }, intrinsics);
     camera.distortion = distortion(top, &lens, &camera, &mut notes)?;
@@ -65,8 +65,9 @@ pub(super) fn read(top: &Field) -> Result<Imported> {
         None => notes.push("no frame_readout_time is given: a global shutter is assumed".to_owned()),
     }
     for key in ["input_horizontal_stretch", "input_vertical_stretch"] {
-        if let Some(field) = top.get(key).filter(|f| f.number("").is_ok_and(|n| n != 1.0 && n != 0.0)) {
-            notes.push(format!("{key} = {} has no place here and is left out", field.number("a factor")?));
+        let stretch = top.get(key).map(|f| f.number("a factor")).transpose()?;
+        if let Some(stretch) = stretch.filter(|n| *n != 1.0 && *n != 0.0) {
+            notes.push(format!("{key} = {stretch} has no place here and is left out"));
         }
     }
     if let Some(digital) = top.get("digital_lens").and_then(|f| f.text("").ok().map(str::to_owned)) {

@@ -76,12 +76,18 @@ impl Profiles {
         files.sort();
         let mut profiles = Self {
             folder: folder.to_owned(),
-            licence: licence(folder)?,
+            licence: licence(folder),
             all: Vec::new(),
             refused: Vec::new(),
         };
         for file in &files {
-            let text = read_text(file, "lens profiles", Limit::SETTINGS)?;
+            let text = match read_text(file, "lens profiles", Limit::SETTINGS) {
+                Ok(text) => text,
+                Err(error) => {
+                    profiles.refused.push(error.to_string());
+                    continue;
+                }
+            };
             if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
                 profiles.add_table(file, &text);
             } else {
@@ -247,9 +253,9 @@ fn is_profile(path: &Path) -> bool {
 }
 
 /// What the folder says of its licence: the first line of its licence file, or the line of its README that names one.
-fn licence(folder: &Path) -> Result<String> {
+fn licence(folder: &Path) -> String {
     for name in ["LICENSE", "LICENSE.md", "LICENSE.txt", "README.md"] {
-        let Some(bytes) = read_if_there(&folder.join(name), Limit::SETTINGS)? else { continue };
+        let Ok(Some(bytes)) = read_if_there(&folder.join(name), Limit::SETTINGS) else { continue };
         let text = String::from_utf8_lossy(&bytes);
         let mut lines = text.lines().map(str::trim);
         let found = if name.starts_with("README") {
@@ -262,10 +268,10 @@ fn licence(folder: &Path) -> Result<String> {
             lines.find(|l| !l.is_empty())
         };
         if let Some(found) = found {
-            return Ok(found.trim_end_matches('.').to_owned());
+            return found.trim_end_matches('.').to_owned();
         }
     }
-    Ok("not stated in the folder".to_owned())
+    "not stated in the folder".to_owned()
 }
 
 fn of_json(file: &Path, text: &str, source: String) -> Result<Profile> {
@@ -301,8 +307,17 @@ fn of_row(file: &Path, line: usize, row: &[String], source: String) -> Result<Pr
         n => Err(Error::input(file, line, format!("{column} = {n}"), "a whole number of px")),
     };
     let (width, height) = (side("width_px")?, side("height_px")?);
-    if !(fx > 0.0 && fy > 0.0) {
-        return Err(Error::input(file, line, format!("fx = {fx}, fy = {fy}"), "px above zero"));
+    let within = |name: &str, value: f64, (min, max): (f64, f64)| match value {
+        v if (min..=max).contains(&v) => Ok(v),
+        v => Err(Error::input(file, line, format!("{name} = {v}"), format!("{min} to {max}"))),
+    };
+    for (name, value, range) in [
+        ("fx_px", fx, common::FOCAL_PX),
+        ("fy_px", fy, common::FOCAL_PX),
+        ("cx_px", cx, common::CENTRE_PX),
+        ("cy_px", cy, common::CENTRE_PX),
+    ] {
+        within(name, value, range)?;
     }
     let half = common::PIXEL_CENTRE;
     let mut camera =
@@ -314,7 +329,11 @@ fn of_row(file: &Path, line: usize, row: &[String], source: String) -> Result<Pr
         problem: Box::new(problem),
         hint: String::new(),
     };
-    camera.rate_hz = Some(number("fps")?).filter(|r| *r > 0.0);
+    // 0 says that it is not known.
+    camera.rate_hz = match number("fps")? {
+        0.0 => None,
+        fps => Some(within("fps", fps, super::RATE_HZ)?),
+    };
     gyroflow::set_readout_ms(&mut camera, number("readout_ms")?).map_err(placed)?;
     let words = ["brand", "model", "lens", "setting"].map(|c| cell(c).trim().to_owned());
     let about = About {

@@ -5,7 +5,8 @@
 use glam::DVec2;
 
 use super::common::{
-    at, brown_conrady, comments, lens_left_out, list, opencv_pinhole, pinhole, quoted, side_px, unused_keys,
+    at, brown_conrady, comments, lens_left_out, list, no_more_than_a_pinhole, opencv_pinhole, pinhole,
+    quoted, side_px, unused_keys,
 };
 use super::refit::fit_brown_conrady;
 use super::yaml::Field;
@@ -64,12 +65,7 @@ pub(super) fn import(top: &Field) -> Result<Imported> {
     };
     let m: [f64; 9] = matrix.exactly("nine numbers, row by row: fx 0 cx, 0 fy cy, 0 0 1")?;
     let intrinsics = pinhole(&matrix, size, [m[0], m[4], m[2], m[5]])?;
-    if m[3..4] != [0.0] || m[6..] != [0.0, 0.0, 1.0] {
-        return Err(matrix.unexpected("zeros below the diagonal and 1 at its end"));
-    }
-    if m[1] != 0.0 {
-        notes.push(format!("the skew {} px of {} has no place here and is left out", m[1], matrix.name()));
-    }
+    no_more_than_a_pinhole(&matrix, &m, &mut notes)?;
     let name = top.get("camera_name").map(|f| f.text("a name")).transpose()?.unwrap_or("camera");
     let mut camera = CameraModel::new(name, intrinsics);
     if let Some(rate) = top.get("frame_rate") {

@@ -7,7 +7,7 @@ use super::cut::Cut;
 use super::large::Large;
 use super::sink::Sink;
 use super::topic::{Encoding, Message};
-use super::unpack::{MOST_BYTES, unpack};
+use super::unpack::MOST_BYTES;
 use super::wire::Wire;
 use shutterbug::error::{Error, Result};
 
@@ -19,7 +19,9 @@ const MOST_HEADER: u64 = 16 << 20;
 mod op {
     pub(super) const MESSAGE: u8 = 0x02;
     pub(super) const BAG: u8 = 0x03;
+    pub(super) const INDEX: u8 = 0x04;
     pub(super) const CHUNK: u8 = 0x05;
+    pub(super) const CHUNK_INFO: u8 = 0x06;
     pub(super) const CONNECTION: u8 = 0x07;
 }
 
@@ -52,6 +54,10 @@ impl<'a> Header<'a> {
         self.get(name).map(|b| String::from_utf8_lossy(b).into_owned())
     }
 
+    fn u64(&self, name: &str) -> Option<u64> {
+        Some(u64::from_le_bytes(self.get(name)?.try_into().ok()?))
+    }
+
     /// Seconds and nanoseconds, as ns.
     fn time_ns(&self) -> Option<i64> {
         let mut cut = Cut(self.get("time")?);
@@ -66,6 +72,8 @@ type Known = HashMap<u32, usize>;
 pub(super) fn read(file: &mut Large, sink: &mut Sink<'_, '_>) -> Result<()> {
     file.seek(MAGIC.len() as u64)?;
     let mut known = Known::new();
+    // Where a bag that was closed has its index, behind all chunks.
+    let mut index_at = None;
     let (mut header, mut data, mut unpacked) = (Vec::new(), Vec::new(), Vec::new());
     while file.left() > 0 {
         let at = file.at();
@@ -88,17 +96,22 @@ pub(super) fn read(file: &mut Large, sink: &mut Sink<'_, '_>) -> Result<()> {
         let header = Header(&header);
         match header.op() {
             Some(op::CHUNK) => read_chunk(&mut known, (file, at), &header, (&data, &mut unpacked), sink)?,
-            Some(op::BAG) if header.get("index_pos").is_some_and(|p| p.iter().all(|b| *b == 0)) => {
-                sink.damaged(
-                    file.path(),
-                    at,
-                    "no index",
-                    "the index of a bag that was closed: its end may be missing",
-                );
-            }
+            Some(op::BAG) => index_at = header.u64("index_pos"),
             _ => record(&mut known, (file, at), &header, &data, sink)?,
         }
     }
+    // A bag that was cut off between two records is whole as far as it goes.
+    let found = match index_at {
+        None | Some(0) => "no index".to_owned(),
+        Some(at) if at > file.bytes() => format!("an index at byte {at}, beyond the end of the file"),
+        Some(_) => return Ok(()),
+    };
+    sink.damaged(
+        file.path(),
+        file.bytes(),
+        found,
+        "the index of a bag that was closed: its end may be missing",
+    );
     Ok(())
 }
 
@@ -139,7 +152,18 @@ fn record(
             }
             None
         }
-        _ => Some(()),
+        Some(op::INDEX | op::CHUNK_INFO) => Some(()),
+        code => {
+            let code = code.map_or_else(|| "no kind".to_owned(), |c| format!("the kind {c:#04x}"));
+            let found = format!("a record of {code} in this place");
+            sink.damaged(
+                file.path(),
+                at,
+                found,
+                "a message, a connection, an index or, outside of chunks, a chunk",
+            );
+            return Ok(());
+        }
     };
     if whole.is_none() {
         let found = "a connection or message without its fields";
@@ -169,7 +193,7 @@ fn read_chunk(
         packed
     } else {
         let stated = header.u32("size").map(u64::from);
-        if let Err(fault) = unpack(&how, packed, stated, unpacked) {
+        if let Err(fault) = sink.unpack(&how, packed, stated, unpacked) {
             sink.damaged(file.path(), at, fault.found, fault.expected);
             return Ok(());
         }

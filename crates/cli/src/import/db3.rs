@@ -6,7 +6,6 @@ use super::large::Large;
 use super::sink::Sink;
 use super::sqlite::{Database, Value};
 use super::topic::{Encoding, Message};
-use super::unpack::unpack;
 use super::wire::Wire;
 use shutterbug::error::{Error, Result};
 
@@ -47,7 +46,7 @@ pub(super) fn read(file: Large, sink: &mut Sink<'_, '_>) -> Result<()> {
         sink.progress(seen)?;
         let mut data = *data;
         if data.starts_with(&ZSTD) {
-            if let Err(fault) = unpack("zstd", data, None, &mut unpacked) {
+            if let Err(fault) = sink.unpack("zstd", data, None, &mut unpacked) {
                 sink.damaged(&path, at, fault.found, fault.expected);
                 return Ok(());
             }

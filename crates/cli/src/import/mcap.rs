@@ -8,7 +8,7 @@ use super::cut::Cut;
 use super::large::Large;
 use super::sink::Sink;
 use super::topic::{Encoding, Message};
-use super::unpack::{MOST_BYTES, unpack};
+use super::unpack::MOST_BYTES;
 use super::wire::Wire;
 use shutterbug::error::{Error, Result};
 
@@ -163,7 +163,7 @@ fn read_chunk(
     let records = if how.is_empty() {
         packed
     } else {
-        if let Err(fault) = unpack(&how, packed, Some(length), unpacked) {
+        if let Err(fault) = sink.unpack(&how, packed, Some(length), unpacked) {
             sink.damaged(file.path(), at, fault.found, fault.expected);
             return Ok(());
         }

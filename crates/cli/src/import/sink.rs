@@ -1,14 +1,21 @@
 //! Where the readers of logs put what they find.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::topic::{Encoding, Message, Topic};
+use super::unpack::{MOST_BYTES, unpack};
+use super::wire::Fault;
 use shutterbug::error::Result;
 
 /// Most topics of a recording.
 pub(super) const MOST_TOPICS: usize = 65_536;
 /// Most faults that are kept; further ones are counted.
 const MOST_FAULTS: usize = 8;
+/// What all that is packed may unpack to: so many times its size, and a few of the largest chunks beside. A dark night packs
+/// hundredfold; a file that is made for it a millionfold, and then some KB would take hours.
+const MOST_TIMES: u64 = 1024;
+const MOST_BESIDE: u64 = 2 * MOST_BYTES;
 
 /// A place that could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,6 +35,11 @@ pub(super) type Progress<'a> = dyn FnMut(u64) -> Result<()> + 'a;
 /// What a pass over a log found, beside what it was called with.
 pub(super) struct Sink<'a, 'b> {
     pub(super) topics: Vec<Topic>,
+    /// Where each of them stands: a file can describe as many as it has bytes.
+    places: HashMap<Topic, usize>,
+    /// Bytes that were packed, and what they unpacked to.
+    packed: u64,
+    unpacked: u64,
     pub(super) damage: Vec<Damage>,
     pub(super) damages: usize,
     visit: &'a mut Visit<'b>,
@@ -38,20 +50,43 @@ pub(super) struct Sink<'a, 'b> {
 
 impl<'a, 'b> Sink<'a, 'b> {
     pub(super) fn new(visit: &'a mut Visit<'b>, progress: &'a mut Progress<'b>) -> Self {
-        Self { topics: Vec::new(), damage: Vec::new(), damages: 0, visit, progress, before: 0 }
+        let (topics, damage) = (Vec::new(), Vec::new());
+        let places = HashMap::new();
+        Self { topics, places, packed: 0, unpacked: 0, damage, damages: 0, visit, progress, before: 0 }
     }
 
     /// The place of a topic: that of an earlier one of the same name and type, of another connection or file.
     pub(super) fn topic(&mut self, name: &str, type_name: &str, encoding: Encoding) -> Option<usize> {
         let topic = Topic::new(name, type_name, encoding);
-        if let Some(place) = self.topics.iter().position(|t| *t == topic) {
-            return Some(place);
+        if let Some(place) = self.places.get(&topic) {
+            return Some(*place);
         }
-        if self.topics.len() == MOST_TOPICS {
+        let place = self.topics.len();
+        if place == MOST_TOPICS {
             return None;
         }
+        self.places.insert(topic.clone(), place);
         self.topics.push(topic);
-        Some(self.topics.len() - 1)
+        Some(place)
+    }
+
+    /// Unpacks a chunk or a message in place of what `into` holds, as [`unpack`] does, and within what the whole recording may take.
+    pub(super) fn unpack(
+        &mut self,
+        how: &str,
+        packed: &[u8],
+        stated: Option<u64>,
+        into: &mut Vec<u8>,
+    ) -> std::result::Result<(), Fault> {
+        self.packed += packed.len() as u64;
+        let most = MOST_BESIDE.saturating_add(self.packed.saturating_mul(MOST_TIMES));
+        if self.unpacked >= most {
+            let found = format!("{} packed bytes that unpack to more than {most}", self.packed);
+            return Err(Fault::new(found, format!("at most {MOST_TIMES} times as many, and {MOST_BESIDE}")));
+        }
+        let done = unpack(how, packed, stated, into);
+        self.unpacked += into.len() as u64;
+        done
     }
 
     pub(super) fn message(&mut self, message: &Message<'_>) -> Result<()> {

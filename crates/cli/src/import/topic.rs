@@ -3,7 +3,7 @@
 use super::wire::Wire;
 
 /// What is made of a topic's messages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Kind {
     /// Pictures, their values as they are.
     Image,
@@ -28,7 +28,7 @@ pub(super) enum Kind {
 }
 
 /// How messages are written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Encoding {
     /// By ROS.
     Ros(Wire),
@@ -41,7 +41,7 @@ pub(super) enum Encoding {
 }
 
 /// A stream of messages of one type.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Topic {
     pub(super) name: String,
     /// As ROS 1 writes it: `sensor_msgs/Image`.

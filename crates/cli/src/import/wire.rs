@@ -17,7 +17,7 @@ impl Fault {
 }
 
 /// How the fields lie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Wire {
     /// ROS 1: little endian, packed.
     Ros1,

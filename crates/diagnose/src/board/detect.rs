@@ -71,8 +71,14 @@ pub(super) fn sizes(grey: &Plane<u8>) -> Vec<usize> {
     [first].into_iter().chain(larger).chain(smaller).collect()
 }
 
+/// Smallest side in which a grid is looked for, px: the detector takes a margin off each for granted.
+const LEAST_PX: usize = 32;
+
 /// The largest grid in the picture.
 pub(super) fn grid_in(grey: &Plane<u8>, shrunk: usize) -> Option<Grid> {
+    if grey.width.min(grey.height) / shrunk < LEAST_PX {
+        return None;
+    }
     let small = shrink(grey, shrunk);
     let view = GrayImageView { width: small.width, height: small.height, data: &small.data };
     let corners = detect_corner_frame(&view, &default_chess_config()).corners;

@@ -6,6 +6,9 @@ use nalgebra::{Matrix3, SMatrix, SymmetricEigen};
 
 use shutterbug::camera::{Intrinsics, Pose};
 
+/// Smallest determinant of a homography of normalised points: of a board seen at one degree it is a thousand times larger.
+const LEAST_DETERMINANT: f64 = 1e-7;
+
 /// The homography that takes points of the plane to points of the picture, by least squares on normalised points (Hartley, IEEE
 /// PAMI 19, 1997); `None` for fewer than four points, or where all lie on a line.
 pub(super) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
@@ -38,6 +41,10 @@ pub(super) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
         DVec3::new(h[1], h[4], h[7]),
         DVec3::new(h[2], h[5], h[8]),
     );
+    // Its nine numbers have length 1. Points that lie on a line in the picture alone are met by a mapping onto that line.
+    if h.determinant().abs() < LEAST_DETERMINANT {
+        return None;
+    }
     let h = b.inverse() * h * a;
     h.is_finite().then_some(h)
 }

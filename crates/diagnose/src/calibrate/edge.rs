@@ -21,6 +21,18 @@ const REACH_PX: f64 = 24.0;
 const SLANT: [f64; 2] = [0.017, 0.7];
 /// Most rounds of fits.
 const ROUNDS: usize = 60;
+/// A blurred step leaves no more of the contrast than this: charts leave 2 %, noise, print and round things 4 % and more.
+const MOST_LEFT_RMS: f64 = 0.035;
+/// Widest lens of which both sides are in reach, px.
+const WIDEST_PX: f64 = REACH_PX / 3.0;
+/// Widest interval of the lens that says anything, px, or as a share of it.
+const WIDEST_HALF: [f64; 2] = [0.3, 0.3];
+/// Linear light of a side: beyond, the fit makes up what black or white cut off.
+const SIDES: [f64; 2] = [-0.02, 1.02];
+/// Weights of the unsharp mask that the effect has.
+const AMOUNTS: [f64; 2] = [0.0, 10.0];
+/// Regions that are tried where none is given.
+const TRIED: usize = 6;
 
 /// A part of a picture: left, top, width, height, px.
 pub type Region = [usize; 4];
@@ -94,6 +106,9 @@ pub fn measure_edge(
     let profile = profile(&points.list);
     let mtf = response(&profile, encoding);
     let fit = fit(&profile, encoding);
+    if let Some(found) = fit.doubtful() {
+        return refuse(found, "one straight edge between two even surfaces, neither black nor white");
+    }
     let half = mtf.iter().position(|m| *m < 0.5);
     let mtf50 = half.filter(|i| *i > 0).map(|i| 0.01 * (i as f64 - (0.5 - mtf[i]) / (mtf[i - 1] - mtf[i])));
     Ok(Edge {
@@ -110,10 +125,26 @@ pub fn measure_edge(
     })
 }
 
-/// The part of a picture whose edge is the straightest for its contrast, of windows all over it.
-pub fn find_edge(picture: &Plane<f32>) -> Option<Region> {
+/// Measures the edge that is the straightest for its contrast, of windows all over the picture.
+///
+/// # Errors
+/// A picture without a slanted edge; what is wrong with the straightest, where none of the first few can be measured.
+pub fn find_edge(picture: &Plane<f32>, encoding: Encoding, path: &std::path::Path) -> Result<Edge> {
+    let mut first = None;
+    for region in candidates(picture) {
+        match measure_edge(picture, region, encoding, path) {
+            Ok(edge) => return Ok(edge),
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    let expected = "a straight edge slanted by 1 to 35 degrees, or --region where it is";
+    Err(first.unwrap_or_else(|| Error::input(path, None, "no slanted edge", expected)))
+}
+
+/// Windows with an edge, the straightest for its contrast first.
+fn candidates(picture: &Plane<f32>) -> Vec<Region> {
     let side = (picture.width.min(picture.height) / 6).clamp(32, 96);
-    let mut best: Option<(f64, Region)> = None;
+    let mut all: Vec<(f64, Region)> = Vec::new();
     for y in (0..=picture.height.saturating_sub(side)).step_by(side / 2) {
         for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
             let region = [x, y, side.min(picture.width), side.min(picture.height)];
@@ -121,13 +152,11 @@ pub fn find_edge(picture: &Plane<f32>) -> Option<Region> {
             if !(SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
                 continue;
             }
-            let worth = worth(&points.list);
-            if best.as_ref().is_none_or(|b| worth > b.0) {
-                best = Some((worth, region));
-            }
+            all.push((worth(&points.list), region));
         }
     }
-    best.map(|b| b.1)
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    all.into_iter().take(TRIED).map(|b| b.1).collect()
 }
 
 /// Contrast between both sides over what is left beside the profile.
@@ -272,6 +301,29 @@ struct Fit {
     left_rms: f64,
 }
 
+impl Fit {
+    /// Why this is no edge, where it is none: the numbers would be of something else.
+    fn doubtful(&self) -> Option<String> {
+        let [least, share] = WIDEST_HALF;
+        let Fitted { value, half } = self.sigma_px;
+        if !(self.left_rms <= MOST_LEFT_RMS) {
+            let percent = 100.0 * self.left_rms;
+            return Some(format!("values of which a blurred step leaves {percent:.1} % of the contrast"));
+        }
+        if !self.sides.iter().all(|s| (SIDES[0]..=SIDES[1]).contains(s)) {
+            let [dark, bright] = self.sides;
+            return Some(format!(
+                "sides of linear light {dark:.3} and {bright:.3}: black or white cut them off"
+            ));
+        }
+        if value > WIDEST_PX {
+            return Some(format!("an edge {value:.1} px wide, of which no side is in reach"));
+        }
+        let known = half <= least.max(share * value);
+        (!known).then(|| format!("an edge of sigma {value:.3} +- {half:.3} px: too faint, or too few places"))
+    }
+}
+
 /// Where fits of the mask begin.
 const MASKS: [[f64; 2]; 3] = [[0.5, 0.7], [0.5, 1.5], [1.0, 1.0]];
 
@@ -294,7 +346,8 @@ fn fit(profile: &[[f64; 2]], encoding: Encoding) -> Fit {
     });
     let masked = best(masks);
     let criterion = |cost: f64, count: usize| n * (cost / n).max(1e-12).ln() + count as f64 * n.ln();
-    let sharpened = criterion(masked.1, 6) < criterion(plain.1, 4) && masked.0[4] > 0.0;
+    let is_mask = (AMOUNTS[0]..=AMOUNTS[1]).contains(&masked.0[4]);
+    let sharpened = criterion(masked.1, 6) < criterion(plain.1, 4) && is_mask;
     let (values, cost) = if sharpened { masked } else { plain };
     let half = deviations(profile, encoding, &values, cost);
     let of = |i: usize| Fitted { value: values[i].abs(), half: 1.96 * half[i] };

@@ -25,6 +25,8 @@ const PARTS: usize = 8;
 /// Natural steps on each side of a place of the spectrum that are its surroundings, and those next to it that belong to it.
 const AROUND: usize = 24;
 const OWN: usize = 3;
+/// Least share of the strongest line's power that a lower harmonic has: below, it is what the window lets through.
+const LEAST_SHARE: f64 = 1e-3;
 /// Harmonics of the light of which the strongest line may be one.
 const MOST_HARMONICS: usize = 4;
 
@@ -75,7 +77,7 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         threshold[axis] = (0.5 * lines as f64 / ALPHA).ln();
         strongest[axis] = spectrum.strongest().map_or(0.0, |i| spectrum.over_surroundings(i));
         let Some(frequency) = spectrum.fundamental(threshold[axis]) else { continue };
-        let frequency = refined(&mean, frequency);
+        let Some(frequency) = refined(&mean, frequency) else { continue };
         let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
         if amplitude < LEAST_DEPTH || !in_phase(&parts, frequency) {
             continue;
@@ -177,15 +179,19 @@ fn amplitude(values: &[f64], frequency: f64) -> f64 {
     2.0 * c.hypot(s) / values.len() as f64
 }
 
-/// The frequency nearby at which the amplitude is largest.
-fn refined(values: &[f64], frequency: f64) -> f64 {
+/// The frequency nearby at which the amplitude is largest; none where it grows further, as beside a step, or where that leaves too
+/// few stripes.
+fn refined(values: &[f64], frequency: f64) -> Option<f64> {
     let natural = 1.0 / values.len() as f64;
-    let (mut low, mut high) = (frequency - 0.5 * natural, frequency + 0.5 * natural);
+    let bounds = [frequency - 0.5 * natural, frequency + 0.5 * natural];
+    let [mut low, mut high] = bounds;
     for _ in 0..40 {
         let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
         if amplitude(values, a) < amplitude(values, b) { low = a } else { high = b }
     }
-    0.5 * (low + high)
+    let top = 0.5 * (low + high);
+    let inside = bounds.iter().all(|b| (top - b).abs() > 0.01 * natural);
+    (inside && top > (FEWEST - 0.5) * natural).then_some(top)
 }
 
 /// Whether the parts of the lines agree in phase beyond chance (Rayleigh's test): content does not.
@@ -262,11 +268,12 @@ impl Spectrum {
             let best = near.max_by(|a, b| self.power[*a].total_cmp(&self.power[*b]))?;
             (self.over_surroundings(best) > threshold).then_some(best)
         };
+        let strong = |at: &usize, strongest: usize| self.power[*at] > LEAST_SHARE * self.power[strongest];
         let over = (self.lowest()..self.power.len()).filter(|i| self.over_surroundings(*i) > threshold);
         let strongest = over.max_by(|a, b| self.power[*a].total_cmp(&self.power[*b]))?;
         let parts = (2..=MOST_HARMONICS).rev().filter_map(|k| {
             let at = (strongest as f64 / k as f64).round() as usize;
-            (at >= self.lowest()).then(|| stands_out(at)).flatten()
+            (at >= self.lowest()).then(|| stands_out(at)).flatten().filter(|at| strong(at, strongest))
         });
         let lowest = parts.min().unwrap_or(strongest);
         debug_assert!(self.lines > 0);

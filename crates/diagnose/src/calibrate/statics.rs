@@ -16,6 +16,10 @@ use shutterbug::plane::Plane;
 const MAX_SHIFT_PX: i32 = 8;
 /// Brightness changes beyond this are another exposure, not flicker.
 const MAX_GAIN_CHANGE: f64 = 0.2;
+/// Usual difference of the means of blocks beyond which it is another scene: a share of the scene's contrast, and so many times what
+/// noise alone makes of a mean (more than once, as noise is smooth in processed pictures).
+const MOST_UNLIKE: f64 = 0.25;
+const NOISE_OF_A_BLOCK: f64 = 8.0;
 /// Largest part of the noise's sigma that displacement may add at a pixel.
 const MAX_CONTAMINATION: f64 = 0.22;
 /// Radius around edges that displaced frames lose, px.
@@ -105,6 +109,10 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     if let Some(g) = gain.iter().find(|g| (*g - 1.0).abs() > MAX_GAIN_CHANGE) {
         return Err(refuse(format!("a brightness of {g:.3} times the first frame's: another exposure")));
     }
+    if let Some(share) = unlike(&frames) {
+        let found = format!("a coarse difference of {:.0} % of the scene's own contrast", 100.0 * share);
+        return Err(refuse(found));
+    }
     let blocks = Blocks::measure(&frames);
     let textured: Vec<f64> =
         blocks.all.iter().filter(|b| b.textured).map(|b| b.displacement_px.abs()).collect();
@@ -142,6 +150,30 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
         masked_fraction,
     };
     Ok(AlignedPair { frames, usable, registration })
+}
+
+/// The usual difference of the means of blocks over the scene's own contrast, where that is more than noise and a scene at rest
+/// have: another scene. What moves in a part of the scene leaves most blocks as they are.
+fn unlike([a, b]: &[Plane<f32>; 2]) -> Option<f64> {
+    let (a, b) = (luma(a), luma(b));
+    let (mut means, mut differences, mut spreads) = (Vec::new(), Vec::new(), Vec::new());
+    for_each_block(a.width, a.height, |pixels| {
+        let all: Vec<[f64; 2]> =
+            pixels.map(|i| [f64::from(a.data[i]), f64::from(b.data[i] - a.data[i])]).collect();
+        let n = all.len() as f64;
+        let [mean, difference] = [0, 1].map(|k| all.iter().map(|v| v[k]).sum::<f64>() / n);
+        means.push(mean);
+        differences.push(difference);
+        spreads.push(all.iter().map(|v| (v[1] - difference).powi(2)).sum::<f64>() / n);
+    });
+    let middle = percentile(&differences, 0.5);
+    let off: Vec<f64> = differences.iter().map(|d| (d - middle).abs()).collect();
+    let usual = percentile(&off, 0.5);
+    let centre = means.iter().sum::<f64>() / means.len().max(1) as f64;
+    let contrast =
+        (means.iter().map(|m| (m - centre).powi(2)).sum::<f64>() / means.len().max(1) as f64).sqrt();
+    let noise = percentile(&spreads, 0.5).sqrt() / BLOCK_PX as f64;
+    (usual > MOST_UNLIKE * contrast + NOISE_OF_A_BLOCK * noise).then(|| usual / contrast)
 }
 
 /// The whole shift with the least squared difference of the fine structure (ramps would take a change of brightness or
