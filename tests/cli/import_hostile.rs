@@ -205,3 +205,98 @@ fn prepared(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let request = Request::default();
     recording.prepare(&request, &mut |_, _| Ok(())).map(drop).map_err(|e| e.to_string())
 }
+
+/// Records of a ROS 1 bag: fields, then data.
+fn bag_record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let counted = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat();
+    let field = |(name, value): &(&str, &[u8])| counted(&[name.as_bytes(), b"=", value].concat());
+    [counted(&fields.iter().map(field).collect::<Vec<_>>().concat()), counted(data)].concat()
+}
+
+fn bag_topic(number: u32, name: &str) -> Vec<u8> {
+    let about = bag_record(&[("topic", name.as_bytes()), ("type", b"std_msgs/String")], b"");
+    // The data are fields as well: those of a header, without its length.
+    let about = &about[4..about.len() - 4];
+    bag_record(&[("op", &[7]), ("conn", &number.to_le_bytes()), ("topic", name.as_bytes())], about)
+}
+
+fn bag_message(number: u32, kind: &[(&str, &[u8])]) -> Vec<u8> {
+    let number = number.to_le_bytes();
+    let fields = [kind, &[("conn", &number[..]), ("time", &[1, 0, 0, 0, 0, 0, 0, 0][..])]].concat();
+    bag_record(&fields, b"\x01\0\0\0a")
+}
+
+fn bag_chunk(how: &str, bytes: u32, packed: &[u8]) -> Vec<u8> {
+    bag_record(&[("op", &[5]), ("compression", how.as_bytes()), ("size", &bytes.to_le_bytes())], packed)
+}
+
+/// A bag with its index at that place.
+fn bag(index_at: u64, records: &[Vec<u8>]) -> Vec<u8> {
+    let head = bag_record(&[("op", &[3]), ("index_pos", &index_at.to_le_bytes())], &[b' '; 64]);
+    [&b"#ROSBAG V2.0\n"[..], &head, &records.concat()].concat()
+}
+
+/// What the list of a bag's contents says: exit code, list, last message.
+fn listed(bytes: &[u8]) -> (i32, String, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.bag");
+    fs::write(&file, bytes).expect("written");
+    let (code, list, said) = import(&[&text(&file)]);
+    assert!(!said.contains("panicked"), "{said}");
+    (code, list, last_line(&said).to_owned())
+}
+
+/// A bag that was cut off between two records, or holds what nobody reads, is not told to be whole.
+#[test]
+fn bags_that_are_not_whole_say_so() {
+    let whole = [bag_topic(0, "/a"), bag_message(0, &[("op", &[2])])];
+    let (code, list, line) = listed(&bag(100, &whole));
+    assert!(code == 0 && list.contains("/a") && line.is_empty(), "control: {list}{line}");
+    let (code, list, line) = listed(&bag(1 << 40, &whole));
+    assert!(code == 1 && list.contains("/a"), "{list}{line}");
+    assert!(line.contains("an index at byte 1099511627776, beyond the end of the file"), "{line}");
+    let (code, _, line) = listed(&bag(0, &whole));
+    assert!(code == 1 && line.contains("found no index"), "{line}");
+    let (code, _, line) = listed(b"#ROSBAG V2.0\n");
+    assert!(code == 1 && line.contains("found no index"), "{line}");
+    let (code, _, line) = listed(&bag(100, &[&whole[..], &[bag_message(0, &[])]].concat()));
+    assert!(code == 1 && line.contains("a record of no kind in this place"), "{line}");
+    let within = bag_chunk("none", 1, &bag_chunk("none", 1, &whole.concat()));
+    let (code, _, line) = listed(&bag(100, &[&whole[..], &[within]].concat()));
+    assert!(code == 1 && line.contains("a record of the kind 0x05 in this place"), "{line}");
+}
+
+/// Some KB that unpack to a hundred GB end where the file's size says so, and not after hours.
+#[test]
+fn bombs_in_numbers_end_soon() {
+    // An index, which nobody needs, of 100 MB.
+    let index = bag_record(&[("op", &[4])], &vec![0; 100 << 20]);
+    let mut bomb = Vec::new();
+    let mut packer = bzip2::read::BzEncoder::new(&index[..], bzip2::Compression::best());
+    std::io::Read::read_to_end(&mut packer, &mut bomb).expect("packed");
+    assert!(bomb.len() < 1000, "control: it is small");
+    let begun = std::time::Instant::now();
+    let (code, _, line) = listed(&bag(100, &vec![bag_chunk("bz2", index.len() as u32, &bomb); 1000]));
+    let took_s = begun.elapsed().as_secs_f64();
+    assert!(code == 1 && line.contains("packed bytes that unpack to more than"), "{line}");
+    let (code, _, line) = listed(&bag(100, &[bag_chunk("bz2", index.len() as u32, &bomb)]));
+    assert!(code == 0, "control: one is no fault: {line}");
+    // Unpacking all of it takes ten minutes.
+    assert!(took_s < 100.0, "{took_s} s");
+}
+
+/// Twice the topics take twice the time.
+#[test]
+fn many_topics_take_time_by_their_number() {
+    let of = |count: u32| {
+        let again = (0..3 * count).map(|i| bag_topic(i, &format!("/a/long/name/of/a/topic/{}", i % count)));
+        let bytes = bag(100, &again.collect::<Vec<_>>());
+        let begun = std::time::Instant::now();
+        let (_, list, line) = listed(&bytes);
+        assert!(list.contains("/a/long/name/of/a/topic/7 "), "{line}");
+        begun.elapsed().as_secs_f64()
+    };
+    let (few, many) = (of(3_000).max(0.1), of(60_000));
+    // By its square: 400 times as long.
+    assert!(many < 100.0 * few, "{few} s, {many} s");
+}

@@ -10,6 +10,7 @@ mod mutations;
 mod output;
 mod reading;
 mod streams;
+mod third;
 
 use std::fs;
 use std::path::{Path, PathBuf};

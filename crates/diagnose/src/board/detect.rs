@@ -59,6 +59,9 @@ pub(super) fn find(grey: &Plane<u8>, size: [usize; 2]) -> Found {
     }
 }
 
+/// Smallest side in which a grid is looked for, px: the detectors take a margin off each for granted.
+const LEAST_PX: usize = 32;
+
 /// How many times to shrink, in the order in which it is tried.
 pub(super) fn sizes(grey: &Plane<u8>) -> Vec<usize> {
     let longest = grey.width.max(grey.height);
@@ -68,17 +71,12 @@ pub(super) fn sizes(grey: &Plane<u8>) -> Vec<usize> {
     }
     let smaller = [2 * first, 4 * first].into_iter().filter(|s| longest / s >= SHORTEST_PX);
     let larger = (first > 1).then_some(first / 2);
-    [first].into_iter().chain(larger).chain(smaller).collect()
+    let all = [first].into_iter().chain(larger).chain(smaller);
+    all.filter(|s| grey.width.min(grey.height) / s >= LEAST_PX).collect()
 }
-
-/// Smallest side in which a grid is looked for, px: the detector takes a margin off each for granted.
-const LEAST_PX: usize = 32;
 
 /// The largest grid in the picture.
 pub(super) fn grid_in(grey: &Plane<u8>, shrunk: usize) -> Option<Grid> {
-    if grey.width.min(grey.height) / shrunk < LEAST_PX {
-        return None;
-    }
     let small = shrink(grey, shrunk);
     let view = GrayImageView { width: small.width, height: small.height, data: &small.data };
     let corners = detect_corner_frame(&view, &default_chess_config()).corners;

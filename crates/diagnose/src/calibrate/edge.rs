@@ -23,6 +23,8 @@ const SLANT: [f64; 2] = [0.017, 0.7];
 const ROUNDS: usize = 60;
 /// A blurred step leaves no more of the contrast than this: charts leave 2 %, noise, print and round things 4 % and more.
 const MOST_LEFT_RMS: f64 = 0.035;
+/// Most that an edge may leave its line at the ends of the part that is looked at, px.
+const MOST_BENT_PX: f64 = 1.0;
 /// Widest lens of which both sides are in reach, px.
 const WIDEST_PX: f64 = REACH_PX / 3.0;
 /// Widest interval of the lens that says anything, px, or as a share of it.
@@ -205,7 +207,11 @@ fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
             (weights > 1e-9).then(|| [j as f64, sum / weights, weights])
         };
         let centres: Vec<[f64; 3]> = (0..lines).filter_map(centre).collect();
-        line = Some(straight(&centres, lines)?);
+        let near = straight(&centres, lines)?;
+        if round == 3 && is_bent(&centres, near) {
+            return None;
+        }
+        line = Some(near);
     }
     let [a, b] = line?;
     let mut list: Vec<[f64; 2]> = Vec::new();
@@ -226,6 +232,20 @@ fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
         list.iter_mut().for_each(|p| p[0] = -p[0]);
     }
     Some(Points { upright, slant: b, list })
+}
+
+/// Whether the centres follow an arc rather than the line: a round thing's rim is blurred by its own bend.
+fn is_bent(centres: &[[f64; 3]], [a, b]: [f64; 2]) -> bool {
+    let n = centres.len() as f64;
+    let middle = centres.iter().map(|c| c[0]).sum::<f64>() / n;
+    let square = |c: &[f64; 3]| (c[0] - middle).powi(2);
+    let mean = centres.iter().map(square).sum::<f64>() / n;
+    let offs: Vec<[f64; 2]> = centres.iter().map(|c| [square(c) - mean, c[1] - a - b * c[0]]).collect();
+    let along = offs.iter().map(|o| o[0] * o[0]).sum::<f64>().max(1e-9);
+    let bend = offs.iter().map(|o| o[0] * o[1]).sum::<f64>() / along;
+    let left = offs.iter().map(|o| (o[1] - bend * o[0]).powi(2)).sum::<f64>() / n;
+    let reach = centres.iter().map(square).fold(0.0, f64::max);
+    bend.abs() * reach > MOST_BENT_PX && bend.abs() > 4.0 * (left / along).sqrt()
 }
 
 /// The line through centres, by least squares, without the tenth that lies furthest from it.
@@ -346,7 +366,9 @@ fn fit(profile: &[[f64; 2]], encoding: Encoding) -> Fit {
     });
     let masked = best(masks);
     let criterion = |cost: f64, count: usize| n * (cost / n).max(1e-12).ln() + count as f64 * n.ln();
-    let is_mask = (AMOUNTS[0]..=AMOUNTS[1]).contains(&masked.0[4]);
+    // A mask that could as well be none, or many times as strong, is none that the edge shows.
+    let is_mask = (AMOUNTS[0]..=AMOUNTS[1]).contains(&masked.0[4])
+        && deviations(profile, encoding, &masked.0, masked.1)[4] < 0.5 * masked.0[4];
     let sharpened = criterion(masked.1, 6) < criterion(plain.1, 4) && is_mask;
     let (values, cost) = if sharpened { masked } else { plain };
     let half = deviations(profile, encoding, &values, cost);

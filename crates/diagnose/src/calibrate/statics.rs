@@ -19,7 +19,7 @@ const MAX_GAIN_CHANGE: f64 = 0.2;
 /// Usual difference of the means of blocks beyond which it is another scene: a share of the scene's contrast, and so many times what
 /// noise alone makes of a mean (more than once, as noise is smooth in processed pictures).
 const MOST_UNLIKE: f64 = 0.25;
-const NOISE_OF_A_BLOCK: f64 = 8.0;
+const NOISE_OF_A_BLOCK: f64 = 3.0;
 /// Largest part of the noise's sigma that displacement may add at a pixel.
 const MAX_CONTAMINATION: f64 = 0.22;
 /// Radius around edges that displaced frames lose, px.
