@@ -126,6 +126,9 @@ pub fn read_exr_plane(path: &Path, names: &[&str]) -> crate::Result<super::Plane
     Ok(plane)
 }
 
+/// How many times its size a file can unfold at most: deflate packs 1032 to 1, and PXR24 leaves a byte of four out before.
+const MOST_PACKED: u64 = 1500;
+
 /// Looks at the header alone, before memory is spent on pixels.
 fn check_size(path: &Path, bytes: &[u8]) -> crate::Result<()> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false);
@@ -141,6 +144,11 @@ fn check_size(path: &Path, bytes: &[u8]) -> crate::Result<()> {
         let size = width as u64 * height as u64 * header.channels.list.len() as u64 * 4;
         if size > MAX_DECODED_BYTES {
             let reason = format!("{size} bytes when decoded, the limit is {MAX_DECODED_BYTES}");
+            return Err(fault(path, "decode", reason));
+        }
+        // Else some bytes would take as much memory and time as the largest picture, before it shows that there is nothing behind.
+        if size > MOST_PACKED * bytes.len() as u64 {
+            let reason = format!("{size} bytes when decoded cannot be in a file of {}", bytes.len());
             return Err(fault(path, "decode", reason));
         }
     }
@@ -258,18 +266,28 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("bomb.exr");
         write_exr_atomic(&path, 4, 4, &[("Z", &[1.0; 16])]).expect("written");
-        let mut bytes = std::fs::read(&path).expect("read");
-        for name in [&b"dataWindow\0box2i\0"[..], &b"displayWindow\0box2i\0"[..]] {
-            let at =
-                bytes.windows(name.len()).position(|w| w == name).expect("in the header") + name.len() + 4;
-            bytes[at + 8..at + 12].copy_from_slice(&1_000_000i32.to_le_bytes());
-        }
-        std::fs::write(&path, &bytes).expect("written");
-        let error = read_exr(&path).expect_err("too wide").to_string();
+        let whole = std::fs::read(&path).expect("read");
+        let refused = |right: i32, bottom: i32| {
+            let mut bytes = whole.clone();
+            for name in [&b"dataWindow\0box2i\0"[..], &b"displayWindow\0box2i\0"[..]] {
+                let at = bytes.windows(name.len()).position(|w| w == name).expect("in the header")
+                    + name.len()
+                    + 4;
+                bytes[at + 8..at + 12].copy_from_slice(&right.to_le_bytes());
+                bytes[at + 12..at + 16].copy_from_slice(&bottom.to_le_bytes());
+            }
+            std::fs::write(&path, &bytes).expect("written");
+            read_exr(&path).expect_err("too large").to_string()
+        };
+        let error = refused(1_000_000, 3);
         assert!(
             error.contains("bomb.exr: cannot decode the picture: 1000001x4 px, the limit is 16384"),
             "{error}"
         );
+        // Within the limits of a picture, but not of what some hundred bytes can hold.
+        let error = refused(11_999, 7_999);
+        let size = format!("384000000 bytes when decoded cannot be in a file of {}", whole.len());
+        assert!(error.contains(&size), "{error}");
     }
 
     proptest! {
