@@ -83,7 +83,7 @@ fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, 
 /// an argument through to the terminal, and would take help that a full disk swallowed for printed.
 fn tell(told: &clap::Error) -> u8 {
     if told.use_stderr() {
-        told.to_string().lines().for_each(|line| say(line));
+        told.to_string().lines().for_each(say);
         return 2;
     }
     ended(print(told))
