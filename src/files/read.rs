@@ -84,14 +84,15 @@ pub fn read_if_there(path: &Path, limit: Limit) -> Result<Option<Vec<u8>>> {
 
 /// `open` returns at once. The one number that is needed of the system's headers; a test opens a pipe with it.
 #[cfg(unix)]
-const O_NONBLOCK: i32 = if cfg!(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")) {
-    // Numbered otherwise: there a file that turns into a pipe between the two looks at it is waited for.
-    0
-} else if cfg!(any(target_os = "linux", target_os = "android")) {
-    0o4000
-} else {
-    4
-};
+const O_NONBLOCK: i32 =
+    if cfg!(any(miri, target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")) {
+        // Numbered otherwise (Miri does not know it): there a file that turns into a pipe between the two looks at it is waited for.
+        0
+    } else if cfg!(any(target_os = "linux", target_os = "android")) {
+        0o4000
+    } else {
+        4
+    };
 
 /// Opens a file to read. It may have become a pipe since it was looked at: opening must not wait for a writer.
 fn open(path: &Path) -> std::io::Result<File> {

@@ -36,6 +36,9 @@ pub fn read_rgb8_as(path: &Path, shown: &Path) -> Result<Plane<u8>> {
     Ok(Plane { width: width as usize, height: height as usize, channels: 3, data: rgb.into_raw() })
 }
 
+/// Most pixels that a byte of a JPEG can hold: each block of 8x8 has at least a bit of its own.
+const JPEG_PIXELS_A_BYTE: u64 = 512;
+
 /// Decodes the bytes of a PNG or JPEG; `path` is what errors name. Its size is looked at before memory is spent on it.
 ///
 /// # Errors
@@ -50,7 +53,9 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let (width, height) = header.into_dimensions().map_err(|e| bad(e.to_string()))?;
     check_size(path, width, height)?;
-    if format == Some(ImageFormat::Jpeg) && !super::jpeg_end::is_whole(bytes) {
+    // Else some hundred bytes would take the time of the largest picture, and all of it would be made up.
+    let too_little = u64::from(width) * u64::from(height) > JPEG_PIXELS_A_BYTE * bytes.len() as u64;
+    if format == Some(ImageFormat::Jpeg) && (too_little || !super::jpeg_end::is_whole(bytes)) {
         return Err(bad("it is cut off: the data ends before the picture does".to_owned()));
     }
     let mut reader =
@@ -115,6 +120,17 @@ mod tests {
                 assert!(error.starts_with("a: cannot decode"), "{error}");
             }
         }
+        // The same bytes with a larger size in the header, and an end.
+        let mut claims = encoded(64, 48, ImageFormat::Jpeg);
+        let frame = claims.windows(2).position(|w| w == [0xff, 0xc0]).expect("a frame");
+        claims[frame + 5..frame + 9].copy_from_slice(&[8, 16, 26, 24]);
+        let error = decode(&claims).expect_err("of 13 megapixels").to_string();
+        assert!(error.contains("the data ends before the picture does"), "{error}");
+        // Control: the least that a picture takes.
+        let even = image::GrayImage::from_pixel(4000, 3000, image::Luma([128]));
+        let mut bytes = Cursor::new(Vec::new());
+        even.write_to(&mut bytes, ImageFormat::Jpeg).expect("encoded");
+        assert_eq!(decode(&bytes.into_inner()).expect("whole"), 4000);
         let mut more = encoded(64, 48, ImageFormat::Jpeg);
         more.extend(b"what a phone puts behind it");
         assert_eq!(decode(&more).expect("whole"), 64);
