@@ -124,6 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg_attr(miri, ignore = "starts mkfifo")]
     fn what_is_no_regular_file_is_refused_without_waiting() {
         let folder = tempfile::tempdir().expect("a folder");
         let refused = |path: &Path| read(path, Limit::SETTINGS).expect_err("refused").to_string();

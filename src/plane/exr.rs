@@ -293,6 +293,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]
         #[test]
+        #[cfg_attr(miri, ignore = "512 files")]
         fn damaged_files_are_refused_or_read_but_never_panic(at in any::<proptest::sample::Index>(), byte: u8, cut in any::<proptest::sample::Index>(), truncate: bool) {
             let folder = tempfile::tempdir().expect("a folder");
             let path = folder.path().join("damaged.exr");
