@@ -14,10 +14,10 @@ import numpy as np
 
 from . import _core, _toml
 from ._arrays import Array, like, one_of, to_numpy
+from ._camera_info import text_of_camera_info
 from ._closing import Closing
 from ._device import open_engine
 from ._given import Given, outside_of
-from ._lens_profile import camera_of_profile, text_of_camera_info
 from .errors import ArgumentError
 from .frame import Frame
 
@@ -159,15 +159,15 @@ class Camera(Closing):
         return cls._of_text(_toml.dumps(tomllib.loads(toml) | tables), name, options, notes)
 
     @classmethod
-    def from_gyroflow(cls, profile: str | os.PathLike[str], **options: Any) -> Camera:
-        """Read a lens profile of Gyroflow (JSON): size, fisheye lens, frame rate, and the readout time where it has one.
+    def from_gyroflow(cls, profile: str | os.PathLike[str], *, rate_hz: float = 30.0, **options: Any) -> Camera:
+        """Read a lens profile of Gyroflow (JSON): size, lens (fisheye or OpenCV's standard model), frame rate, readout time.
 
-        `notes` of the camera says what was left out. InputError: it is no lens profile, or holds something that cannot be used.
+        `rate_hz`: frames a second, Hz, where the profile does not say. `notes` of the camera says what was left out, and what was assumed.
+        The same reader as of ``shutterbug camera convert``. InputError: it is no lens profile, or holds something that cannot be used.
         """
         name = os.fspath(profile)
-        text, tables, rate_hz, notes = camera_of_profile(Path(profile).read_text("utf-8"), name)
-        toml, more = _core.import_camera(text, name, "ros", None, rate_hz)
-        return cls._of_text(_toml.dumps(tomllib.loads(toml) | tables), name, options, [*notes, *more])
+        toml, notes = _core.import_camera(Path(profile).read_text("utf-8"), name, "gyroflow", None, rate_hz)
+        return cls._of_text(toml, name, options, notes)
 
     def with_pinhole(
         self,
