@@ -18,6 +18,7 @@ from ._camera_info import text_of_camera_info
 from ._closing import Closing
 from ._device import open_engine
 from ._given import Given, outside_of
+from ._outputs import layout_of, outputs_of
 from .errors import ArgumentError
 from .frame import Frame
 
@@ -285,7 +286,9 @@ class Camera(Closing):
     # ---- Frames ----------------------------------------------------------------------------------------------------------
 
     def __call__(self, rgb: Any, *, out: Array | None = None, **given: Unpack[Given]) -> Any:
-        """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`."""
+        """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`:
+        8 bits of the kind that came in, or what `output` names: 16 bits, floats, raw numbers behind the Bayer filter.
+        """
         with self._held():
             free = self._free
         # More threads than frames in flight: they wait here.
@@ -301,14 +304,18 @@ class Camera(Closing):
         `poses` (and `ids` with `bodies`), or `motion`, or ``still=True``.
 
         Errors: MissingMotionError (shutter or blur, and none of the three), TooSmallError (the margin, and how large it has to be),
-        TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError, UnsupportedError (lens
-        effects with motion), FullError (`frames_in_flight` frames have not been waited for), NoDeviceError, and those of the device.
+        TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError (raw outputs without
+        ``bayer_mosaic``), UnsupportedError (lens effects with motion; more than 8 bits with ``jpeg``), FullError (`frames_in_flight`
+        frames have not been waited for), NoDeviceError, and those of the device.
         """
         made = to_numpy(rgb, "rgb")
-        outside = outside_of(self, made, given)
+        outside, outputs = outside_of(self, made, given), outputs_of(given.get("output"))
+        size = (self.height, self.width, made.shape[2])
+        for output in outputs:
+            layout_of(output, size)
         core = self._open(given.get("seed")).submit(outside)
         kind = (made.dtype, given.get("encoding"))
-        return Frame(core, (self.height, self.width, made.shape[2]), kind, like(rgb))
+        return Frame(core, size, kind, like(rgb), outputs)
 
     def margin(
         self,
