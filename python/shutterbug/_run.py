@@ -19,6 +19,8 @@ Progress = Callable[[str, int, int], None]
 
 _STEP = re.compile(r"^(?P<what>.*) \((?P<step>\d+)/(?P<steps>\d+)(?P<left>.*)\)$")
 _GRACE_S = 30.0
+# Names the process without which the program has nothing to do: `__main__` reads it.
+PARENT = "SHUTTERBUG_PARENT"
 
 
 def arguments(options: Mapping[str, Any]) -> list[str]:
@@ -86,7 +88,7 @@ def run(words: Sequence[str], progress: bool | Progress = False) -> str:
         text=True,
         errors="replace",
         start_new_session=True,
-        env=plain | {"NO_COLOR": "1"},
+        env=plain | {"NO_COLOR": "1", PARENT: str(os.getpid())},
     )
     said: list[str] = []
     try:
