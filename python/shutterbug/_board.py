@@ -30,7 +30,7 @@ class Board:
     """What `board` found: a camera, how well it fits, and a capture that `diagnose` takes. In a notebook it shows itself."""
 
     def __init__(self, folder: PathLike) -> None:
-        """Read a capture that `board` wrote. OSError, ValueError: it holds no board.json."""
+        """Read `folder`, a capture that `board` wrote. OSError, ValueError: it holds no board.json."""
         self.folder = Path(folder)
         self.report: dict[str, Any] = json.loads((self.folder / "board.json").read_text("utf-8"))
 

@@ -120,7 +120,8 @@ class Camera(Closing):
 
     @classmethod
     def preset(cls, name: str, **options: Any) -> Camera:
-        """Give a camera of `shutterbug.presets()`, such as ``"phone"``; `with_pinhole` gives it your size. InputError: no such preset.
+        """Give the camera `name` of `shutterbug.presets()`, such as ``"phone"``; `with_pinhole` gives it your size. InputError: no such
+        preset.
 
         `options` as of `Camera`.
         """
@@ -128,7 +129,7 @@ class Camera(Closing):
 
     @classmethod
     def from_toml(cls, file: str | os.PathLike[str], **options: Any) -> Camera:
-        """Read a camera.toml. InputError names line, key and range; FileNotFoundError and the like where it cannot be read.
+        """Read `file`, a camera.toml. InputError names line, key and range; FileNotFoundError and the like where it cannot be read.
 
         `options` as of `Camera`.
         """
@@ -194,7 +195,10 @@ class Camera(Closing):
         return self._of_text(_toml.dumps(bare._description | kept), "camera", self._options | options, self.notes)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, Any] | None], **options: Any) -> Camera:
-        """Give a camera with these tables in place of its own of the same names; None takes one away. InputError as of `Camera`."""
+        """Give a camera with the tables of `effects` in place of its own of the same names; None takes one away. `options` replace its own.
+
+        InputError as of `Camera`.
+        """
         tables = dict(self._description)
         for name, values in effects.items():
             if values is None:
@@ -267,7 +271,7 @@ class Camera(Closing):
         return self._text
 
     def save(self, file: str | os.PathLike[str]) -> None:
-        """Write its camera.toml. OSError where that cannot be."""
+        """Write its camera.toml to `file`. OSError where that cannot be."""
         Path(file).write_text(self._text, "utf-8")
 
     def span(self, time: float = 0.0) -> tuple[float, float]:

@@ -31,7 +31,9 @@ __all__ = ["Task", "join", "main", "make", "read_list", "tasks_of"]
 
 @dataclass(frozen=True)
 class Task:
-    """One capture to be simulated. `name`: of its shard, unique in the data set. `seed`: of its noise. `camera`: a file, or None."""
+    """One capture to be simulated. `name`: of its shard, unique in the data set. `seed`: of its noise. `camera`: a file, or None: its own.
+    `method`: as of `shutterbug.simulate`, or None.
+    """
 
     name: str
     capture: str
@@ -48,7 +50,10 @@ def seed_of(seed: int, name: str) -> int:
 def tasks_of(
     captures: Sequence[str | os.PathLike[str]], *, seed: int = 0, camera: str | os.PathLike[str] | None = None, method: str | None = None
 ) -> list[Task]:
-    """Give the work of a data set in the order of its names: those of the captures' folders. ArgumentError: two have one name."""
+    """Give the work of a data set in the order of its names: those of the captures' folders.
+
+    `seed`: of the data set. `camera`, `method`: of every capture, as of `Task`. ArgumentError: two have one name.
+    """
     found: dict[str, Task] = {}
     for capture in map(Path, captures):
         name = capture.resolve().name
@@ -60,13 +65,15 @@ def tasks_of(
 
 
 def read_list(file: str | os.PathLike[str]) -> list[Path]:
-    """Read a list of captures: a folder a line, beside the list unless absolute; empty lines and those that begin with # mean nothing."""
+    """Read `file`, a list of captures: a folder a line, beside the list unless absolute; empty lines and those that begin with # mean
+    nothing.
+    """
     lines = [line.strip() for line in Path(file).read_text("utf-8").splitlines()]
     return [Path(file).parent / line for line in lines if line and not line.startswith("#")]
 
 
 def make(task: Task, out: str | os.PathLike[str], format: str = "folder") -> dict[str, Any]:
-    """Simulate a capture into its shard, unless that is there already, and give its row of the manifest.
+    """Simulate the capture of `task` into its shard, unless that is there already, and give its row of the manifest.
 
     `out`: folder of the data set. `format`: ``"folder"`` (`out`/name/), ``"webdataset"`` (`out`/name.tar, one sample a frame) or
     ``"parquet"`` (`out`/name.parquet, one row a frame: capture, frame, image, times in ns, pose in m; needs pyarrow). A shard has another
@@ -174,7 +181,9 @@ def _share(text: str) -> tuple[int, int]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run ``shutterbug simulate LIST``; exit codes as of all commands: 0 done, 1 input or machine at fault, 2 usage."""
+    """Run ``shutterbug simulate LIST`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at
+    fault, 2 usage.
+    """
     parser = argparse.ArgumentParser("shutterbug simulate", description="Simulates the captures of a list, or a share of them.")
     parser.add_argument("list", help="a file with a capture's folder a line")
     parser.add_argument("--out", required=True, help="folder of the data set")

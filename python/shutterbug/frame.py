@@ -36,7 +36,7 @@ class Frame(Closing):
         return self._core.ready()
 
     def wait(self, timeout_s: float | None = None) -> None:
-        """Wait for the frame, s (None: as long as ten minutes). Ctrl-C ends the wait and leaves the frame as it is.
+        """Wait for the frame at most `timeout_s`, s (None: ten minutes). Ctrl-C ends the wait and leaves the frame as it is.
 
         WaitTimeoutError: the time passed; wait again. DeviceLostError, OutOfMemoryError, VulkanError: there will be no frame.
         """

@@ -78,8 +78,8 @@ def simulate(
 
     `captures`: folders, told apart by their names. `out`: a folder that all machines see. `actors`: how many; `cpus`, `gpus`: what each
     takes of a machine (with a GPU 0.25 and the like; on processors 2 to 4 each). `format`: ``"folder"``, ``"webdataset"`` or
-    ``"parquet"``. `camera`: a file, in place of the captures' own. `seed`: of the data set; each capture's is drawn from it and its
-    name. Rows as of `shutterbug.fleet.make`.
+    ``"parquet"``. `camera`: a file, in place of the captures' own. `method` as of `shutterbug.simulate`. `seed`: of the data set; each
+    capture's is drawn from it and its name. Rows as of `shutterbug.fleet.make`.
 
     ArgumentError: a number or a name; errors of Ray where an actor fails for good, with the capture's sentence in it.
     """

@@ -103,6 +103,26 @@ def test_every_public_name_says_what_it_is():
     assert len(told) > 90 and silent == []
 
 
+def parameters_of(thing):
+    function = vars(thing).get("__init__") if inspect.isclass(thing) else thing
+    if not inspect.isfunction(function):
+        return "", []
+    told = f"{inspect.getdoc(thing) or ''} {inspect.getdoc(function) or ''}"
+    # What goes on to another function as it is.
+    handed_on = {"self", "cls", "args", "options", "given", "sample"}
+    return told, [p for p in inspect.signature(function).parameters if p not in handed_on]
+
+
+def test_every_parameter_is_explained():
+    """By its name in the docstring, or by a word on whose arguments they are."""
+    silent = []
+    for name, thing in public_things():
+        told, parameters = parameters_of(thing)
+        if "as of `" not in told.lower() and "as `" not in told and "For `Camera.submit` alone" not in told:
+            silent += [f"{name}({p})" for p in parameters if p not in told]
+    assert silent == []
+
+
 def test_statuses_are_those_of_the_library():
     from shutterbug import _core, errors
 
