@@ -205,9 +205,9 @@ def parent_of(pid):
         return 0
 
 
-def actor_at_work(out):
-    """The process of an actor that is in the middle of a capture."""
-    for parent in map(parent_of, simulating(out)):
+def actor_at_work(out, but=()):
+    """The process of an actor that is in the middle of a capture, and that is none of `but`: a killed one takes a while to go."""
+    for parent in set(map(parent_of, simulating(out))) - set(but):
         try:
             if Path(f"/proc/{parent}/cmdline").read_bytes().startswith(b"ray::"):
                 return parent
@@ -221,7 +221,7 @@ def test_an_actor_that_is_killed_loses_nothing(cluster, captures, expected_of_al
 
     def kill():
         for _ in range(2):
-            killed.append(wait_for(lambda: actor_at_work(tmp_path)))
+            killed.append(wait_for(lambda: actor_at_work(tmp_path, killed)))
             os.kill(killed[-1], signal.SIGKILL)
 
     killer = threading.Thread(target=kill)
@@ -261,7 +261,8 @@ def test_any_number_of_actors_resumes_a_killed_run_to_the_same_bytes(cluster, ca
         assert {"sha256", "camera_sha256", "device", "driver", "seed", "shard"} <= row.keys() and (tmp_path / row["shard"]).exists()
 
 
-def test_a_read_back_by_ray_has_every_frame(cluster, captures, tmp_path):
+def test_what_ray_reads_back_has_every_frame(cluster, captures, tmp_path):
+    pytest.importorskip("aiohttp", reason="aiohttp is not installed, which Ray's read_parquet asks for now and then")
     import ray
 
     rows = shutterbug_ray().simulate(folders(captures, 2), tmp_path, actors=1, cpus=1, seed=7, format="parquet")
