@@ -1,7 +1,7 @@
 """Shutterbug: what a real, cheap, moving camera does to a picture, and which of it explains a sim-to-real gap.
 
-`Camera` turns frames of any renderer into what a real camera would have delivered. `simulate`, `diagnose` and `calibrate` work on
-folders. `shutterbug.mujoco`, `.newton`, `.blender`, `.gymnasium`, `.transforms`, `.ray` and `.bag` bring it to where frames are made;
+`Camera` turns frames of any renderer into what a real camera would have delivered. `simulate`, `diagnose`, `calibrate` and `board` work
+on folders. `shutterbug.mujoco`, `.newton`, `.blender`, `.gymnasium`, `.transforms`, `.ray` and `.bag` bring it to where frames are made;
 each is imported by its name, and needs what its name says.
 """
 
@@ -18,17 +18,20 @@ from .errors import ShutterbugError
 from .frame import Frame
 
 if TYPE_CHECKING:
+    from ._board import Board, board
     from .check import Agreement, check_conventions
     from .folders import Diagnosis, calibrate, diagnose, presets, simulate
 
 __all__ = [
     "Agreement",
+    "Board",
     "Camera",
     "Diagnosis",
     "Frame",
     "Given",
     "ShutterbugError",
     "__version__",
+    "board",
     "calibrate",
     "check_conventions",
     "devices",
@@ -39,9 +42,11 @@ __all__ = [
 ]
 
 # Imported when they are first asked for: a worker that only makes frames starts sooner.
-_LATER = {"Agreement": "check", "check_conventions": "check"} | dict.fromkeys(
-    ("Diagnosis", "calibrate", "diagnose", "presets", "simulate"), "folders"
-)
+_LATER = {
+    **dict.fromkeys(("Agreement", "check_conventions"), "check"),
+    **dict.fromkeys(("Board", "board"), "_board"),
+    **dict.fromkeys(("Diagnosis", "calibrate", "diagnose", "presets", "simulate"), "folders"),
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -70,6 +70,11 @@ def _linear_of_srgb(value: Array) -> Array:
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
+def srgb_of_linear(value: Array) -> Array:
+    """Give linear values, 1 = white, in sRGB."""
+    return np.where(value <= 0.0031308, value * 12.92, 1.055 * np.maximum(value, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
 _LINEAR_OF_BYTE: Array = _linear_of_srgb(np.arange(256) / 255).astype(np.float32)
 
 

@@ -73,8 +73,8 @@ class Frame:
     def ready(self) -> bool:
         """Whether `wait` would return at once."""
 
-    def read_into(self, plane: int, to: npt.NDArray[Any]) -> None:
-        """Copy a plane (1 the picture, 5 the radiance) into an array."""
+    def read_into(self, plane: int, format: int, to: npt.NDArray[Any]) -> None:
+        """Copy a plane (1 the picture, 5 the radiance, 6 raw) into an array, in a format of `shutterbug_image`."""
 
     def info(self) -> dict[str, Any]:
         """When it was taken."""

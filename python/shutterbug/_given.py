@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import DEPTHS, MOTIONS, Array, color_in, depth_in, ids_in, one_of, pixels, poses_of, to_numpy
+from ._outputs import flags_of, outputs_of
 from .errors import ArgumentError, MissingMotionError
 
 if TYPE_CHECKING:
@@ -36,6 +37,11 @@ class Given(TypedDict, total=False):
     `border`: ``"refuse"`` or ``"repeat"`` a margin that is too small (``"refuse"``).
     `nearest_m`: nothing that comes in at the border is nearer, m (0: not known).
     `radiance`: `Frame.radiance` will be asked for.
+    `output`: what `Frame.result` gives in place of 8 bits of the kind that came in; several names: the first, the others by
+    `Frame.read`. ``"uint8"`` (sRGB); ``"uint16"`` (sRGB, 65535 = white); ``"float32"`` (the same light not rounded, linear, 1 = white;
+    sRGB with ``encoding="srgb"``); of cameras with ``bayer_mosaic`` the converter's numbers, (height, width) of uint16 ``"raw10"``,
+    ``"raw12"``, ``"raw14"``, ``"raw16"``, or rows as MIPI CSI-2 packs them, (height, width * bits / 8) of uint8, ``"mipi10"``,
+    ``"mipi12"``, ``"mipi14"``.
     `axes` of the poses' camera: ``"optical"`` (x right, y down, z forward), ``"opengl"`` (MuJoCo, Blender, USD) or ``"robot"``.
     `direction`: ``"world_from_camera"`` or ``"camera_from_world"``. `quaternion`: ``"xyzw"`` or ``"wxyz"``.
     `depth_is`: ``"metres"``, or ``("buffer" | "ndc" | "reversed" | "reversed_finite", near in m, far in m)``.
@@ -59,6 +65,7 @@ class Given(TypedDict, total=False):
     border: str
     nearest_m: float
     radiance: bool
+    output: Any
     axes: str
     direction: str
     quaternion: str
@@ -82,6 +89,7 @@ def outside_of(camera: Camera, rgb: Array, given: Given) -> dict[str, Any]:
     border = given.get("border", "refuse")
     if border not in ("refuse", "repeat"):
         raise ArgumentError(f"border is {border!r}: 'refuse' or 'repeat' is expected")
+    asked = given
     if given.get("still") or (given.get("depth") is None and given.get("motion") is None):
         given = _at_rest(camera, color.shape, given, time_s)
     poses, bodies = _poses(given)
@@ -94,7 +102,7 @@ def outside_of(camera: Camera, rgb: Array, given: Given) -> dict[str, Any]:
         "poses": poses,
         "bodies": bodies,
         "nearest_m": float(given.get("nearest_m", 0.0)),
-        "flags": repeat | (_RADIANCE if given.get("radiance") else 0),
+        "flags": repeat | (_RADIANCE if asked.get("radiance") else 0) | flags_of(outputs_of(asked.get("output"))),
         "encoding": code,
         "margin_px": margin,
         "depth_convention": _depth_convention(given.get("depth_is", "metres")),
@@ -116,7 +124,7 @@ def _at_rest(camera: Camera, shape: tuple[int, ...], given: Given, time_s: float
         shutter = " and ".join(e for e in ("rolling_shutter", "motion_blur") if e in camera.effects)
         raise MissingMotionError(f"the camera has {shutter}: give depth and poses, or motion, or still=True where nothing moves")
     rest: Given = {}
-    rest["frame"], rest["radiance"] = given.get("frame", 0), given.get("radiance", False)
+    rest["frame"] = given.get("frame", 0)
     if any(effect in camera.effects for effect in _LENS):
         begin, end = camera.span(time_s)
         one = np.eye(4)

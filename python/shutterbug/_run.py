@@ -19,6 +19,8 @@ Progress = Callable[[str, int, int], None]
 
 _STEP = re.compile(r"^(?P<what>.*) \((?P<step>\d+)/(?P<steps>\d+)(?P<left>.*)\)$")
 _GRACE_S = 30.0
+# Names the process without which the program has nothing to do: `__main__` reads it.
+PARENT = "SHUTTERBUG_PARENT"
 
 
 def arguments(options: Mapping[str, Any]) -> list[str]:
@@ -75,6 +77,8 @@ def run(words: Sequence[str], progress: bool | Progress = False) -> str:
     `progress`: True writes its lines to `sys.stderr`; a function is called with (what, step, steps). ProgramError: it failed, with its
     sentence; ArgumentError: it was asked for what it does not know. KeyboardInterrupt passes through once the program has ended.
     """
+    # A notebook's kernel asks every program for colours: its sentences are read here, and go into exceptions.
+    plain = {name: value for name, value in os.environ.items() if name not in ("CLICOLOR_FORCE", "FORCE_COLOR")}
     # Not in this process' group: Ctrl-C reaches it once, by `_stop`.
     process = subprocess.Popen(
         [*_program(), *words],
@@ -84,6 +88,7 @@ def run(words: Sequence[str], progress: bool | Progress = False) -> str:
         text=True,
         errors="replace",
         start_new_session=True,
+        env=plain | {"NO_COLOR": "1", PARENT: str(os.getpid())},
     )
     said: list[str] = []
     try:

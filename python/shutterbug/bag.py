@@ -53,7 +53,7 @@ def rewrite(
     frame: str | None = None,
     world: str | None = None,
 ) -> Rewritten:
-    """Rewrite the images of a ROS 2 bag in MCAP.
+    """Rewrite the images of `source`, a ROS 2 bag in MCAP, into `target`, another file.
 
     `camera`: its effects and times are used; size and pinhole are those of the topic `info` (None: ``camera_info`` beside `image`).
     `image`, `depth`: topics of sensor_msgs/msg/Image: rgb8, bgr8, rgba8 or bgra8; and 32FC1 in m or 16UC1 in mm. `frame`: the
@@ -224,7 +224,9 @@ def _deliver(message: Any, camera: Camera, known: _Known, number: int, frames: t
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run ``shutterbug bag``; exit codes as of all commands: 0 done, 1 input or machine at fault, 2 usage."""
+    """Run ``shutterbug bag`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at fault, 2
+    usage.
+    """
     parser = argparse.ArgumentParser(
         "shutterbug bag", description="Rewrites the images of a ROS 2 bag (MCAP) as a camera would deliver them."
     )

@@ -14,10 +14,11 @@ import numpy as np
 
 from . import _core, _toml
 from ._arrays import Array, like, one_of, to_numpy
+from ._camera_info import text_of_camera_info
 from ._closing import Closing
 from ._device import open_engine
 from ._given import Given, outside_of
-from ._lens_profile import camera_of_profile, text_of_camera_info
+from ._outputs import layout_of, outputs_of
 from .errors import ArgumentError
 from .frame import Frame
 
@@ -119,7 +120,8 @@ class Camera(Closing):
 
     @classmethod
     def preset(cls, name: str, **options: Any) -> Camera:
-        """Give a camera of `shutterbug.presets()`, such as ``"phone"``; `with_pinhole` gives it your size. InputError: no such preset.
+        """Give the camera `name` of `shutterbug.presets()`, such as ``"phone"``; `with_pinhole` gives it your size. InputError: no such
+        preset.
 
         `options` as of `Camera`.
         """
@@ -127,7 +129,7 @@ class Camera(Closing):
 
     @classmethod
     def from_toml(cls, file: str | os.PathLike[str], **options: Any) -> Camera:
-        """Read a camera.toml. InputError names line, key and range; FileNotFoundError and the like where it cannot be read.
+        """Read `file`, a camera.toml. InputError names line, key and range; FileNotFoundError and the like where it cannot be read.
 
         `options` as of `Camera`.
         """
@@ -159,15 +161,15 @@ class Camera(Closing):
         return cls._of_text(_toml.dumps(tomllib.loads(toml) | tables), name, options, notes)
 
     @classmethod
-    def from_gyroflow(cls, profile: str | os.PathLike[str], **options: Any) -> Camera:
-        """Read a lens profile of Gyroflow (JSON): size, fisheye lens, frame rate, and the readout time where it has one.
+    def from_gyroflow(cls, profile: str | os.PathLike[str], *, rate_hz: float = 30.0, **options: Any) -> Camera:
+        """Read a lens profile of Gyroflow (JSON): size, lens (fisheye or OpenCV's standard model), frame rate, readout time.
 
-        `notes` of the camera says what was left out. InputError: it is no lens profile, or holds something that cannot be used.
+        `rate_hz`: frames a second, Hz, where the profile does not say. `notes` of the camera says what was left out, and what was assumed.
+        The same reader as of ``shutterbug camera convert``. InputError: it is no lens profile, or holds something that cannot be used.
         """
         name = os.fspath(profile)
-        text, tables, rate_hz, notes = camera_of_profile(Path(profile).read_text("utf-8"), name)
-        toml, more = _core.import_camera(text, name, "ros", None, rate_hz)
-        return cls._of_text(_toml.dumps(tomllib.loads(toml) | tables), name, options, [*notes, *more])
+        toml, notes = _core.import_camera(Path(profile).read_text("utf-8"), name, "gyroflow", None, rate_hz)
+        return cls._of_text(toml, name, options, notes)
 
     def with_pinhole(
         self,
@@ -193,7 +195,10 @@ class Camera(Closing):
         return self._of_text(_toml.dumps(bare._description | kept), "camera", self._options | options, self.notes)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, Any] | None], **options: Any) -> Camera:
-        """Give a camera with these tables in place of its own of the same names; None takes one away. InputError as of `Camera`."""
+        """Give a camera with the tables of `effects` in place of its own of the same names; None takes one away. `options` replace its own.
+
+        InputError as of `Camera`.
+        """
         tables = dict(self._description)
         for name, values in effects.items():
             if values is None:
@@ -266,7 +271,7 @@ class Camera(Closing):
         return self._text
 
     def save(self, file: str | os.PathLike[str]) -> None:
-        """Write its camera.toml. OSError where that cannot be."""
+        """Write its camera.toml to `file`. OSError where that cannot be."""
         Path(file).write_text(self._text, "utf-8")
 
     def span(self, time: float = 0.0) -> tuple[float, float]:
@@ -285,7 +290,9 @@ class Camera(Closing):
     # ---- Frames ----------------------------------------------------------------------------------------------------------
 
     def __call__(self, rgb: Any, *, out: Array | None = None, **given: Unpack[Given]) -> Any:
-        """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`."""
+        """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`:
+        8 bits of the kind that came in, or what `output` names: 16 bits, floats, raw numbers behind the Bayer filter.
+        """
         with self._held():
             free = self._free
         # More threads than frames in flight: they wait here.
@@ -301,14 +308,18 @@ class Camera(Closing):
         `poses` (and `ids` with `bodies`), or `motion`, or ``still=True``.
 
         Errors: MissingMotionError (shutter or blur, and none of the three), TooSmallError (the margin, and how large it has to be),
-        TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError, UnsupportedError (lens
-        effects with motion), FullError (`frames_in_flight` frames have not been waited for), NoDeviceError, and those of the device.
+        TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError (raw outputs without
+        ``bayer_mosaic``), UnsupportedError (lens effects with motion; more than 8 bits with ``jpeg``), FullError (`frames_in_flight`
+        frames have not been waited for), NoDeviceError, and those of the device.
         """
         made = to_numpy(rgb, "rgb")
-        outside = outside_of(self, made, given)
+        outside, outputs = outside_of(self, made, given), outputs_of(given.get("output"))
+        size = (self.height, self.width, made.shape[2])
+        for output in outputs:
+            layout_of(output, size)
         core = self._open(given.get("seed")).submit(outside)
         kind = (made.dtype, given.get("encoding"))
-        return Frame(core, (self.height, self.width, made.shape[2]), kind, like(rgb))
+        return Frame(core, size, kind, like(rgb), outputs)
 
     def margin(
         self,

@@ -9,13 +9,12 @@ capture's name, never from who does it or in which order, so any number of worke
 from __future__ import annotations
 
 import argparse
+import glob
 import hashlib
-import io
 import json
 import os
 import shutil
 import sys
-import tarfile
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -23,17 +22,18 @@ from pathlib import Path
 from typing import Any
 
 from . import _core
+from ._shards import FORMATS, SUFFIXES, check_format, pack, pictures_of
 from .errors import ArgumentError, ShutterbugError
 from .folders import simulate
 
 __all__ = ["Task", "join", "main", "make", "read_list", "tasks_of"]
 
-FORMATS = ("folder", "webdataset")
-
 
 @dataclass(frozen=True)
 class Task:
-    """One capture to be simulated. `name`: of its shard, unique in the data set. `seed`: of its noise. `camera`: a file, or None."""
+    """One capture to be simulated. `name`: of its shard, unique in the data set. `seed`: of its noise. `camera`: a file, or None: its own.
+    `method`: as of `shutterbug.simulate`, or None.
+    """
 
     name: str
     capture: str
@@ -50,7 +50,10 @@ def seed_of(seed: int, name: str) -> int:
 def tasks_of(
     captures: Sequence[str | os.PathLike[str]], *, seed: int = 0, camera: str | os.PathLike[str] | None = None, method: str | None = None
 ) -> list[Task]:
-    """Give the work of a data set in the order of its names: those of the captures' folders. ArgumentError: two have one name."""
+    """Give the work of a data set in the order of its names: those of the captures' folders.
+
+    `seed`: of the data set. `camera`, `method`: of every capture, as of `Task`. ArgumentError: two have one name.
+    """
     found: dict[str, Task] = {}
     for capture in map(Path, captures):
         name = capture.resolve().name
@@ -62,26 +65,30 @@ def tasks_of(
 
 
 def read_list(file: str | os.PathLike[str]) -> list[Path]:
-    """Read a list of captures: a folder a line, beside the list unless absolute; empty lines and those that begin with # mean nothing."""
+    """Read `file`, a list of captures: a folder a line, beside the list unless absolute; empty lines and those that begin with # mean
+    nothing.
+    """
     lines = [line.strip() for line in Path(file).read_text("utf-8").splitlines()]
     return [Path(file).parent / line for line in lines if line and not line.startswith("#")]
 
 
 def make(task: Task, out: str | os.PathLike[str], format: str = "folder") -> dict[str, Any]:
-    """Simulate a capture into its shard, unless that is there already, and give its row of the manifest.
+    """Simulate the capture of `task` into its shard, unless that is there already, and give its row of the manifest.
 
-    `out`: folder of the data set. `format`: ``"folder"`` (`out`/name/) or ``"webdataset"`` (`out`/name.tar, one sample a frame). A
-    shard has another name until it is whole. The row: ``name``, ``capture``, ``shard``, ``frames``, ``sha256`` (of all pictures),
-    ``camera_sha256``, ``inputs_sha256``, ``device``, ``driver``, ``seed``, ``method``, ``shutterbug``. Errors of `shutterbug.simulate`.
+    `out`: folder of the data set. `format`: ``"folder"`` (`out`/name/), ``"webdataset"`` (`out`/name.tar, one sample a frame) or
+    ``"parquet"`` (`out`/name.parquet, one row a frame: capture, frame, image, times in ns, pose in m; needs pyarrow). A shard has another
+    name until it is whole. The row: ``name``, ``capture``, ``shard``, ``frames``, ``sha256`` (of all pictures, whatever the format),
+    ``shard_sha256`` (of the file), ``camera_sha256``, ``inputs_sha256``, ``device``, ``driver``, ``seed``, ``method``, ``shutterbug``.
+
+    ArgumentError: no such format, or pyarrow is missing; errors of `shutterbug.simulate`.
     """
-    if format not in FORMATS:
-        raise ArgumentError(f"format is {format!r}: one of {', '.join(FORMATS)} is expected")
+    check_format(format)
     out = Path(out)
     rows = out / "rows"
     rows.mkdir(parents=True, exist_ok=True)
     row_file = rows / f"{task.name}.json"
     asked = {**asdict(task), "format": format, "shutterbug": _core.VERSION}
-    shard = out / (task.name if format == "folder" else f"{task.name}.tar")
+    shard = out / f"{task.name}{SUFFIXES[format]}"
     if row_file.exists() and shard.exists():
         row: dict[str, Any] = json.loads(row_file.read_text("utf-8"))
         if row.pop("asked", None) == asked:
@@ -90,19 +97,16 @@ def make(task: Task, out: str | os.PathLike[str], format: str = "folder") -> dic
         part = Path(folder) / "frames"
         simulate(task.capture, part, camera=task.camera, method=task.method, seed=task.seed)
         row = _row(task, part) | {"shard": shard.name}
-        if format == "webdataset":
-            part = _tar(part, task.name, Path(folder) / "shard.tar")
+        if format != "folder":
+            part = pack(part, task.name, Path(folder) / "shard", format)
+            row["shard_sha256"] = hashlib.sha256(part.read_bytes()).hexdigest()
         _put(part, shard)
     _write(row_file, json.dumps(row | {"asked": asked}, indent=1, sort_keys=True))
     return row
 
 
-def _pictures(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.suffix == ".png")
-
-
 def _row(task: Task, folder: Path) -> dict[str, Any]:
-    pictures, digest = _pictures(folder), hashlib.sha256()
+    pictures, digest = pictures_of(folder), hashlib.sha256()
     for picture in pictures:
         digest.update(picture.name.encode() + b"\0" + hashlib.sha256(picture.read_bytes()).digest())
     told = json.loads((folder / "simulate.json").read_text("utf-8"))
@@ -136,22 +140,6 @@ def _device() -> list[dict[str, Any]]:
     return _devices
 
 
-def _tar(folder: Path, name: str, to: Path) -> Path:
-    """A shard of WebDataset: NAME/NNNNNN.png and NAME/NNNNNN.json (time, s). The same frames give the same bytes."""
-    lines = (folder / "instants.csv").read_text("utf-8").splitlines()
-    titles = lines[0].lstrip("#").split(",")
-    told = dict(zip((p.stem for p in _pictures(folder)), lines[1:], strict=False))
-    with tarfile.open(to, "w", format=tarfile.USTAR_FORMAT) as tar:
-        for picture in _pictures(folder):
-            instants = dict(zip(titles, told.get(picture.stem, "").split(","), strict=False))
-            about = json.dumps({"capture": name, "frame": int(picture.stem), "instants": instants}, sort_keys=True).encode()
-            for suffix, content in (("png", picture.read_bytes()), ("json", about)):
-                entry = tarfile.TarInfo(f"{name}/{picture.stem}.{suffix}")
-                entry.size = len(content)
-                tar.addfile(entry, io.BytesIO(content))
-    return to
-
-
 def _put(part: Path, shard: Path) -> None:
     """Give a shard its name at once. One that lies there from another run is taken away first."""
     if shard.is_dir():
@@ -166,7 +154,10 @@ def _write(file: Path, text: str) -> None:
 
 
 def join(out: str | os.PathLike[str], names: Iterable[str]) -> list[dict[str, Any]]:
-    """Write `out`/manifest.jsonl from the rows of finished shards, in the order of their names, and give it. KeyError: one is missing."""
+    """Write `out`/manifest.jsonl from the rows of finished shards, in the order of their names, and give it. KeyError: one is missing.
+
+    What workers that were killed have left behind is removed: by then every shard is there.
+    """
     found = []
     for name in sorted(names):
         file = Path(out) / "rows" / f"{name}.json"
@@ -175,6 +166,9 @@ def join(out: str | os.PathLike[str], names: Iterable[str]) -> list[dict[str, An
         row = json.loads(file.read_text("utf-8"))
         row.pop("asked", None)
         found.append(row)
+    for row in found:
+        for left in Path(out).glob(f".{glob.escape(row['name'])}.*"):
+            shutil.rmtree(left, ignore_errors=True)
     _write(Path(out) / "manifest.jsonl", "\n".join(json.dumps(row, sort_keys=True) for row in found))
     return found
 
@@ -187,7 +181,9 @@ def _share(text: str) -> tuple[int, int]:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run ``shutterbug simulate LIST``; exit codes as of all commands: 0 done, 1 input or machine at fault, 2 usage."""
+    """Run ``shutterbug simulate LIST`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at
+    fault, 2 usage.
+    """
     parser = argparse.ArgumentParser("shutterbug simulate", description="Simulates the captures of a list, or a share of them.")
     parser.add_argument("list", help="a file with a capture's folder a line")
     parser.add_argument("--out", required=True, help="folder of the data set")

@@ -67,7 +67,10 @@ class Diagnosis:
     """What `diagnose` found. In a notebook it shows itself."""
 
     def __init__(self, folder: PathLike, capture: PathLike | None = None, keep: Any = None) -> None:
-        """Read a folder that `diagnose` wrote. OSError, ValueError: it holds no report."""
+        """Read `folder`, which `diagnose` wrote. `capture`: what was diagnosed, for `simulate`. `keep`: held as long as this.
+
+        OSError, ValueError: it holds no report.
+        """
         self.folder = Path(folder)
         self._capture, self._keep = capture, keep
         self.report: dict[str, Any] = json.loads((self.folder / "report.json").read_text("utf-8"))
@@ -108,7 +111,9 @@ class Diagnosis:
         return self.folder / "report.html"
 
     def simulate(self, out: PathLike, capture: PathLike | None = None, **options: Any) -> list[Path]:
-        """Render a capture (the one that was diagnosed, unless another is given) with the camera found; as `shutterbug.simulate`."""
+        """Render a capture (the one that was diagnosed, unless another is given) with the camera found into `out`; as
+        `shutterbug.simulate`.
+        """
         capture = capture or self._capture
         if capture is None:
             raise ArgumentError("which capture? two folders of frames were diagnosed, and hold no scene")
@@ -182,8 +187,8 @@ def calibrate(
     """Measure a camera's noise from two or more frames of one static scene, and give the report.
 
     `frames`: PNG of 8 or 16 bits, or JPEG. `out`: folder for camera.toml, report.json and figures, made if absent. `camera`: the camera
-    that the noise is added to. `encoding`: ``"srgb"``, or ``"linear"`` of raw values. `options`: further ones of ``shutterbug calibrate
-    noise --help``. Errors as of `simulate`.
+    that the noise is added to. `encoding`: ``"srgb"``, or ``"linear"`` of raw values. `progress` as of `simulate`. `options`: further ones
+    of ``shutterbug calibrate noise --help``. Errors as of `simulate`.
     """
     with tempfile.TemporaryDirectory() as folder:
         chosen = {"out": out, "camera": _camera_file(camera, folder), "encoding": encoding}

@@ -120,13 +120,13 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self._eye.renderer
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        """As of the environment, with the picture."""
+        """As of the environment, with the picture. The noise is drawn for `seed` too: same seed, same bits."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._eye.begin(seed)
         return self._seen(observation), info
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:
-        """As of the environment, with the picture."""
+        """Take `action` as of the environment, and give what that gives, with the picture."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), reward, terminated, truncated, info
 
@@ -180,7 +180,7 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, env.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        """As of the environments, with the pictures, (number, height, width, 3)."""
+        """As of the environments, with the pictures, (number, height, width, 3) of uint8. `seed`: one for all, or a list of one each."""
         observations, infos = self.env.reset(seed=seed, options=options)
         seeds = seed if isinstance(seed, list | tuple) else [seed] * len(self._eyes)
         for place, (eye, own) in enumerate(zip(self._eyes, seeds, strict=True)):
@@ -188,7 +188,7 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         return self._seen(observations), infos
 
     def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
-        """As of the environments, with the pictures, (number, height, width, 3)."""
+        """Take `actions` as of the environments, and give what that gives, with the pictures, (number, height, width, 3) of uint8."""
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         return self._seen(observations), rewards, terminations, truncations, infos
 
@@ -206,7 +206,7 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         return _joined(observations, self._key, np.stack(pictures))
 
     def close(self, **kwargs: Any) -> None:
-        """Close the environments and the camera."""
+        """Close the environments, which get `kwargs`, and the camera."""
         for eye in self._eyes:
             eye.close()
         self._camera.close()

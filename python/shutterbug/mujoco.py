@@ -123,6 +123,8 @@ class Renderer(Closing):
     def update_scene(self, data: Any, camera: Any = -1, scene_option: Any = None) -> None:
         """Say what is to be seen: the state of `data`, which is copied, through `camera` (name, number or MjvCamera).
 
+        `scene_option`: MuJoCo's MjvOption, what is drawn; None: its defaults.
+
         ValueError: there is no such camera.
         """
         # MuJoCo's own check of the camera, and its errors.
@@ -174,7 +176,7 @@ class Renderer(Closing):
     # ---- What MuJoCo has not ---------------------------------------------------------------------------------------------
 
     def step(self, data: Any, nstep: int = 1) -> None:
-        """Advance the physics by `nstep` steps as `mujoco.mj_step` does, and keep the state of each."""
+        """Advance the physics of `data` by `nstep` steps as `mujoco.mj_step` does, and keep the state of each."""
         if self._history.empty:
             self.record(data)
         for _ in range(nstep):
@@ -182,7 +184,7 @@ class Renderer(Closing):
             self.record(data)
 
     def record(self, data: Any) -> None:
-        """Keep a state: call it after each step that you make yourself. A time before the last one begins anew."""
+        """Keep the state of `data` (copied): call it after each step that you make yourself. A time before the last one begins anew."""
         camera = self._camera or self._wanted
         self._history.keep_s = sum(abs(t) for t in camera.span()) + 4 * float(self._model.opt.timestep)
         self._history.add(data)

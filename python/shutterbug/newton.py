@@ -80,7 +80,7 @@ class SensorCamera(Closing):
     # ---- States ----------------------------------------------------------------------------------------------------------
 
     def record(self, state: Any, time_s: float) -> None:
-        """Keep a state's bodies (copied): call it after each step. A time before the last one begins anew."""
+        """Keep the bodies of `state` at `time_s`, s (copied): call it after each step. A time before the last one begins anew."""
         if self._times and time_s < self._times[-1]:
             self.forget()
         poses = np.array(state.body_q.numpy(), np.float64, copy=True) if self._model.body_count else np.zeros((0, 7))

@@ -15,8 +15,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ._shards import check_format
 from .errors import ArgumentError
-from .fleet import FORMATS, Task, join, make, tasks_of
+from .fleet import Task, join, make, tasks_of
 from .folders import diagnose as _diagnose
 
 # It states no types that checkers know.
@@ -76,14 +77,13 @@ def simulate(
     """Simulate captures into a data set, and give its manifest, which also lies in `out`/manifest.jsonl.
 
     `captures`: folders, told apart by their names. `out`: a folder that all machines see. `actors`: how many; `cpus`, `gpus`: what each
-    takes of a machine (with a GPU 0.25 and the like; on processors 2 to 4 each). `format`: ``"folder"`` or ``"webdataset"``.
-    `camera`: a file, in place of the captures' own. `seed`: of the data set; each capture's is drawn from it and its name. Rows as of
-    `shutterbug.fleet.make`.
+    takes of a machine (with a GPU 0.25 and the like; on processors 2 to 4 each). `format`: ``"folder"``, ``"webdataset"`` or
+    ``"parquet"``. `camera`: a file, in place of the captures' own. `method` as of `shutterbug.simulate`. `seed`: of the data set; each
+    capture's is drawn from it and its name. Rows as of `shutterbug.fleet.make`.
 
     ArgumentError: a number or a name; errors of Ray where an actor fails for good, with the capture's sentence in it.
     """
-    if format not in FORMATS:
-        raise ArgumentError(f"format is {format!r}: one of {', '.join(FORMATS)} is expected")
+    check_format(format)
     tasks = tasks_of([Path(c).resolve() for c in captures], seed=seed, camera=camera and Path(camera).resolve(), method=method)
     to = Path(out).resolve()
     to.mkdir(parents=True, exist_ok=True)

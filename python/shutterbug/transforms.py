@@ -68,7 +68,7 @@ class Ranges:
         return cls({f"{r['effect']}.{r['parameter']}": (r["low"], r["high"]) for r in rows if r["effect"] in names})
 
     def draw(self, generator: np.random.Generator) -> dict[str, dict[str, Any]]:
-        """Give tables of effects with values drawn."""
+        """Give tables of effects with values drawn by `generator`."""
         tables: dict[str, dict[str, Any]] = {}
         for name, choice in self.values.items():
             effect, parameter = name.split(".")

@@ -12,13 +12,18 @@ use crate::abi::sized;
 
 const RGB8: u32 = 1;
 const RGBA8: u32 = 2;
-const RGBA16F: u32 = 4;
 const RGBA32F: u32 = 5;
 const R32F: u32 = 6;
 const RG32F: u32 = 8;
 const R32U: u32 = 9;
 const R16U: u32 = 10;
 const R8U: u32 = 11;
+const RGB16: u32 = 13;
+const RGBA16: u32 = 14;
+const BAYER10: u32 = 15;
+const BAYER16: u32 = 18;
+const MIPI_RAW10: u32 = 19;
+const MIPI_RAW14: u32 = 21;
 const BOTTOM_UP: u32 = 0x1_0000;
 
 /// What an array is taken for.
@@ -170,8 +175,8 @@ fn layout<T: Element>(buffer: &PyBuffer<T>, format: u32) -> PyResult<shutterbug_
     Ok(image)
 }
 
-/// An array that a picture is written to: C-contiguous and writable; (height, width, 3 or 4) of uint8 or (height, width, 4) of
-/// float32.
+/// An array that a plane is written to, writable and with pixels side by side: (height, width, 3 or 4) of uint8, uint16 or
+/// float32 (4 alone), raw numbers (height, width) of uint16, or packed rows (height, bytes) of uint8.
 pub struct Target {
     image: shutterbug_image,
     _held: Held,
@@ -183,38 +188,46 @@ unsafe impl Send for Target {}
 unsafe impl Sync for Target {}
 
 impl Target {
-    /// Takes the array.
-    pub fn of(array: &Bound<'_, PyAny>) -> PyResult<Self> {
-        if let Ok(buffer) = PyBuffer::<f32>::get(array) {
-            writable(&buffer)?;
-            let [_, _, 4] = buffer.shape() else { return Err(wrong(Kind::Color)) };
-            return Ok(Self { image: layout(&buffer, RGBA32F)?, _held: Held::F32(buffer) });
+    /// Takes the array for a format of `shutterbug_image`.
+    pub fn of(array: &Bound<'_, PyAny>, format: u32) -> PyResult<Self> {
+        match format {
+            RGB8 | RGBA8 => Self::filled(array, format, Some(format as usize + 2), Held::U8),
+            RGB16 | RGBA16 => Self::filled(array, format, Some((format - RGB16) as usize + 3), Held::U16),
+            RGBA32F => Self::filled(array, format, Some(4), Held::F32),
+            BAYER10..=BAYER16 => Self::filled(array, format, None, Held::U16),
+            MIPI_RAW10..=MIPI_RAW14 => {
+                let mut target = Self::filled(array, format, None, Held::U8)?;
+                let bits = 10 + 2 * (format - MIPI_RAW10);
+                target.image.width = target.image.width * 8 / bits;
+                Ok(target)
+            }
+            other => Err(PyValueError::new_err(format!("{other} is no format that a plane is read in"))),
         }
-        if let Ok(buffer) = PyBuffer::<u16>::get(array) {
-            // Halves, which the buffer protocol hands on as they are only under another name.
-            writable(&buffer)?;
-            let [_, _, 4] = buffer.shape() else { return Err(wrong(Kind::Color)) };
-            return Ok(Self { image: layout(&buffer, RGBA16F)?, _held: Held::U16(buffer) });
-        }
-        let buffer = PyBuffer::<u8>::get(array).map_err(|_| wrong(Kind::Color))?;
-        writable(&buffer)?;
-        let format = match buffer.shape() {
-            [_, _, 3] => RGB8,
-            [_, _, 4] => RGBA8,
-            _ => return Err(wrong(Kind::Color)),
+    }
+
+    fn filled<T: Element>(
+        array: &Bound<'_, PyAny>,
+        format: u32,
+        channels: Option<usize>,
+        held: impl FnOnce(PyBuffer<T>) -> Held,
+    ) -> PyResult<Self> {
+        let expected = || {
+            PyTypeError::new_err(format!("an array of another type or shape is expected for format {format}"))
         };
-        Ok(Self { image: layout(&buffer, format)?, _held: Held::U8(buffer) })
+        let buffer = PyBuffer::<T>::get(array).map_err(|_| expected())?;
+        if buffer.readonly() {
+            return Err(PyValueError::new_err("the array to write to is read-only"));
+        }
+        match (buffer.shape(), channels) {
+            ([_, _, found], Some(wanted)) if *found == wanted => {}
+            ([_, _], None) => {}
+            _ => return Err(expected()),
+        }
+        Ok(Self { image: layout(&buffer, format)?, _held: held(buffer) })
     }
 
     /// The picture as the C ABI has it.
     pub fn image(&self) -> *const shutterbug_image {
         &raw const self.image
     }
-}
-
-fn writable<T: Element>(buffer: &PyBuffer<T>) -> PyResult<()> {
-    if buffer.readonly() {
-        return Err(PyValueError::new_err("the array to write to is read-only"));
-    }
-    Ok(())
 }

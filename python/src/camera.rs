@@ -17,8 +17,8 @@ pub fn check_camera(py: Python<'_>, text: &str, name: &str) -> PyResult<(String,
     Ok((file.to_toml(), file.warnings))
 }
 
-/// A camera in another tool's format (`toml`, `ros`, `kalibr`, `euroc`; `None`: the content decides) as `camera.toml`, and what
-/// that cannot hold.
+/// A camera in another tool's format (`toml`, `ros`, `kalibr`, `euroc`, `gyroflow`; `None`: the content decides) as `camera.toml`, and
+/// what that cannot hold. `rate_hz` counts where the text does not say it.
 #[pyfunction]
 #[pyo3(signature = (text, name, format=None, camera=None, rate_hz=None))]
 pub fn import_camera(
@@ -38,6 +38,7 @@ pub fn import_camera(
         .transpose()?;
     let read = formats::parse_camera(path, text, format, camera).map_err(|e| input_error(py, &e))?;
     // Where it is mounted is the poses' affair.
+    let rate_hz = read.camera.rate_hz.or(rate_hz);
     let model = formats::CameraModel { body_from_camera: None, ..read.camera };
     let (toml, left_out) =
         formats::write_camera(&model, Format::Toml, path, rate_hz).map_err(|e| input_error(py, &e))?;

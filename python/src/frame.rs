@@ -74,9 +74,9 @@ impl Frame {
         })
     }
 
-    /// Copies a plane (1 the picture, 5 the radiance) to an array of the camera's size.
-    fn read_into(&self, py: Python<'_>, plane: u32, to: &Bound<'_, PyAny>) -> PyResult<()> {
-        let target = Target::of(to)?;
+    /// Copies a plane (1 the picture, 5 the radiance, 6 raw) in a format of `shutterbug_image` to an array of the camera's size.
+    fn read_into(&self, py: Python<'_>, plane: u32, format: u32, to: &Bound<'_, PyAny>) -> PyResult<()> {
+        let target = Target::of(to, format)?;
         self.call(py, |frame| {
             // SAFETY: the array is held, and as large as the image says.
             (unsafe { capi::shutterbug_frame_read(frame, plane, target.image()) }, ())

@@ -22,3 +22,9 @@ def mujoco():
     """Skips a module where MuJoCo is not installed, or has no OpenGL to draw with."""
     if _cannot_draw():
         pytest.skip(f"MuJoCo cannot draw with MUJOCO_GL={os.environ['MUJOCO_GL']}: {_cannot_draw()}", allow_module_level=True)
+
+
+def long(why):
+    """Skips what takes minutes, by name, unless SHUTTERBUG_LONG asks for it."""
+    if not os.environ.get("SHUTTERBUG_LONG"):
+        pytest.skip(f"long, SHUTTERBUG_LONG=1 runs it: {why}")

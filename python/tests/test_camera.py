@@ -1,6 +1,8 @@
 """Cameras: what they deliver against an oracle in NumPy, where they come from, and what they refuse."""
 
 import json
+import subprocess
+import sys
 import time
 import tomllib
 
@@ -160,20 +162,40 @@ def test_cameras_come_from_files_and_messages(tmp_path):
         k, d = np.array(info["K"]), np.array(info["D"])
 
     assert Camera.from_camera_info(Message(), rate_hz=20).toml == ros.toml
-    profile = {
-        "calib_dimension": {"w": 1920, "h": 1080},
-        "fps": 59.94,
-        "frame_readout_time": 12.5,
-        "distortion_model": "opencv_fisheye",
-        "fisheye_params": {"camera_matrix": [[900, 0, 960], [0, 900, 540], [0, 0, 1]], "distortion_coeffs": [0.05, 0.01, 0.0, 0.0]},
-    }
-    (tmp_path / "lens.json").write_text(json.dumps(profile))
-    fish = Camera.from_gyroflow(tmp_path / "lens.json")
-    assert fish.readout_time_s == 0.0125 and fish.matrix[0, 2] == 960.5
-    for text in ("{", "[]", '{"fisheye_params": {}}'):
-        (tmp_path / "lens.json").write_text(text)
+    # A rate that the file states counts; ours is for files without.
+    euroc = "sensor_type: camera\nrate_hz: 20\nresolution: [64, 48]\ncamera_model: pinhole\nintrinsics: [50, 51, 31.5, 23.5]\n"
+    euroc += "distortion_model: radial-tangential\ndistortion_coefficients: [-0.1, 0.01, 0, 0]\n"
+    (tmp_path / "sensor.yaml").write_text(euroc)
+    assert Camera.from_camera_info(tmp_path / "sensor.yaml", rate_hz=50).frame_period_s == 0.05
+    (tmp_path / "sensor.yaml").write_text(euroc.replace("rate_hz: 20\n", ""))
+    assert Camera.from_camera_info(tmp_path / "sensor.yaml", rate_hz=50).frame_period_s == 0.02
+
+
+def profile(**more):
+    lens = {"camera_matrix": [[900, 0, 960], [0, 900, 540], [0, 0, 1]], "distortion_coeffs": [0.05, 0.01, 0.0, 0.0]}
+    return {"calib_dimension": {"w": 1920, "h": 1080}, "fisheye_params": lens, **more}
+
+
+def test_lens_profiles_are_read_as_the_program_reads_them(tmp_path):
+    file = tmp_path / "lens.json"
+    file.write_text(json.dumps(profile(fps=59.94, frame_readout_time=-12.5)))
+    fish = Camera.from_gyroflow(file)
+    assert fish.readout_time_s == 0.0125 and fish.effects["rolling_shutter"]["scan_order"] == "bottom_to_top"
+    assert fish.matrix[0, 2] == 960.5 and fish.frame_period_s == pytest.approx(1 / 59.94)
+    words = ["camera", "convert", file, "--out", tmp_path / "camera.toml"]
+    subprocess.run([sys.executable, "-m", "shutterbug", *map(str, words)], check=True, capture_output=True)
+    assert Camera.from_toml(tmp_path / "camera.toml").toml == fish.toml
+    # OpenCV's standard model with eight coefficients, and no rate.
+    standard = profile(distortion_model="opencv_standard")
+    standard["fisheye_params"]["distortion_coeffs"] = [-0.2, 0.05, 0, 0, 0.01, 0.02, 0, 0]
+    file.write_text(json.dumps(standard))
+    rational = Camera.from_gyroflow(file, rate_hz=25)
+    assert rational.effects["lens_distortion"]["model"] == "rational" and rational.effects["lens_distortion"]["k4"] == 0.02
+    assert rational.frame_period_s == 0.04 and any("fps" in note for note in rational.notes)
+    for text in ("{", "[]", '{"fisheye_params": {}}', json.dumps(profile(distortion_model="poly3"))):
+        file.write_text(text)
         with pytest.raises(errors.InputError, match=r"lens\.json"):
-            Camera.from_gyroflow(tmp_path / "lens.json")
+            Camera.from_gyroflow(file)
 
 
 @pytest.mark.parametrize(
@@ -254,7 +276,7 @@ def test_what_python_adds_is_under_2_percent(device):
     def bare():
         frame = engine.submit(outside)
         frame.wait()
-        frame.read_into(1, out)
+        frame.read_into(1, 1, out)
         frame.close()
 
     def spent(call):

@@ -103,6 +103,26 @@ def test_every_public_name_says_what_it_is():
     assert len(told) > 90 and silent == []
 
 
+def parameters_of(thing):
+    function = vars(thing).get("__init__") if inspect.isclass(thing) else thing
+    if not inspect.isfunction(function):
+        return "", []
+    told = f"{inspect.getdoc(thing) or ''} {inspect.getdoc(function) or ''}"
+    # What goes on to another function as it is.
+    handed_on = {"self", "cls", "args", "options", "given", "sample"}
+    return told, [p for p in inspect.signature(function).parameters if p not in handed_on]
+
+
+def test_every_parameter_is_explained():
+    """By its name in the docstring, or by a word on whose arguments they are."""
+    silent = []
+    for name, thing in public_things():
+        told, parameters = parameters_of(thing)
+        if "as of `" not in told.lower() and "as `" not in told and "For `Camera.submit` alone" not in told:
+            silent += [f"{name}({p})" for p in parameters if p not in told]
+    assert silent == []
+
+
 def test_statuses_are_those_of_the_library():
     from shutterbug import _core, errors
 
@@ -144,6 +164,48 @@ def test_style():
     pytest.importorskip("ruff")
     checked("ruff", "check", "--no-cache", ".")
     checked("ruff", "format", "--no-cache", "--check", ".")
+
+
+def test_the_sources_build(device, tmp_path):
+    """Into a wheel that gives a picture, in a clean environment: pip fetches all that it needs but a compiler and cargo."""
+    needs.long("the sources are built anew")
+    maturin = SOURCES / "target/python/build/bin/maturin"
+    if not maturin.exists():
+        pytest.skip("no maturin: tools/python-tests installs it")
+    # Below the sources, so that cargo finds what tools/setup has written of the machine's own shaderc.
+    folder = SOURCES / "target/python/sdist"
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "tmp").mkdir(parents=True)
+    env = {**os.environ, "TMPDIR": str(folder / "tmp"), "CARGO_TARGET_DIR": str(SOURCES / "target")}
+    done = {"check": True, "capture_output": True, "text": True}
+    subprocess.run([maturin, "sdist", "--out", folder], cwd=SOURCES / "python", **done)
+    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], **done)
+    pip, python = folder / "venv/bin/pip", folder / "venv/bin/python"
+    (sources,) = folder.glob("shutterbug-*.tar.gz")
+    subprocess.run([pip, "wheel", "-q", "--no-deps", "-w", folder, sources], env=env, cwd=tmp_path, **done)
+    (wheel,) = folder.glob("shutterbug-*.whl")
+    subprocess.run([pip, "install", "-q", "--no-deps", wheel], **done)
+    subprocess.run([pip, "install", "-q", "numpy"], **done)
+    script = (
+        "import numpy as np, shutterbug; p = np.full((48, 64, 3), 99, np.uint8); assert (shutterbug.Camera(64, 48, fovy=50)(p) == p).all()"
+    )
+    subprocess.run([python, "-c", script], **done)
+
+
+def test_the_recipe_for_conda_says_what_the_package_says():
+    yaml = pytest.importorskip("ruamel.yaml", reason="ruamel.yaml is not installed")
+    import tomllib
+
+    recipe = yaml.YAML(typ="safe").load((SOURCES / "python/conda/recipe.yaml").read_text("utf-8"))
+    project = tomllib.loads((SOURCES / "python/pyproject.toml").read_text("utf-8"))
+    own, needed = project["project"], recipe["requirements"]
+    assert recipe["context"]["version"] == own["version"] and recipe["about"]["license"] == own["license"]
+    assert f"python {own['requires-python']}" in needed["run"] and "numpy >=1.26" in needed["run"]
+    assert [d for d in own["dependencies"] if d.replace(">", " >", 1) in needed["run"]] == ["numpy>=1.26"]
+    (script,) = recipe["build"]["python"]["entry_points"]
+    assert script == f"shutterbug = {own['scripts']['shutterbug']}"
+    for tool in project["build-system"]["requires"]:
+        assert re.split("[><=]", tool)[0] in " ".join(map(str, needed["build"]))
 
 
 def test_wheels_hold_their_licences():

@@ -40,6 +40,39 @@ def test_images_of_torch_are_planar(picture):
     assert np.array_equal(np.moveaxis(made.numpy(), 0, -1), transforms.Camera(NOISE, seed=4)(picture))
 
 
+def test_torchvision_composes_it(picture):
+    """v2 hands dictionaries from transform to transform: ours stands between two of theirs."""
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    v2 = pytest.importorskip("torchvision.transforms.v2", reason="torchvision is not installed")
+    planar = torch.from_numpy(np.ascontiguousarray(np.moveaxis(picture, -1, 0)))
+    both = v2.Compose([v2.RandomHorizontalFlip(p=1.0), transforms.Camera(NOISE, seed=4), v2.ToDtype(torch.float32, scale=True)])
+    made = both({"image": planar, "label": 3})
+    assert made["label"] == 3 and made["image"].shape == (3, 96, 128) and made["image"].dtype == torch.float32
+    expected = transforms.Camera(NOISE, seed=4)(np.ascontiguousarray(picture[:, ::-1]))
+    assert np.array_equal(np.moveaxis((made["image"].numpy() * 255).round().astype(np.uint8), 0, -1), expected)
+
+
+def test_albumentations_composes_it(picture):
+    """Beside a pipeline of theirs by keywords, and inside one as the function of a Lambda."""
+    a = pytest.importorskip("albumentations", reason="albumentations is not installed")
+    ours = transforms.Camera(NOISE, seed=4)
+    flipped = a.Compose([a.HorizontalFlip(p=1.0)])(**transforms.Camera(NOISE, seed=4)(image=picture))["image"]
+    assert np.array_equal(flipped[:, ::-1], transforms.Camera(NOISE, seed=4)(picture))
+    inside = a.Compose([a.Lambda(image=lambda image, **_: ours(image), p=1.0), a.HorizontalFlip(p=1.0)])(image=picture)["image"]
+    assert np.array_equal(inside, flipped)
+
+
+def test_kornia_takes_its_batches(picture):
+    """(n, 3, height, width) of floats from 0 to 1."""
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    augmentation = pytest.importorskip("kornia.augmentation", reason="kornia is not installed")
+    planar = torch.from_numpy(np.moveaxis(picture, -1, 0) / np.float32(255))
+    batch = transforms.Camera(NOISE, seed=4)(torch.stack([planar, planar]))
+    assert batch.shape == (2, 3, 96, 128) and batch.dtype == torch.float32 and not torch.equal(batch[0], batch[1])
+    flipped = augmentation.RandomHorizontalFlip(p=1.0)(batch)
+    assert torch.equal(flipped.flip(-1), batch)
+
+
 def test_a_shutter_needs_to_know_what_moved(picture):
     augment = transforms.Camera(SHUTTER)
     with pytest.raises(errors.MissingMotionError, match="depth and poses"):

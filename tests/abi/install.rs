@@ -75,6 +75,24 @@ fn the_examples_are_short_build_and_run() {
     assert_eq!(shutterbug::plane::read_rgb8(&out).unwrap().width, 320);
 }
 
+/// Against stand-ins for Gazebo's headers, and called as Gazebo would: its own are not needed here.
+#[test]
+fn the_gazebo_system_leans_what_stands() {
+    let include = ["-Itests/c/gazebo"];
+    let Some(drive) = build("c++", "-std=c++17", "tests/c/gazebo/drive.cc", &include) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let camera = folder.path().join("camera.toml");
+    let pinhole = "width = 160\nheight = 120\nfx = 150\nfy = 150\ncx = 80\ncy = 60\nframe_period_s = 0.04\n";
+    let code = |shutter: &str| {
+        std::fs::write(&camera, format!("{pinhole}{shutter}")).unwrap();
+        program(&drive, &[camera.to_str().unwrap()]).output().unwrap().status.code()
+    };
+    let found = code("[rolling_shutter]\nreadout_time_s = 0.02\n");
+    assert!(found == Some(0) || found == Some(NO_DEVICE), "{found:?}");
+    let none = code("");
+    assert!(none == Some(1) || none == Some(NO_DEVICE), "control: without a shutter nothing leans: {none:?}");
+}
+
 #[test]
 fn resident_memory_stays_flat() {
     let Some(cycles) = build("cc", "-std=c11", "tests/c/cycles.c", &[]) else { return };

@@ -199,6 +199,7 @@ fn report(pictures: &[Picture], target: &Target, observed: &Observed, fit: &Boar
         observed.left_out.iter().map(|l| json!({ "file": one_line(&l.name), "why": l.why })).collect();
     let all = json!({
         "target": { "pattern": target.pattern.name(), "points": target.size, "square_m": target.square_m },
+        "size_px": observed.size,
         "camera": parameters,
         "rms_px": { "pinhole_alone": fit.rms_px[0], "with_lens_and_readout": fit.rms_px[1] },
         "views": views,
