@@ -444,7 +444,8 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Op
         return late(exact, &room);
     };
     search.forward.budget.stage = Stage::End;
-    if free.set.iter().any(|name| super::description::is_description(name)) {
+    let questioned = free.set.iter().any(|name| super::description::is_description(name));
+    if questioned && (free.is_whole() || in_time(search.explains_more(&free, &exact))? == Some(true)) {
         let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
         return Ok((free, objects));
     }

@@ -322,6 +322,13 @@ impl<'a> Search<'a> {
         self.judge.kind = self.base.room.kind();
     }
 
+    /// Whether one finding leaves less on the frames to choose by than another, both where both can be scored.
+    pub(super) fn explains_more(&mut self, one: &Found, other: &Found) -> Result<bool> {
+        self.judge.kind = one.fit.theta.room.kind().and(other.fit.theta.room.kind());
+        let [one, other] = [one, other].map(|f| self.judge.scores(self.forward, &f.fit.theta));
+        Ok(one?.mean() < other?.mean())
+    }
+
     /// As behind the search that found this.
     pub(super) fn end_as(&mut self, found: &Found) {
         self.room.clear();
