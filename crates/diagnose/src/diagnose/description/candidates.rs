@@ -68,6 +68,10 @@ impl Search<'_> {
                     continue;
                 }
             }
+            let tracked = !fit.theta.room.poses.is_empty() && theta.room.poses.is_empty();
+            if tracked && !self.is_no_offset(set, theta, &fit.theta)? {
+                continue;
+            }
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             tracing::info!("{name} beside {set:?}: {:.3} DN ({:.3})", scores.mean(), scores.floor());
             out.push((name, fit, scores));
@@ -136,6 +140,21 @@ impl Search<'_> {
         tracing::info!("factors of surfaces rather than one curve: {told}");
         self.forward.description.no_curve = told;
         Ok(told)
+    }
+
+    /// Whether errors of poses do more than one offset or one delay: those are effects of their own, looked for or not.
+    fn is_no_offset(&mut self, set: &[&'static str], theta: &Theta, poses: &Theta) -> Result<bool> {
+        for name in ["pose_offset", "time_offset"] {
+            if set.contains(&name) || self.names.contains(&name) {
+                continue;
+            }
+            let fit = self.add(candidate_of(name), set, theta)?;
+            if !self.prefers(&fit.theta, poses)? {
+                tracing::info!("errors of poses do what {name} does");
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// A fit of a set that has no parameter but poses.
