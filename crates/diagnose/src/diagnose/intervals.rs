@@ -27,6 +27,11 @@ const VALUES: usize = 3 * 256 * 8;
 /// Side of the blocks of a picture whose gradients are taken for independent draws, px.
 const CLUSTER_PX: usize = 32;
 
+/// Steps that look for the place on a way between two pictures, and the step from which on it is found.
+const STEPS: usize = 8;
+/// See [`STEPS`].
+const LEAST_STEP: f64 = 1e-3;
+
 /// Half widths of 95 % intervals of `free` at `theta`.
 pub(super) fn intervals(
     forward: &mut Forward,
@@ -175,17 +180,22 @@ pub(super) fn way(
     block: usize,
     moves: bool,
 ) -> Option<Way> {
-    let (of, a) = ([0], vec![vec![e.a[0][0]]]);
-    if e.a[0][0] <= 0.0 {
-        return None;
+    let mut share = 0.0;
+    // What counts little before the way is gone counts fully where it has led to: edges that lay far off have come to lie right.
+    for _ in 0..STEPS {
+        if e.a[0][0] <= 0.0 {
+            return None;
+        }
+        let step = e.b[0] / e.a[0][0];
+        share += step;
+        e = moved_along(e, step as f32);
+        if step.abs() < LEAST_STEP {
+            break;
+        }
     }
-    let l = cholesky(&a, 0.0)?;
-    let share = e.b[0] / e.a[0][0];
     // Chance is what is left at that place: an effect that is strong in some frames and weak in others is no noise.
-    for (residual, columns) in &mut e.values {
-        residual.iter_mut().zip(&columns[0]).for_each(|(r, d)| *r -= share as f32 * d);
-    }
-    let e = &e;
+    let (e, of) = (&e, [0]);
+    let l = cholesky(&[vec![e.a[0][0]]], 0.0)?;
     let random = chance(e, &of, &l, columns_px, CLUSTER_PX / block)[0]
         + rounding(e, shown, &of, &l)[0]
         + colours(e, shown, &of, &l)[0];
@@ -196,6 +206,15 @@ pub(super) fn way(
     let drawn = (0..draws).map(|k| along(k + 2).powi(2)).sum::<f64>() / draws.max(1) as f64;
     let half = (2.0 * (random + drawn).sqrt()).hypot(systematic).hypot(along(1));
     Some(Way { share, half })
+}
+
+/// The equations where the picture has been moved along the first column by so many of its lengths.
+fn moved_along(e: Equations, step: f32) -> Equations {
+    let Equations { mut values, weighing, a, .. } = e;
+    for (residual, columns) in &mut values {
+        residual.iter_mut().zip(&columns[0]).for_each(|(r, d)| *r -= step * d);
+    }
+    assemble(values, a.len(), weighing)
 }
 
 /// The largest of the variances that three ways to draw parts give, in units of the steps.

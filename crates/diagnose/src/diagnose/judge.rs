@@ -162,6 +162,25 @@ pub(super) fn gain(worse: &Scores, better: &Scores) -> Estimate {
     difference(worse, better, None)
 }
 
+/// Gain in the places where `worse` lies above what the discrepancy may make of it, less what is lost anywhere. Chance is what a
+/// block's gain does from frame to frame: what shows in few blocks is not taken for chance because others show nothing.
+pub(super) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
+    let frames = |scores: &Scores| scores.0.iter().map(FrameScore::over_families).collect::<Vec<_>>();
+    let (a, b) = (frames(worse), frames(better));
+    let count = a.iter().chain(&b).map(Vec::len).min().unwrap_or(0);
+    let n = a.len() as f64;
+    let (mut value, mut variance) = (0.0, 0.0);
+    for block in 0..count {
+        let gains: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a[block][0] - b[block][0]).collect();
+        let mean = gains.iter().sum::<f64>() / n;
+        let beyond = a.iter().map(|a| a[block][0] - a[block][2]).sum::<f64>() / n;
+        value += mean.min(beyond.max(0.0));
+        variance += gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n * (n - 1.0).max(1.0));
+    }
+    // One frame says nothing of chance.
+    if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
+}
+
 /// Gain in one family of statistics.
 pub(super) fn family_gain(worse: &Scores, better: &Scores, family: usize) -> Estimate {
     difference(worse, better, Some(family))
