@@ -332,3 +332,40 @@ fn filter(e: &Equations, of: &[usize], l: &[Vec<f64>], all: &[P], theta: &Theta)
     let column: Vec<f64> = of.iter().map(|&i| e.a[i][at] * moved).collect();
     back(l, &column).into_iter().map(f64::abs).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::model::Theta;
+    use super::super::tone::Tone;
+    use super::super::weighing::Weighing;
+    use super::*;
+
+    /// The way of a picture of 32 by 32 px whose second model moves three edges by 30 DN, where `seen` of that is real.
+    fn way_of(seen: impl Fn(usize) -> f32) -> Way {
+        let mean = Arc::new(Plane::from_fn(32, 32, |_, _| [100.0f32; 3]));
+        let moved = |i: usize| if (i / 3).is_multiple_of(11) { 30.0f32 } else { 0.0 };
+        let count = mean.data.len();
+        let little = |i: usize| [0.3f32, -0.3, 0.1][i % 3];
+        let one = |_| -> FrameValues {
+            let residual = (0..count).map(|i| moved(i) * seen(i) + little(i)).collect();
+            (residual, vec![(0..count).map(moved).collect(), vec![0.0; count]])
+        };
+        let values: Vec<FrameValues> = (0..3).map(one).collect();
+        let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
+        let pictures = vec![mean; 3];
+        let weighing = Weighing::new(&pictures, &Tone::new(&Theta::neutral()), 1, 1.0).chosen(&residuals);
+        let e = assemble(values, 2, Arc::new(weighing));
+        way(e, &Shown::of(&pictures, 1), 32, 1, false).expect("the models differ")
+    }
+
+    #[test]
+    fn edges_that_come_to_lie_right_count_fully() {
+        let right = way_of(|_| 1.0);
+        assert!((right.share - 1.0).abs() < 0.02 && right.half < 0.05, "{right:?}");
+        // Controls: nothing of it is real, and half of the places go the other way.
+        let none = way_of(|_| 0.0);
+        assert!(none.share.abs() < 0.02, "{none:?}");
+        let half = way_of(|i| if i % 2 == 0 { 1.0 } else { -1.0 });
+        assert!(half.share.abs() < 0.02, "{half:?}");
+    }
+}

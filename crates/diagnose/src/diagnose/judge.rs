@@ -341,6 +341,35 @@ mod tests {
         assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
     }
 
+    /// Scores of frames of so many blocks, all of one family: what each got, and what the discrepancy may make of it.
+    fn scores(frames: &[Vec<f32>], bound: f32) -> Scores {
+        let frame = |blocks: &Vec<f32>| {
+            let mut score = FrameScore::default();
+            score.blocks[0] = blocks.iter().map(|b| [*b, 0.5 * bound, bound]).collect();
+            score
+        };
+        Scores(frames.iter().map(frame).collect())
+    }
+
+    #[test]
+    fn what_shows_in_one_place_in_every_frame_is_no_chance() {
+        // One block of a hundred shows it, in five frames alike but for little.
+        let frames = |seen: &dyn Fn(usize) -> f32| -> Vec<Vec<f32>> {
+            (0..5).map(|f| (0..100).map(|b| if b == 7 { seen(f) } else { 0.01 }).collect()).collect()
+        };
+        let worse = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 0.2);
+        let better = scores(&frames(&|_| 0.1), 0.2);
+        assert!(!gain(&worse, &better).is_above(26), "to blocks it is chance");
+        assert!(gain_beyond_bounds(&worse, &better).is_above(26));
+        // Controls: within what correct simulations may differ by; in one frame of the five; and from a single frame.
+        let within = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 4.0);
+        assert!(!gain_beyond_bounds(&within, &better).is_above(26));
+        let once = scores(&frames(&|f| [15.0, 0.1, 0.1, 0.1, 0.1][f]), 0.2);
+        assert!(!gain_beyond_bounds(&once, &better).is_above(26));
+        let single = |s: &Scores| Scores(s.0[..1].to_vec());
+        assert!(!gain_beyond_bounds(&single(&worse), &single(&better)).is_above(1));
+    }
+
     #[test]
     fn blocks_of_a_row_belong_together_with_its_line() {
         // Three blocks across, two down, two groups of rows, three of columns.
