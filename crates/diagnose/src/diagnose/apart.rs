@@ -12,7 +12,7 @@ use super::discrepancy::FILTER_PX2;
 use super::fit::{Target, hide, pooled, residual};
 use super::forward::Quality;
 use super::intervals::{Shown, Way, way};
-use super::judge::{Scores, family_gain, gain, quantile, quantile_of_length};
+use super::judge::{Scores, family_gain, gain, gain_beyond_bounds, quantile, quantile_of_length};
 use super::model::{P, Theta, candidate_of};
 use super::noise::NoiseData;
 use super::normal::{FrameValues, assemble};
@@ -46,7 +46,12 @@ impl Search<'_> {
         if self.poses_shrink(worse, better) && !self.gains(&b, &a) {
             return Ok(true);
         }
-        Ok(self.gains(&a, &b) && self.is_on_its_side(worse, better)?)
+        Ok((self.gains(&a, &b) || self.gains_somewhere(&a, &b)) && self.is_on_its_side(worse, better)?)
+    }
+
+    /// Whether a gain is beyond chance in the places where it shows, be they few: walls may show no more than an edge.
+    fn gains_somewhere(&self, worse: &Scores, better: &Scores) -> bool {
+        gain_beyond_bounds(worse, better).is_above(self.tests())
     }
 
     /// Whether a gain is beyond chance: in the whole score, or in a family of statistics that the rest says nothing of.

@@ -162,6 +162,25 @@ pub(super) fn gain(worse: &Scores, better: &Scores) -> Estimate {
     difference(worse, better, None)
 }
 
+/// Gain in the places where `worse` lies above what the discrepancy may make of it, less what is lost anywhere. Chance is what a
+/// block's gain does from frame to frame: what shows in few blocks is not taken for chance because others show nothing.
+pub(super) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
+    let frames = |scores: &Scores| scores.0.iter().map(FrameScore::over_families).collect::<Vec<_>>();
+    let (a, b) = (frames(worse), frames(better));
+    let count = a.iter().chain(&b).map(Vec::len).min().unwrap_or(0);
+    let n = a.len() as f64;
+    let (mut value, mut variance) = (0.0, 0.0);
+    for block in 0..count {
+        let gains: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a[block][0] - b[block][0]).collect();
+        let mean = gains.iter().sum::<f64>() / n;
+        let beyond = a.iter().map(|a| a[block][0] - a[block][2]).sum::<f64>() / n;
+        value += mean.min(beyond.max(0.0));
+        variance += gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n * (n - 1.0).max(1.0));
+    }
+    // One frame says nothing of chance.
+    if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
+}
+
 /// Gain in one family of statistics.
 pub(super) fn family_gain(worse: &Scores, better: &Scores, family: usize) -> Estimate {
     difference(worse, better, Some(family))
@@ -320,6 +339,35 @@ mod tests {
         assert!(Estimate::of(&even).is_above(1000));
         let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
         assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
+    }
+
+    /// Scores of frames of so many blocks, all of one family: what each got, and what the discrepancy may make of it.
+    fn scores(frames: &[Vec<f32>], bound: f32) -> Scores {
+        let frame = |blocks: &Vec<f32>| {
+            let mut score = FrameScore::default();
+            score.blocks[0] = blocks.iter().map(|b| [*b, 0.5 * bound, bound]).collect();
+            score
+        };
+        Scores(frames.iter().map(frame).collect())
+    }
+
+    #[test]
+    fn what_shows_in_one_place_in_every_frame_is_no_chance() {
+        // One block of a hundred shows it, in five frames alike but for little.
+        let frames = |seen: &dyn Fn(usize) -> f32| -> Vec<Vec<f32>> {
+            (0..5).map(|f| (0..100).map(|b| if b == 7 { seen(f) } else { 0.01 }).collect()).collect()
+        };
+        let worse = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 0.2);
+        let better = scores(&frames(&|_| 0.1), 0.2);
+        assert!(!gain(&worse, &better).is_above(26), "to blocks it is chance");
+        assert!(gain_beyond_bounds(&worse, &better).is_above(26));
+        // Controls: within what correct simulations may differ by; in one frame of the five; and from a single frame.
+        let within = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 4.0);
+        assert!(!gain_beyond_bounds(&within, &better).is_above(26));
+        let once = scores(&frames(&|f| [15.0, 0.1, 0.1, 0.1, 0.1][f]), 0.2);
+        assert!(!gain_beyond_bounds(&once, &better).is_above(26));
+        let single = |s: &Scores| Scores(s.0[..1].to_vec());
+        assert!(!gain_beyond_bounds(&single(&worse), &single(&better)).is_above(1));
     }
 
     #[test]

@@ -58,6 +58,18 @@ pub(super) struct FrameScore {
     pub blocks: [Vec<[f32; 3]>; 7],
 }
 
+impl FrameScore {
+    /// [`FrameScore::blocks`] of all families together.
+    pub(super) fn over_families(&self) -> Vec<[f64; 3]> {
+        let count = self.blocks.iter().map(Vec::len).max().unwrap_or(0);
+        let mut sums = vec![[0.0; 3]; count];
+        for (to, from) in self.blocks.iter().flat_map(|family| family.iter().enumerate()) {
+            (0..3).for_each(|k| sums[to][k] += f64::from(from[k]));
+        }
+        sums
+    }
+}
+
 /// A frame to be scored.
 pub(super) struct Scored<'a> {
     pub real: &'a Plane<f32>,

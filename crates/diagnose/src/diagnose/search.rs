@@ -295,8 +295,12 @@ impl<'a> Search<'a> {
                 // What has been tried is taken in the time of the end.
                 self.forward.budget.stage = Stage::End;
             }
-            let Some((name, fit, _)) = self.choose(&current.theta, &scores, options)? else { break };
-            let mut set = found.set.clone();
+            let (mut set, mut chosen) =
+                (found.set.clone(), self.choose(&current.theta, &scores, options.clone())?);
+            if chosen.is_none() && !late {
+                (set, chosen) = self.by_way_of_another(watch, found, &scores, options)?;
+            }
+            let Some((name, fit, _)) = chosen else { break };
             set.push(name);
             let fit =
                 if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
@@ -416,7 +420,7 @@ impl<'a> Search<'a> {
     }
 
     /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
-    fn round(
+    pub(super) fn round(
         &mut self,
         watch: &mut dyn Watch,
         set: &[&'static str],

@@ -2,10 +2,11 @@
 
 use super::description::{after_what_moves, size};
 use super::fit::{FINE, Fit};
+use super::found::Found;
 use super::judge::{Estimate, Scores, gain};
 use super::model::{CandidateSpec, P, Theta, candidate_of};
 use super::placed::displacements;
-use super::search::{Search, Tried};
+use super::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
 
 impl Search<'_> {
@@ -34,6 +35,33 @@ impl Search<'_> {
             }
         }
         Ok(as_good.into_iter().min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gained(b).total_cmp(&gained(a)))))
+    }
+
+    /// A candidate that tells only beside another, and the set with that one: what each of two effects leaves may hide the other.
+    /// Asked where no single candidate counts although something is left.
+    pub(super) fn by_way_of_another(
+        &mut self,
+        watch: &mut dyn Watch,
+        found: &Found,
+        now: &Scores,
+        options: Vec<Tried>,
+    ) -> Result<(Vec<&'static str>, Option<Tried>)> {
+        let mut set = found.set.clone();
+        let gained = |from: &Scores, o: &Tried| gain(from, &o.2).value;
+        let gains = options.into_iter().filter(|o| self.gains(now, &o.2));
+        let first = gains.max_by(|a, b| gained(now, a).total_cmp(&gained(now, b)));
+        let Some((name, fit, seen)) = first.filter(|_| !now.beyond_bounds().is_empty()) else {
+            return Ok((set, None));
+        };
+        set.push(name);
+        let mut both = Vec::new();
+        for option in self.round(watch, &set, &fit, &seen, &mut Vec::new())? {
+            let theta = &option.1.theta;
+            if self.prefers(&fit.theta, theta)? && self.prefers(&found.fit.theta, theta)? {
+                both.push(option);
+            }
+        }
+        Ok((set, both.into_iter().max_by(|a, b| gained(&seen, a).total_cmp(&gained(&seen, b)))))
     }
 
     /// Whether `better` puts more of what photographs by a camera at rest show in its place than `worse`, beyond chance. Each of them
