@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::description::Room;
 use super::discrepancy::FILTER_PX2;
 use super::fit::{Target, hide, pooled, residual};
 use super::forward::Quality;
@@ -46,7 +47,15 @@ impl Search<'_> {
         if self.poses_shrink(worse, better) && !self.gains(&b, &a) {
             return Ok(true);
         }
-        Ok((self.gains(&a, &b) || self.gains_somewhere(&a, &b)) && self.is_on_its_side(worse, better)?)
+        // A description that is free can follow anything in a few places.
+        let exact = self.holds_to_description() && [worse, better].iter().all(|t| t.room == Room::default());
+        let gains = self.gains(&a, &b) || (exact && self.gains_somewhere(&a, &b));
+        Ok(gains && self.is_on_its_side(worse, better)?)
+    }
+
+    /// Whether scene and poses are taken as they are described.
+    pub(super) fn holds_to_description(&self) -> bool {
+        self.room.is_empty()
     }
 
     /// Whether a gain is beyond chance in the places where it shows, be they few: walls may show no more than an edge.

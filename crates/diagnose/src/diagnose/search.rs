@@ -297,7 +297,7 @@ impl<'a> Search<'a> {
             }
             let (mut set, mut chosen) =
                 (found.set.clone(), self.choose(&current.theta, &scores, options.clone())?);
-            if chosen.is_none() && !late {
+            if chosen.is_none() && !late && self.holds_to_description() {
                 (set, chosen) = self.by_way_of_another(watch, found, &scores, options)?;
             }
             let Some((name, fit, _)) = chosen else { break };
