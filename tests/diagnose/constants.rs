@@ -6,13 +6,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Files whose constants decide: what simulations may differ by, chance, the decision, and the checks that it reads.
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "discrepancy",
     "judge",
     "decide",
     "residue",
     "smear",
     "exchange",
+    "description/candidates",
     "description/surface",
     "description/radiance",
     "description/masks",

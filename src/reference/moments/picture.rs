@@ -5,7 +5,7 @@ use super::tone::Tone;
 use crate::chain::{At, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
 use crate::effects::LIST;
 use crate::effects::jpeg::compressed;
-use crate::effects::jpeg::packing::{packed_mean, rounded_mean};
+use crate::effects::jpeg::packing::packed_mean;
 use crate::plane::Plane;
 use crate::plane::stats::erf;
 
@@ -16,7 +16,7 @@ enum Job<'a> {
     Light(fn(&Parameters<'_>, &View, usize, &mut [f32]), Parameters<'a>),
     Affine([[f32; 2]; 3]),
     Twin(Twin, Parameters<'a>, u32),
-    Steps(f32),
+    Steps,
     Colors([[f32; 3]; 3]),
     Encode,
 }
@@ -51,7 +51,7 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
                 mixed = true;
                 jobs.push(Job::Colors(of(settings).map(|v| v.map(|v| v as f32))));
             }
-            (Moments::Steps(_), _) => jobs.push(Job::Steps(tone.step)),
+            (Moments::Steps(_), _) => jobs.push(Job::Steps),
             (Moments::File(of), _) => {
                 done(&mut picture, &mut jobs, view, tone, &mut unit);
                 clip(&mut picture, &mut mixed);
@@ -112,9 +112,7 @@ fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &T
                     tone.encode(row);
                     unit = 255.0;
                 }
-                Job::Steps(step) => pixels.for_each(|p| {
-                    (0..3).for_each(|c| p[c] = stepped(p[c], *step, tone.sensor_sigma(p[c], c)));
-                }),
+                Job::Steps => pixels.for_each(|p| (0..3).for_each(|c| p[c] = tone.stepped(p[c], c))),
                 Job::Twin(twin, parameters, variant) => pixels.enumerate().for_each(|(x, p)| {
                     let at = At { pixel: [x as u32, y as u32], view, source: &source, variant: *variant };
                     let seen = twin([p[0] / unit, p[1] / unit, p[2] / unit], &at, parameters);
@@ -127,11 +125,6 @@ fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &T
         *unit = 255.0;
     }
     jobs.clear();
-}
-
-/// Mean of a value that a converter clips and rounds.
-fn stepped(value: f32, step: f32, sigma: f32) -> f32 {
-    rounded_mean(value.clamp(0.0, 1.0), sigma, step)
 }
 
 fn clip(picture: &mut Plane<f32>, mixed: &mut bool) {

@@ -207,6 +207,27 @@ fn noise_ahead_of_the_converter_follows_from_what_is_behind_it() {
 }
 
 #[test]
+fn a_converter_of_few_steps_delivers_the_mean_and_the_spread_that_are_told() {
+    let noisy =
+        |bits: f64| settings(&[number("quantization", "bits", bits), number("read_noise", "sigma", 0.009)]);
+    let (coarse, fine) = (noisy(5.0), noisy(12.0));
+    let mut control = 0.0f64;
+    for level in [0.012f32, 0.03, 0.05, 0.11, 0.33, 0.61] {
+        let (seen, told) = of_colour(&coarse, [level; 3]);
+        let (_, without) = of_colour(&fine, [level; 3]);
+        for c in 0..3 {
+            let ([dn, variance], [told_dn, told_variance]) = (seen[c], told[c]);
+            let known = (variance / independent(&coarse)).sqrt();
+            assert!((told_dn - dn).abs() < 0.1 + 4.0 * known, "{level}, channel {c}: {told_dn} for {dn} DN");
+            let off = told_variance / variance - 1.0;
+            assert!(off.abs() < 0.1, "{level}, channel {c}: {told_variance} for {variance} DN^2");
+            control = control.max((without[c][0] - dn).abs());
+        }
+    }
+    assert!(control > 2.0, "control: without steps means are off by {control} DN at most");
+}
+
+#[test]
 fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
     let settings = settings(&[number("saturation", "factor", 1.4), number("read_noise", "sigma", 4e-3)]);
     let colour = [0.55, 0.12, 0.2];

@@ -6,7 +6,8 @@ use glam::Mat3;
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
 use crate::chain::{Domain, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
 use crate::effects::jpeg::flips::rounded_variance;
-use crate::effects::jpeg::packing::Packing;
+use crate::effects::jpeg::packing::{Packing, rounded_mean};
+use crate::plane::stats::erf;
 
 /// Entries of the tables of what noise does.
 const COARSE: usize = 768;
@@ -20,6 +21,12 @@ const POINTS: i32 = 12;
 /// See [`POINTS`].
 const STEP: f32 = 0.3;
 
+/// Entries of the table of a converter's means in one step, and most steps of one that has such a table.
+const ENTRIES: f32 = 32.0;
+/// See [`ENTRIES`].
+const MOST_STEPS: f32 = 127.0;
+/// Standard deviations to either side within which steps are summed over.
+const SIGMAS: f32 = 5.0;
 /// A matrix of colours behind the encoding: the spread of what it makes depends on the colours that it is made of.
 struct Behind {
     /// `[of][from]`.
@@ -62,6 +69,8 @@ pub struct Tone {
     noise: [Noise; 3],
     /// Rounding of the sensor's values, and how far these may be apart; 0: not rounded.
     pub(super) step: f32,
+    /// By channel and sensor value, from 0 to 1: what a converter of few steps delivers, as a value of the sensor.
+    stepped: [Vec<f32>; 3],
     /// By channel and sensor value: what noise adds to the mean.
     shift: Option<Box<[[f32; COARSE]; 3]>>,
     /// By channel and whole DN of the mean.
@@ -95,6 +104,7 @@ impl Tone {
             whole: [1.0; 3],
             noise: Default::default(),
             step: 0.0,
+            stepped: Default::default(),
             shift: None,
             by_dn: None,
             behind: None,
@@ -136,6 +146,7 @@ impl Tone {
     fn make_spread(&mut self, settings: &Settings) {
         let tables = [0, 1, 2].map(|c| self.under_noise(c));
         let mut by_dn = [0, 1, 2].map(|c| self.spread_by_dn(&tables[c], c));
+        self.make_steps(&tables, &mut by_dn);
         for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
             if let Moments::Colors(of) = effect.moments() {
                 let weights = of(settings).map(|row| row.map(|w| w as f32));
@@ -181,8 +192,7 @@ impl Tone {
         for p in colors.chunks_exact_mut(3) {
             for c in 0..3 {
                 let sensor = p[c] / self.whole[c];
-                let root = sensor.abs().sqrt().copysign(sensor);
-                let at = ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32;
+                let at = sensor_place(sensor);
                 let i = place(at).min(COARSE - 2);
                 let f = at - i as f32;
                 p[c] = plain(p[c], tables[c]) + (shift[c][i] * (1.0 - f) + shift[c][i + 1] * f);
@@ -190,8 +200,110 @@ impl Tone {
         }
     }
 
+    /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded. An encoding
+    /// bends by more than a normal distribution tells from one step to the next, in the dark above all.
+    fn make_steps(&mut self, tables: &[Vec<(f32, Variances)>; 3], by_dn: &mut [Vec<Variances>; 3]) {
+        if self.step == 0.0 || self.step * MOST_STEPS < 1.0 || !self.has_own_colors() {
+            return;
+        }
+        for c in 0..3 {
+            let behind = self.behind_steps(c);
+            self.stepped[c] = self.delivered_as(&behind, &tables[c], c);
+            by_dn[c] = self.spread_of_steps(&behind, c);
+        }
+    }
+
+    /// By value ahead of the converter, 0 to 1: mean and variance of what is delivered, DN.
+    fn behind_steps(&self, channel: usize) -> Vec<[f32; 2]> {
+        let last = (1.0 / self.step).round() as i32;
+        let encoded: Vec<f32> =
+            (0..=last).map(|k| self.plain(self.whole[channel] * k as f32 * self.step, channel)).collect();
+        let entries = (ENTRIES / self.step).ceil();
+        let of = |i: usize| {
+            let value = i as f32 / entries;
+            let (at, wide) = (value / self.step, self.sensor_sigma(value, channel) / self.step);
+            let below = |k: i32| {
+                let z = (k as f32 + 0.5 - at) / wide.max(1e-6);
+                0.5 + 0.5 * erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2) as f32
+            };
+            let reach = (SIGMAS * wide).ceil() as i32 + 1;
+            let (from, to) = ((at as i32 - reach).clamp(0, last), (at as i32 + reach).clamp(0, last));
+            let (mut mean, mut square, mut known) = (0.0, 0.0, 0.0);
+            for k in from..=to {
+                // The ends of the range take what lies beyond.
+                let up = if k == to { 1.0 } else { below(k) };
+                let dn = encoded[k as usize];
+                mean += (up - known) * dn;
+                square += (up - known) * dn * dn;
+                known = up;
+            }
+            [mean, (square - mean * mean).max(0.0)]
+        };
+        (0..entries as usize + 2).map(of).collect()
+    }
+
+    /// The value of the sensor whose delivered mean that is, by value ahead of the converter.
+    fn delivered_as(&self, behind: &[[f32; 2]], table: &[(f32, Variances)], channel: usize) -> Vec<f32> {
+        let mean = |sensor: f32| {
+            let at = sensor_place(sensor);
+            let i = place(at).min(COARSE - 2);
+            let f = at - i as f32;
+            self.plain(self.whole[channel] * sensor, channel) + table[i].0 * (1.0 - f) + table[i + 1].0 * f
+        };
+        let inverse = |&[dn, _]: &[f32; 2]| {
+            let (mut low, mut high) = (-0.2f32, 1.2f32);
+            for _ in 0..22 {
+                let middle = 0.5 * (low + high);
+                if mean(middle) < dn { low = middle } else { high = middle }
+            }
+            0.5 * (low + high)
+        };
+        behind.iter().map(inverse).collect()
+    }
+
+    /// Spread by whole DN of the mean.
+    fn spread_of_steps(&self, behind: &[[f32; 2]], channel: usize) -> Vec<Variances> {
+        let entries = (behind.len() - 2) as f32;
+        let [gain, row_gain] = [self.mixing.pixel[channel], self.mixing.row[channel]];
+        let [factor, term] = self.sensor[channel];
+        let mut at = 0;
+        let of = |dn: usize| {
+            while at + 2 < behind.len() && behind[at + 1][0] < dn as f32 {
+                at += 1;
+            }
+            let ([ma, va], [mb, vb]) = (behind[at], behind[at + 1]);
+            let f = if mb > ma { ((dn as f32 - ma) / (mb - ma)).clamp(0.0, 1.0) } else { 0.0 };
+            let all = va * (1.0 - f) + vb * f;
+            // What a row or a pixel has in common moves the mean; how far, as a rule, is the slope of the encoding.
+            let value = (at as f32 + f) / entries;
+            let slope = self.slope_at(dn as f32, channel);
+            let parts = self.noise[channel].at((value - term) / factor);
+            let [row, fixed] = [parts.row, parts.fixed].map(|v| (v * slope * slope).min(0.5 * all));
+            Variances { free: gain * (all - row - fixed).max(0.0), row: row_gain * row, fixed: gain * fixed }
+        };
+        (0..256).map(of).collect()
+    }
+
+    /// Whether no colour is made of others between the converter and the encoding.
+    fn has_own_colors(&self) -> bool {
+        (0..3).all(|i| (0..3).all(|j| i == j || self.colors[i][j] == 0.0))
+    }
+
+    /// Mean of a value of the sensor that a converter clips and rounds.
+    #[inline]
+    pub(super) fn stepped(&self, value: f32, channel: usize) -> f32 {
+        let (value, table) = (value.clamp(0.0, 1.0), &self.stepped[channel]);
+        if table.is_empty() {
+            return rounded_mean(value, self.sensor_sigma(value, channel), self.step);
+        }
+        let at = value * (table.len() - 2) as f32;
+        let i = place(at);
+        let f = at - i as f32;
+        table[i] * (1.0 - f) + table[i + 1] * f
+    }
+
     /// Standard deviation of a value of the sensor behind the noise.
-    pub(super) fn sensor_sigma(&self, sensor: f32, channel: usize) -> f32 {
+    fn sensor_sigma(&self, sensor: f32, channel: usize) -> f32 {
         let [factor, term] = self.sensor[channel];
         let v = self.noise[channel].at((sensor - term) / factor);
         (v.free + v.row + v.fixed).sqrt() * factor.abs()
@@ -265,6 +377,22 @@ impl Tone {
         let encoded = ((i - 1) as f32 + ((dn - a) / (b - a).max(1e-9)).clamp(0.0, 1.0)) / TABLE as f32;
         let [factor, term] = self.to_value(channel);
         (encoded - term) / factor.max(1e-6)
+    }
+
+    /// The steps of the converter, linear values before the noise; 0 without one.
+    pub fn step_linear(&self, channel: usize) -> f32 {
+        self.step / self.sensor[channel][0].abs().max(1e-6)
+    }
+
+    /// Whether delivered values are the converter's, each encoded on its own.
+    pub fn keeps_steps(&self) -> bool {
+        self.has_own_colors() && self.mixing == Mixing::NONE && self.packed.is_none() && self.behind.is_none()
+    }
+
+    /// A noise-free delivered value, DN, in steps of the converter above its darkest value.
+    pub fn in_steps(&self, dn: f32, channel: usize) -> f32 {
+        let [factor, term] = self.sensor[channel];
+        (self.decode(dn, channel) * factor + term) / self.step
     }
 
     /// Variance of noise ahead of the converter whose variance behind it is that, both in squares of the linear value before the
@@ -376,6 +504,13 @@ fn rounding(wide: f32) -> f32 {
 /// many instructions, and this is done for every value of every picture.
 fn place(at: f32) -> usize {
     at as i32 as usize
+}
+
+/// The place of a value of the sensor in the tables of noise.
+#[inline]
+fn sensor_place(sensor: f32) -> f32 {
+    let root = sensor.abs().sqrt().copysign(sensor);
+    ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32
 }
 
 /// The sensor's value at a place of the tables of noise.

@@ -1,6 +1,7 @@
 //! The end of a search: parameters that are freed last, and which kinds of noise there are.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::budget::{Stage, in_time};
 use super::description::{Room, is_description};
@@ -15,6 +16,7 @@ use super::residue::{Residue, outliers, residue, solved};
 use super::search::{Search, Watch, finest_of, is_discrete, last_of};
 use super::support::restored;
 use shutterbug::error::Result;
+use shutterbug::plane::Plane;
 
 impl Search<'_> {
     /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left out; only what
@@ -316,16 +318,21 @@ impl Search<'_> {
             return Ok(());
         }
         let frames = super::fit::spread_out(&self.evidence.fit, 6);
-        let means = self.forward.simulate(&frames, theta, self.judge.quality)?;
+        let means = self.forward.pictures(&frames, theta, self.judge.quality)?;
+        let ahead = self.ahead_of_steps(&frames, theta)?;
         let masks = Some(self.masks);
-        let whole = NoiseData::measure(self.evidence, &frames, &means, theta, masks);
+        let whole = NoiseData::measure(self.evidence, &frames, &means, ahead.as_deref(), theta, masks);
         let known = whole.errors(theta, names);
         let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
         for i in 0..frames.len() {
             let rest = |j: &usize| *j != i;
             let rest_frames: Vec<_> = (0..frames.len()).filter(rest).map(|j| frames[j]).collect();
-            let rest_means: Vec<_> = (0..frames.len()).filter(rest).map(|j| means[j].clone()).collect();
-            let part = NoiseData::measure(self.evidence, &rest_frames, &rest_means, theta, masks);
+            let others = |of: &Vec<Arc<Plane<f32>>>| -> Vec<_> {
+                (0..frames.len()).filter(rest).map(|j| of[j].clone()).collect()
+            };
+            let (rest_means, rest_ahead) = (others(&means), ahead.as_ref().map(others));
+            let ahead = rest_ahead.as_deref();
+            let part = NoiseData::measure(self.evidence, &rest_frames, &rest_means, ahead, theta, masks);
             let part = part.fit(theta, &self.base, names);
             parameters.iter().for_each(|&p| spread.entry(p).or_default().push(part.get(p)));
         }

@@ -13,8 +13,10 @@ use super::linear::solve;
 use super::model::{P, candidate_of};
 use super::normal::linearise;
 use super::search::{Search, is_discrete, moves};
-use super::support::restored;
+use super::support::{mixes_pixels, restored};
 use super::tone::Tone;
+use shutterbug::chain::{ParamKind, Work};
+use shutterbug::effects;
 use shutterbug::error::Result;
 
 /// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what few
@@ -94,7 +96,8 @@ impl Search<'_> {
         let beside =
             |n: &&'static str| !found.set.contains(n) && self.may_change(n) && moves(candidate_of(n)) == kind;
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
-        let alike = doings.alike(out, &rest, &others);
+        let mut alike = doings.alike(out, &rest, &others);
+        alike.extend(self.choices_like(out, &found.set));
         let size = |names: &[&str]| names.iter().map(|n| candidate_of(n).parameters.len()).sum::<usize>();
         for name in alike {
             if self.late() {
@@ -126,6 +129,23 @@ impl Search<'_> {
             }
         }
         Ok(None)
+    }
+
+    /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that would tell.
+    fn choices_like(&self, out: &[&'static str], set: &[&'static str]) -> Vec<&'static str> {
+        let filters = |n: &&str| {
+            let effect = effects::by_id(n);
+            effect.is_some_and(|e| matches!(e.work(), Work::Neighbourhood { .. }))
+        };
+        if !out.iter().all(filters) {
+            return Vec::new();
+        }
+        let is_choice = |n: &&'static str| {
+            let chosen = |p: &P| matches!(p.spec().kind, ParamKind::Choice { .. });
+            is_discrete(candidate_of(n)) && candidate_of(n).parameters.iter().all(chosen)
+        };
+        let open = |n: &&'static str| mixes_pixels(n) && !set.contains(n) && !self.is_known(n);
+        self.names.iter().copied().filter(is_choice).filter(open).collect()
     }
 
     /// What single parameters do to the frames beside the set as it is.

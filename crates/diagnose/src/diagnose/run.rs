@@ -439,6 +439,12 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Op
     }
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
     search.begin_anew(room.clone());
+    let promises = in_time(search.may_be_the_description(&exact.fit.theta))?;
+    if promises != Some(true) {
+        search.end_as(&exact);
+        return if promises.is_none() { late(exact, &room) } else { Ok((exact, None)) };
+    }
+    search.begin_anew(room.clone());
     let Some(free) = in_time(search.run(watch))? else {
         search.end_as(&exact);
         return late(exact, &room);

@@ -1,6 +1,7 @@
 //! Which candidates explain the gap: each alone, then sets by forward selection with pruning, refitted jointly.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::budget::{Stage, in_time};
@@ -15,7 +16,7 @@ use super::found::{Found, SEARCH};
 use super::intervals::Slopes;
 use super::judge::{Judge, Scores};
 use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
-use super::noise::{NOISES, NoiseData};
+use super::noise::{NOISES, NoiseData, noiseless, shows_steps};
 use super::normal::screened;
 use super::shown::Shown;
 use super::starts::{best_starts, is_hopeful};
@@ -142,7 +143,21 @@ impl<'a> Search<'a> {
         // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
         let means = self.forward.pictures(frames, theta, self.judge.quality)?;
         let masks = self.forward.masked(Some(self.masks), theta.room.kind());
-        Ok(NoiseData::measure(self.evidence, frames, &means, theta, masks.as_deref()))
+        let ahead = self.ahead_of_steps(frames, theta)?;
+        Ok(NoiseData::measure(self.evidence, frames, &means, ahead.as_deref(), theta, masks.as_deref()))
+    }
+
+    /// What is simulated ahead of a coarse converter, where its steps are seen one by one.
+    pub(super) fn ahead_of_steps(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+    ) -> Result<Option<Vec<Arc<Plane<f32>>>>> {
+        if !shows_steps(theta) {
+            return Ok(None);
+        }
+        let plain = noiseless(theta).with(P::Bits, 0.0);
+        Ok(Some(self.forward.pictures(frames, &plain, self.judge.quality)?))
     }
 
     /// `theta` with all noise that can be seen: values are judged against the spread that they have.

@@ -5,6 +5,7 @@ use std::borrow::Borrow;
 use rayon::prelude::*;
 
 use super::NoiseData;
+use super::steps::Steps;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::model::{P, Theta};
 use crate::diagnose::packing::Packing;
@@ -30,6 +31,9 @@ const LEAST_OF_THREE: f32 = 24.0;
 const ALIKE_DN: f32 = 16.0;
 /// Noise before a compression over what is seen behind it, from which on the former is not known.
 const MOST_REMOVED: f64 = 12.0;
+
+/// Least distance of two steps of a converter that are told apart, DN: what is delivered is rounded besides.
+const LEAST_STEP_DN: f32 = 3.0;
 
 /// Noise by which colours are compared with greys, a fraction of full scale.
 const LITTLE: f64 = 4e-3;
@@ -66,6 +70,8 @@ struct Compared<'a, M> {
     mixed: Option<Tone>,
     /// Whether noise is measured of brightness.
     luma: bool,
+    /// The simulated values ahead of a coarse converter, DN; nothing where steps are not seen one by one.
+    ahead: Option<&'a [M]>,
 }
 
 impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
@@ -123,6 +129,15 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
         }
     }
 
+    /// Where the value ahead of the converter lies, and the step that is seen, in steps.
+    fn steps(&self, f: usize, i: usize, ahead: &[M]) -> Option<[f32; 2]> {
+        let (r, m) = (self.evidence.frames[self.frames[f]].dn.data[i], ahead[f].borrow().data[i]);
+        let inside = self.flats[f][i / 3] && (12.0..=240.0).contains(&m) && r > 0.0 && r < 255.0;
+        let open =
+            inside && self.tables.slopes[m as usize][i % 3] * self.tone.step_linear(i % 3) >= LEAST_STEP_DN;
+        open.then(|| [m, r].map(|dn| self.tone.in_steps(dn, i % 3)))
+    }
+
     /// What a row of the picture shows in all frames.
     fn row(&self, y: usize, w: usize, apart: usize) -> Values {
         let mut values = Values::default();
@@ -137,6 +152,10 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
                         let channel = if self.luma { 1 } else { c };
                         seen.push([e - 0.5 * (a + b), m, self.tables.decode(m, channel)]);
                     }
+                    if let Some([simulated, real]) = self.ahead.and_then(|ahead| self.steps(f, i, ahead)) {
+                        let m = self.means[f].borrow().data[i];
+                        values.steps[bin_of(m)].add(simulated, real);
+                    }
                 }
                 values.add(&mut seen);
             }
@@ -146,11 +165,13 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
 }
 
 impl NoiseData {
-    /// Measures. `means`: simulated values of `frames` (places), DN.
+    /// Measures. `means`: simulated values of `frames` (places), DN; `ahead`: the same ahead of a coarse converter (see
+    /// [`shows_steps`]), nothing without one.
     pub(in super::super) fn measure<M: Borrow<Plane<f32>> + Sync>(
         evidence: &Evidence,
         frames: &[usize],
         means: &[M],
+        ahead: Option<&[M]>,
         theta: &Theta,
         masks: Option<&[Plane<f32>]>,
     ) -> Self {
@@ -167,7 +188,7 @@ impl NoiseData {
         let (luma, tables) = (is_luma(theta), Tables::of(&tone));
         let a_little = Tone::new(&noiseless(theta).with(P::Read, LITTLE));
         let mixed = a_little.mixes_colours().then_some(a_little);
-        let compared = Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma };
+        let compared = Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma, ahead };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
         let rows_apart = if mixed { APART[1] } else { 1 };
@@ -192,6 +213,13 @@ struct Values {
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
     row_own: [f64; 2],
+    /// Behind a coarse converter, by bin.
+    steps: Vec<Steps>,
+}
+
+/// The bin of brightness of a value, DN.
+fn bin_of(dn: f32) -> usize {
+    ((dn / 8.0) as usize).min(BINS - 1)
 }
 
 /// Where the simulated picture is flat.
@@ -226,6 +254,7 @@ impl Default for Values {
             fixed: vec![Vec::new(); BINS],
             rows: Vec::new(),
             row_own: [0.0; 2],
+            steps: vec![Steps::default(); BINS],
         }
     }
 }
@@ -240,11 +269,12 @@ impl Values {
             to.extend(from);
         }
         self.dn.iter_mut().zip(row.dn).for_each(|(to, from)| *to += from);
+        self.steps.iter_mut().zip(&row.steps).for_each(|(to, from)| to.append(from));
     }
 
     /// The differences of one value in all frames, with the simulated value of each, DN and linear.
     fn add(&mut self, seen: &mut [[f32; 3]]) {
-        let bin = |m: f32| ((m / 8.0) as usize).min(BINS - 1);
+        let bin = bin_of;
         for [e, m, _] in seen.iter() {
             self.total[bin(*m)].push(*e);
             self.dn[bin(*m)] += f64::from(*m);
@@ -326,8 +356,18 @@ impl Values {
         for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
             let linear = v.iter().map(|v| f64::from(v[2])).sum::<f64>() / v.len() as f64;
             // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone, twice.
-            let [sum, difference] =
-                [0, 1].map(|i| robust_variance(&mut v.iter().map(|v| v[i]).collect::<Vec<f32>>()));
+            // Behind a coarse converter most of either is nothing: the rest counts, up to what is far off for all kinds of noise.
+            let stepped = !self.steps[bin].is_empty();
+            let most = if stepped { 4.0 * tone.step_linear(1) } else { 0.0 };
+            let spread = |i: usize| {
+                if stepped {
+                    let squares = v.iter().map(|v| f64::from(v[i].clamp(-most, most)).powi(2));
+                    squares.sum::<f64>() / v.len() as f64
+                } else {
+                    robust_variance(&mut v.iter().map(|v| v[i]).collect::<Vec<f32>>())
+                }
+            };
+            let [sum, difference] = [spread(0), spread(1)];
             let variance = (sum - difference).max(0.0) / (4.0 * HIGH_PASS);
             data.fixed.push([linear.max(0.0), variance * whole[bin] / gain, v.len() as f64]);
         }
@@ -339,12 +379,27 @@ impl Values {
             data.row2 = ((seen - own) / scale).max(0.0);
             data.row_error2 = 3.0 / rows.len() as f64 * (seen / scale).powi(2);
         }
+        if self.steps.iter().any(|s| s.told().is_some()) {
+            // What goes to other steps goes there by the noise of its row as well.
+            let told = |bin: usize| {
+                let (told, step) = (self.steps[bin].told()?, f64::from(tone.step_linear(1)));
+                let variance = told.variance * step * step - quantum(bin) - data.row2;
+                (told.count >= 1.0).then(|| [linear(bin), variance.max(0.0), told.count])
+            };
+            data.total = (0..BINS).filter_map(told).collect();
+        }
         data
     }
 }
 
+/// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours behind it.
+pub(in super::super) fn shows_steps(theta: &Theta) -> bool {
+    let tone = Tone::new(theta);
+    tone.step_linear(1) > 0.0 && !theta.is_on(P::Quality) && tone.keeps_steps()
+}
+
 /// A camera without noise.
-fn noiseless(theta: &Theta) -> Theta {
+pub(in super::super) fn noiseless(theta: &Theta) -> Theta {
     let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];
     noises.into_iter().fold(theta.clone(), |theta, p| theta.with(p, 0.0))
 }

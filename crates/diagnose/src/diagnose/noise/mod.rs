@@ -8,9 +8,10 @@ use std::collections::BTreeMap;
 use super::discrepancy::SPREAD_ERROR;
 use super::intervals::Way;
 use super::model::{P, Theta};
-pub(super) use measure::flat_map;
+pub(super) use measure::{flat_map, noiseless, shows_steps};
 
 mod measure;
+mod steps;
 
 /// Relative error of a bin's variance beyond chance.
 pub(super) const BIN_ERROR: f64 = SPREAD_ERROR as f64;
@@ -241,7 +242,7 @@ mod tests {
                 (120.0 + fraction + sigma_dn * sum).round()
             })
         });
-        let data = NoiseData::measure(&Evidence::of_one(real), &[0], &[mean], &theta, None);
+        let data = NoiseData::measure(&Evidence::of_one(real), &[0], &[mean], None, &theta, None);
         data.total[0][1] * f64::from(Tone::new(&theta).slope_at(120.0, 1)).powi(2)
     }
 
