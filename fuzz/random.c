@@ -1,5 +1,6 @@
-/* random.c SEED SECONDS [FILE [CONTROL]]: feeds calls.c random programs where libFuzzer is not there. FILE gets the seed
- * of the program that runs: `random SEED 0` runs that one alone. CONTROL, "double" or "overflow", breaks a promise. */
+/* random.c SEED SECONDS [FILE [CONTROL]]: feeds calls.c random programs where libFuzzer is not there. FILE gets the
+ * seed of the program that runs: `random SEED 0` runs that one alone. CONTROL, "double" or "overflow", breaks a
+ * promise. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,10 +1,11 @@
-// The paper's gather (section 3: remap and blur) for speed, with the pixel chain behind it where that reads no neighbours.
-// The path over the exposure is the parabola through its begin, middle and end: exact for up to two motion images, and
-// two additions a step. Twin: src/reference/paper_fast.rs. The includer defines `vec3 tap(vec2 position_px)`.
+// The paper's gather (section 3: remap and blur) for speed, with the pixel chain behind it where that reads no
+// neighbours. The path over the exposure is the parabola through its begin, middle and end: exact for up to two motion
+// images, and two additions a step. Twin: src/reference/paper_fast.rs. The includer defines `vec3 tap(vec2
+// position_px)`.
 //
-// TAPS_PER_PX 1 reads every px of the path; 0.5 every second one, which bilinear reading covers as well. UNROLL taps are
-// read a round: lavapipe runs every loop at least once and both sides of every branch, so a path is cut into a multiple
-// of it.
+// TAPS_PER_PX 1 reads every px of the path; 0.5 every second one, which bilinear reading covers as well. UNROLL taps
+// are read a round: lavapipe runs every loop at least once and both sides of every branch, so a path is cut into a
+// multiple of it.
 layout(local_size_x = 64, local_size_y = 1) in;
 
 layout(constant_id = 40) const float TAPS_PER_PX = 0.5;

@@ -1,5 +1,5 @@
-//! Whether two frames of a host agree with what it says of their poses and depth, or would with another convention. Wrong
-//! conventions give plausible pictures, in silence.
+//! Whether two frames of a host agree with what it says of their poses and depth, or would with another convention.
+//! Wrong conventions give plausible pictures, in silence.
 
 use std::ffi::c_char;
 
@@ -130,8 +130,9 @@ impl Seen {
     }
 }
 
-/// Mean difference of what the second picture shows from the first one at the places where it was then, 0..1, over the three
-/// quarters of them that differ least: what only one frame sees, and detail finer than a pixel, is no sign of anything.
+/// Mean difference of what the second picture shows from the first one at the places where it was then, 0..1, over the
+/// three quarters of them that differ least: what only one frame sees, and detail finer than a pixel, is no sign of
+/// anything.
 fn difference(k: &Intrinsics, first: &Seen, second: &Seen, change: u32) -> f64 {
     let moved = first.pose(change).inverse().then_from(&second.pose(change));
     let (w, h) = (k.width as usize, k.height as usize);

@@ -1,13 +1,13 @@
-//! Whether a picture's values are light or its sRGB, from the pixels that edges cross: what they show of each side is light
-//! added up, and edges cross pixels anywhere, so the brighter side has half of them on average. Taken for the other
-//! encoding, it has more or less.
+//! Whether a picture's values are light or its sRGB, from the pixels that edges cross: what they show of each side is
+//! light added up, and edges cross pixels anywhere, so the brighter side has half of them on average. Taken for the
+//! other encoding, it has more or less.
 
 use crate::plane::{Plane, srgb_decode, srgb_encode};
 
 /// Most pixels from one side of an edge to the other.
 const MIXED: usize = 3;
-/// Sides vary at most by this share of the step, and what is between them is off them by more: the less is left out, the less
-/// do the darkest pixels, which one encoding presses together, bend the mean of the other.
+/// Sides vary at most by this share of the step, and what is between them is off them by more: the less is left out,
+/// the less do the darkest pixels, which one encoding presses together, bend the mean of the other.
 const FLAT: f32 = 0.015;
 /// Edges that say something: so far apart are the shares that the two encodings give at half.
 const APART: f32 = 0.06;
@@ -43,7 +43,8 @@ impl Shares {
         }
     }
 
-    /// Two pixels of a side, the mixed ones, and two of the other side; how far the second side is, if they are an edge.
+    /// Two pixels of a side, the mixed ones, and two of the other side; how far the second side is, if they are an
+    /// edge.
     fn edge(&mut self, run: &[f32], other: fn(f32) -> f32) -> Option<usize> {
         let mixed = &run[2..run.len() - 2];
         let (a, b) = (run[1], run[run.len() - 2]);

@@ -50,8 +50,9 @@ impl Exposure {
             return Err(Fault::new(
                 status::STATE,
                 format!(
-                    "auto_exposure: this frame answers to the one submitted {back} before it, which has not been waited \
-                     for (or failed: then shutterbug_engine_reset_exposure); delay_frames says how many may be in flight"
+                    "auto_exposure: this frame answers to the one submitted {back} before it, which has not been \
+                     waited for (or failed: then shutterbug_engine_reset_exposure); delay_frames says how many may \
+                     be in flight"
                 ),
             ));
         }

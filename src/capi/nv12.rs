@@ -1,5 +1,5 @@
-//! Delivered pictures as NV12: a plane of luma, then one of interleaved chroma for every 2x2 pixels (BT.601, full range, as JPEG has
-//! it).
+//! Delivered pictures as NV12: a plane of luma, then one of interleaved chroma for every 2x2 pixels (BT.601, full
+//! range, as JPEG has it).
 
 use super::image::NV12;
 use super::rows::{Layout, Rows};

@@ -1,4 +1,5 @@
-//! What stands behind an engine's handle: a device, a camera, and the engines that are made of them when they are needed.
+//! What stands behind an engine's handle: a device, a camera, and the engines that are made of them when they are
+//! needed.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -220,8 +221,8 @@ impl Session {
             Some(effect) => Err(Fault::new(
                 status::UNSUPPORTED,
                 format!(
-                    "`{}` acts in host memory on values of 8 bits: with it, pictures are had by shutterbug_frame_read only, not \
-                     in picture_memory, and not finer",
+                    "`{}` acts in host memory on values of 8 bits: with it, pictures are had by \
+                     shutterbug_frame_read only, not in picture_memory, and not finer",
                     effect.id()
                 ),
             )),
@@ -304,8 +305,8 @@ impl Session {
             Some(effect) => Err(Fault::new(
                 status::UNSUPPORTED,
                 format!(
-                    "`{effect}` acts where a pixel looks: of frames from outside, those with depth and poses over all of \
-                     the frame (pose_count) can have it"
+                    "`{effect}` acts where a pixel looks: of frames from outside, those with depth and poses over \
+                     all of the frame (pose_count) can have it"
                 ),
             )),
         }

@@ -1,5 +1,6 @@
-//! Which handles are alive, in this process. A child that was forked has none of its parent's: their devices live on threads
-//! that are not there, and their locks may be held for ever. It gets a table of its own before it touches any lock.
+//! Which handles are alive, in this process. A child that was forked has none of its parent's: their devices live on
+//! threads that are not there, and their locks may be held for ever. It gets a table of its own before it touches any
+//! lock.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicPtr, AtomicU32, AtomicUsize, Ordering};

@@ -1,9 +1,10 @@
-//! The ISP's smoothing against noise: a Gaussian on brightness and a wider one on colour (luma and both colour differences
-//! of ITU-R BT.601, as in JFIF), on encoded values. It makes the noise of neighbours alike. Clipped only when rounded.
+//! The ISP's smoothing against noise: a Gaussian on brightness and a wider one on colour (luma and both colour
+//! differences of ITU-R BT.601, as in JFIF), on encoded values. It makes the noise of neighbours alike. Clipped only
+//! when rounded.
 //!
-//! With `edge` above 0 edges are spared: a neighbour counts exp(-d^2 / (2 edge^2)) as much, where d is its difference in
-//! luma (Tomasi, Manduchi: "Bilateral filtering for gray and color images", ICCV 1998), along rows and then along columns
-//! (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
+//! With `edge` above 0 edges are spared: a neighbour counts exp(-d^2 / (2 edge^2)) as much, where d is its difference
+//! in luma (Tomasi, Manduchi: "Bilateral filtering for gray and color images", ICCV 1998), along rows and then along
+//! columns (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
 
 use super::gaussian;
 use crate::chain::{
@@ -123,8 +124,8 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![pass(0), pass(1)]
 }
 
-/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much of it in
-/// each of the three colours.
+/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much
+/// of it in each of the three colours.
 fn mixing(settings: &Settings) -> Mixing {
     let [luma, chroma] =
         sigmas_px(settings).map(|sigma| (sigma > 0.0).then(|| gaussian::mixing(-1.0, sigma)));

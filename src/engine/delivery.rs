@@ -9,8 +9,8 @@ use std::sync::Arc;
 /// What of the host's takes part in a frame.
 #[derive(Clone, Default)]
 pub struct Delivery {
-    /// The picture is copied there too: bytes get it as tightly packed RGBA8 (at least `4 width height`), images have the
-    /// picture's size and such a format. Without the effects that act in host memory (`jpeg`).
+    /// The picture is copied there too: bytes get it as tightly packed RGBA8 (at least `4 width height`), images have
+    /// the picture's size and such a format. Without the effects that act in host memory (`jpeg`).
     pub to: Option<Shared>,
     /// What the device waits for: before it reads pictures from outside, else before it writes to `to`.
     pub wait: Option<SignalAt>,

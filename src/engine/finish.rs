@@ -117,8 +117,8 @@ impl Finish {
         &self.radiance
     }
 
-    /// Makes what the effects need, if it is not there, and writes their parameters into the buffers of slot `index`, of
-    /// which nothing may be in flight. Where pixels are not wanted, the last values are left in [`Self::output`].
+    /// Makes what the effects need, if it is not there, and writes their parameters into the buffers of slot `index`,
+    /// of which nothing may be in flight. Where pixels are not wanted, the last values are left in [`Self::output`].
     pub(crate) fn fit(
         &mut self,
         (settings, view): (&Settings, &View),
@@ -166,8 +166,8 @@ impl Finish {
         Ok(())
     }
 
-    /// What the finished frame of a slot wanted besides its pixels: encoded values, shape `[height, width, 4]`, and what
-    /// is behind each filter of the mosaic, shape `[height, width, 1]`.
+    /// What the finished frame of a slot wanted besides its pixels: encoded values, shape `[height, width, 4]`, and
+    /// what is behind each filter of the mosaic, shape `[height, width, 1]`.
     pub(crate) fn take_kept(&self, index: usize, settings: &Settings) -> [Option<Plane<f32>>; 2] {
         let [width, height] = self.radiance.spec().size.map(|s| s as usize);
         let ChainInputs { kept: [values, raw], wanted, .. } = &self.inputs[index];
@@ -180,8 +180,8 @@ impl Finish {
         [values, raw.and_then(|all| BayerMosaic::raw(settings, &all))]
     }
 
-    /// The variants of the fused kernel, if that is all of the chain and looks at no neighbour: then a kernel that makes
-    /// the radiance can run it too.
+    /// The variants of the fused kernel, if that is all of the chain and looks at no neighbour: then a kernel that
+    /// makes the radiance can run it too.
     pub(crate) fn sole_pointwise(&self) -> Option<&[u32]> {
         let plan = &self.current.0;
         match plan.steps.as_slice() {
@@ -325,7 +325,8 @@ impl Finish {
     }
 }
 
-/// Which pictures a dispatch reads and writes: `None` is the radiance, else one of the work pictures (no target: pixels).
+/// Which pictures a dispatch reads and writes: `None` is the radiance, else one of the work pictures (no target:
+/// pixels).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Pictures {
     source: Option<usize>,

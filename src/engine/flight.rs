@@ -76,8 +76,8 @@ impl Flight {
         Room { context, slots: &mut self.slots, radiance: self.finish.radiance(), limit: self.limit }
     }
 
-    /// The slot that the next frame takes: the first in turn that holds no frame and has nothing in flight. Frames may be
-    /// collected in any order, so the next in turn may be taken while another one is free.
+    /// The slot that the next frame takes: the first in turn that holds no frame and has nothing in flight. Frames may
+    /// be collected in any order, so the next in turn may be taken while another one is free.
     fn free(&self) -> Option<usize> {
         // Where it cannot be asked, the submission says why.
         let free = |s: &FrameSlot| !s.pending() && s.finished().unwrap_or(true);

@@ -227,8 +227,8 @@ impl Engine {
     }
 
     /// Lets go of what the frames so far have left behind for those that follow: triangles cut for the longest readout,
-    /// images with the widest margin, a lens. The pictures of the exact method are from here on those of a fresh engine, to
-    /// the last bit; the next frame takes longer.
+    /// images with the widest margin, a lens. The pictures of the exact method are from here on those of a fresh
+    /// engine, to the last bit; the next frame takes longer.
     ///
     /// # Errors
     /// Device lost, or the time limit passed: frames in flight are waited for.
@@ -301,8 +301,8 @@ impl Engine {
         })
     }
 
-    /// Renders a frame by the method `fast` and reads back what its warp was given; `None` for other methods, and where paths
-    /// are drawn.
+    /// Renders a frame by the method `fast` and reads back what its warp was given; `None` for other methods, and where
+    /// paths are drawn.
     ///
     /// # Errors
     /// As for [`Engine::render`].

@@ -103,7 +103,8 @@ impl<S> EngineOf<S> {
         self.flight.give_up(ticket);
     }
 
-    /// Waits for a frame and reads it back. Poses in the instants of a frame from outside are the identity: none are known.
+    /// Waits for a frame and reads it back. Poses in the instants of a frame from outside are the identity: none are
+    /// known.
     ///
     /// # Errors
     /// Device lost, or the time limit passed.

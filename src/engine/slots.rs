@@ -188,8 +188,8 @@ impl FrameSlot {
         self.keep_times()
     }
 
-    /// Waits for the frame; times of all its submissions. On failure the frame is given up: its ticket is gone, and the slot
-    /// must not stay taken.
+    /// Waits for the frame; times of all its submissions. On failure the frame is given up: its ticket is gone, and the
+    /// slot must not stay taken.
     pub(crate) fn finish(&mut self, limit: Duration) -> Result<Vec<PassTime>> {
         let done = self.wait(limit).and_then(|()| self.keep_times());
         if done.is_err() {

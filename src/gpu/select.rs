@@ -160,7 +160,8 @@ pub const LIBRARY_VARIABLE: &str = "SHUTTERBUG_VULKAN_LIBRARY";
 /// The Vulkan loader of this machine, or the one of [`LIBRARY_VARIABLE`].
 pub(super) fn load() -> Result<Entry> {
     let named = std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty());
-    // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it is for.
+    // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it
+    // is for.
     let loaded = unsafe { named.as_ref().map_or_else(|| Entry::load(), |file| Entry::load_from(file)) };
     loaded.map_err(|e| Error::NoVulkanLoader { reason: e.to_string() })
 }

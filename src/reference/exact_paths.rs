@@ -11,8 +11,8 @@ const MOST_PX: f32 = 4096.0;
 /// A point that is nearer to the picture's plane than this, or behind it, moves as if it were so near, m.
 const LEAST_W: f32 = 0.02;
 
-/// Rows x, y and w of the matrices that take (ndc, depth, 1) at the middle of a line's exposure to clip space at its begin
-/// and at its end.
+/// Rows x, y and w of the matrices that take (ndc, depth, 1) at the middle of a line's exposure to clip space at its
+/// begin and at its end.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
     /// At the begin.
@@ -50,8 +50,8 @@ pub struct Outputs {
     pub words: Vec<[u32; 2]>,
     /// Inverse distance of the nearest sample of every pixel, 1/m.
     pub inverses: Plane<f32>,
-    /// Of every pixel, px from the middle of its line's exposure to the begin and to the end, before they are rounded to half
-    /// floats.
+    /// Of every pixel, px from the middle of its line's exposure to the begin and to the end, before they are rounded
+    /// to half floats.
     pub paths: Plane<f32>,
 }
 

@@ -59,8 +59,8 @@ pub(super) struct Pixel {
     pub(super) span: f32,
 }
 
-/// What the sensor sees: shape `[height, width, 4]`; linear RGB and the number of samples, which is negative where one of
-/// them left the picture (the margin was too small).
+/// What the sensor sees: shape `[height, width, 4]`; linear RGB and the number of samples, which is negative where one
+/// of them left the picture (the margin was too small).
 ///
 /// # Panics
 /// If a shape does not fit.
@@ -114,8 +114,8 @@ fn is_claimed(key: u32, pixel_px: Vec2, source_px: Vec2) -> bool {
     (pixel_px + seed_offset(key).as_vec2() - source_px).abs().max_element() < 2.5
 }
 
-/// Where the reference picture shows what a pixel sees at begin, middle and end of its exposure, px; `None` where several
-/// surfaces come by.
+/// Where the reference picture shows what a pixel sees at begin, middle and end of its exposure, px; `None` where
+/// several surfaces come by.
 fn sources_over_exposure(task: &Task<'_>, pixel: &Pixel) -> Option<[Vec2; 3]> {
     let (push, paths, x_px) = (task.push, &task.inputs.paths, pixel.x_px);
     let blurs = push.slots > 1;
@@ -150,8 +150,8 @@ fn sources_over_exposure(task: &Task<'_>, pixel: &Pixel) -> Option<[Vec2; 3]> {
     (begin.agree && end.agree && claimed).then_some(found)
 }
 
-/// Mean of the picture over one px around a position: three texels an axis with the position as their mean. At a pixel's
-/// centre the mean of its texels, to the bit.
+/// Mean of the picture over one px around a position: three texels an axis with the position as their mean. At a
+/// pixel's centre the mean of its texels, to the bit.
 fn read_pixel_area(task: &Task<'_>, position_px: Vec2, clamped: &mut bool) -> Vec3 {
     let color = task.inputs.color;
     if task.inputs.color_scale == 1 {
@@ -180,8 +180,8 @@ pub(super) fn blur_pairs(push: &Push, path_px: f32) -> u32 {
     ((0.5 * path_px).ceil() as u32).clamp(1, (push.max_samples / 2).max(1))
 }
 
-/// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,
-/// opposite each other.
+/// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a
+/// px, opposite each other.
 fn blur_one_surface(task: &Task<'_>, [begin_px, middle_px, end_px]: [Vec2; 3]) -> [f32; 4] {
     if task.push.slots == 1 {
         // The pictures are read together.

@@ -1,5 +1,5 @@
-//! Random sequences of calls of the C ABI under the address sanitizer (`fuzz/calls.c`), for a short time with seeds of their
-//! own each run. `fuzz/run` does it for as long as one likes; `SHUTTERBUG_LONG=1` for ten minutes.
+//! Random sequences of calls of the C ABI under the address sanitizer (`fuzz/calls.c`), for a short time with seeds of
+//! their own each run. `fuzz/run` does it for as long as one likes; `SHUTTERBUG_LONG=1` for ten minutes.
 #![allow(clippy::unwrap_used)]
 
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -1,5 +1,6 @@
 //! The installed library as a host meets it: C by pkg-config and by CMake, C++ and Rust examples, memcheck, the address
-//! sanitizer, and resident memory over cycles and frames. `SHUTTERBUG_LONG=1` runs 1000 cycles of each and 40 000 frames.
+//! sanitizer, and resident memory over cycles and frames. `SHUTTERBUG_LONG=1` runs 1000 cycles of each and 40 000
+//! frames.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;

@@ -31,7 +31,8 @@ struct Crate {
     layers: &'static [Layer],
 }
 
-/// The table of ARCHITECTURE.md. A new module needs a line here and one there. That a crate names none above it the compiler sees to.
+/// The table of ARCHITECTURE.md. A new module needs a line here and one there. That a crate names none above it the
+/// compiler sees to.
 const CRATES: &[Crate] = &[
     Crate {
         name: "shutterbug",
@@ -214,8 +215,8 @@ fn named(text: &str) -> Vec<&str> {
     names
 }
 
-/// Modules of the workspace's crates named in `code`, with the place. `depth` is how many `super` lead from the file to the
-/// crate's root; inline modules inside the file add to it.
+/// Modules of the workspace's crates named in `code`, with the place. `depth` is how many `super` lead from the file to
+/// the crate's root; inline modules inside the file add to it.
 fn edges(code: &str, depth: usize) -> Vec<(usize, &str)> {
     let mut found = Vec::new();
     for root in CRATES.iter().map(|c| c.name).chain(["crate"]) {

@@ -1,5 +1,5 @@
-//! Without a device: what must hold of scenes, captures, effects, random numbers and the sources themselves, on random and on
-//! hostile input.
+//! Without a device: what must hold of scenes, captures, effects, random numbers and the sources themselves, on random
+//! and on hostile input.
 #![allow(clippy::unwrap_used)]
 
 mod bad_input;

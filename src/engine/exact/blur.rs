@@ -1,5 +1,5 @@
-//! The blur of `--method exact`: paths of the texels over their line's exposure, tiles that say where surfaces part, and
-//! the gather.
+//! The blur of `--method exact`: paths of the texels over their line's exposure, tiles that say where surfaces part,
+//! and the gather.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -46,8 +46,8 @@ const MOST_KNOWN: usize = 4096;
 /// How the method renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactOptions {
-    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px; twice that where blur hides it.
-    /// Triangles are cut for it.
+    /// Largest distance between a drawn edge and the curve that the shutter makes of it, px; twice that where blur
+    /// hides it. Triangles are cut for it.
     pub chord_px: f64,
     /// Most triangles that cutting may make (the distance above is doubled until they suffice).
     pub most_triangles: u32,

@@ -1,6 +1,7 @@
 //! What an object that moves by itself uncovers: the picture of the middle of the exposure does not hold it, one of its
-//! begin or its end does. Two more pictures are drawn then, of one sample a pixel: they fill what is behind the object for
-//! a part of the exposure only, and only around such objects. Where the camera alone moves, what is uncovered is narrow, and guessed from beside it.
+//! begin or its end does. Two more pictures are drawn then, of one sample a pixel: they fill what is behind the object
+//! for a part of the exposure only, and only around such objects. Where the camera alone moves, what is uncovered is
+//! narrow, and guessed from beside it.
 
 use glam::{DVec2, DVec3};
 
@@ -44,8 +45,9 @@ impl Bounds {
         Self(moving.map(|(group, span)| (group, corners(span))).collect())
     }
 
-    /// Where something in view moves so far against the world during an exposure that what it uncovers is seen: a rectangle
-    /// around all such things (low and high x and y, px of the picture, not limited to it; behind a lens without limits).
+    /// Where something in view moves so far against the world during an exposure that what it uncovers is seen: a
+    /// rectangle around all such things (low and high x and y, px of the picture, not limited to it; behind a lens
+    /// without limits).
     pub(super) fn uncover(
         &self,
         stage: &Stage,

@@ -1,5 +1,5 @@
-//! What `--method fast` does where nothing moves by itself: displacements follow from the picture's depth and the camera's
-//! matrices, and no triangle is drawn for them.
+//! What `--method fast` does where nothing moves by itself: displacements follow from the picture's depth and the
+//! camera's matrices, and no triangle is drawn for them.
 
 use std::sync::Arc;
 

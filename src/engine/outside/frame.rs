@@ -21,7 +21,8 @@ pub enum PixelSource<'a> {
     /// In a buffer that the device reads, from this byte on (a multiple of 4). Must not be written until the frame is
     /// collected.
     Shared(&'a Arc<Buffer>, u64),
-    /// In an image of the host's, of the picture's size and a format that lies like the picture's. Copied on the device.
+    /// In an image of the host's, of the picture's size and a format that lies like the picture's. Copied on the
+    /// device.
     Image(&'a Arc<SharedImage>),
 }
 
@@ -173,8 +174,8 @@ pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     all
 }
 
-/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in words of 32
-/// bits that wrap, so a stride may be below 0.
+/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in
+/// words of 32 bits that wrap, so a stride may be below 0.
 pub(super) fn place(pixels: &OutsidePixels<'_>, size: [u32; 2]) -> (u32, u32) {
     let (first_byte, stride_bytes) = match pixels.source {
         PixelSource::Host(_) | PixelSource::Image(_) => {

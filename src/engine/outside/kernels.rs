@@ -35,7 +35,8 @@ assert_push_layout!(
 /// Colour formats, the first of all formats.
 const COLOR_FORMATS: usize = PixelFormat::Rgba32f as usize;
 
-/// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first frame.
+/// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first
+/// frame.
 pub(super) struct Kernels {
     /// By format, as floats and as halves: made with the first picture of a format.
     colors: [[Option<ComputePipeline>; 2]; COLOR_FORMATS],
@@ -170,8 +171,8 @@ struct Source {
     /// Which kernel and which picture it is for.
     role: (Role, usize),
     format: PixelFormat,
-    /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it back
-    /// once its frames are collected.
+    /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it
+    /// back once its frames are collected.
     shared: Option<Weak<Buffer>>,
     group: BindGroup,
 }

@@ -1,5 +1,6 @@
-//! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the camera's poses over
-//! the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by depth.
+//! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the
+//! camera's poses over the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by
+//! depth.
 
 use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
 use crate::engine::fast::depth::turns_only;

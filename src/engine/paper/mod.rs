@@ -173,7 +173,8 @@ impl Choices for PaperOptions {
             MotionSource::Rasterized => Ok(()),
             MotionSource::Depth => Err(Error::Contradiction {
                 effect: "lens_distortion",
-                what: "motion from depth (the paper's reconstruction) knows only the ideal pinhole; use rasterized motion"
+                what: "motion from depth (the paper's reconstruction) knows only the ideal pinhole; use rasterized \
+                    motion"
                     .to_owned(),
             }),
         }

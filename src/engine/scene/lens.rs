@@ -1,6 +1,7 @@
-//! The lens of a frame, for every method: it acts in the vertex stage (`lens.glsl`), where a vertex lands on the sensor;
-//! what the methods do with lines and motion is then in the sensor's own coordinates, and the colour is resampled by
-//! nothing. Triangles are cut so that their straight edges stay near the curves that the lens makes of them.
+//! The lens of a frame, for every method: it acts in the vertex stage (`lens.glsl`), where a vertex lands on the
+//! sensor; what the methods do with lines and motion is then in the sensor's own coordinates, and the colour is
+//! resampled by nothing. Triangles are cut so that their straight edges stay near the curves that the lens makes of
+//! them.
 //!
 //! Lateral chromatic aberration draws the frame once for each colour, through a lens of that colour's magnification.
 
@@ -244,7 +245,8 @@ impl Chords {
         self.poses[group].iter().any(exceeds)
     }
 
-    /// Whether the chord between two camera points is off by more than allowed; what the lens's cone does not hold is not.
+    /// Whether the chord between two camera points is off by more than allowed; what the lens's cone does not hold is
+    /// not.
     fn exceeds(&self, a: DVec3, b: DVec3, half_m: f64, allowed_px: f64) -> bool {
         // Square of the normalised length up to which every chord is near enough.
         let harmless = 8.0 * allowed_px / (self.focal_px * self.most_bend);

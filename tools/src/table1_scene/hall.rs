@@ -1,5 +1,5 @@
-//! The room, the field with lines, goals and nets, landmarks, lamps, banners and columns. Metres, z up, the field's centre
-//! at the origin, the yellow goal at +x.
+//! The room, the field with lines, goals and nets, landmarks, lamps, banners and columns. Metres, z up, the field's
+//! centre at the origin, the yellow goal at +x.
 
 use std::f64::consts::PI;
 

@@ -42,7 +42,8 @@ pub enum Command {
     /// Cameras in other tools' files
     #[command(subcommand)]
     Camera(Camera),
-    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list it without --out
+    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list
+    /// it without --out
     Import(Import),
     /// Turn photographs or a recording of a calibration board into a capture
     Board(Board),
@@ -70,7 +71,8 @@ pub enum PresetsAction {
         /// Words, such as `gopro hero9 wide`
         #[arg(required = true)]
         words: Vec<String>,
-        /// Folder of lens profiles (Gyroflow's JSON, or tables of them) [default: the one that SHUTTERBUG_PROFILES names]
+        /// Folder of lens profiles (Gyroflow's JSON, or tables of them) [default: the one that SHUTTERBUG_PROFILES
+        /// names]
         #[arg(long)]
         profiles: Option<PathBuf>,
     },
@@ -87,7 +89,8 @@ pub enum PresetsAction {
 /// What can be done with a camera.
 #[derive(Debug, Subcommand)]
 pub enum Camera {
-    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml, Gyroflow's lens profile and (to) Gazebo SDF
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml, Gyroflow's lens profile and
+    /// (to) Gazebo SDF
     Convert(Convert),
 }
 
@@ -245,8 +248,8 @@ pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
     #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
     pub capture: Option<PathBuf>,
-    /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml, trajectory.tum,
-    /// frames.csv
+    /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml,
+    /// trajectory.tum, frames.csv
     #[arg(long, requires = "real")]
     pub sim: Option<PathBuf>,
     /// Real frames, matched by name, by --match or by frames.csv in both folders

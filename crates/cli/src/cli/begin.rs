@@ -27,8 +27,8 @@ pub(super) struct Begin<'a> {
 }
 
 impl<'a> Begin<'a> {
-    /// Decides which frames are to be rendered: all, or with `--resume` those that are not there as they were made, provided
-    /// that those that are come from the same run.
+    /// Decides which frames are to be rendered: all, or with `--resume` those that are not there as they were made,
+    /// provided that those that are come from the same run.
     pub(super) fn new(args: &'a Simulate, capture: &Capture, out: &'a Out) -> Result<(Vec<usize>, Self)> {
         let path = args.out.join("simulate.json");
         let simulate_json = simulate_json(args);

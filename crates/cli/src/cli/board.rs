@@ -58,7 +58,8 @@ pub fn run(args: &Board) -> Result<()> {
     if written.cut_px != [0; 2] {
         let [across, down] = written.cut_px;
         say(format_args!(
-            "the frames lack {across} columns and {down} rows on each side: no ray of the fitted lens reaches the corners there"
+            "the frames lack {across} columns and {down} rows on each side: no ray of the fitted lens reaches the \
+             corners there"
         ));
     }
     let to = args.out.display();

@@ -221,8 +221,8 @@ struct Exposure<'a> {
 }
 
 impl Exposure<'_> {
-    /// The request with its gain; `None` until all frames that it answers to were metered. Those of an interrupted run are
-    /// read from the disk.
+    /// The request with its gain; `None` until all frames that it answers to were metered. Those of an interrupted run
+    /// are read from the disk.
     fn request(&mut self, request: &FrameRequest, requests: &[FrameRequest]) -> Result<Option<FrameRequest>> {
         let index = request.index as usize;
         for frame in self.control.missing(index).collect::<Vec<_>>() {

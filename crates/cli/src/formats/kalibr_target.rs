@@ -58,7 +58,8 @@ mod tests {
 
     #[test]
     fn a_checkerboard_is_read_and_other_targets_are_refused() {
-        let text = "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n";
+        let text = "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\n\
+            colSpacingMeters: 0.05\n";
         let read = target(text).expect("a checkerboard");
         assert_eq!(read, KalibrTarget { inner_corners: [6, 7], square_m: [0.05, 0.06] });
         for (text, said) in [

@@ -103,7 +103,8 @@ impl CameraModel {
         }
         if self.body_from_camera.is_some() {
             notes.push(
-                "the camera's place on its body has no place in camera.toml: trajectory.tum holds the camera's own poses"
+                "the camera's place on its body has no place in camera.toml: trajectory.tum holds the camera's own \
+                 poses"
                     .to_owned(),
             );
         }

@@ -1,8 +1,8 @@
 //! Presets from a folder of lens profiles that the user names: Gyroflow's JSON files, and tables of them
 //! (`brand,model,lens,setting,width_px,...`). None of them ships: their numbers are their owners'.
 //!
-//! Such a preset holds what its source states: pinhole, lens, frame rate, readout. Noise and full well are not stated, and so
-//! they are absent.
+//! Such a preset holds what its source states: pinhole, lens, frame rate, readout. Noise and full well are not stated,
+//! and so they are absent.
 
 use std::borrow::Cow;
 use std::collections::HashMap;

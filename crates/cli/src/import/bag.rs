@@ -1,5 +1,6 @@
-//! ROS 1 bags, version 2.0, read from front to back (wiki.ros.org/Bags/Format/2.0): records of a header of fields `name=value` and
-//! data; chunks hold further records. The index at the end is not needed, so bags that were never closed are read too.
+//! ROS 1 bags, version 2.0, read from front to back (wiki.ros.org/Bags/Format/2.0): records of a header of fields
+//! `name=value` and data; chunks hold further records. The index at the end is not needed, so bags that were never
+//! closed are read too.
 
 use std::collections::HashMap;
 

@@ -50,8 +50,8 @@ struct Writer<'w, 'a> {
     watch: &'w mut Watch<'a>,
 }
 
-/// Writes all files below `folder`, pictures into its folder `pictures` (empty: beside the tables). What `out` has as it was made is
-/// kept if the run goes on.
+/// Writes all files below `folder`, pictures into its folder `pictures` (empty: beside the tables). What `out` has as
+/// it was made is kept if the run goes on.
 ///
 /// # Errors
 /// Files that cannot be written; a recording that cannot be read; no picture at all; what `watch` returns.

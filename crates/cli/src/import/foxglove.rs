@@ -1,5 +1,5 @@
-//! Foxglove's own messages, in protobuf and in JSON: pictures, cameras and frames. Numbers of fields as their schemas state them
-//! (github.com/foxglove/foxglove-sdk, schemas).
+//! Foxglove's own messages, in protobuf and in JSON: pictures, cameras and frames. Numbers of fields as their schemas
+//! state them (github.com/foxglove/foxglove-sdk, schemas).
 
 use std::borrow::Cow;
 

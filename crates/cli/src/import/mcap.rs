@@ -1,6 +1,6 @@
-//! MCAP, read from front to back (mcap.dev/spec). The reader is our own: the format's is a dozen kinds of records, the crate `mcap`
-//! brings C libraries for its chunks, does not say where in the file something is wrong, and trusts the length of a record inside a
-//! chunk that is not packed.
+//! MCAP, read from front to back (mcap.dev/spec). The reader is our own: the format's is a dozen kinds of records, the
+//! crate `mcap` brings C libraries for its chunks, does not say where in the file something is wrong, and trusts the
+//! length of a record inside a chunk that is not packed.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
-//! Recordings as folders that can be diagnosed: logs of messages (MCAP, ROS 1 and ROS 2 bags), data sets (EuRoC, TUM, KITTI) and
-//! videos become frames, `frames.csv`, `camera.toml`, `trajectory.tum` and `imu.csv` (docs/import.md).
+//! Recordings as folders that can be diagnosed: logs of messages (MCAP, ROS 1 and ROS 2 bags), data sets (EuRoC, TUM,
+//! KITTI) and videos become frames, `frames.csv`, `camera.toml`, `trajectory.tum` and `imu.csv` (docs/import.md).
 //!
-//! A recording comes from a stranger: no length is believed before it is held against the file, and what is damaged is said with its
-//! place while the rest is read.
+//! A recording comes from a stranger: no length is believed before it is held against the file, and what is damaged is
+//! said with its place while the rest is read.
 
 mod bag;
 mod camera;
@@ -66,7 +66,8 @@ impl Recording {
             return match log::Log::open(path)? {
                 Some(log) => Ok(Self(Kind::Log(log))),
                 None => {
-                    let expected = "mav0 (EuRoC), rgb.txt (TUM), calib.txt and times.txt (KITTI), or .mcap or .db3 files";
+                    let expected = "mav0 (EuRoC), rgb.txt (TUM), calib.txt and times.txt (KITTI), or .mcap or .db3 \
+                        files";
                     Err(Error::input(path, None, "a folder of no known kind", expected))
                 }
             };

@@ -31,7 +31,8 @@ pub(super) fn poses_of(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Result<O
     Ok(Some(poses))
 }
 
-/// What is there without being asked for: the only topic of poses, else the tree. What does not work is said and left out.
+/// What is there without being asked for: the only topic of poses, else the tree. What does not work is said and left
+/// out.
 fn unasked(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Option<Poses> {
     let tried = match chosen.places(Topic::has_poses)[..] {
         [one] if chosen.all.about[one].count > 0 => of_topic(chosen, one, notes),

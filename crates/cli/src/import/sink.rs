@@ -12,8 +12,8 @@ use shutterbug::error::Result;
 pub(super) const MOST_TOPICS: usize = 65_536;
 /// Most faults that are kept; further ones are counted.
 const MOST_FAULTS: usize = 8;
-/// What all that is packed may unpack to: so many times its size, and a few of the largest chunks beside. A dark night packs
-/// hundredfold; a file that is made for it a millionfold, and then some KB would take hours.
+/// What all that is packed may unpack to: so many times its size, and a few of the largest chunks beside. A dark night
+/// packs hundredfold; a file that is made for it a millionfold, and then some KB would take hours.
 const MOST_TIMES: u64 = 1024;
 const MOST_BESIDE: u64 = 2 * MOST_BYTES;
 
@@ -70,7 +70,8 @@ impl<'a, 'b> Sink<'a, 'b> {
         Some(place)
     }
 
-    /// Unpacks a chunk or a message in place of what `into` holds, as [`unpack`] does, and within what the whole recording may take.
+    /// Unpacks a chunk or a message in place of what `into` holds, as [`unpack`] does, and within what the whole
+    /// recording may take.
     pub(super) fn unpack(
         &mut self,
         how: &str,

@@ -1,5 +1,5 @@
-//! The tables of an SQLite file, read only (sqlite.org/fileformat.html): as much as ROS 2 bags (`.db3`) need. Every page is visited
-//! once at most, so a file that leads in circles ends.
+//! The tables of an SQLite file, read only (sqlite.org/fileformat.html): as much as ROS 2 bags (`.db3`) need. Every
+//! page is visited once at most, so a file that leads in circles ends.
 
 use super::large::Large;
 use shutterbug::error::{Error, Result};
@@ -99,7 +99,8 @@ impl Database {
         Ok(root)
     }
 
-    /// Calls `with` for each row of the table that begins at that page, in their order, with the place of the row's page.
+    /// Calls `with` for each row of the table that begins at that page, in their order, with the place of the row's
+    /// page.
     pub(super) fn rows(&mut self, root: u64, with: &mut Row<'_>) -> Result<()> {
         self.budget = self.file.bytes().div_ceil(self.page_bytes);
         self.walk(root, 0, with)

@@ -97,7 +97,8 @@ impl Tree {
         self.chain(frame).last().expect("begins with one")
     }
 
-    /// The frames whose links lead from one to the other: those up from each to where they meet. Nothing if they do not.
+    /// The frames whose links lead from one to the other: those up from each to where they meet. Nothing if they do
+    /// not.
     fn way<'a>(&'a self, from: &'a str, to: &'a str) -> Option<[Vec<&'a str>; 2]> {
         let (up, down) = (self.chain(from), self.chain(to));
         let meeting = up.iter().position(|f| down.contains(f))?;

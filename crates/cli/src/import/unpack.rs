@@ -1,5 +1,5 @@
-//! Chunks of recordings, unpacked. What comes out is held against what was stated while it comes out, so that a small chunk
-//! cannot fill the memory.
+//! Chunks of recordings, unpacked. What comes out is held against what was stated while it comes out, so that a small
+//! chunk cannot fill the memory.
 
 use std::io::Read;
 
@@ -10,7 +10,8 @@ pub(super) const MOST_BYTES: u64 = 512 << 20;
 /// Longest window of zstd, bytes: what its own tool allows by default.
 const ZSTD_WINDOW: u64 = 128 << 20;
 
-/// Unpacks a chunk in place of what `into` holds. `stated`: its length when unpacked; without one, up to [`MOST_BYTES`].
+/// Unpacks a chunk in place of what `into` holds. `stated`: its length when unpacked; without one, up to
+/// [`MOST_BYTES`].
 pub(super) fn unpack(how: &str, packed: &[u8], stated: Option<u64>, into: &mut Vec<u8>) -> Result<(), Fault> {
     let limit = stated.unwrap_or(MOST_BYTES);
     if limit > MOST_BYTES {

@@ -188,7 +188,8 @@ impl Video {
         }
         let (num, den): (i64, i64) = base;
         let ns = |t: i64| i128::from(t) * i128::from(num) * 1_000_000_000 / i128::from(den.max(1));
-        // A frame without a time is one after that of the frame before; such a video is rare and is said to be so later.
+        // A frame without a time is one after that of the frame before; such a video is rare and is said to be so
+        // later.
         let mut last = 0;
         for tick in ticks {
             last = tick.and_then(|t| i64::try_from(ns(t)).ok()).unwrap_or(last);
@@ -207,7 +208,8 @@ impl Video {
         steps.sort_unstable();
         let step = |i: usize| steps.get(i).copied().unwrap_or(0) as f64 * 1e-6;
         format!(
-            "{}: video, {} {} {}x{}, {} frames, {span_s:.3} s from {:.3} s on, {rate:.3} Hz, steps of {:.3} to {:.3} ms\n",
+            "{}: video, {} {} {}x{}, {} frames, {span_s:.3} s from {:.3} s on, {rate:.3} Hz, steps of {:.3} to {:.3} \
+             ms\n",
             one_line(&self.path.display().to_string()),
             one_line(&self.codec),
             one_line(&self.pixels),

@@ -84,10 +84,11 @@ pub struct Calibration {
     pub simulated: Measured,
     /// The two side by side.
     pub comparison: Comparison,
-    /// Without the curve of the noise reduction over intensity (`camera.level_gain`): sensor, colours and smoothing alone.
+    /// Without the curve of the noise reduction over intensity (`camera.level_gain`): sensor, colours and smoothing
+    /// alone.
     pub comparison_without_level_gain: Comparison,
-    /// With that curve from every other block of 64 px, compared on the other blocks alone: what it is worth where it was
-    /// not fitted. `None` where no curve was needed.
+    /// With that curve from every other block of 64 px, compared on the other blocks alone: what it is worth where it
+    /// was not fitted. `None` where no curve was needed.
     pub comparison_held_out: Option<Comparison>,
     /// The nearest camera that the engine's chain can hold, written to camera.toml.
     pub chain_camera: IspCamera,
@@ -325,20 +326,21 @@ fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
         let [r, g, b] = held_out.mean_deviation.map(|d| 100.0 * d);
         let [p, q, s] = c.comparison_without_level_gain.mean_deviation.map(|d| 100.0 * d);
         notes.push(format!(
-            "sensor, colours and smoothing alone miss the variance by {p:.0} {q:.0} {s:.0} % in the mean (R, G, B): a \
-             curve of the noise over intensity was added (level_gain in report.json); on blocks it was not fitted to it \
-             misses by {r:.0} {g:.0} {b:.0} %, which is how much noise differs between surfaces of the same brightness"
+            "sensor, colours and smoothing alone miss the variance by {p:.0} {q:.0} {s:.0} % in the mean (R, G, B): \
+             a curve of the noise over intensity was added (level_gain in report.json); on blocks it was not fitted \
+             to it misses by {r:.0} {g:.0} {b:.0} %, which is how much noise differs between surfaces of the same \
+             brightness"
         ));
     }
     if c.camera.bayer {
         let [r, g, b] = c.comparison_chain.mean_deviation.map(|d| 100.0 * d);
         notes.push(format!(
-            "camera.toml, put through the engine's chain, misses the variance by {r:.0} {g:.0} {b:.0} % in the mean; it \
-             keeps the picture's colours (sensor_color) and blurs edges, which real noise reduction spares"
+            "camera.toml, put through the engine's chain, misses the variance by {r:.0} {g:.0} {b:.0} % in the mean; \
+             it keeps the picture's colours (sensor_color) and blurs edges, which real noise reduction spares"
         ));
         notes.push(
-            "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour matrix \
-             and smoothing, and stand or fall with these; the tone curve is taken to be sRGB"
+            "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour \
+             matrix and smoothing, and stand or fall with these; the tone curve is taken to be sRGB"
                 .to_owned(),
         );
     }

@@ -151,8 +151,8 @@ fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
 
 fn wrong_scene(gap: &Gap) -> String {
     format!(
-        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from where the \
-         trajectory says. That is no effect of the camera.",
+        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from \
+         where the trajectory says. That is no effect of the camera.",
         gap.before
     )
 }
@@ -184,8 +184,8 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before, gap.after
         ),
         Verdict::PartlyExplained => format!(
-            "{lacks}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has a cause that is not among the \
-             candidates{left}.{parts}",
+            "{lacks}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has a cause that is not \
+             among the candidates{left}.{parts}",
             gap.before, gap.after
         ),
         Verdict::UnknownEffect if effects.is_empty() => format!(
@@ -193,14 +193,14 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before
         ),
         Verdict::UnknownEffect if camera.is_empty() && failed.is_empty() => format!(
-            "The frames differ by {:.2} DN. Surfaces that are brighter, darker or of other colours than the scene says would \
-             close {percent:.0} % of that, and so would an effect of the camera that is not among the candidates: these frames \
-             do not tell which.",
+            "The frames differ by {:.2} DN. Surfaces that are brighter, darker or of other colours than the scene \
+             says would close {percent:.0} % of that, and so would an effect of the camera that is not among the \
+             candidates: these frames do not tell which.",
             gap.before
         ),
         Verdict::UnknownEffect | Verdict::Undetermined => format!(
-            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none of the \
-             candidates explains{left}: there is an effect that is not among them.{parts}",
+            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none \
+             of the candidates explains{left}: there is an effect that is not among them.{parts}",
             gap.before
         ),
     }
@@ -299,8 +299,8 @@ fn footage(name: &str, alternatives: &[&str]) -> String {
     if alternatives.is_empty() { String::new() } else { films.join("; or ") }
 }
 
-/// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the set
-/// could be switched on, with the parameters of the joint fit.
+/// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the
+/// set could be switched on, with the parameters of the joint fit.
 fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
     let n = found.set.len();
     let mut gaps = vec![0.0; 1 << n];
@@ -355,7 +355,8 @@ fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Fo
     }
     if found.set.is_empty() {
         return format!(
-            "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the cause"
+            "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the \
+             cause"
         );
     }
     let kind = if candidate.noise { "spread" } else { "part" };

@@ -200,8 +200,8 @@ fn share((r, columns): &FrameValues, frame: usize, weighing: &Weighing) -> Share
     Share { a, b, cost: weighing.cost(frame, r), weight }
 }
 
-/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
-/// fit.
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking,
+/// not a fit.
 pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
     let gain = |members: &[P]| -> f64 {
         let mut at: Vec<usize> = members.iter().filter_map(|p| all.iter().position(|a| a == p)).collect();

@@ -130,8 +130,8 @@ struct Given<'a> {
 }
 
 impl Given<'_> {
-    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own; pictures without
-    /// depth say neither.
+    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own;
+    /// pictures without depth say neither.
     fn room(&self, options: &DiagnoseOptions) -> Vec<&'static str> {
         let posed = self.pair.is_none_or(|p| p.sim.geometry == Geometry::Depth);
         if posed { options.description(self.capture.camera.static_camera) } else { Vec::new() }
@@ -412,9 +412,10 @@ const ROUGH: [&str; 2] = [
     "simulated frames at the poses of the real ones, or depth/ with trajectory.tum beside them",
 ];
 
-/// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the frames to
-/// choose by than the discrepancy can make: a description is questioned only where no camera explains the frames. First of
-/// all by what is in few places: where these are, if the rest is explained without them, is returned too.
+/// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the
+/// frames to choose by than the discrepancy can make: a description is questioned only where no camera explains the
+/// frames. First of all by what is in few places: where these are, if the rest is explained without them, is returned
+/// too.
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
     let room = std::mem::take(&mut search.room);
     let exact = search.run(watch)?;
@@ -458,8 +459,8 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Op
     Ok((exact, None))
 }
 
-/// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,
-/// which needs all frames before, is not run; a gain that changes from frame to frame stays in the gap.
+/// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the
+/// control, which needs all frames before, is not run; a gain that changes from frame to frame stays in the gap.
 fn uncontrolled(given: &shutterbug::chain::Settings) -> Option<String> {
     use shutterbug::chain::Effect as _;
     (shutterbug::effects::AutoExposure.variant(given) != 0).then(|| {
@@ -514,9 +515,9 @@ fn not_simulated(capture: &Capture) -> Vec<String> {
     });
     let said = |e: &&dyn shutterbug::chain::Effect| {
         match e.id() {
-        "auto_exposure" => "camera.toml has [auto_exposure], which diagnose does not simulate: its gain changes from frame to \
-                            frame, and what it changes is part of the gap here. Record with the exposure locked, or take it \
-                            out of camera.toml and look at where.by_frame"
+        "auto_exposure" => "camera.toml has [auto_exposure], which diagnose does not simulate: its gain changes from \
+         frame to frame, and what it changes is part of the gap here. Record with the exposure locked, or take it \
+         out of camera.toml and look at where.by_frame"
             .to_owned(),
         name => {
             format!("camera.toml has [{name}], which diagnose does not simulate: what it does is part of the gap here")

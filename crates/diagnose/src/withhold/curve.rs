@@ -1,5 +1,6 @@
-//! Detection over strength: captures with one hidden effect at graded strengths, and how often it is named. The scene, the
-//! motion and the noise of a repetition are the same for every effect and every strength, so a curve shows the strength alone.
+//! Detection over strength: captures with one hidden effect at graded strengths, and how often it is named. The scene,
+//! the motion and the noise of a repetition are the same for every effect and every strength, so a curve shows the
+//! strength alone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -73,7 +74,8 @@ pub struct Curve {
     pub measure: String,
     /// Weakest first.
     pub points: Vec<CurvePoint>,
-    /// Strength at which half are detected, between the points on either side; nothing where the curve does not cross it.
+    /// Strength at which half are detected, between the points on either side; nothing where the curve does not cross
+    /// it.
     pub half_detected: Option<f64>,
 }
 
@@ -88,8 +90,9 @@ pub struct CurveResult {
     pub cases: Vec<CurveCase>,
 }
 
-/// Makes, diagnoses and counts; writes `curves.json` and `curves.png` after each capture, `curves.html` at the end. A run
-/// that was stopped goes on: what has a `score.json` is done. More effects, points or repetitions may be asked for later.
+/// Makes, diagnoses and counts; writes `curves.json` and `curves.png` after each capture, `curves.html` at the end. A
+/// run that was stopped goes on: what has a `score.json` is done. More effects, points or repetitions may be asked for
+/// later.
 ///
 /// # Errors
 /// Names of no effect that has grades; a folder of a run with other options; files that cannot be read or written;

@@ -2,8 +2,9 @@
 //! then are the answers opened and scored.
 //!
 //! * Frames come from the accumulation reference and the CPU chain, never from the engine that the fits use.
-//! * An answer is sealed by its SHA-256, printed and written to `seals.txt` before the diagnosis starts. The answer itself
-//!   is on no disk until the diagnosis has ended: it is drawn again from the seed, and must have the sealed hash.
+//! * An answer is sealed by its SHA-256, printed and written to `seals.txt` before the diagnosis starts. The answer
+//!   itself is on no disk until the diagnosis has ended: it is drawn again from the seed, and must have the sealed
+//!   hash.
 //! * The diagnosis is a process of its own that is given the capture's folder, and the name of an effect only where the
 //!   question is what it says without that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
@@ -89,7 +90,8 @@ pub struct WithholdResult {
 /// a line at a time; when `stop` says so, the run ends after what it is at.
 ///
 /// # Errors
-/// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails; [`Error::Interrupted`].
+/// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails;
+/// [`Error::Interrupted`].
 pub fn withhold(
     options: &WithholdOptions,
     say: &mut dyn FnMut(&str),
@@ -193,8 +195,8 @@ fn one_case(
     Ok(score)
 }
 
-/// Runs `diagnose` in a process of its own. One that fails (no device, no memory, frames that cannot be used) says nothing about
-/// what was hidden: it is an error, no wrong answer, and the case is not done.
+/// Runs `diagnose` in a process of its own. One that fails (no device, no memory, frames that cannot be used) says
+/// nothing about what was hidden: it is an error, no wrong answer, and the case is not done.
 fn diagnose(
     options: &WithholdOptions,
     capture: &Path,

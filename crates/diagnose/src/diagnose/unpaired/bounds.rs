@@ -1,4 +1,5 @@
-//! How strong an effect would have to be for the marks of these folders to show it: what is not found below that is not denied.
+//! How strong an effect would have to be for the marks of these folders to show it: what is not found below that is not
+//! denied.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +25,8 @@ pub(super) enum ShowsFrom {
     Nowhere,
 }
 
-/// The same for all candidates among `names` that were not found and that there is time for, with what was found on; `made` are the marks then.
+/// The same for all candidates among `names` that were not found and that there is time for, with what was found on;
+/// `made` are the marks then.
 pub(super) fn shows_from(
     (real, (simulated, made), clock): (&Fingerprint, (&Simulated, &Fingerprint), &Clock),
     theta: &Theta,

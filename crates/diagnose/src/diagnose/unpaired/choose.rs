@@ -1,5 +1,6 @@
-//! Which effects make the simulator's frames show the marks of the real ones: each is put on the simulated frames, and their marks
-//! are measured again, so that whatever an effect does to a mark is in the comparison (rounding, encoding, compression).
+//! Which effects make the simulator's frames show the marks of the real ones: each is put on the simulated frames, and
+//! their marks are measured again, so that whatever an effect does to a mark is in the comparison (rounding, encoding,
+//! compression).
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -72,7 +73,8 @@ impl Simulated {
     }
 }
 
-/// Variance that the compression of `theta` may leave of a flat place, or take from its noise, DN^2: its finest step, rounded.
+/// Variance that the compression of `theta` may leave of a flat place, or take from its noise, DN^2: its finest step,
+/// rounded.
 pub(super) fn packed_dn2(theta: &Theta) -> f64 {
     if !theta.is_on(P::Quality) {
         return 0.0;
@@ -186,8 +188,9 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// The candidate that explains most of what is `left`, if any does beyond chance: the sum of squares then, its name, and all
-    /// parameters. `began` keeps where the fit of each began best at first: beside other effects it begins there again.
+    /// The candidate that explains most of what is `left`, if any does beyond chance: the sum of squares then, its
+    /// name, and all parameters. `began` keeps where the fit of each began best at first: beside other effects it
+    /// begins there again.
     fn next(
         &self,
         chosen: &mut Chosen,
@@ -240,8 +243,8 @@ impl Seen<'_> {
     }
 }
 
-/// Whether noise grows with brightness, and is alike from neighbour to neighbour, as in the real frames: else what is there is not
-/// the noise that was found.
+/// Whether noise grows with brightness, and is alike from neighbour to neighbour, as in the real frames: else what is
+/// there is not the noise that was found.
 fn noise_agrees(real: &Fingerprint, made: &Fingerprint) -> bool {
     let all = apart(real, made);
     let seen: Vec<f64> = (0..BINS).chain(NEIGHBOURS).filter_map(|k| all[k]).collect();
@@ -284,7 +287,8 @@ fn smooth(set: &[&'static str]) -> Vec<P> {
     parameters(set).into_iter().filter(|p| !p.is_discrete()).collect()
 }
 
-/// Fits `free` from the best of some values of a candidate; parameters, the sum of squares that is left, and that value.
+/// Fits `free` from the best of some values of a candidate; parameters, the sum of squares that is left, and that
+/// value.
 fn fit(
     real: &Fingerprint,
     (simulated, counted, clock): (&Simulated, &[bool], &Clock),
@@ -338,7 +342,8 @@ fn fit(
     (theta, best, start)
 }
 
-/// Shot noise and read noise as the line through the variances of the real frames over brightness: where a fit of both begins.
+/// Shot noise and read noise as the line through the variances of the real frames over brightness: where a fit of both
+/// begins.
 fn by_brightness(real: &Fingerprint, base: &Theta, free: &[P]) -> Option<Theta> {
     if !free.contains(&P::Shot) || !free.contains(&P::Read) {
         return None;

@@ -1,5 +1,5 @@
-//! What a comparison of two folders says: distance of their marks before and after, effects with shares, and what such frames
-//! cannot tell.
+//! What a comparison of two folders says: distance of their marks before and after, effects with shares, and what such
+//! frames cannot tell.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -43,7 +43,8 @@ const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "re
 const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
 
 /// Why noise that was found is not named.
-const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from neighbour to neighbour fits";
+const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from \
+    neighbour to neighbour fits";
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
@@ -312,14 +313,19 @@ fn sentence(
     let names = listed(&names);
     let rest = listed(left);
     match verdict {
-        Verdict::NoGap => "The traces that the camera leaves in every picture are alike in both folders; what needs pairs is not known."
-            .to_owned(),
+        Verdict::NoGap => {
+            "The traces that the camera leaves in every picture are alike in both folders; what needs \
+            pairs is not known."
+                .to_owned()
+        }
         Verdict::Explained => format!(
-            "The simulation lacks {names}: with that the traces in both folders are {:.1} standard errors apart, before {:.1}.",
+            "The simulation lacks {names}: with that the traces in both folders are {:.1} standard errors apart, \
+             before {:.1}.",
             gap.after, gap.before
         ),
         Verdict::PartlyExplained => format!(
-            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
+            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in \
+             {rest}.",
             gap.after, gap.before
         ),
         Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
@@ -333,8 +339,8 @@ fn sentence(
             };
             let late = listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>());
             format!(
-                "{so_far}, and the time limit came before the search had ended: {late} were not looked at, and nothing is \
-                 said of them. Run again with a longer --time-limit-s."
+                "{so_far}, and the time limit came before the search had ended: {late} were not looked at, and \
+                 nothing is said of them. Run again with a longer --time-limit-s."
             )
         }
     }
@@ -374,7 +380,8 @@ fn grain(dn: &Plane<f32>) -> Plane<f32> {
 }
 
 impl Unpaired {
-    /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures' paths.
+    /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures'
+    /// paths.
     ///
     /// # Errors
     /// Files that cannot be written.

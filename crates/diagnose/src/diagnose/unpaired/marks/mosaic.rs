@@ -1,5 +1,5 @@
-//! What demosaicking leaves: pixels that had the colour themselves differ more from their neighbours than those where it was
-//! filled in. Content does not know which pixels these are.
+//! What demosaicking leaves: pixels that had the colour themselves differ more from their neighbours than those where
+//! it was filled in. Content does not know which pixels these are.
 
 use super::{MOSAIC, Mark};
 use shutterbug::plane::Plane;
