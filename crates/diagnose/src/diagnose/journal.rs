@@ -19,7 +19,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
-use super::run::DiagnoseOptions;
+use super::options::DiagnoseOptions;
 use shutterbug::capture::Capture;
 use shutterbug::chain::Settings;
 use shutterbug::error::{Error, Result};

@@ -8,16 +8,16 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::bounds::ShowsFrom;
-use super::choose::packed_dn2;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
+use super::simulated::packed_dn2;
 use super::{Chosen, Folder, Frames, Unpaired};
 use crate::diagnose::describe::{listed, undetermined, without_time};
 use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
+use crate::diagnose::options::changes_places;
 use crate::diagnose::output::bytes;
 use crate::diagnose::report::*;
-use crate::diagnose::run::changes_places;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::stats::luma;
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
@@ -97,21 +97,6 @@ pub(super) fn report(
         (true, false) => Verdict::UnknownEffect,
     };
     let effects = effects(what, &real, &gap);
-    let [first, ..] = &what.held.real[..] else { unreachable!("three frames at least are held out") };
-    let input = Input {
-        kind: "unpaired".to_owned(),
-        width: first.width as u32,
-        height: first.height as u32,
-        frames_listed: folders.1.names.len(),
-        fit_frames: folders.1.fit.clone(),
-        held_out_frames: folders.1.held.clone(),
-        compared_share: 1.0,
-        device: "none: frames are given".to_owned(),
-        method: "marks of frames that are not paired".to_owned(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
-        ..Input::default()
-    };
     let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
     let mut notes = notes;
     if !what.noise_seen {
@@ -128,7 +113,7 @@ pub(super) fn report(
         frames: Vec::new(),
         maps: Maps::default(),
         description: DescriptionShown::default(),
-        input,
+        input: input(what.held, folders.1),
         bootstrap: Bootstrap::default(),
         warnings: notes,
         next: Vec::new(),
@@ -136,6 +121,25 @@ pub(super) fn report(
         gap,
     };
     (report, shown)
+}
+
+/// Which of the real frames were compared.
+fn input(held: &Frames, real: &Folder) -> Input {
+    let [first, ..] = &held.real[..] else { unreachable!("three frames at least are held out") };
+    Input {
+        kind: "unpaired".to_owned(),
+        width: first.width as u32,
+        height: first.height as u32,
+        frames_listed: real.names.len(),
+        fit_frames: real.fit.clone(),
+        held_out_frames: real.held.clone(),
+        compared_share: 1.0,
+        device: "none: frames are given".to_owned(),
+        method: "marks of frames that are not paired".to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
+        ..Input::default()
+    }
 }
 
 fn gap(before: &[Option<f64>], after: &[Option<f64>], held_out_frames: usize) -> Gap {
