@@ -34,8 +34,8 @@ fn main() {
     fs::write(out.join("pointwise.rs"), format!("&{:?}", pointwise_stems())).expect("OUT_DIR is writable");
 }
 
-/// The name by which programs ask for the C library at run time: `cargo cinstall` gives the same. Before 1.0 a minor version may
-/// change the ABI and is part of it.
+/// The name by which programs ask for the C library at run time: `cargo cinstall` gives the same. Before 1.0 a minor
+/// version may change the ABI and is part of it.
 fn name_the_shared_library() {
     let version = |part: &str| env::var(format!("CARGO_PKG_VERSION_{part}")).expect("cargo sets it");
     let abi = match version("MAJOR").as_str() {

@@ -1,18 +1,19 @@
-//! What the C ABI costs over the engine's own time, and what frames in flight gain: outside frames of 640x480, RGBA8 colour
-//! and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS [overhead | flight]]` (300). On a software
-//! device the driver's threads are most of the noise: `LP_NUM_THREADS=1` leaves one of them, and then "wall less waiting" is
-//! what the wall time of a frame would be on a machine with nothing else to do: its threads work one after the other, so
-//! whatever one of them waits for a processor is waited for by the frame.
+//! What the C ABI costs over the engine's own time, and what frames in flight gain: outside frames of 640x480, RGBA8
+//! colour and RG32F motion. One JSON line a row. `cargo bench --bench capi [-- ROUNDS [overhead | flight]]` (300). On a
+//! software device the driver's threads are most of the noise: `LP_NUM_THREADS=1` leaves one of them, and then "wall
+//! less waiting" is what the wall time of a frame would be on a machine with nothing else to do: its threads work one
+//! after the other, so whatever one of them waits for a processor is waited for by the frame.
 //!
-//! Each round runs the engine alone, the same through C, a second engine alone, and through C with a twentieth of the engine's
-//! processor time burnt beside it, in an order that changes from round to round (every place, and there and back). Reported
-//! is the median of the rounds' differences from the first with its 95 % confidence interval (order statistics: nothing is
-//! assumed of the noise), by wall time, by the process's processor time and by that of the calling thread. The second engine
-//! tells what two equal things differ by, the burnt time how small a cost would be seen. "copy out" is the one thing of size
-//! that the C ABI adds: the delivered picture, from the library's memory to the caller's.
+//! Each round runs the engine alone, the same through C, a second engine alone, and through C with a twentieth of the
+//! engine's processor time burnt beside it, in an order that changes from round to round (every place, and there and
+//! back). Reported is the median of the rounds' differences from the first with its 95 % confidence interval (order
+//! statistics: nothing is assumed of the noise), by wall time, by the process's processor time and by that of the
+//! calling thread. The second engine tells what two equal things differ by, the burnt time how small a cost would be
+//! seen. "copy out" is the one thing of size that the C ABI adds: the delivered picture, from the library's memory to
+//! the caller's.
 //!
-//! "in flight" comes twice: as above, and with `jpeg`, whose work is the host's, so that there is something to overlap. `bound`
-//! is what overlapping all of the host's work with all of the device's would bring.
+//! "in flight" comes twice: as above, and with `jpeg`, whose work is the host's, so that there is something to overlap.
+//! `bound` is what overlapping all of the host's work with all of the device's would bring.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../tests/support/capi/mod.rs"]
@@ -64,7 +65,8 @@ fn busy_ms(path: &str) -> f64 {
     scheduled_ms(path)[0]
 }
 
-/// Wall time, wall time less what all threads waited for a processor, processor time of all threads and of this one, ms.
+/// Wall time, wall time less what all threads waited for a processor, processor time of all threads and of this one,
+/// ms.
 #[derive(Clone, Copy)]
 struct Clocks([f64; 4]);
 
@@ -271,7 +273,8 @@ fn overhead(p: &mut Pictures, count: usize) {
     for (clock, name) in CLOCKS.into_iter().enumerate() {
         let of = |arm: usize| taken[arm].iter().map(|t| t[clock]).collect::<Vec<_>>();
         let more = |arm: usize| of(arm).iter().zip(of(0)).map(|(a, b)| a - b).collect::<Vec<_>>();
-        // Of the engine's time by that clock; the calling thread's own is next to nothing, so it counts against wall time.
+        // Of the engine's time by that clock; the calling thread's own is next to nothing, so it counts against wall
+        // time.
         let base = median(taken[0].iter().map(|t| t[if clock == 3 { 0 } else { clock }]).collect())[0];
         let share = |arm: usize| median(more(arm)).map(|m| (1e4 * m / base).round() / 1e4);
         let row = serde_json::json!({

@@ -1,9 +1,9 @@
 //! The post-process chain (remap, blur, noise; 640x480, everything moving about 40 px) against what a user would
 //! otherwise write: `cargo bench --bench chain [-- --quick]`.
 //!
-//! Writes `target/bench/chain.json` and `chain.md`. The programs in `benches/peers/` run in the same minutes on the same
-//! number of threads; what cannot run here is named. Times are the least and the median of several runs by the host's
-//! clock; the picture of each is compared with the exact gather's twin on the CPU.
+//! Writes `target/bench/chain.json` and `chain.md`. The programs in `benches/peers/` run in the same minutes on the
+//! same number of threads; what cannot run here is named. Times are the least and the median of several runs by the
+//! host's clock; the picture of each is compared with the exact gather's twin on the CPU.
 #![allow(clippy::unwrap_used)]
 
 #[path = "chain/device.rs"]
@@ -145,7 +145,10 @@ fn main() {
     text += &bounds(&context, &input, &rows);
     text += &scaling(&arguments);
     println!("{text}");
-    let json = serde_json::json!({ "device": context.info().name, "driver": context.info().driver, "threads": THREADS, "size": SIZE, "rows": rows });
+    let info = context.info();
+    let json = serde_json::json!({
+        "device": info.name, "driver": info.driver, "threads": THREADS, "size": SIZE, "rows": rows,
+    });
     std::fs::write(
         root().join("target/bench/chain.json"),
         serde_json::to_string_pretty(&json).unwrap() + "\n",
@@ -291,7 +294,8 @@ fn printed(folder: &Path, text: &str, truths: &[Plane<u8>]) -> Vec<Row> {
 fn report(context: &Arc<Context>, rows: &[Row], repeats: usize) -> String {
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let mut text = format!(
-        "Remap, blur and noise of {}x{}; {}, {THREADS} threads, {repeats} runs; load {}.\n\nimplementation | motion | least ms | median ms | PSNR, dB\n---|---|---|---|---\n",
+        "Remap, blur and noise of {}x{}; {}, {THREADS} threads, {repeats} runs; load {}.\n\n\
+         implementation | motion | least ms | median ms | PSNR, dB\n---|---|---|---|---\n",
         SIZE[0],
         SIZE[1],
         context.info().name,

@@ -1,7 +1,7 @@
 //! Time of a diagnosis against frames and pixels, and what dominates it: `cargo bench --bench diagnose [CAPTURE]`.
 //!
-//! Takes a capture (else ../shared/data/cycles-dev/d01), with all, with half and with a quarter of its frames, and in its own
-//! size and at half of it (real frames averaged over 2x2 px). Prints a line a run and the time of each stage.
+//! Takes a capture (else ../shared/data/cycles-dev/d01), with all, with half and with a quarter of its frames, and in
+//! its own size and at half of it (real frames averaged over 2x2 px). Prints a line a run and the time of each stage.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,10 @@
 //! The ladder of methods: what each costs and what each gets wrong, against many renders with the same samples a pixel.
 //!
-//! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md`, `ladder.png` (reference, method, difference
-//! times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged). `LADDER_SCENES`, `LADDER_METHODS` and `LADDER_EFFECTS` (comma-separated) choose, `LADDER_N` is the
-//! number of renders of the reference, `LADDER_SCALE` multiplies the picture's 320x240, `LADDER_KEEP` keeps references
-//! in `target/bench/references` from run to run, `LADDER_REPEATS` is the number of timed frames.
+//! `cargo bench --bench ladder` writes `target/bench/ladder.json`, `ladder.md`, `ladder.png` (reference, method,
+//! difference times 8; one row a scene) and `failures.png` (the same of one typical failure a method, enlarged).
+//! `LADDER_SCENES`, `LADDER_METHODS` and `LADDER_EFFECTS` (comma-separated) choose, `LADDER_N` is the number of renders
+//! of the reference, `LADDER_SCALE` multiplies the picture's 320x240, `LADDER_KEEP` keeps references in
+//! `target/bench/references` from run to run, `LADDER_REPEATS` is the number of timed frames.
 #![allow(clippy::unwrap_used)]
 
 #[path = "../tests/support/checkers/mod.rs"]

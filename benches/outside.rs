@@ -1,7 +1,8 @@
-//! What frames from outside cost, by what they bring: 640x480 with a margin of 16 px, a camera that pans and passes what it sees
-//! (evenly, so that all modes blur along ways of one length). Processor time
-//! of the process a frame (ms, least of the rounds), its ratio to the gather from depth and two poses with the same effects, and
-//! the device's passes (least of the rounds each; `LP_NUM_THREADS=1` makes them processor time on lavapipe). `cargo bench --bench outside [-- ROUNDS]` (6). Modes take turns.
+//! What frames from outside cost, by what they bring: 640x480 with a margin of 16 px, a camera that pans and passes
+//! what it sees (evenly, so that all modes blur along ways of one length). Processor time of the process a frame (ms,
+//! least of the rounds), its ratio to the gather from depth and two poses with the same effects, and the device's
+//! passes (least of the rounds each; `LP_NUM_THREADS=1` makes them processor time on lavapipe). `cargo bench --bench
+//! outside [-- ROUNDS]` (6). Modes take turns.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../tests/support/capi/mod.rs"]

@@ -1,7 +1,7 @@
-//! Time of each pixel effect on its own and in the full chain (what the chain costs less without it), of the full chain, and
-//! the full chain against shutter + blur + the paper's noise, at three sizes:
-//! `cargo bench --bench passes [-- --json FILE] [--size WxH] [--only EFFECT]`. On a software device times are the processor's, all
-//! threads together and with reading the picture back (the plain one's share); else the device's timestamps.
+//! Time of each pixel effect on its own and in the full chain (what the chain costs less without it), of the full
+//! chain, and the full chain against shutter + blur + the paper's noise, at three sizes: `cargo bench --bench passes
+//! [-- --json FILE] [--size WxH] [--only EFFECT]`. On a software device times are the processor's, all threads together
+//! and with reading the picture back (the plain one's share); else the device's timestamps.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use std::path::Path;
@@ -102,8 +102,8 @@ fn processor_ms() -> Option<f64> {
     Some(std::fs::read_dir("/proc/self/task").ok()?.filter_map(of_thread).sum())
 }
 
-/// What frames of a kind cost: on a software device processor time, which other programs hardly change; else the device's
-/// timestamps. Of some frames the least.
+/// What frames of a kind cost: on a software device processor time, which other programs hardly change; else the
+/// device's timestamps. Of some frames the least.
 #[derive(Default)]
 struct Cost {
     frames: usize,
@@ -332,7 +332,8 @@ fn main() {
     if let Some(file) = argument("--json") {
         let table: serde_json::Map<_, _> = rows.into_iter().map(|(n, v)| (n, v.into())).collect();
         let sizes: Vec<_> = sizes.iter().map(named).collect();
-        let json = serde_json::json!({ "device": context.info().name, "unit": format!("ms {clock}"), "sizes": sizes, "passes": table });
+        let json = serde_json::json!({ "device": context.info().name, "unit": format!("ms \
+            {clock}"), "sizes": sizes, "passes": table });
         std::fs::write(file, serde_json::to_string_pretty(&json).unwrap() + "\n").unwrap();
     }
 }

@@ -1,10 +1,10 @@
 //! The paper's Table 1, every cell of it at three sizes: `cargo bench --bench table1 [-- --quick] [-- --only TEXT]`.
 //!
 //! Writes `target/bench/table1.json`, `table1.md` and `table1.png`. The scene is `scenes/table1`. On a software device
-//! times are CPU times, `LP_NUM_THREADS` is 2 unless it is set, and device times that disagree with the host's clock are
-//! an error. `--quick`: the smallest picture and few frames. `--only TEXT`: cells whose name holds the text, such as
-//! `generic`, `640x480` or `velocity 24 320x240`, or one of `throughput`, `raster16` and `rates`; prints them and writes
-//! no files.
+//! times are CPU times, `LP_NUM_THREADS` is 2 unless it is set, and device times that disagree with the host's clock
+//! are an error. `--quick`: the smallest picture and few frames. `--only TEXT`: cells whose name holds the text, such
+//! as `generic`, `640x480` or `velocity 24 320x240`, or one of `throughput`, `raster16` and `rates`; prints them and
+//! writes no files.
 #![allow(clippy::unwrap_used)]
 
 #[path = "table1/cells.rs"]

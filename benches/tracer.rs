@@ -1,6 +1,6 @@
-//! Against a path tracer: `cargo bench --bench tracer`. The frames of `../shared/data/cycles-dev` took one about 0.35 s each
-//! on two threads (an upper bound: the machine was busy), at 16 samples a pixel. Ours for the same captures with the
-//! answer's camera, each compared with many renders as the truth. Writes `target/bench/tracer.md`.
+//! Against a path tracer: `cargo bench --bench tracer`. The frames of `../shared/data/cycles-dev` took one about 0.35 s
+//! each on two threads (an upper bound: the machine was busy), at 16 samples a pixel. Ours for the same captures with
+//! the answer's camera, each compared with many renders as the truth. Writes `target/bench/tracer.md`.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;
@@ -46,7 +46,8 @@ fn main() {
         Err(error) => return eprintln!("SKIPPED tracer: {error}"),
     };
     let mut text = format!(
-        "Device: {}, 2 threads. Error: mean absolute difference from {TRUTH} renders of 16 samples, levels of 255.\n\ncapture | who | error | ms a frame | times faster\n---|---|---|---|---\n",
+        "Device: {}, 2 threads. Error: mean absolute difference from {TRUTH} renders of 16 samples, levels of 255.\n\
+         \ncapture | who | error | ms a frame | times faster\n---|---|---|---|---\n",
         context.info().name
     );
     for name in ["d01", "d02", "d08"] {

@@ -1,9 +1,10 @@
 //! One process, many frames: does anything grow, and does a frame stay what it was?
 //!
-//! `cargo run --release --example long_life -- FRAMES [REMAKES]` renders the frames of `demo/capture` at 64x48 px, with noise and a
-//! shutter, over and over in one process, and makes device and engine anew so many times on the way, as a host does after a
-//! device was lost. Prints resident memory, descriptors and threads ten times, and fails if one of them is above what it was
-//! after the first tenth (memory: by more than 2 %), or if a frame has other bits than the first time.
+//! `cargo run --release --example long_life -- FRAMES [REMAKES]` renders the frames of `demo/capture` at 64x48 px, with
+//! noise and a shutter, over and over in one process, and makes device and engine anew so many times on the way, as a
+//! host does after a device was lost. Prints resident memory, descriptors and threads ten times, and fails if one of
+//! them is above what it was after the first tenth (memory: by more than 2 %), or if a frame has other bits than the
+//! first time.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -31,10 +31,12 @@ int main(int argc, char **argv) {
         "[rolling_shutter]\nreadout_time_s = 0.03\n[motion_blur]\nexposure_time_s = 0.01\n"
         "[paper_noise]\ncolor_variance_g = 0.0004\n"), engine);
 
-    shutterbug_image color_image = {.struct_size = sizeof color_image, .format = SHUTTERBUG_RGB8, .width = W, .height = H,
-                                    .stride_bytes = 3 * W, .capacity_bytes = sizeof color, .pixels = color};
+    shutterbug_image color_image = {.struct_size = sizeof color_image, .format = SHUTTERBUG_RGB8, .width = W,
+                                    .height = H, .stride_bytes = 3 * W, .capacity_bytes = sizeof color,
+                                    .pixels = color};
     shutterbug_image motion_image = {.struct_size = sizeof motion_image, .format = SHUTTERBUG_RG32F, .width = W,
-                                     .height = H, .stride_bytes = 8 * W, .capacity_bytes = sizeof motion, .pixels = motion};
+                                     .height = H, .stride_bytes = 8 * W, .capacity_bytes = sizeof motion,
+                                     .pixels = motion};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
     must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
     shutterbug_outside outside = {.struct_size = sizeof outside, .color_time_s = 0.02, .color = &color_image,

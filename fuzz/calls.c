@@ -1,9 +1,9 @@
-/* Random sequences of calls of the C ABI. Each input is a program: a byte chooses a call, the next ones its arguments. Pointers
- * and capacities are honest (the header makes lies the host's fault); handles, numbers and order are anything.
+/* Random sequences of calls of the C ABI. Each input is a program: a byte chooses a call, the next ones its arguments.
+ * Pointers and capacities are honest (the header makes lies the host's fault); handles, numbers and order are anything.
  *
- * Fails (abort) where a call returns SHUTTERBUG_PANIC or _POISONED or a number that is no status, where a handle that is not
- * alive is accepted, where an output is written on failure, and where, after everything is destroyed, a plain frame is not
- * what it was before. The address sanitizer does the rest. Built by fuzz/run and tests/capi_fuzz.rs. */
+ * Fails (abort) where a call returns SHUTTERBUG_PANIC or _POISONED or a number that is no status, where a handle that
+ * is not alive is accepted, where an output is written on failure, and where, after everything is destroyed, a plain
+ * frame is not what it was before. The address sanitizer does the rest. Built by fuzz/run and tests/abi/fuzz.rs. */
 #include <shutterbug.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -20,8 +20,8 @@ static struct {
 } input;
 static void *handles[HANDLES];
 static int kinds[HANDLES], alive[HANDLES];
-/* Ends of three pieces of memory, each followed by a page that nobody may touch: the library itself is not instrumented, so
- * pictures end there. And pages for import_host. */
+/* Ends of three pieces of memory, each followed by a page that nobody may touch: the library itself is not
+ * instrumented, so pictures end there. And pages for import_host. */
 static unsigned char *ends[3], *pages;
 /* How often each call gave each status: what --statistics prints. */
 static unsigned long counts[32][22];

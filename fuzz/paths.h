@@ -1,4 +1,5 @@
-/* Part of calls.c: frames with poses over them, what is asked beside frames, and pictures of more than 8 bits. Only ever `aside`. */
+/* Part of calls.c: frames with poses over them, what is asked beside frames, and pictures of more than 8 bits. Only
+ * ever `aside`. */
 /* An engine that stays, whose camera has a mosaic and margins to ask for; none of the handles that are picked. */
 static shutterbug_engine *lasting(void) {
     static shutterbug_engine *engine;

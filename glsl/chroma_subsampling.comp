@@ -1,6 +1,6 @@
 #version 460
-// chroma_subsampling: the colour difference of a block is that of its mean; brightness stays. One invocation makes a block.
-// Twin: src/effects/chroma_subsampling.rs.
+// chroma_subsampling: the colour difference of a block is that of its mean; brightness stays. One invocation makes a
+// block. Twin: src/effects/chroma_subsampling.rs.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 

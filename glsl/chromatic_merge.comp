@@ -1,6 +1,6 @@
 #version 460
-// Puts a frame together whose colours were drawn one after another, each through a lens of its own magnification: red and
-// blue are kept as they come, and put beside the green of the last picture.
+// Puts a frame together whose colours were drawn one after another, each through a lens of its own magnification: red
+// and blue are kept as they come, and put beside the green of the last picture.
 layout(local_size_x = 16, local_size_y = 8) in;
 layout(set = 0, binding = 0, rgba32f) uniform image2D radiance;
 layout(set = 0, binding = 1, rgba32f) uniform image2D kept;

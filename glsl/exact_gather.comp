@@ -1,7 +1,7 @@
 #version 460
 // Blur of `--method exact`: the mean, over a line's exposure, of what passes each pixel. The supersampled picture shows
-// every line at the middle of its exposure; for each instant tau of the exposure (-0.5 to 0.5) the place is sought whose
-// path leads it to the pixel then, and its radiance taken.
+// every line at the middle of its exposure; for each instant tau of the exposure (-0.5 to 0.5) the place is sought
+// whose path leads it to the pixel then, and its radiance taken.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "exact_tile.glsl"
@@ -26,8 +26,8 @@ layout(set = 0, binding = 8) uniform sampler2D early;
 layout(set = 0, binding = 9) uniform sampler2D late;
 // RGB: linear radiance. A: number of samples, negative where one lay beyond the rendered picture.
 layout(set = 0, binding = 5, rgba32f) uniform writeonly image2D radiance;
-// Four words a texel: the size of the dispatch and the number of tiles, then the tiles. Not a storage buffer, which a software
-// device reads lane by lane.
+// Four words a texel: the size of the dispatch and the number of tiles, then the tiles. Not a storage buffer, which a
+// software device reads lane by lane.
 layout(set = 0, binding = 7) uniform usamplerBuffer listed;
 layout(push_constant) uniform Push {
     uvec2 size;
@@ -48,9 +48,9 @@ layout(push_constant) uniform Push {
 
 // A place belongs to the pixel at an instant if its path leads it this near, px.
 const float HIT_PX = 0.75;
-// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px. The pixel's box has
-// a variance of 1/12 px^2 an axis. A texel is a box itself, 1/48, and reading it bilinearly at any phase adds 1/24: the
-// samples may add 1/48, the square of this. Quarters, which would be right without these two, lose 1 to 2 dB.
+// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px. The pixel's box
+// has a variance of 1/12 px^2 an axis. A texel is a box itself, 1/48, and reading it bilinearly at any phase adds 1/24:
+// the samples may add 1/48, the square of this. Quarters, which would be right without these two, lose 1 to 2 dB.
 const float SPREAD_PX = 0.14434;
 
 // A px of a path has a sample; of what is longer than this, px, every second one has.
@@ -76,8 +76,8 @@ void note_beyond(vec2 at) {
     beyond = beyond || any(lessThan(at, vec2(0.0))) || any(greaterThan(at, push.picture_px));
 }
 
-// Of the pixel there, or of the nearest in the picture. Pixels and texels are not fetched but sampled (nearest), because
-// lavapipe 22.3 looks up the level of each lane for a fetch.
+// Of the pixel there, or of the nearest in the picture. Pixels and texels are not fetched but sampled (nearest),
+// because lavapipe 22.3 looks up the level of each lane for a fetch.
 vec4 path_at(vec2 at) {
     return textureLod(paths, at * push.share_per_px, 0.0);
 }
@@ -123,16 +123,17 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
     vec4 back = vec4(begin, end);
     note_beyond(pixel + begin);
     note_beyond(pixel + end);
-    // Two samples a step of a px, opposite each other, so that none is early or late on average. Across the path they make
-    // up the pixel's box; along it they take turns, and the path itself is the wider filter. Unrolled by two steps.
+    // Two samples a step of a px, opposite each other, so that none is early or late on average. Across the path they
+    // make up the pixel's box; along it they take turns, and the path itself is the wider filter. Unrolled by two
+    // steps.
     vec2 way = abs(end - begin);
     vec2 side = spread_px() * (way.x > way.y ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
     vec2 ahead = spread_px() - side;
     vec2 even = side + ahead, odd = side - ahead;
     int pairs = clamp(int(ceil(0.5 * samples_of(length(begin) + length(end)))), 1, push.most / 2);
-    // The middles of n equal steps vary by less than what they stand for, by a factor of 1 - 1/n^2: they are moved apart
-    // until they vary as much. Two are then Gauss's, and the mean over a parabola is exact. Not four: there it would cost
-    // textures finer than 3 px half a decibel and gain edges a fifth.
+    // The middles of n equal steps vary by less than what they stand for, by a factor of 1 - 1/n^2: they are moved
+    // apart until they vary as much. Two are then Gauss's, and the mean over a parabola is exact. Not four: there it
+    // would cost textures finer than 3 px half a decibel and gain edges a fifth.
     float count = 2.0 * float(pairs);
     float apart = pairs == 2 ? 1.0 : inversesqrt(1.0 - 1.0 / (count * count));
     float step_tau = apart / count;
@@ -143,7 +144,8 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
         float next = tau + step_tau;
         vec2 first = pixel + tau * (linear + tau * square);
         vec2 second = pixel + next * (linear + next * square);
-        sum += radiance_at(first + even) + radiance_at(first - even) + radiance_at(second + odd) + radiance_at(second - odd);
+        sum += radiance_at(first + even) + radiance_at(first - even)
+            + radiance_at(second + odd) + radiance_at(second - odd);
     }
     return vec4(sum / float(4 * pairs), float(2 * pairs));
 }
@@ -152,8 +154,8 @@ vec4 gather_smooth(vec2 pixel, float line, vec4 path) {
 vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
     int count = 2 * clamp(int(ceil(0.5 * samples_of(length_px))), 2, push.most / 2);
     vec3 sum = vec3(0.0);
-    // The pixel's own path stands for that of the two which it is nearer to: a third candidate costs a third more and brings
-    // less than 0.1 dB.
+    // The pixel's own path stands for that of the two which it is nearer to: a third candidate costs a third more and
+    // brings less than 0.1 dB.
     vec4 to_near = seeds[1] - seeds[0], to_far = seeds[2] - seeds[0];
     vec4 candidates[2] = vec4[2](seeds[0], dot(to_near, to_near) > dot(to_far, to_far) ? seeds[1] : seeds[2]);
     for (int i = 0; i < count; ++i) {
@@ -179,7 +181,8 @@ vec4 gather_layers(vec2 pixel, float line, vec4 seeds[3], float length_px) {
             // begin on.
             vec4 path = seeds[2];
             vec2 place = pixel - along(path, tau) + (tau < 0.0 ? path.xy : path.zw);
-            bool drawn = all(greaterThanEqual(place, push.drawn_from_px)) && all(lessThanEqual(place, push.drawn_to_px));
+            bool drawn = all(greaterThanEqual(place, push.drawn_from_px))
+                && all(lessThanEqual(place, push.drawn_to_px));
             vec3 uncovered = tau < 0.0 ? textureLod(early, place * push.share_per_px, 0.0).rgb
                                        : textureLod(late, place * push.share_per_px, 0.0).rgb;
             seen = nearest < 0.0 && drawn ? 2.0 * uncovered : seen;

@@ -106,8 +106,8 @@ void main() {
         return;
     }
     uint number = uint(tile.y) * push.size.x + uint(tile.x);
-    // Where all that may come has one colour, nothing that moves is seen to. Not so near a silhouette: what it hides may
-    // have any colour.
+    // Where all that may come has one colour, nothing that moves is seen to. Not so near a silhouette: what it hides
+    // may have any colour.
     bool flat_color = !jumps && differs <= EXACT_FLAT_SHARE * max(color.r, max(color.g, color.b)) + EXACT_FLAT;
     if (flat_color || max(reach.x, reach.y) < EXACT_SHORTEST_PX) {
         PUT(resting, number)

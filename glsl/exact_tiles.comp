@@ -36,8 +36,8 @@ void main() {
     float near_inverse = -1.0, far_inverse = 1e30, jump = 0.0;
     vec2 reach = vec2(0.0);
     vec3 least = vec3(1e30), most = vec3(-1e30);
-    // Beyond the border the last pixel is repeated. Texels are not fetched but sampled (nearest), because lavapipe 22.3 looks
-    // up the level of each lane for a fetch.
+    // Beyond the border the last pixel is repeated. Texels are not fetched but sampled (nearest), because lavapipe 22.3
+    // looks up the level of each lane for a fetch.
     vec2 right_px = vec2(push.share_per_px.x, 0.0), down_px = vec2(0.0, push.share_per_px.y);
     vec2 corner = (vec2(ivec2(tile) * EXACT_TILE) + 0.5) * push.share_per_px;
     // From a pixel's centre to that of its last texel on a diagonal.

@@ -42,7 +42,8 @@ void main() {
         return;
     }
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
-    precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
+    precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s
+        + float(push.reference_knot);
     // Another picture's lines.
     float near = nearness_of(fraction);
     if (near <= 0.0) {

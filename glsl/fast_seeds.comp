@@ -2,8 +2,8 @@
 // `--method fast`, first half: every texel of the reference picture finds the line that sees it, and lays claim to the
 // pixel it lands on. What is nearest keeps it. Twin: src/reference/fast_seeds.rs.
 //
-// Claims only start the search in fast_gather, so a curve of path images is taken as a parabola here. One that follows from
-// depth is followed: a camera that shakes is nowhere near the parabola through three of its places.
+// Claims only start the search in fast_gather, so a curve of path images is taken as a parabola here. One that follows
+// from depth is followed: a camera that shakes is nowhere near the parabola through three of its places.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
@@ -41,7 +41,8 @@ float fraction_at(vec2 position_px) {
 // What moves nearly as fast as the lines are read lands nowhere certain: least of 1 - its speed over theirs.
 const float LEAST_APART = 0.3;
 
-// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
+// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the
+// reference.
 void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
     float reference = float(push.reference_knot);
     float after = float(push.last_knot) - reference;
@@ -57,8 +58,8 @@ void parabola_of(ivec2 texel, out vec2 bend, out vec2 slope) {
     slope = s;
 }
 
-// What a texel shows, how far the lens moves it where it is, and when the lines of a slot are read: time = begin + lines
-// fraction.
+// What a texel shows, how far the lens moves it where it is, and when the lines of a slot are read: time = begin +
+// lines fraction.
 struct Traced {
     ivec2 texel;
     vec2 seen;
@@ -68,9 +69,9 @@ struct Traced {
     float lines;
 };
 
-// Where a pinhole shows it by the time of the line that it lands on, from a place near there: the path is read at the time of
-// that place's line, and followed straight on from there (a Newton step). The lens moves it by another bit there than where it
-// came from: that is a fraction of the way, in the time of which nothing moves far.
+// Where a pinhole shows it by the time of the line that it lands on, from a place near there: the path is read at the
+// time of that place's line, and followed straight on from there (a Newton step). The lens moves it by another bit
+// there than where it came from: that is a fraction of the way, in the time of which nothing moves far.
 vec2 lands_by_depth(Traced traced, vec2 near_px) {
     bool lines_are_rows = push.scan_order <= BOTTOM_TO_TOP;
     bool backwards = push.scan_order == BOTTOM_TO_TOP || push.scan_order == RIGHT_TO_LEFT;

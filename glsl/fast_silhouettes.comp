@@ -1,6 +1,6 @@
 #version 460
-// `--method fast`, last part: the pixels where several surfaces come by during the exposure. Every sample asks all claims
-// around and takes the nearest that really lands on it. Twin: src/reference/fast_silhouettes.rs.
+// `--method fast`, last part: the pixels where several surfaces come by during the exposure. Every sample asks all
+// claims around and takes the nearest that really lands on it. Twin: src/reference/fast_silhouettes.rs.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 64) in;

@@ -1,6 +1,6 @@
 #version 460
-// Motion of a resting scene from depth and the camera's movement (the reconstruction method of the paper's section 2.3),
-// for frames that bring depth but no motion. Twin: src/reference/motion_from_depth.rs.
+// Motion of a resting scene from depth and the camera's movement (the reconstruction method of the paper's section
+// 2.3), for frames that bring depth but no motion. Twin: src/reference/motion_from_depth.rs.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;

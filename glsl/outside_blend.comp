@@ -1,10 +1,12 @@
 #version 460
-// A frame from several pictures: every line from the three that are nearest to it in time. Twin: src/reference/outside_blend.rs.
+// A frame from several pictures: every line from the three that are nearest to it in time. Twin:
+// src/reference/outside_blend.rs.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;
 
-// What a picture shows of a pixel: a colour and what it counts; or, where the last number is below 0, the place in it, px.
+// What a picture shows of a pixel: a colour and what it counts; or, where the last number is below 0, the place in it,
+// px.
 layout(set = 0, binding = 0) uniform sampler2D warped_0;
 layout(set = 0, binding = 1) uniform sampler2D warped_1;
 layout(set = 0, binding = 2) uniform sampler2D warped_2;
@@ -22,8 +24,8 @@ layout(push_constant) uniform Push {
     // Pictures that there are: 2 or 3.
     uint pictures;
     uint scan_order;
-    // Middle of the first line's exposure; of the lines that are made of these pictures from the first on, and before the last,
-    // s.
+    // Middle of the first line's exposure; of the lines that are made of these pictures from the first on, and before
+    // the last, s.
     float middle_s;
     float readout_time_s;
     float from_s;
@@ -40,8 +42,8 @@ vec4 shown(sampler2D warped, uvec2 pixel) {
     return textureLod(warped, (vec2(pixel) + 0.5) / vec2(push.size), 0.0);
 }
 
-// Places in pictures of one surface are read as one picture of finer texels. (What one picture alone shows would be better read
-// by a cubic, by 1 dB; a software device would take that branch for every pixel.)
+// Places in pictures of one surface are read as one picture of finer texels. (What one picture alone shows would be
+// better read by a cubic, by 1 dB; a software device would take that branch for every pixel.)
 vec3 of_places(vec4 a, vec4 b, vec4 c) {
     Around first = around(color_0, a.xy, a.w < 0.0);
     Around second = around(color_1, b.xy, b.w < 0.0);

@@ -1,6 +1,6 @@
 #version 460
-// What the vertex stage would compute, once a vertex and in all threads: lavapipe shades vertices in one thread, and reads
-// a storage buffer there at a twentieth of a frame a matrix. Used where no lens bends the picture.
+// What the vertex stage would compute, once a vertex and in all threads: lavapipe shades vertices in one thread, and
+// reads a storage buffer there at a twentieth of a frame a matrix. Used where no lens bends the picture.
 #extension GL_GOOGLE_include_directive : require
 layout(local_size_x = 64) in;
 

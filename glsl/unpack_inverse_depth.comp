@@ -1,6 +1,6 @@
 #version 460
-// A caller's depth picture to near distance over distance, as the warp of `--method fast` reads it: 0 is infinitely far. Twin:
-// src/reference/unpack.rs.
+// A caller's depth picture to near distance over distance, as the warp of `--method fast` reads it: 0 is infinitely
+// far. Twin: src/reference/unpack.rs.
 #extension GL_GOOGLE_include_directive : require
 
 layout(local_size_x = 16, local_size_y = 8) in;

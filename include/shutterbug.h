@@ -1,32 +1,37 @@
-/* Shutterbug: what one real, cheap, moving camera would have delivered of a frame. This header is the manual.
+/* Shutterbug: turns a rendered frame into the frame of a real, cheap, moving camera. This header is the manual.
  *
- * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs are written on success only.
- * ERRORS    shutterbug_last_error() says in a sentence what was found and what was expected; calls without a handle put it into
- *           a buffer of yours (error_text, which may be null). Any call can give ARGUMENT, STRUCT_SIZE and PANIC, any call on a
- *           handle HANDLE, BUSY, POISONED and FORKED: those are common. What else a call gives stands at its "Errors:"; "device" there
- *           stands for DEVICE_LOST, OUT_OF_MEMORY, VULKAN and, where it waits, TIMEOUT.
- * HANDLES   Numbers in the guise of pointers: never followed, only looked up. Null, made-up, destroyed and wrong-kind
- *           handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives SHUTTERBUG_HANDLE.
- * OWNERSHIP You own all memory that you pass, and nothing of it is kept after a call returns, except shared memory
- *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import or
- *           *_export call gives you is yours to destroy. Destroy in any order: a frame whose engine is gone answers with an
- *           error, shared memory keeps its device open.
- * THREADS   Each handle is used by one thread at a time, any thread. Two at once: the second gets SHUTTERBUG_BUSY and
- *           nothing happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
+ * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs are written on success
+ *           only.
+ * ERRORS    shutterbug_last_error() gives a sentence: what was found, and what was expected. Calls without a handle
+ *           write it to your buffer (error_text, which may be null). Common errors are not listed at each call: any
+ *           call can give ARGUMENT, STRUCT_SIZE and PANIC; any call on a handle can give HANDLE, BUSY, POISONED and
+ *           FORKED. All other errors of a call stand at its "Errors:". "device" there stands for DEVICE_LOST,
+ *           OUT_OF_MEMORY, VULKAN and, if the call waits, TIMEOUT.
+ * HANDLES   Pointers that are numbers: they are never followed, only looked up. Null, made-up, destroyed and
+ *           wrong-kind handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives
+ *           SHUTTERBUG_HANDLE.
+ * OWNERSHIP You own all memory that you pass. The library keeps none of it after the call, except shared memory
+ *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import
+ *           or *_export call gives you is yours to destroy. Destroy in any order: a frame whose engine is gone returns
+ *           an error; shared memory keeps its device open.
+ * THREADS   Any thread may use a handle, one thread at a time. A second thread gets SHUTTERBUG_BUSY and nothing
+ *           happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
  *           independent of each other.
- * FORK      In a forked child, every call on a handle of its parent answers at once with FORKED, whatever the parent was
- *           doing; destroying it drops it, gives OK, and leaves the parent's alone. A child makes engines of its own.
- * UNITS     Seconds, metres, pixels; they stand in the names. Pixel (0,0) is top left, its centre at (0.5, 0.5), x right,
- *           y down. Cameras look along +z (x right, y down). A pose maps camera to world. See docs/conventions.md.
+ * FORK      In a forked child, every call on a handle of the parent returns FORKED at once, whatever the parent was
+ *           doing. Destroying such a handle returns OK and does not touch the parent's object. The child creates its
+ *           own engines.
+ * UNITS     Seconds, metres, pixels; the names end in the unit. Pixel (0,0) is top left, its centre is (0.5, 0.5), x
+ *           points right, y points down. A camera looks along +z (x right, y down). A pose maps camera to world
+ *           coordinates. See docs/conventions.md.
  * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
- * STRUCTS   Set struct_size = sizeof(struct) before passing one, for outputs too, and zero the rest (= {0}) before you fill
- *           in fields: zero is each option's default. Structs grow at their end only: the size that an older header gave is
- *           known too, and what it lacks is zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
- * MANNERS   No global state but the table of live handles (and two empty listeners that keep one engine's log from touching
- *           another's), no signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC (with
- *           Rust's message on stderr) and makes that handle unusable, no other. The first engine that loads a scene starts a
- *           pool of idle worker threads that stays.
+ * STRUCTS   Set struct_size = sizeof(struct) before you pass one, for outputs too, and zero the rest (= {0}) before you
+ *           fill in fields: zero is each option's default. Structs grow at their end only. A size from an older header
+ *           is accepted; the missing fields count as zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
+ * PROCESS   The only global state is the table of live handles, and two idle log subscribers that keep the engines'
+ *           logs apart. No signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC,
+ *           with Rust's message on stderr; it makes that one handle unusable. The first engine that loads a scene
+ *           starts a pool of worker threads, which stay, idle.
  */
 #ifndef SHUTTERBUG_H
 #define SHUTTERBUG_H
@@ -43,7 +48,7 @@ extern "C" {
 #endif
 /* From here to "END OF PLAIN C" there is no preprocessor: Python's cffi parses it as it is. */
 
-/* ---- Status --------------------------------------------------------------------------------------------------------- */
+/* ---- Status ------------------------------------------------------------------------------------------------------ */
 
 typedef int32_t shutterbug_status;
 enum {
@@ -53,7 +58,7 @@ enum {
     SHUTTERBUG_BUSY = 3,           /* another thread is using the handle: try again */
     SHUTTERBUG_POISONED = 4,       /* unusable since an earlier SHUTTERBUG_PANIC: destroy it */
     SHUTTERBUG_PANIC = 5,          /* a bug in the library; the handle is unusable from now on */
-    SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is none that this library knows */
+    SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is not a size that this library knows */
     SHUTTERBUG_TOO_SMALL = 7,      /* a stride, a capacity or a margin */
     SHUTTERBUG_FORMAT = 8,         /* a pixel format that is not possible here */
     SHUTTERBUG_STATE = 9,          /* the call needs another one first */
@@ -72,14 +77,14 @@ enum {
     SHUTTERBUG_FORKED = 22         /* the handle belongs to the process that forked this one */
 };
 
-/* ---- Handles -------------------------------------------------------------------------------------------------------- */
+/* ---- Handles ----------------------------------------------------------------------------------------------------- */
 
 typedef struct shutterbug_engine shutterbug_engine;       /* a device, a camera, and a scene if you load one */
 typedef struct shutterbug_frame shutterbug_frame;         /* a frame on its way, or delivered */
 typedef struct shutterbug_memory shutterbug_memory;       /* memory that device and host share */
 typedef struct shutterbug_semaphore shutterbug_semaphore; /* a semaphore that device and host share */
 
-/* ---- Version and errors --------------------------------------------------------------------------------------------- */
+/* ---- Version and errors ------------------------------------------------------------------------------------------ */
 
 /* The library's version: major * 1000000 + minor * 1000 + patch. Any thread, at any time. */
 uint32_t shutterbug_version(void);
@@ -87,21 +92,21 @@ uint32_t shutterbug_version(void);
 const char *shutterbug_version_text(void);
 /* What a status means. Static: never freed. Unknown numbers have a text too. Any thread, at any time. */
 const char *shutterbug_status_text(shutterbug_status status);
-/* Copies the text of the last failed call on a handle of any kind (NUL-terminated, cut to capacity) and returns its full
- * length without NUL. text may be null. Any thread, even while another one uses the handle. SHUTTERBUG_BUSY and
+/* Copies the text of the last failed call on a handle of any kind (NUL-terminated, cut to capacity) and returns its
+ * full length without NUL. text may be null. Any thread, even while another one uses the handle. SHUTTERBUG_BUSY and
  * SHUTTERBUG_HANDLE leave no text. The handle's text stays until the next failure. */
 size_t shutterbug_last_error(const void *handle, char *text, size_t capacity);
 
-/* ---- Engines -------------------------------------------------------------------------------------------------------- */
+/* ---- Engines ----------------------------------------------------------------------------------------------------- */
 
-/* Called on the thread of the call that has something to say: level 1 error, 2 warning, 3 information. text lives through
- * the call only. It must return normally and should not call the engine it speaks of (SHUTTERBUG_BUSY). */
+/* Called on the thread of the call that has something to say: level 1 error, 2 warning, 3 information. text lives
+ * through the call only. It must return normally and should not call the engine it speaks of (SHUTTERBUG_BUSY). */
 typedef void (*shutterbug_log_fn)(void *user, uint32_t level, const char *text);
 
 /* A Vulkan device of yours. Instance of API 1.2 or later, device with shaderStorageImageExtendedFormats (and
- * timelineSemaphore where you use timelines), a queue of graphics and compute. All of it must outlive the engine and its
- * shared memory, and while a call on the engine or its frames runs nobody else may use the queue. Nothing of it is destroyed
- * by this library. */
+ * timelineSemaphore where you use timelines), a queue of graphics and compute. All of it must outlive the engine and
+ * its shared memory, and while a call on the engine or its frames runs nobody else may use the queue. Nothing of it is
+ * destroyed by this library. */
 typedef struct shutterbug_host_device {
     uint32_t struct_size;
     uint32_t queue_family;
@@ -120,11 +125,15 @@ enum {                                /* shutterbug_engine_options.flags */
     SHUTTERBUG_ENGINE_PLANES = 2      /* frames may ask for sharp planes */
 };
 enum {                              /* shutterbug_engine_options.method: how frames are made (docs/methods.md) */
-    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice: exact for scenes, and for frames from outside what they bring */
+    SHUTTERBUG_METHOD_DEFAULT = 0,  /* the library's choice: exact for scenes, and for frames from outside what they
+                                     * bring */
     SHUTTERBUG_METHOD_ACCUMULATION = 1, /* many renders a frame: the reference; of scenes only */
-    SHUTTERBUG_METHOD_PAPER = 2,    /* one render, motion images, remap and blur as a gather; from outside: motion or two poses */
-    SHUTTERBUG_METHOD_EXACT = 3,    /* one render with every line at its own time, blurred along true paths; of scenes only */
-    SHUTTERBUG_METHOD_FAST = 4      /* one render and a warp along true paths; from outside: depth and pose_count poses */
+    SHUTTERBUG_METHOD_PAPER = 2,    /* one render, motion images, remap and blur as a gather; from outside: motion or
+                                     * two poses */
+    SHUTTERBUG_METHOD_EXACT = 3,    /* one render with every line at its own time, blurred along true paths; of scenes
+                                     * only */
+    SHUTTERBUG_METHOD_FAST = 4      /* one render and a warp along true paths; from outside: depth and pose_count
+                                     * poses */
 };
 
 typedef struct shutterbug_engine_options {
@@ -143,17 +152,20 @@ typedef struct shutterbug_engine_options {
     void *log_user;            /* handed to log */
     char *error_text;          /* where a failed create puts its sentence; may be null */
     uint64_t error_capacity;   /* bytes of error_text */
-    const shutterbug_host_device *host; /* your own Vulkan device instead of a new one; device and validation mean nothing then */
+    const shutterbug_host_device *host; /* your own Vulkan device instead of a new one; device and validation mean
+                                         * nothing then */
     const void *get_instance_proc_addr; /* your Vulkan loader instead of the system's; may be null */
 } shutterbug_engine_options;
 
 /* Opens a device. The engine is yours: destroy it. Nothing of the options is kept but log, log_user and
  * get_instance_proc_addr, which must live as long as the engine, and what host stands for. Takes tens to hundreds of
- * milliseconds. Any thread; several at once make engines of their own. Errors: NO_DEVICE, UNSUPPORTED (the device lacks something, or no validation layer), device. */
+ * milliseconds. Any thread; several at once make engines of their own. Errors: NO_DEVICE, UNSUPPORTED (the device lacks
+ * something, or no validation layer), device. */
 shutterbug_status shutterbug_engine_create(const shutterbug_engine_options *options, shutterbug_engine **engine);
 
-/* Waits for what is in flight (20 s at most: see semaphores) and frees everything that the engine has. Frames that were waited
- * for stay readable, others answer with HANDLE. Errors: none but the common ones; after BUSY the engine is still there. */
+/* Waits for what is in flight (20 s at most: see semaphores) and frees everything that the engine has. Frames that were
+ * waited for stay readable, others answer with HANDLE. Errors: none but the common ones; after BUSY the engine is still
+ * there. */
 shutterbug_status shutterbug_engine_destroy(shutterbug_engine *engine);
 
 enum {                        /* shutterbug_camera.scan_order: which line is read first */
@@ -176,32 +188,32 @@ typedef struct shutterbug_camera {
     uint32_t reserved; /* 0 */
 } shutterbug_camera;
 
-/* Sets the camera of the frames that are submitted from now on: pinhole and shutter, no other effect. A new size or pinhole
- * frees what frames need and makes it anew with the next one. Nothing of the struct is kept.
- * Errors: INPUT (names the field and its range), STATE (frames are in flight, and size or pinhole change), LIMIT. */
+/* Sets the camera of the frames that are submitted from now on: pinhole and shutter, no other effect. A new size or
+ * pinhole frees what frames need and makes it anew with the next one. Nothing of the struct is kept. Errors: INPUT
+ * (names the field and its range), STATE (frames are in flight, and size or pinhole change), LIMIT. */
 shutterbug_status shutterbug_engine_set_camera(shutterbug_engine *engine, const shutterbug_camera *camera);
-/* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{'). Effects of
- * lens and mounting (lens_distortion, chromatic_aberration, focal_length_error, pose_offset) act where a pixel looks: with one
- * of them, frames from outside need depth and pose_count poses, and are UNSUPPORTED without.
- * auto_exposure counts an engine's frames in the order of their submission, whatever their time and index: each answers to
- * the one submitted delay_frames before it, which must have been waited for (else STATE; so at most delay_frames may be in
- * flight). It begins anew, with initial_gain, where a camera has other values of auto_exposure than the one before, where a
- * capture, scene or trajectory is loaded or set, and by shutterbug_engine_reset_exposure. The text is UTF-8; nothing of it is
- * kept. Errors: INPUT (names line, key and range), STATE and LIMIT as above. */
+/* The same from the text of a camera.toml, with all effects; or from JSON with the same keys (first character '{').
+ * Effects of lens and mounting (lens_distortion, chromatic_aberration, focal_length_error, pose_offset) act where a
+ * pixel looks: with one of them, frames from outside need depth and pose_count poses, and are UNSUPPORTED without.
+ * auto_exposure counts an engine's frames in the order of their submission, whatever their time and index: each answers
+ * to the one submitted delay_frames before it, which must have been waited for (else STATE; so at most delay_frames may
+ * be in flight). It begins anew, with initial_gain, where a camera has other values of auto_exposure than the one
+ * before, where a capture, scene or trajectory is loaded or set, and by shutterbug_engine_reset_exposure. The text is
+ * UTF-8; nothing of it is kept. Errors: INPUT (names line, key and range), STATE and LIMIT as above. */
 shutterbug_status shutterbug_engine_set_camera_text(shutterbug_engine *engine, const char *text);
 
 /* Automatic exposure begins anew with the next frame: after a jump in time, or a frame that failed. No other effect.
  * Errors: none but the common ones. */
 shutterbug_status shutterbug_engine_reset_exposure(shutterbug_engine *engine);
 
-/* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are
- * on the files' own clock (its zero: epoch_ns of shutterbug_engine_info); shutterbug_engine_get_frame_times tells those of
- * the frames. The folder (UTF-8) is read before the call returns and not again.
- * Errors: STATE (frames are in flight), INPUT, IO, TIME (the trajectory does not cover the capture's frames), LIMIT. On failure
- * the engine has what it had. */
+/* Loads a capture: a folder with camera.toml, scene.obj, trajectory.tum, frames.csv. Its camera is set. Times are on
+ * the files' own clock (its zero: epoch_ns of shutterbug_engine_info); shutterbug_engine_get_frame_times tells those of
+ * the frames. The folder (UTF-8) is read before the call returns and not again. Errors: STATE (frames are in flight),
+ * INPUT, IO, TIME (the trajectory does not cover the capture's frames), LIMIT. On failure the engine has what it
+ * had. */
 shutterbug_status shutterbug_engine_load_capture(shutterbug_engine *engine, const char *folder);
-/* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Frames of it need a camera and a
- * trajectory too, set before or after. Errors: STATE (frames are in flight), INPUT, IO, LIMIT. */
+/* Loads an OBJ file with its materials and textures, unlit, world coordinates in metres. Frames of it need a camera and
+ * a trajectory too, set before or after. Errors: STATE (frames are in flight), INPUT, IO, LIMIT. */
 shutterbug_status shutterbug_engine_load_scene(shutterbug_engine *engine, const char *obj_file);
 
 typedef struct shutterbug_pose {
@@ -213,8 +225,8 @@ typedef struct shutterbug_stamped_pose {
     shutterbug_pose world_from_camera;
 } shutterbug_stamped_pose;
 
-/* Sets the camera's poses over time; times increase. Between two: linear position, rotation on the shorter arc; beyond the
- * first and last there is none. The poses are copied. Errors: STATE (frames are in flight), INPUT (times). */
+/* Sets the camera's poses over time; times increase. Between two: linear position, rotation on the shorter arc; beyond
+ * the first and last there is none. The poses are copied. Errors: STATE (frames are in flight), INPUT (times). */
 shutterbug_status shutterbug_engine_set_trajectory(shutterbug_engine *engine, const shutterbug_stamped_pose *poses,
                                                    size_t count);
 
@@ -228,7 +240,8 @@ enum {                                 /* shutterbug_engine_info.capabilities */
 typedef struct shutterbug_engine_info {
     uint32_t struct_size;
     uint32_t capabilities;
-    uint32_t device_kind; /* 0 other, 1 discrete GPU, 2 integrated GPU, 3 virtual GPU, 4 software (its times are CPU times) */
+    uint32_t device_kind; /* 0 other, 1 discrete GPU, 2 integrated GPU, 3 virtual GPU, 4 software (its times are CPU
+                           * times) */
     uint32_t frames_in_flight;
     uint32_t width, height;       /* of the camera; 0 before one is set */
     uint32_t capture_frames;      /* frames of the loaded capture */
@@ -240,13 +253,13 @@ typedef struct shutterbug_engine_info {
     uint8_t device_uuid[16];
 } shutterbug_engine_info;
 
-/* What the engine is and has; the texts are NUL-terminated UTF-8, cut where they do not fit. Errors: none but the common
- * ones. */
+/* What the engine is and has; the texts are NUL-terminated UTF-8, cut where they do not fit. Errors: none but the
+ * common ones. */
 shutterbug_status shutterbug_engine_get_info(shutterbug_engine *engine, shutterbug_engine_info *info);
 /* Starts of the loaded capture's frames, s; room for capture_frames numbers. Errors: TOO_SMALL. */
 shutterbug_status shutterbug_engine_get_frame_times(shutterbug_engine *engine, double *times_s, size_t capacity);
 
-/* ---- Pictures ------------------------------------------------------------------------------------------------------- */
+/* ---- Pictures ---------------------------------------------------------------------------------------------------- */
 
 enum {                         /* shutterbug_image.format. Values of several bytes are little-endian and aligned. */
     SHUTTERBUG_RGB8 = 1,       /* 3 bytes a pixel, sRGB unless said otherwise */
@@ -260,16 +273,18 @@ enum {                         /* shutterbug_image.format. Values of several byt
     SHUTTERBUG_R32U = 9,       /* ids */
     SHUTTERBUG_R16U = 10,
     SHUTTERBUG_R8U = 11,
-    SHUTTERBUG_NV12 = 12,      /* only of SHUTTERBUG_PICTURE read back: luma, below it interleaved chroma (blue, red) of 2x2 pixels;
-                                * BT.601, full range, as in JPEG. Even sides; capacity_bytes for height 3/2 rows */
+    SHUTTERBUG_NV12 = 12,      /* only of SHUTTERBUG_PICTURE read back: luma, below it interleaved chroma (blue, red) of
+                                * 2x2 pixels; BT.601, full range, as in JPEG. Even sides; capacity_bytes for height 3/2
+                                * rows */
     SHUTTERBUG_RGB16 = 13,     /* only of SHUTTERBUG_PICTURE read back: 16 bits a value, sRGB, 65535 = white */
     SHUTTERBUG_RGBA16 = 14,    /* the same with an alpha of 65535 */
-    /* Only of SHUTTERBUG_RAW. BAYERn: a number of n bits in the low bits of each 16-bit word, the high ones 0. MIPI_RAWn: rows of
-     * MIPI CSI-2, without padding of their own (V4L2's pRAA, pRCC, pREE and so on), pixels from the left:
+    /* Only of SHUTTERBUG_RAW. BAYERn: a number of n bits in the low bits of each 16-bit word, the high ones 0.
+     * MIPI_RAWn: rows of MIPI CSI-2, without padding of their own (V4L2's pRAA, pRCC, pREE and so on), pixels from the
+     * left:
      *   RAW10  4 pixels in 5 bytes: bits 9..2 of each, then bits 1..0 of each, the first pixel's lowest
      *   RAW12  2 pixels in 3 bytes: bits 11..4 of each, then bits 3..0 of each, the first pixel's lowest
-     *   RAW14  4 pixels in 7 bytes: bits 13..6 of each, then bits 5..0 of each as one little-endian number of 24 bits, the first
-     *          pixel's lowest
+     *   RAW14  4 pixels in 7 bytes: bits 13..6 of each, then bits 5..0 of each as one little-endian number of 24 bits,
+     *          the first pixel's lowest
      * The width is a multiple of those pixels; stride_bytes is at least a row's bytes, of BAYERn a multiple of 2. */
     SHUTTERBUG_BAYER10 = 15,
     SHUTTERBUG_BAYER12 = 16,
@@ -281,8 +296,8 @@ enum {                         /* shutterbug_image.format. Values of several byt
     SHUTTERBUG_BOTTOM_UP = 0x10000 /* added to one of the above but NV12 and raw: the last row comes first in memory */
 };
 
-/* A picture in memory of yours, top row first unless SHUTTERBUG_BOTTOM_UP is added to its format. Row y starts at pixels + y stride_bytes; bytes between rows are neither
- * read nor written. */
+/* A picture in memory of yours, top row first unless SHUTTERBUG_BOTTOM_UP is added to its format. Row y starts at
+ * pixels + y stride_bytes; bytes between rows are neither read nor written. */
 typedef struct shutterbug_image {
     uint32_t struct_size;
     uint32_t format;
@@ -290,12 +305,12 @@ typedef struct shutterbug_image {
     uint64_t stride_bytes;    /* at least width times the pixel's bytes */
     uint64_t capacity_bytes;  /* bytes at pixels: at least stride_bytes (height - 1) + one row without padding */
     void *pixels;             /* only read where the image is an input */
-    shutterbug_memory *memory; /* instead of pixels: shared memory (inputs only; stride and offset multiples of 4), or a GPU
-                                * image (then stride_bytes and capacity_bytes mean nothing, format may be 0) */
+    shutterbug_memory *memory; /* instead of pixels: shared memory (inputs only; stride and offset multiples of 4), or a
+                                * GPU image (then stride_bytes and capacity_bytes mean nothing, format may be 0) */
     uint64_t memory_offset;   /* where row 0 starts in shared memory, bytes; 0 with a GPU image */
 } shutterbug_image;
 
-/* ---- Frames of a scene ---------------------------------------------------------------------------------------------- */
+/* ---- Frames of a scene ------------------------------------------------------------------------------------------- */
 
 enum {                               /* shutterbug_request.flags */
     SHUTTERBUG_REQUEST_PLANES = 1,   /* sharp planes too */
@@ -316,24 +331,24 @@ typedef struct shutterbug_request {
     shutterbug_memory *picture_memory; /* as in shutterbug_outside; may be null */
 } shutterbug_request;
 
-/* Hands a frame of the loaded scene to the device and returns without waiting for it (long accumulations wait for all but
- * their last part; the first frame of a kind makes what it needs, which takes longer). Depends on nothing but the request,
- * unless the camera has auto_exposure: frames may be asked for and waited for in any order. The frame is yours: destroy it.
- * Errors: FULL (frames_in_flight frames have not been waited for: wait for any of them), STATE (no camera, scene or trajectory;
- * auto_exposure), TIME, INPUT (effects that the method cannot do, RAW without bayer_mosaic), UNSUPPORTED (jpeg with picture_memory
- * or FINE), TOO_SMALL and FORMAT (picture_memory), LIMIT,
- * device. After any of them nothing is in flight that was not before. */
+/* Hands a frame of the loaded scene to the device and returns without waiting for it (long accumulations wait for all
+ * but their last part; the first frame of a kind makes what it needs, which takes longer). Depends on nothing but the
+ * request, unless the camera has auto_exposure: frames may be asked for and waited for in any order. The frame is
+ * yours: destroy it. Errors: FULL (frames_in_flight frames have not been waited for: wait for any of them), STATE (no
+ * camera, scene or trajectory; auto_exposure), TIME, INPUT (effects that the method cannot do, RAW without
+ * bayer_mosaic), UNSUPPORTED (jpeg with picture_memory or FINE), TOO_SMALL and FORMAT (picture_memory), LIMIT, device.
+ * After any of them nothing is in flight that was not before. */
 shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
                                            shutterbug_frame **frame);
 
-/* ---- Frames from outside -------------------------------------------------------------------------------------------- */
+/* ---- Frames from outside ----------------------------------------------------------------------------------------- */
 
 enum { SHUTTERBUG_PREVIOUS_TO_CURRENT = 0, SHUTTERBUG_CURRENT_TO_PREVIOUS = 1 }; /* .direction */
 enum { SHUTTERBUG_PIXELS = 0, SHUTTERBUG_NDC = 1, SHUTTERBUG_UV = 2 };           /* .unit; NDC spans 2 a side, UV 1 */
 enum { SHUTTERBUG_Y_DOWN = 0, SHUTTERBUG_Y_UP = 1 };                             /* .y_axis */
 
-/* How motion vectors are meant. They become px per frame period, from where content was to where it is (for content that
- * moves on alike, "current to next" is the same). NDC and UV refer to the motion image with its margin. */
+/* How motion vectors are meant. They become px per frame period, from where content was to where it is (for content
+ * that moves on alike, "current to next" is the same). NDC and UV refer to the motion image with its margin. */
 typedef struct shutterbug_motion_convention {
     uint32_t struct_size;
     uint32_t direction;
@@ -352,15 +367,16 @@ enum {                          /* presets of shutterbug_motion_preset */
     SHUTTERBUG_MOTION_OPTICAL_FLOW = 5 /* forward flow in pixels, y down (OpenCV; EXR forward.u, forward.v) */
 };
 
-/* Fills in a convention (struct_size set by you). Change what your host does differently. Needs no engine; any thread, at any
- * time. error_text takes the sentence of a failure, NUL-terminated and cut to error_capacity bytes; it may be null.
- * Errors: none but the common ones (ARGUMENT: no such preset). */
+/* Fills in a convention (struct_size set by you). Change what your host does differently. Needs no engine; any thread,
+ * at any time. error_text takes the sentence of a failure, NUL-terminated and cut to error_capacity bytes; it may be
+ * null. Errors: none but the common ones (ARGUMENT: no such preset). */
 shutterbug_status shutterbug_motion_preset(uint32_t preset, shutterbug_motion_convention *convention, char *error_text,
                                            uint64_t error_capacity);
-/* Converts a motion image to this library's own convention, px a frame_interval_s (s), on the CPU; from and to may be the same
- * memory only if they are the same image. Both in host memory, of one size. Needs no engine; any thread, at any time.
- * error_text and error_capacity as above. Errors: FORMAT, TOO_SMALL, LIMIT (a stride of 4 GiB). */
-shutterbug_status shutterbug_motion_convert(const shutterbug_image *from, const shutterbug_motion_convention *convention,
+/* Converts a motion image to this library's own convention, px a frame_interval_s (s), on the CPU; from and to may be
+ * the same memory only if they are the same image. Both in host memory, of one size. Needs no engine; any thread, at
+ * any time. error_text and error_capacity as above. Errors: FORMAT, TOO_SMALL, LIMIT (a stride of 4 GiB). */
+shutterbug_status shutterbug_motion_convert(const shutterbug_image *from,
+                                            const shutterbug_motion_convention *convention,
                                             double frame_interval_s, const shutterbug_image *to, char *error_text,
                                             uint64_t error_capacity);
 
@@ -407,9 +423,9 @@ enum {
 };
 enum { SHUTTERBUG_WORLD_FROM_CAMERA = 0, SHUTTERBUG_CAMERA_FROM_WORLD = 1 };
 
-/* Brings a pose into this library's own convention; values has 7 or 16 numbers. Needs no engine; any thread, at any time.
- * error_text and error_capacity as of shutterbug_motion_preset. Errors: none but the common ones (ARGUMENT: values that are no
- * pose, such as a matrix that scales or lies the other way round). */
+/* Brings a pose into this library's own convention; values has 7 or 16 numbers. Needs no engine; any thread, at any
+ * time. error_text and error_capacity as of shutterbug_motion_preset. Errors: none but the common ones (ARGUMENT:
+ * values that are no pose, such as a matrix that scales or lies the other way round). */
 shutterbug_status shutterbug_pose_convert(const shutterbug_pose_convention *convention, const double *values,
                                           shutterbug_pose *pose, char *error_text, uint64_t error_capacity);
 
@@ -438,37 +454,41 @@ enum { /* bits of shutterbug_agreement.change */
     SHUTTERBUG_CHANGE_MILLIMETRES = 8, /* depth is in millimetres of the poses' metres */
     SHUTTERBUG_CHANGE_ALONG_RAY = 16,  /* depth is along the ray */
     SHUTTERBUG_CHANGE_BOTTOM_UP = 32,  /* rows lie from bottom to top */
-    SHUTTERBUG_CHANGE_ENCODING = 64    /* colours are linear where they are said to be sRGB, or the reverse (floats are said to be
-                                        * linear): told by pixels that edges cross, so of smooth edges only. as_given and best
-                                        * do not show it */
+    SHUTTERBUG_CHANGE_ENCODING = 64    /* colours are linear where they are said to be sRGB, or the reverse (floats are
+                                        * said to be linear): told by pixels that edges cross, so of smooth edges only.
+                                        * as_given and best do not show it */
 };
 typedef struct shutterbug_agreement {
     uint32_t struct_size;
     uint32_t verdict;
     uint32_t change;   /* with SHUTTERBUG_AGREE_BETTER */
     uint32_t reserved; /* 0 */
-    double as_given;   /* mean difference of what both frames show (square root of radiance) at three quarters of the places, 0 to 0.25 */
+    double as_given;   /* mean difference of what both frames show (square root of radiance) at three quarters of the
+                        * places, 0 to 0.25 */
     double best;       /* the same in the best convention */
 } shutterbug_agreement;
 
-/* Says whether two frames of a scene at rest agree with what is said of their poses and depth, or would in another convention:
- * each pixel of the second is looked for in the first. Wrong conventions give plausible pictures. The camera should move and turn
- * by a few degrees about more than one axis between them. text (text_capacity
- * bytes, may be null) takes a sentence, on failure that of the error. Takes milliseconds; needs no engine; any thread, at any time.
+/* Says whether two frames of a scene at rest agree with what is said of their poses and depth, or would in another
+ * convention: each pixel of the second is looked for in the first. Wrong conventions give plausible pictures. The
+ * camera should move and turn by a few degrees about more than one axis between them. text (text_capacity bytes, may be
+ * null) takes a sentence, on failure that of the error. Takes milliseconds; needs no engine; any thread, at any time.
  * Errors: INPUT (camera), FORMAT, TOO_SMALL. */
 shutterbug_status shutterbug_check_conventions(const shutterbug_camera *camera, const shutterbug_view *first,
-                                               const shutterbug_view *second, shutterbug_agreement *agreement, char *text,
+                                               const shutterbug_view *second, shutterbug_agreement *agreement,
+                                                   char *text,
                                                uint64_t text_capacity);
 
-/* What moves by itself in a frame from outside, as a rigid body. Its poses reach over the frame as the camera's do; what has an
- * id that no body has rests in the world. */
+/* What moves by itself in a frame from outside, as a rigid body. Its poses reach over the frame as the camera's do;
+ * what has an id that no body has rests in the world. */
 typedef struct shutterbug_body {
     uint32_t id;         /* of shutterbug_outside.ids; each body another */
     uint32_t pose_count; /* 2 or more */
-    const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that is */
+    const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that
+                                           * is */
 } shutterbug_body;
 
-/* A further picture of a frame from outside, of an instant of its own. Everything but the instant is as of the first one. */
+/* A further picture of a frame from outside, of an instant of its own. Everything but the instant is as of the first
+ * one. */
 typedef struct shutterbug_picture {
     double time_s;                /* when it was rendered; each picture at another time */
     const shutterbug_image *color;
@@ -476,21 +496,20 @@ typedef struct shutterbug_picture {
     const shutterbug_image *ids;  /* with body_count */
 } shutterbug_picture;
 
-/* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's size
- * plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is.
- *   depth, pose_count poses   Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame and color_time_s, else TIME: give those of
- *                             your physics steps, at any times. Between them a curve through four (of two poses a straight
- *                             line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
- *                             and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with
- *                             nearest_m, for movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set.
- *                             With further pictures of other instants each line is taken from the three that are nearest to it
- *                             in time, read together where they show one surface; what one did not see is taken from the others.
- *   motion images             Of what moves anyhow, by one vector a pixel where it arrives: its motion at the image's instant. What a
- *                             line sees has come the way that they say from color_time_s on: their integral over time, linear
- *                             between images, even before the first and after the last. Two or three images of a camera that
- *                             shakes faster than they follow each other can be worse than one.
- *   depth, two poses          pose_count 0: motion is taken from one to the other and goes on evenly, also beyond them.
- * With the last two, what comes in from beyond the picture is its repeated border. */
+/* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's
+ * size plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is. depth,
+ * pose_count poses Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame
+ * and color_time_s, else TIME: give those of your physics steps, at any times. Between them a curve through four (of
+ * two poses a straight line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
+ * and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with nearest_m, for
+ * movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set. With further pictures of other
+ * instants each line is taken from the three that are nearest to it in time, read together where they show one surface;
+ * what one did not see is taken from the others. motion images Of what moves anyhow, by one vector a pixel where it
+ * arrives: its motion at the image's instant. What a line sees has come the way that they say from color_time_s on:
+ * their integral over time, linear between images, even before the first and after the last. Two or three images of a
+ * camera that shakes faster than they follow each other can be worse than one. depth, two poses pose_count 0: motion is
+ * taken from one to the other and goes on evenly, also beyond them. With the last two, what comes in from beyond the
+ * picture is its repeated border. */
 typedef struct shutterbug_outside {
     uint32_t struct_size;
     uint32_t frame_index;
@@ -514,11 +533,12 @@ typedef struct shutterbug_outside {
     shutterbug_semaphore *signal;    /* signalled when the frame is done; may be null */
     uint64_t wait_value, signal_value; /* of timeline semaphores; unused with binary ones */
     shutterbug_memory *picture_memory; /* the picture is copied there too: RGBA8 without padding, or a GPU image of the
-                                        * camera's size, VK_FORMAT_R8G8B8A8_UNORM or _SRGB; may be null. UNSUPPORTED with
-                                        * a camera that has jpeg, which is not made on the device */
+                                        * camera's size, VK_FORMAT_R8G8B8A8_UNORM or _SRGB; may be null. UNSUPPORTED
+                                        * with a camera that has jpeg, which is not made on the device */
     uint32_t pose_count;                /* poses at poses, 2 or more; 0: two, as above */
     uint32_t body_count;                /* bodies at bodies, at most 255; 0: all that is seen rests */
-    double nearest_m;                   /* with pose_count: nothing that comes in at the border is nearer; 0: not known */
+    double nearest_m;                   /* with pose_count: nothing that comes in at the border is nearer; 0: not
+                                         * known */
     const shutterbug_image *ids;        /* with body_count: whose surface each pixel shows, R8U, R16U or R32U */
     const shutterbug_body *bodies;
     uint32_t picture_count;             /* further pictures at pictures, with pose_count; at most 7 */
@@ -536,56 +556,61 @@ typedef struct shutterbug_motion_bound {
     double color_delay_s;   /* color_time_s - time_s of the frames to come */
 } shutterbug_motion_bound;
 
-/* The margin that frames of such motion need for the camera that is set, its lens, mounting and clock included: what your
- * renderer has to show beyond each side. Such frames are never TOO_SMALL then. Errors: ARGUMENT, STATE (no camera), INPUT (the
- * lens folds), UNSUPPORTED (options.method makes no frames from outside with pose_count poses). */
+/* The margin that frames of such motion need for the camera that is set, its lens, mounting and clock included: what
+ * your renderer has to show beyond each side. Such frames are never TOO_SMALL then. Errors: ARGUMENT, STATE (no
+ * camera), INPUT (the lens folds), UNSUPPORTED (options.method makes no frames from outside with pose_count poses). */
 shutterbug_status shutterbug_engine_margin(shutterbug_engine *engine, const shutterbug_motion_bound *bound,
                                            uint32_t *margin_x_px, uint32_t *margin_y_px);
 
 /* Hands a frame of yours to the device and returns without waiting. Pixels in host memory are copied before it returns;
- * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a camera, and
- * no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME (the poses do not
- * cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times; RAW without bayer_mosaic), UNSUPPORTED (effects of lens and mounting
- * without pose_count poses, jpeg with picture_memory or FINE, frames that options.method does not make), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in flight that was
- * not before. */
+ * shared memory must not be changed until the frame has been waited for. Same input and seed, same picture. Needs a
+ * camera, and no scene. The frame is yours: destroy it. Errors: FULL and STATE as for shutterbug_engine_submit, TIME
+ * (the poses do not cover the frame or color_time_s), INPUT (effects that need a scene's depth; poses' times; RAW
+ * without bayer_mosaic), UNSUPPORTED (effects of lens and mounting without pose_count poses, jpeg with picture_memory
+ * or FINE, frames that options.method does not make), TOO_SMALL, FORMAT, LIMIT, device. After any of them nothing is in
+ * flight that was not before. */
 shutterbug_status shutterbug_engine_submit_outside(shutterbug_engine *engine, const shutterbug_outside *outside,
                                                    shutterbug_frame **frame);
 
-/* ---- Delivered frames ----------------------------------------------------------------------------------------------- */
+/* ---- Delivered frames -------------------------------------------------------------------------------------------- */
 
 /* Whether shutterbug_frame_wait would return at once: 1 or 0. Errors: device, as of shutterbug_frame_wait. */
 shutterbug_status shutterbug_frame_poll(shutterbug_frame *frame, uint32_t *ready);
-/* Waits for a frame, at most limit_s seconds (negative: as long as the engine's time_limit_s), and takes it from the device:
- * its place in flight is free again. Waiting once more is fine. Errors: device (after TIMEOUT it can be waited for again, after
- * the others never: each later call says the same), HANDLE (the engine is gone). */
+/* Waits for a frame, at most limit_s seconds (negative: as long as the engine's time_limit_s), and takes it from the
+ * device: its place in flight is free again. Waiting once more is fine. Errors: device (after TIMEOUT it can be waited
+ * for again, after the others never: each later call says the same), HANDLE (the engine is gone). */
 shutterbug_status shutterbug_frame_wait(shutterbug_frame *frame, double limit_s);
 
 enum {                        /* plane of shutterbug_frame_read */
-    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, NV12, sRGB; alpha 255. With _FINE also not rounded to
-                               * 8 bits: RGB16, RGBA16 (sRGB), and RGBA32F, RGBA16F (the linear light of the same, 1 = white) */
+    SHUTTERBUG_PICTURE = 1,   /* what the camera delivers: RGB8, RGBA8, BGRA8, NV12, sRGB; alpha 255. With _FINE also
+                               * not rounded to 8 bits: RGB16, RGBA16 (sRGB), and RGBA32F, RGBA16F (the linear light of
+                               * the same, 1 = white) */
     SHUTTERBUG_COLOR = 2,     /* ideal camera at time_s, linear, alpha = coverage: RGBA32F, RGBA16F */
     SHUTTERBUG_MOTION = 3,    /* px from time_s to time_s + frame_period_s: RG32F, RG16F */
     SHUTTERBUG_DEPTH = 4,     /* m along the optical axis, infinite where nothing is: R32F */
-    SHUTTERBUG_RADIANCE = 5,  /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before defocus, glare,
-                               * noise and encoding; alpha 1: RGBA32F, RGBA16F */
-    SHUTTERBUG_RAW = 6        /* what the converter delivers, one colour a pixel: BAYER10 to 16, MIPI_RAW10 to 14. Which colour says
-                               * bayer_mosaic.pattern of the camera's text, by the upper left 2x2 pixels. All that the sensor does is
-                               * in it (exposure_gain to quantization in the light's path), nothing that is done to its numbers
-                               * (white balance, colour matrix, gamma and so on). Linear; the largest number is full scale, no
-                               * light is black_level.offset of it. quantization.bits should be the format's: with fewer, numbers
-                               * are spread over the format's range; 0 rounds once, to the format */
+    SHUTTERBUG_RADIANCE = 5,  /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before
+                               * defocus, glare, noise and encoding; alpha 1: RGBA32F, RGBA16F */
+    SHUTTERBUG_RAW = 6        /* what the converter delivers, one colour a pixel: BAYER10 to 16, MIPI_RAW10 to 14. Which
+                               * colour says bayer_mosaic.pattern of the camera's text, by the upper left 2x2 pixels.
+                               * All that the sensor does is in it (exposure_gain to quantization in the light's path),
+                               * nothing that is done to its numbers (white balance, colour matrix, gamma and so on).
+                               * Linear; the largest number is full scale, no light is black_level.offset of it.
+                               * quantization.bits should be the format's: with fewer, numbers are spread over the
+                               * format's range; 0 rounds once, to the format */
 };
 
-/* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES, of which frames from
- * outside have none; 5 needs SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE, 6 and formats of more than 8 bits need
- * _RAW and _FINE in the same way. Can be repeated, in other formats too. The image has the camera's size. Errors: NOT_READY, STATE (no such plane was asked for),
- * FORMAT, TOO_SMALL; of a frame that failed, its failure. */
+/* Copies a plane of a frame that was waited for into host memory. Planes 2 to 4 need SHUTTERBUG_REQUEST_PLANES, of
+ * which frames from outside have none; 5 needs SHUTTERBUG_REQUEST_RADIANCE or SHUTTERBUG_OUTSIDE_RADIANCE, 6 and
+ * formats of more than 8 bits need _RAW and _FINE in the same way. Can be repeated, in other formats too. The image has
+ * the camera's size. Errors: NOT_READY, STATE (no such plane was asked for), FORMAT, TOO_SMALL; of a frame that failed,
+ * its failure. */
 shutterbug_status shutterbug_frame_read(shutterbug_frame *frame, uint32_t plane, const shutterbug_image *to);
 
 typedef struct shutterbug_instant {
     double time_s;
     shutterbug_pose world_from_camera; /* identity without pose */
-    uint32_t has_pose;                 /* 0 where no pose is known: frames from outside with motion, or beyond the two poses */
+    uint32_t has_pose;                 /* 0 where no pose is known: frames from outside with motion, or beyond the two
+                                        * poses */
     uint32_t reserved;
 } shutterbug_instant;
 
@@ -593,15 +618,16 @@ typedef struct shutterbug_frame_info {
     uint32_t struct_size;
     uint32_t frame_index;
     uint32_t width, height;
-    shutterbug_instant first_line_start; /* start of exposure of the first line read (time_s, with the camera's time_offset) */
+    shutterbug_instant first_line_start; /* start of exposure of the first line read (time_s, with the camera's
+                                          * time_offset) */
     shutterbug_instant middle;           /* half way between the two others */
     shutterbug_instant last_line_end;    /* end of exposure of the last line read */
     double host_ms;                      /* from submission to the end of the wait by the host's clock */
     double exposure_gain;                /* factor on the radiance: exposure_gain of the camera times auto_exposure */
 } shutterbug_frame_info;
 
-/* When a frame that was waited for was taken, and the camera's pose then. Errors: NOT_READY; of a frame that failed, its
- * failure. */
+/* When a frame that was waited for was taken, and the camera's pose then. Errors: NOT_READY; of a frame that failed,
+ * its failure. */
 shutterbug_status shutterbug_frame_get_info(shutterbug_frame *frame, shutterbug_frame_info *info);
 
 typedef struct shutterbug_pass_time {
@@ -609,21 +635,22 @@ typedef struct shutterbug_pass_time {
     double ms; /* on the device */
 } shutterbug_pass_time;
 
-/* Times of the passes of a frame that was waited for, in their order; none on devices without timestamps. times has room for
- * capacity of them, or is null: then only the count is written. Errors: NOT_READY, TOO_SMALL; of a frame that failed, its
- * failure. */
+/* Times of the passes of a frame that was waited for, in their order; none on devices without timestamps. times has
+ * room for capacity of them, or is null: then only the count is written. Errors: NOT_READY, TOO_SMALL; of a frame that
+ * failed, its failure. */
 shutterbug_status shutterbug_frame_get_times(shutterbug_frame *frame, shutterbug_pass_time *times, size_t capacity,
                                              size_t *count);
 
-/* Frees a frame. One that is in flight is waited for first, at most time_limit_s; whatever comes of that, it is freed (its
- * place in flight once the device is done). Errors: none but the common ones; after BUSY the frame is still there. */
+/* Frees a frame. One that is in flight is waited for first, at most time_limit_s; whatever comes of that, it is freed
+ * (its place in flight once the device is done). Errors: none but the common ones; after BUSY the frame is still
+ * there. */
 shutterbug_status shutterbug_frame_destroy(shutterbug_frame *frame);
 
-/* ---- Zero copy ------------------------------------------------------------------------------------------------------ */
-/* What a device cannot do gives UNSUPPORTED; see capabilities. Shared memory and semaphores work with the engine they were
- * made with (any other: ARGUMENT), keep its device open, and are destroyed after the frames that use them were waited for
- * (earlier is safe: the frame keeps what it needs). Errors of all that make them: UNSUPPORTED, LIMIT (sizes, alignment), device
- * (a descriptor that the driver refuses is VULKAN); FORMAT of images. */
+/* ---- Zero copy --------------------------------------------------------------------------------------------------- */
+/* What a device cannot do gives UNSUPPORTED; see capabilities. Shared memory and semaphores work with the engine they
+ * were made with (any other: ARGUMENT), keep its device open, and are destroyed after the frames that use them were
+ * waited for (earlier is safe: the frame keeps what it needs). Errors of all that make them: UNSUPPORTED, LIMIT (sizes,
+ * alignment), device (a descriptor that the driver refuses is VULKAN); FORMAT of images. */
 
 /* The device reads your memory where it is. pointer and bytes are multiples of host_alignment_bytes; the memory stays
  * yours, and allocated until the handle and all frames that use it are gone. Errors: see above. */
@@ -633,15 +660,16 @@ shutterbug_status shutterbug_memory_import_host(shutterbug_engine *engine, void 
  * driver: do not close it. On failure it is still yours. Errors: see above. */
 shutterbug_status shutterbug_memory_import_fd(shutterbug_engine *engine, int fd, uint64_t bytes,
                                               shutterbug_memory **memory);
-/* New memory on the engine's device, and an opaque fd of it that is yours to close or to import elsewhere; the memory lives as
- * long as one of the two does. Errors: see above. */
+/* New memory on the engine's device, and an opaque fd of it that is yours to close or to import elsewhere; the memory
+ * lives as long as one of the two does. Errors: see above. */
 shutterbug_status shutterbug_memory_export_fd(shutterbug_engine *engine, uint64_t bytes, shutterbug_memory **memory,
                                               int *fd);
 /* Frees the handle; the memory goes with the last frame that uses it. Errors: none but the common ones. */
 shutterbug_status shutterbug_memory_destroy(shutterbug_memory *memory);
 
-/* GPU images as input (shutterbug_image.memory) and output (picture_memory) of frames. The device copies them where it reads
- * or writes them; nothing passes through host memory. 2D, one layer, one mip level, one sample; of these VkFormats:
+/* GPU images as input (shutterbug_image.memory) and output (picture_memory) of frames. The device copies them where it
+ * reads or writes them; nothing passes through host memory. 2D, one layer, one mip level, one sample; of these
+ * VkFormats:
  *   color   R8G8B8A8, B8G8R8A8 (_UNORM, _SRGB: read as shutterbug_outside.encoding says), R16G16B16A16_SFLOAT,
  *           R32G32B32A32_SFLOAT
  *   motion  R16G16_SFLOAT, R32G32_SFLOAT
@@ -652,48 +680,54 @@ typedef struct shutterbug_gpu_image {
     uint32_t struct_size;
     uint32_t vk_format;       /* VkFormat */
     uint32_t width, height;   /* px */
-    uint32_t vk_layout;       /* VkImageLayout in which each frame finds it; of outputs VK_IMAGE_LAYOUT_UNDEFINED is fine */
+    uint32_t vk_layout;       /* VkImageLayout in which each frame finds it; of outputs VK_IMAGE_LAYOUT_UNDEFINED is
+                               * fine */
     uint32_t vk_layout_after; /* in which each frame leaves it; 0: the same */
     uint32_t vk_tiling;       /* VkImageTiling, of images by fd */
-    uint32_t vk_usage;        /* VkImageUsageFlags, of images by fd: with TRANSFER_SRC for inputs, TRANSFER_DST for outputs */
+    uint32_t vk_usage;        /* VkImageUsageFlags, of images by fd: with TRANSFER_SRC for inputs, TRANSFER_DST for
+                               * outputs */
     uint64_t vk_image;        /* VkImage, of shutterbug_memory_use_image; else 0 */
 } shutterbug_gpu_image;
 
-/* Your own image of the device that the engine was created on (shutterbug_engine_options.host; else UNSUPPORTED). It was made
- * with usage TRANSFER_SRC (inputs), TRANSFER_DST (outputs), belongs to the engine's queue family (or is shared concurrently),
- * and outlives the handle and all frames that use it. Never destroyed by this library. Errors: see above. */
+/* Your own image of the device that the engine was created on (shutterbug_engine_options.host; else UNSUPPORTED). It
+ * was made with usage TRANSFER_SRC (inputs), TRANSFER_DST (outputs), belongs to the engine's queue family (or is shared
+ * concurrently), and outlives the handle and all frames that use it. Never destroyed by this library. Errors: see
+ * above. */
 shutterbug_status shutterbug_memory_use_image(shutterbug_engine *engine, const shutterbug_gpu_image *image,
                                               shutterbug_memory **memory);
 /* An image in memory that another user of the same device and driver exported as an opaque fd: format, size, tiling and
- * usage as it was made there, no flags, in a dedicated allocation of so many bytes. Release it to VK_QUEUE_FAMILY_EXTERNAL
- * before a frame and acquire it from there afterwards. The fd is treated as by shutterbug_memory_import_fd. Errors: see
- * above. */
-shutterbug_status shutterbug_memory_import_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image, int fd,
+ * usage as it was made there, no flags, in a dedicated allocation of so many bytes. Release it to
+ * VK_QUEUE_FAMILY_EXTERNAL before a frame and acquire it from there afterwards. The fd is treated as by
+ * shutterbug_memory_import_fd. Errors: see above. */
+shutterbug_status shutterbug_memory_import_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
+                                                    int fd,
                                                     uint64_t bytes, shutterbug_memory **memory);
-/* A new image on the engine's device, an opaque fd of its memory that is yours, and the memory's size: what the call above,
- * or another user of the same device and driver, needs to import it. Errors: see above. */
+/* A new image on the engine's device, an opaque fd of its memory that is yours, and the memory's size: what the call
+ * above, or another user of the same device and driver, needs to import it. Errors: see above. */
 shutterbug_status shutterbug_memory_export_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
                                                     shutterbug_memory **memory, int *fd, uint64_t *bytes);
 
-/* Semaphores. A frame whose wait never comes is never done: its wait ends with TIMEOUT, and destroying its engine takes 20 s
- * and leaks what the frame uses. */
+/* Semaphores. A frame whose wait never comes is never done: its wait ends with TIMEOUT, and destroying its engine takes
+ * 20 s and leaks what the frame uses. */
 enum {                       /* kind of a semaphore */
     SHUTTERBUG_BINARY = 0,   /* each wait takes one signal, which was submitted before it */
     SHUTTERBUG_TIMELINE = 1  /* waits for wait_value or more; signal_value is greater than all values before it */
 };
-/* Your own VkSemaphore (as a number) of the device that the engine was created on; else UNSUPPORTED. It outlives the handle
- * and all frames that use it. Never destroyed by this library. Errors: see above. */
+/* Your own VkSemaphore (as a number) of the device that the engine was created on; else UNSUPPORTED. It outlives the
+ * handle and all frames that use it. Never destroyed by this library. Errors: see above. */
 shutterbug_status shutterbug_semaphore_use(shutterbug_engine *engine, uint64_t vk_semaphore, uint32_t kind,
                                            shutterbug_semaphore **semaphore);
-/* One that another user of the same device and driver exported as an opaque fd, of the same kind. On success the fd belongs to
- * the driver: do not close it. On failure it is still yours. Errors: see above. */
+/* One that another user of the same device and driver exported as an opaque fd, of the same kind. On success the fd
+ * belongs to the driver: do not close it. On failure it is still yours. Errors: see above. */
 shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int fd, uint32_t kind,
                                                  shutterbug_semaphore **semaphore);
-/* A new one, and an opaque fd of it that is yours to close or to import elsewhere; timelines start at 0. Errors: see above. */
-shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint32_t kind, shutterbug_semaphore **semaphore,
+/* A new one, and an opaque fd of it that is yours to close or to import elsewhere; timelines start at 0. Errors: see
+ * above. */
+shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint32_t kind,
+                                                 shutterbug_semaphore **semaphore,
                                                  int *fd);
-/* Frees the handle; the semaphore (unless it is your own) goes with the last frame that uses it. Errors: none but the common
- * ones. */
+/* Frees the handle; the semaphore (unless it is your own) goes with the last frame that uses it. Errors: none but the
+ * common ones. */
 shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);
 
 /* END OF PLAIN C */

@@ -274,9 +274,9 @@ impl Error {
                 covered_to_s,
             } => write!(
                 f,
-                "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers only \
-         {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are never \
-         extrapolated)",
+                "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers \
+                 only {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are \
+                 never extrapolated)",
                 path.display(),
                 missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
             ),
@@ -302,7 +302,8 @@ impl Error {
             }
             Self::DeviceLost { call } => write!(
                 f,
-                "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are complete"
+                "the Vulkan device was lost in {call}: the driver reset it or crashed; frames already written are \
+                 complete"
             ),
             Self::OutOfMemory { pool, call } => write!(
                 f,
@@ -353,7 +354,8 @@ fn kept_text(kept: &Option<PathBuf>) -> String {
 }
 
 impl Error {
-    /// Whether the command line itself asks for what cannot be, whatever the files hold: the "file" that is named is an option.
+    /// Whether the command line itself asks for what cannot be, whatever the files hold: the "file" that is named is an
+    /// option.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Input { path, .. } | Self::UnknownName { path, .. } => {

@@ -132,7 +132,8 @@ macro_rules! assert_push_layout {
     };
 }
 
-/// Asserts at compile time that a `repr(C)` struct has the names, offsets and size of the elements of a shader's buffer.
+/// Asserts at compile time that a `repr(C)` struct has the names, offsets and size of the elements of a shader's
+/// buffer.
 #[macro_export]
 macro_rules! assert_element_layout {
     ($file:literal, $buffer:literal, $name:ident { $($field:ident),+ $(,)? }) => {

@@ -1,14 +1,15 @@
-//! What one real, cheap, moving camera would have delivered of a rendered scene: rolling shutter, motion blur, lens, noise and
-//! the rest of a sensor's effects, as Vulkan compute kernels.
+//! What one real, cheap, moving camera would have delivered of a rendered scene: rolling shutter, motion blur, lens,
+//! noise and the rest of a sensor's effects, as Vulkan compute kernels.
 //!
-//! `cargo add shutterbug`. The build compiles shaders and needs a C++ compiler, or Debian's `libshaderc-dev`. A run needs a
-//! Vulkan 1.2 device; a software driver (Mesa's lavapipe) is enough. The command line is the crate `shutterbug-cli`; what finds
-//! the effects that explain a gap between simulated and real frames is `shutterbug-diagnose`.
+//! `cargo add shutterbug`. The build compiles shaders and needs a C++ compiler, or Debian's `libshaderc-dev`. A run
+//! needs a Vulkan 1.2 device; a software driver (Mesa's lavapipe) is enough. The command line is the crate
+//! `shutterbug-cli`; what finds the effects that explain a gap between simulated and real frames is
+//! `shutterbug-diagnose`.
 //!
 //! # A frame
 //!
-//! A frame needs a scene, the camera's path, its pinhole, the timing of its shutter, and a device. This one shows a white bar to
-//! a camera that pans while its lines are read one after another, so the bar leans:
+//! A frame needs a scene, the camera's path, its pinhole, the timing of its shutter, and a device. This one shows a
+//! white bar to a camera that pans while its lines are read one after another, so the bar leans:
 //!
 //! ```
 //! use std::path::Path;
@@ -26,8 +27,8 @@
 //! let bar = [[-0.1, -2.0, 2.0], [0.1, -2.0, 2.0], [0.1, 2.0, 2.0], [-0.1, 2.0, 2.0]];
 //! let scene = SceneBuilder::new().object("bar", None).material([1.0, 1.0, 1.0]).quad(bar).build();
 //!
-//! // A camera looks along +z; x is right and y is down. It turns to the right by 0.1 rad in 20 ms. The path goes on before and
-//! // after the frame, for what ends above and below the picture.
+//! // A camera looks along +z; x is right and y is down. It turns to the right by 0.1 rad in 20 ms. The path begins
+//! // before the frame and ends after it: lines are exposed before and after the frame's own time.
 //! let turned = |angle| Pose { rotation: DQuat::from_rotation_y(angle), translation_m: DVec3::ZERO };
 //! let path = Trajectory::new(Path::new("pan"), vec![-0.02, 0.04], vec![turned(-0.1), turned(0.2)])?;
 //! let camera = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
@@ -73,8 +74,8 @@
 //!
 //! # A folder instead of code
 //!
-//! A capture is a folder with a scene (OBJ), a trajectory, the frames' times and `camera.toml`. [`capture::Capture::read`] reads
-//! and checks one, and says with file and line what is wrong:
+//! A capture is a folder with a scene (OBJ), a trajectory, the frames' times and `camera.toml`.
+//! [`capture::Capture::read`] reads and checks one, and says with file and line what is wrong:
 //!
 //! ```
 //! use shutterbug::capture::Capture;
@@ -89,8 +90,8 @@
 //!
 //! # Effects
 //!
-//! [`effects::LIST`] has all of them, in the order in which light meets them, each with its parameters, units and ranges.
-//! [`chain::Settings`] holds the values of those that are on:
+//! [`effects::LIST`] has all of them, in the order in which light meets them, each with its parameters, units and
+//! ranges. [`chain::Settings`] holds the values of those that are on:
 //!
 //! ```
 //! use shutterbug::chain::{Settings, Value};
@@ -106,8 +107,8 @@
 //!
 //! # Frames of another renderer
 //!
-//! [`engine::OutsideEngine`] takes pictures with depth or motion, and the camera's path, and gives the disturbed frame: for
-//! simulators that have a renderer of their own. [`capi`] is the same for C.
+//! [`engine::OutsideEngine`] takes pictures with depth or motion, and the camera's path, and gives the disturbed frame:
+//! for simulators that have a renderer of their own. [`capi`] is the same for C.
 //!
 //! # Where to look
 //!

@@ -91,7 +91,8 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// The largest error in time of any line, us: per line the shift in time that, through the reference's derivative
-/// (pictures `step_s` before and after), explains most of the difference. Lines in which too little changes say nothing.
+/// (pictures `step_s` before and after), explains most of the difference. Lines in which too little changes say
+/// nothing.
 pub fn worst_line_time_us(
     (got, want): (&Plane<u8>, &Plane<u8>),
     (before, after): (&Plane<u8>, &Plane<u8>),
@@ -121,7 +122,8 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
     let mut table =
         format!("Device: {device}. Reference: accumulation of {renders} renders, 16 samples a pixel.\n\n");
-    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu ratio | post ms |\n";
+    table += "| scene | method | rmse | psnr_db | worst_line_time_us | invalid_share | ms | plain ms | ratio | cpu \
+        ratio | post ms |\n";
     table += "|---|---|---|---|---|---|---|---|---|---|---|\n";
     for row in rows {
         writeln!(table, "{row}").expect("strings grow");
@@ -146,8 +148,8 @@ const FAILURES: [(&str, &str); 4] = [
     ("accumulation_6", "robot_both"),
 ];
 
-/// What fits a page: a line a scene, decibels for shutter, blur and both; the CPU time of `exact` over a plain render's and
-/// the time of `fast`'s motion and warp over that of the paper's.
+/// What fits a page: a line a scene, decibels for shutter, blur and both; the CPU time of `exact` over a plain render's
+/// and the time of `fast`'s motion and warp over that of the paper's.
 fn compact(rows: &[Row]) -> String {
     const METHODS: [&str; 5] = ["paper", "fast", "exact", "accumulation_6", "accumulation_24"];
     const EFFECTS: [&str; 3] = ["shutter", "blur", "both"];

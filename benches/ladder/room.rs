@@ -1,5 +1,5 @@
-//! The room of the ladder, made in code: textured, with things at 1 to 5 m, and seven ways to move. `exact` was chosen on
-//! it (number of reads, chords, supersampling).
+//! The room of the ladder, made in code: textured, with things at 1 to 5 m, and seven ways to move. `exact` was chosen
+//! on it (number of reads, chords, supersampling).
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -224,8 +224,8 @@ fn material(i: usize) -> Material {
     Material { name: format!("m{i}"), kd, ks: [0.15; 3], ns: 20.0, texture: Some(i) }
 }
 
-/// Tiles with joints, stripes, checks and a smooth pattern; 64x64, so that a texel is about a pixel where it is seen from
-/// the room's middle: textures are read without mip levels, and finer ones would compare their aliasing.
+/// Tiles with joints, stripes, checks and a smooth pattern; 64x64, so that a texel is about a pixel where it is seen
+/// from the room's middle: textures are read without mip levels, and finer ones would compare their aliasing.
 fn texture(i: usize) -> Texture {
     let value = |x: u32, y: u32| -> [u8; 3] {
         let (x, y) = (4 * x, 4 * y);

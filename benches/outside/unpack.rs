@@ -1,5 +1,5 @@
-//! What bringing a host's colours into linear RGBA costs: the kernel that is made for a format beside the one that knows all of
-//! them, of the bench's size. Processor time of the process a picture, ms, least of the rounds.
+//! What bringing a host's colours into linear RGBA costs: the kernel that is made for a format beside the one that
+//! knows all of them, of the bench's size. Processor time of the process a picture, ms, least of the rounds.
 #![allow(clippy::unwrap_used)]
 
 use std::time::Duration;
@@ -72,7 +72,8 @@ pub fn print(rounds: usize) {
 }
 
 fn measured(slot: &mut Slot, (pipeline, group): (&ComputePipeline, &BindGroup), push: &ColorPush) -> f64 {
-    // SAFETY: `done` waits for it while all that it binds lives; the push constants are those of the pipeline and its picture.
+    // SAFETY: `done` waits for it while all that it binds lives; the push constants are those of the pipeline and its
+    // picture.
     let mut recorder = unsafe { slot.begin_unchecked() }.unwrap();
     for _ in 0..TIMES {
         recorder.dispatch(pipeline, group, push, push.size);

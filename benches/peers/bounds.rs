@@ -1,5 +1,5 @@
-//! What no pass can beat on a device: its bytes over the bandwidth of a copy, its taps over the rate of a kernel that does
-//! nothing but read between texels. Both measured here, in the same run as what is held against them.
+//! What no pass can beat on a device: its bytes over the bandwidth of a copy, its taps over the rate of a kernel that
+//! does nothing but read between texels. Both measured here, in the same run as what is held against them.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

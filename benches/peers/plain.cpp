@@ -1,5 +1,6 @@
 // The chain in plain C++: remap, blur with a count that follows the path, Box-Muller noise. One loop, no intrinsics.
-//   g++ -O3 -march=native -ffast-math -fopenmp plain.cpp -o plain && OMP_NUM_THREADS=2 ./plain FOLDER WIDTH HEIGHT MARGIN SIGMA REPEATS
+//   g++ -O3 -march=native -ffast-math -fopenmp plain.cpp -o plain
+//   OMP_NUM_THREADS=2 ./plain FOLDER WIDTH HEIGHT MARGIN SIGMA REPEATS
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -38,7 +39,8 @@ static float normal(uint32_t& s) {
     return std::sqrt(-2.0f * std::log(u)) * std::cos(a);
 }
 
-static void chain(const uint8_t* color, const float* v0, const float* v1, float sigma, int most, bool adaptive, uint8_t* out) {
+static void chain(const uint8_t* color, const float* v0, const float* v1, float sigma, int most, bool adaptive,
+                  uint8_t* out) {
 #pragma omp parallel for schedule(dynamic, 8)
     for (int y = 0; y < height; ++y) {
         float f = float(y) / height;
@@ -47,7 +49,8 @@ static void chain(const uint8_t* color, const float* v0, const float* v1, float 
             int here = 2 * ((y + margin) * columns + x + margin);
             float px = x + margin - (f - 0.5f) * (v0[here] + f * (v1[here] - v0[here]));
             float py = y + margin - (f - 0.5f) * (v0[here + 1] + f * (v1[here + 1] - v0[here + 1]));
-            int tx = std::min(std::max(int(px + 0.5f), 0), columns - 1), ty = std::min(std::max(int(py + 0.5f), 0), rows - 1);
+            int tx = std::min(std::max(int(px + 0.5f), 0), columns - 1);
+            int ty = std::min(std::max(int(py + 0.5f), 0), rows - 1);
             const float *a = v0 + 2 * (ty * columns + tx), *b = v1 + 2 * (ty * columns + tx);
             float bx = integral(a[0], b[0], f), by = integral(a[1], b[1], f);
             float mx = integral(a[0], b[0], f + 0.5f) - bx, my = integral(a[1], b[1], f + 0.5f) - by;

@@ -100,8 +100,8 @@ impl Bench {
         Intrinsics { width, height, fx: f, fy: f, cx: 0.5 * f64::from(width), cy: 0.5 * f64::from(height) }
     }
 
-    /// The frame as the method takes it. The paper's accumulation and velocity buffer know motion blur only; the generic
-    /// model adds rolling shutter and noise.
+    /// The frame as the method takes it. The paper's accumulation and velocity buffer know motion blur only; the
+    /// generic model adds rolling shutter and noise.
     fn request(&self, method: &str, size: [u32; 2], index: usize) -> FrameRequest {
         let mut shutter = self.capture.shutter(index % self.capture.frames.len());
         shutter.line_count = shutter.scan_order.line_count(size[0], size[1]);
@@ -157,7 +157,8 @@ impl Bench {
     /// Measures one cell.
     pub fn cell(&self, method: &'static str, samples: u32, size: [u32; 2]) -> Result<Cell> {
         let mut engine = self.engine(method, samples, size)?;
-        // Pipelines are compiled when they are first used; hundreds of renders a frame are a mean of their own beside that.
+        // Pipelines are compiled when they are first used; hundreds of renders a frame are a mean of their own beside
+        // that.
         let (mut cpu, first) = (cpu_ms(), Instant::now());
         let mut runs = vec![Run::of(&mut engine, &self.request(method, size, 0))?];
         let first_s = first.elapsed().as_secs_f64();

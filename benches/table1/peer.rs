@@ -1,5 +1,5 @@
-//! Rasterizers with lights in a storage buffer, vertices by the vertex stage: one that a user would otherwise write, with no
-//! variant for what does not shine, and one with our fragment shader but for the lights.
+//! Rasterizers with lights in a storage buffer, vertices by the vertex stage: one that a user would otherwise write,
+//! with no variant for what does not shine, and one with our fragment shader but for the lights.
 
 use std::mem::offset_of;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
-//! 16 samples a pixel in one pass (ours) against four passes of four samples, each moved by a share of a pixel and added
-//! up: with our shaders, and with those that a user would otherwise write, lights in a storage buffer. Rasterized and
-//! added up, nothing else; the pictures are compared.
+//! 16 samples a pixel in one pass (ours) against four passes of four samples, each moved by a share of a pixel and
+//! added up: with our shaders, and with those that a user would otherwise write, lights in a storage buffer. Rasterized
+//! and added up, nothing else; the pictures are compared.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant as Clock};
@@ -31,8 +31,8 @@ const JITTER_PX: [[f64; 2]; 4] =
     [[-0.09375, -0.03125], [0.03125, -0.09375], [-0.03125, 0.09375], [0.09375, 0.03125]];
 /// Rounds in which each way has its turn; the first compiles.
 const ROUNDS: usize = 13;
-/// Four passes that differ more than this from those with our shaders do not compute the same picture, dB. (One pass has
-/// its samples at other places: it differs by more.)
+/// Four passes that differ more than this from those with our shaders do not compute the same picture, dB. (One pass
+/// has its samples at other places: it differs by more.)
 pub const SAME_PICTURE_DB: f64 = 50.0;
 
 /// Ways to 16 samples.

@@ -53,7 +53,8 @@ pub struct Extra {
 /// One cell in words.
 pub fn line(c: &Cell) -> String {
     let mut text = format!(
-        "{:12} {:3} {:4}x{:<4} device {:8.2} ms (p95 {:8.2}), waited {:8.2}, host {:8.2}, cpu {:8.2}, taps {:6.2}, {} frames, margin {:?}:",
+        "{:12} {:3} {:4}x{:<4} device {:8.2} ms (p95 {:8.2}), waited {:8.2}, host {:8.2}, cpu {:8.2}, taps {:6.2}, \
+         {} frames, margin {:?}:",
         c.method,
         c.samples,
         c.width,
@@ -99,7 +100,9 @@ impl Table {
     pub fn markdown(&self) -> String {
         let unit = if self.software { "CPU time, ms" } else { "GPU time, ms" };
         let mut text = format!(
-            "Device: {}; driver: {}; LP_NUM_THREADS={}; load at the start: {}.\n16 samples a pixel, five lights, 73 objects, 11984 triangles; median of frames of a panning camera. {unit}.\n",
+            "Device: {}; driver: {}; LP_NUM_THREADS={}; load at the start: {}.\n\
+             16 samples a pixel, five lights, 73 objects, 11984 triangles; median of frames of a panning camera. \
+             {unit}.\n",
             self.device, self.driver, self.threads, self.load
         );
         for size in SIZES {
@@ -156,7 +159,13 @@ impl Table {
             }
         }
         if let Some(c) = self.find("generic", 240, SIZES[0]) {
-            writeln!(text, "\nGeneric model, 16 samples, five lights, 320x240: {:.2} ms by the device, {:.2} by the host (goal: under {MOONSHOT_MS}).", c.ms_median, c.host_ms_median).expect("strings grow");
+            writeln!(
+                text,
+                "\nGeneric model, 16 samples, five lights, 320x240: {:.2} ms by the device, {:.2} by the \
+                host (goal: under {MOONSHOT_MS}).",
+                c.ms_median, c.host_ms_median
+            )
+            .expect("strings grow");
         }
     }
 
@@ -191,7 +200,13 @@ impl Table {
     }
 
     fn bounds(&self, text: &mut String) {
-        writeln!(text, "\n{}. What a pass must read and write at least, and the ratio of its time to the larger bound (aim for gather and noise together: 1.5).", self.extra.rates.line()).expect("strings grow");
+        writeln!(
+            text,
+            "\n{}. What a pass must read and write at least, and the ratio of its time to the larger \
+            bound (aim for gather and noise together: 1.5).",
+            self.extra.rates.line()
+        )
+        .expect("strings grow");
         for (size, rows) in &self.extra.bounds {
             write!(text, "\ngeneric 240, {}x{}: {}", size[0], size[1], Bounded::HEAD).expect("strings grow");
             rows.iter().for_each(|row| *text += &row.row());
@@ -199,7 +214,9 @@ impl Table {
     }
 
     fn sixteen(&self, text: &mut String) {
-        *text += "\n16 samples a pixel, rasterized and added up | size | least ms | median | CPU ms | times as long | PSNR to the second, dB\n---|---|---|---|---|---|---\n";
+        *text += "\n\
+                  16 samples a pixel, rasterized and added up | size | least ms | median | CPU ms | times as long | \
+                  PSNR to the second, dB\n---|---|---|---|---|---|---\n";
         for way in &self.extra.raster_16 {
             let first = self.extra.raster_16.iter().find(|w| w.size == way.size).expect("itself at least");
             writeln!(

@@ -7,13 +7,14 @@ layout(set = 0, binding = 0, rgba32f) uniform readonly image2D source;
 // The picture before this effect's first pass.
 layout(set = 0, binding = 1, rgba32f) uniform readonly image2D original;
 layout(set = 0, binding = 2, rgba32f) uniform writeonly image2D target;
-// Sixteen rows an effect, from the row of its slot on: 64 words. A software device reads a word of these once for all of
-// its lanes where the place is known when the kernel is made.
+// Sixteen rows an effect, from the row of its slot on: 64 words. A software device reads a word of these once for all
+// of its lanes where the place is known when the kernel is made.
 layout(set = 0, binding = 3, std140) uniform Parameters {
     uvec4 parameter_rows[1024];
 };
-// What does not fit: lines, weights, bit masks, rows of four numbers. Parameters hold the place of the first word, or row.
-// Texels, because a software device fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
+// What does not fit: lines, weights, bit masks, rows of four numbers. Parameters hold the place of the first word, or
+// row. Texels, because a software device fetches a texel for all lanes at once, and a word of a storage buffer lane by
+// lane.
 layout(set = 0, binding = 4) uniform usamplerBuffer tables;
 
 // A kernel that does more than the chain has a block of its own with these members.

@@ -2,8 +2,8 @@
 #ifndef CUBIC_GLSL
 #define CUBIC_GLSL
 
-// Weights of four texels in a row for a place `f` behind the second: the cubic of Keys with slope -1/2, the only one that
-// leaves a ramp where it is.
+// Weights of four texels in a row for a place `f` behind the second: the cubic of Keys with slope -1/2, the only one
+// that leaves a ramp where it is.
 vec4 cubic_weights(float f) {
     precise float square = f * f;
     precise float first = f * (-0.5 + f * (1.0 - 0.5 * f));
@@ -13,13 +13,14 @@ vec4 cubic_weights(float f) {
     return vec4(first, second, third, fourth);
 }
 
-// A texel of a picture of so many. Sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a fetch.
+// A texel of a picture of so many. Sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a
+// fetch.
 vec3 texel_in(sampler2D picture, ivec2 texel, ivec2 texels) {
     return textureLod(picture, (vec2(texel) + 0.5) / vec2(texels), 0.0).rgb;
 }
 
-// One texel a px: a cubic through 4x4 texels, which keeps edges that a bilinear reading would widen by a px. It goes beyond
-// none of the four texels around the place, so that nothing rings. At a texel's centre its bits.
+// One texel a px: a cubic through 4x4 texels, which keeps edges that a bilinear reading would widen by a px. It goes
+// beyond none of the four texels around the place, so that nothing rings. At a texel's centre its bits.
 vec3 read_cubic(sampler2D picture, ivec2 texels, vec2 position_px, inout bool clamped) {
     ivec2 last = texels - 1;
     precise vec2 wanted = position_px - 0.5;

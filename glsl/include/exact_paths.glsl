@@ -43,8 +43,8 @@ vec4 row_at(ivec2 row) {
     return textureLod(relatives, (vec2(row) + 0.5) * push.share_per_row, 0.0);
 }
 
-// Texels of a pixel's side take turns in how their colours are rounded, so that a pixel of one colour is as exact as with
-// two bits more.
+// Texels of a pixel's side take turns in how their colours are rounded, so that a pixel of one colour is as exact as
+// with two bits more.
 float round_up(int x, int y) {
     return 0.125 + 0.25 * float(((x & 1) ^ (y & 1)) * 2 + (y & 1));
 }
@@ -80,8 +80,8 @@ void main() {
             for (int i = 0; i < COUNT; ++i) {
                 vec4 color = sample_at(color_samples, texel, i);
                 sum += color.rgb;
-                // One sample's depth a texel is enough to find what is in front: with all of them the ladder's rows stay
-                // within 0.1 dB.
+                // One sample's depth a texel is enough to find what is in front: with all of them the ladder's rows
+                // stay within 0.1 dB.
                 if (i == 0 && x < GRID) {
                     float d = sample_at(depth_samples, texel, i).r;
                     group = d > depth ? color.a : group;

@@ -1,12 +1,12 @@
-// The shutter of `--method exact`: every vertex is put where the camera sees it at the time of the line that it lands on.
-// Visibility, depth and antialiasing of the raster are then those of the delivered picture. A kernel and not the vertex
-// shader, because a vertex is shared by six triangles, and lavapipe shades vertices in one thread.
+// The shutter of `--method exact`: every vertex is put where the camera sees it at the time of the line that it lands
+// on. Visibility, depth and antialiasing of the raster are then those of the delivered picture. A kernel and not the
+// vertex shader, because a vertex is shared by six triangles, and lavapipe shades vertices in one thread.
 layout(local_size_x = 64) in;
 
 layout(constant_id = 0) const bool LIT = false;
 
-// Input is counted in texels of four words. A software device fetches a texel for all lanes at once, and a word of a storage
-// buffer lane by lane; a device that has fewer texels than a scene needs reads storage buffers.
+// Input is counted in texels of four words. A software device fetches a texel for all lanes at once, and a word of a
+// storage buffer lane by lane; a device that has fewer texels than a scene needs reads storage buffers.
 #ifdef TEXELS
 #define ROWS(BINDING, NAME) layout(set = 0, binding = BINDING) uniform usamplerBuffer NAME
 #define ROW(NAME, INDEX) texelFetch(NAME, INDEX)
@@ -17,10 +17,10 @@ layout(constant_id = 0) const bool LIT = false;
 #endif
 // Three a vertex: position and number of the motion group (what moves alike); normal and material; uv.
 ROWS(0, vertices);
-// Nine a motion group at one of `knot_count` equally spaced times, computed in double precision on the host: the columns of
-// clip from object; those of world from object, the world moved so that the camera of a fixed instant is its origin; the
-// camera in that world. Between knots everything is linear in time: the host chooses so many that this is exact to a
-// hundredth of a px.
+// Nine a motion group at one of `knot_count` equally spaced times, computed in double precision on the host: the
+// columns of clip from object; those of world from object, the world moved so that the camera of a fixed instant is its
+// origin; the camera in that world. Between knots everything is linear in time: the host chooses so many that this is
+// exact to a hundredth of a px.
 ROWS(1, knots);
 // Two a material: diffuse colour; specular colour and exponent.
 ROWS(3, materials);
@@ -57,8 +57,8 @@ layout(push_constant) uniform Push {
     Lens lens;
 } push;
 
-// Steps of the search. Each divides the error by the line's speed over the content's (10 and more), and the secant makes
-// it faster than linear: 3 leave less than a thousandth of a line at 0.3 of the readout's speed.
+// Steps of the search. Each divides the error by the line's speed over the content's (10 and more), and the secant
+// makes it faster than linear: 3 leave less than a thousandth of a line at 0.3 of the readout's speed.
 const int STEPS = 3;
 
 // Where the lens puts a point of the ideal picture (clip space). It moves the vertex and with it the line whose time it

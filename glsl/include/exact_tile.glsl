@@ -10,7 +10,8 @@ const float EXACT_SHORTEST_PX = 0.02;
 const float EXACT_SMOOTH_PX = 0.35;
 // More than any reach, px: it marks a tile whose paths jump.
 const float EXACT_JUMPS = 8192.0;
-// What differs by less, as a share of the brightest channel and by itself, is one colour: less than half a level of 255.
+// What differs by less, as a share of the brightest channel and by itself, is one colour:
+// less than half a level of 255.
 const float EXACT_FLAT_SHARE = 1.0 / 256.0;
 const float EXACT_FLAT = 1.0 / 8192.0;
 

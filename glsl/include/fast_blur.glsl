@@ -1,5 +1,5 @@
-// What fast_gather and fast_silhouettes share: reading the picture between its texels. The kernel declares `color`. Needs
-// fast_push, sample.
+// What fast_gather and fast_silhouettes share: reading the picture between its texels. The kernel declares `color`.
+// Needs fast_push, sample.
 #ifndef FAST_BLUR_GLSL
 #define FAST_BLUR_GLSL
 
@@ -8,8 +8,8 @@ layout(constant_id = 2) const int COLOR_SCALE = 2;
 // Whether lines integrate: `color` then has a sampler that is linear, else one that is not.
 layout(constant_id = 3) const uint BLUR = 1u;
 
-// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px: exact_gather.comp
-// says why.
+// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px:
+// exact_gather.comp says why.
 const float SPREAD_PX = 0.14434;
 
 // Texels of `color`, margin included.

@@ -1,5 +1,5 @@
-// Where one surface is seen all the exposure long. Twin: src/reference/fast_gather.rs. Needs fast_push, fast_claims, path,
-// pixel_area, fast_lens, fast_weight.
+// Where one surface is seen all the exposure long. Twin: src/reference/fast_gather.rs. Needs fast_push, fast_claims,
+// path, pixel_area, fast_lens, fast_weight.
 #ifndef FAST_GATHER_GLSL
 #define FAST_GATHER_GLSL
 
@@ -74,8 +74,8 @@ bool sources_over_exposure(ivec2 pixel, vec2 x_px, float from, out Sources s) {
            is_claimed(end.nearest, pixel_px, s.end_px);
 }
 
-// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a px,
-// opposite each other, as in exact_gather.comp, which says why.
+// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a
+// px, opposite each other, as in exact_gather.comp, which says why.
 vec4 blur_one_surface(Sources s) {
     bool clamped = false;
     if (!blurs()) {

@@ -18,8 +18,8 @@ vec2 looks_at(ivec2 pixel) {
     return through_lens() ? textureLod(ideal, (vec2(pixel) + 0.5) / vec2(push.size), 0.0).rg : own;
 }
 
-// Where the lens shows a place of the pinhole's picture, both px of the result. Within a pixel the lens only shifts: claims
-// need no more.
+// Where the lens shows a place of the pinhole's picture, both px of the result. Within a pixel the lens only shifts:
+// claims need no more.
 vec2 on_sensor(vec2 position_px) {
     if (!through_lens()) {
         return position_px;

@@ -27,8 +27,8 @@ layout(set = 0, binding = 0, std430) buffer Seeds {
     uint seeds[];
 };
 #else
-// A software device fetches a texel for all lanes at once, and words of a storage buffer lane by lane; but a texel buffer
-// holds no more texels than the device says, and then the words are read.
+// A software device fetches a texel for all lanes at once, and words of a storage buffer lane by lane; but a texel
+// buffer holds no more texels than the device says, and then the words are read.
 layout(constant_id = 6) const uint CLAIMS_ARE_TEXELS = 1u;
 layout(set = 0, binding = 0) uniform usamplerBuffer claims;
 layout(set = 0, binding = 8, std430) readonly buffer ClaimWords {

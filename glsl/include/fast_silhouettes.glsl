@@ -98,11 +98,12 @@ int silhouette_samples(SlotClaims begin, SlotClaims end) {
     return blurs() ? clamp(2 * blur_pairs(path_px), 8, MAX_SILHOUETTE_SAMPLES) : 4;
 }
 
-// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
-// the end that is closer in time, and takes the nearest that lands there, else the farthest that almost does.
+// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and
+// of the end that is closer in time, and takes the nearest that lands there, else the farthest that almost does.
 vec4 blur_many_surfaces(uvec2 pixel) {
     float fraction = readout_fraction(pixel, push.size, push.scan_order, 0u);
-    precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s + float(push.reference_knot);
+    precise float from = (push.start_s + push.readout_time_s * fraction) / push.knot_step_s
+        + float(push.reference_knot);
     precise float span = push.exposure_time_s / push.knot_step_s;
     vec2 x_px = looks_at(ivec2(pixel));
     // How far the lens lets it look beside itself.
@@ -145,8 +146,8 @@ vec4 blur_many_surfaces(uvec2 pixel) {
         }
         landed += nearest >= 0.0 ? 1 : 0;
         precise vec2 position = clear_of_seams(nearest >= 0.0 ? source_px : beside_px, w);
-        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
-        // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
+        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with
+        // blur it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
         vec2 centre_px = position - QUARTERS[i & 3];
         vec2 aside = 4.0 * spread_px() * QUARTERS[i & 3];
         clamped = clamped || is_beyond(centre_px);

@@ -1,5 +1,5 @@
-// Frames of several pictures: what a warp of one of them counts in the mean over all. Twin: src/reference/fast_weight.rs. Needs
-// fast_push, fast_blur.
+// Frames of several pictures: what a warp of one of them counts in the mean over all. Twin:
+// src/reference/fast_weight.rs. Needs fast_push, fast_blur.
 #ifndef FAST_WEIGHT_GLSL
 #define FAST_WEIGHT_GLSL
 
@@ -12,8 +12,8 @@ const float LEAST_ERROR = 0.003;
 // What is made up, or repeated beyond the border, counts where no picture has better.
 const float MADE_UP = 1e-4;
 
-// How near the picture is in time to the middle of a line's exposure: 1 at its own instant, 0 at those of the pictures before
-// and after it.
+// How near the picture is in time to the middle of a line's exposure: 1 at its own instant, 0 at those of the pictures
+// before and after it.
 float nearness_of(float fraction) {
     if (!one_of_several()) {
         return 1.0;
@@ -24,8 +24,8 @@ float nearness_of(float fraction) {
     return clamp(min(before, after), 0.0, 1.0);
 }
 
-// What a reading is worth that is blurred along a way: the nearer it runs to centres of texels, the less of the detail across it
-// is lost.
+// What a reading is worth that is blurred along a way: the nearer it runs to centres of texels, the less of the detail
+// across it is lost.
 float sharpness(vec2 position_px, vec2 way_px) {
     precise vec2 f = fract(position_px - 0.5);
     precise vec2 off = f * (1.0 - f) / (1.0 + way_px * way_px);

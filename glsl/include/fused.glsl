@@ -1,11 +1,11 @@
-// The value at a place from the 2x2 texels around it in each of several pictures, which are moved against each other by parts
-// of a px: that of least expected error where values alike by exp(-distance^2) are known with a little noise (kriging). Twin:
-// src/reference/fused.rs. Needs cubic; the push constants have `texels`.
+// The value at a place from the 2x2 texels around it in each of several pictures, which are moved against each other by
+// parts of a px: that of least expected error where values alike by exp(-distance^2) are known with a little noise
+// (kriging). Twin: src/reference/fused.rs. Needs cubic; the push constants have `texels`.
 #ifndef FUSED_GLSL
 #define FUSED_GLSL
 
-// Variance of a texel's noise (of places that are off by some hundredths of a px, mostly) over that of the picture. Tried on
-// checks at any phase: 0.003 and 0.01, and other likenesses (docs/methods.md).
+// Variance of a texel's noise (of places that are off by some hundredths of a px, mostly) over that of the picture.
+// Tried on checks at any phase: 0.003 and 0.01, and other likenesses (docs/methods.md).
 const float NOISE = 0.008;
 
 // Texels (0, 0), (1, 0), (0, 1), (1, 1) around a place; `off`: from the place to the centre of the first, px.
@@ -60,8 +60,8 @@ vec3 most_of(Around a, vec3 before) {
     return a.known ? max(before, most) : before;
 }
 
-// The system of all texels is eliminated picture by picture; one that is not known has no likeness to anything, and weighs
-// nothing.
+// The system of all texels is eliminated picture by picture; one that is not known has no likeness to anything, and
+// weighs nothing.
 vec3 fused(Around a, Around b, Around c) {
     mat4 own = alike_to_others(vec2(0.0)) + mat4(NOISE);
     mat4 inverse_own = inverse(own);

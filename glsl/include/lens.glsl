@@ -1,5 +1,6 @@
 // The lens as a map of the picture: where it puts what an ideal pinhole would put at a point, and back. Twin in double
-// precision: src/camera/distortion/extended.rs, which also says how the mapping goes on beyond the rays that are needed.
+// precision: src/camera/distortion/extended.rs, which also says how the mapping goes on beyond the rays that are
+// needed.
 #ifndef LENS_GLSL
 #define LENS_GLSL
 

@@ -1,10 +1,11 @@
-// The paper's gather (section 3: remap and blur) for speed, with the pixel chain behind it where that reads no neighbours.
-// The path over the exposure is the parabola through its begin, middle and end: exact for up to two motion images, and
-// two additions a step. Twin: src/reference/paper_fast.rs. The includer defines `vec3 tap(vec2 position_px)`.
+// The paper's gather (section 3: remap and blur) for speed, with the pixel chain behind it where that reads no
+// neighbours. The path over the exposure is the parabola through its begin, middle and end: exact for up to two motion
+// images, and two additions a step. Twin: src/reference/paper_fast.rs. The includer defines `vec3 tap(vec2
+// position_px)`.
 //
-// TAPS_PER_PX 1 reads every px of the path; 0.5 every second one, which bilinear reading covers as well. UNROLL taps are
-// read a round: lavapipe runs every loop at least once and both sides of every branch, so a path is cut into a multiple
-// of it.
+// TAPS_PER_PX 1 reads every px of the path; 0.5 every second one, which bilinear reading covers as well. UNROLL taps
+// are read a round: lavapipe runs every loop at least once and both sides of every branch, so a path is cut into a
+// multiple of it.
 layout(local_size_x = 64, local_size_y = 1) in;
 
 layout(constant_id = 40) const float TAPS_PER_PX = 0.5;
@@ -18,18 +19,7 @@ layout(constant_id = 44) const int MOTION_COUNT = 0;
 
 #define CHAIN_PUSH
 layout(push_constant) uniform Push {
-    uvec2 size;
-    ivec2 margin_px;
-    float start_s;
-    float readout_time_s;
-    float exposure_time_s;
-    float frame_interval_s;
-    float first_motion_s;
-    float motion_step_s;
-    uint motion_count;
-    uint scan_order;
-    uint max_samples;
-    uint pixel_time;
+#include "paper_push.glsl"
     // Of the pixel chain.
     uvec2 seed;
     uint frame;

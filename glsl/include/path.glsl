@@ -1,7 +1,8 @@
-// Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin:
-// src/reference/path.rs. The kernel declares samplers `path_0`, `path_1`, `path_2`, each with the displacements (px, from
-// the reference instant) to two knots, in order of time and without the reference instant's own, which is zero; and
-// `inverse_depth` of their size. FROM_DEPTH: all that is seen moves rigidly, and the displacements follow from its depth.
+// Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame.
+// Twin: src/reference/path.rs. The kernel declares samplers `path_0`, `path_1`, `path_2`, each with the displacements
+// (px, from the reference instant) to two knots, in order of time and without the reference instant's own, which is
+// zero; and `inverse_depth` of their size. FROM_DEPTH: all that is seen moves rigidly, and the displacements follow
+// from its depth.
 #ifndef PATH_GLSL
 #define PATH_GLSL
 
@@ -19,7 +20,8 @@ bool from_depth() { return FROM_DEPTH != 0u; }
 // Texels of the path images and of the depth, margin included.
 ivec2 path_texels() { return (ivec2(push.size) + 2 * push.margin_px) * PATH_SCALE; }
 
-// A texel of them. It is not fetched but sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a fetch.
+// A texel of them. It is not fetched but sampled (nearest), because lavapipe 22.3 looks up the level of each lane for a
+// fetch.
 vec4 texel_of(sampler2D image, ivec2 texel) {
     return textureLod(image, (vec2(texel) + 0.5) / vec2(path_texels()), 0.0);
 }
@@ -28,9 +30,9 @@ vec4 texel_of(sampler2D image, ivec2 texel) {
 layout(constant_id = 7) const uint BODIES = 0u;
 bool bodies() { return BODIES != 0u; }
 
-// FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant to
-// clip space at knots 0 to last_knot; BODIES: those of one body after the other. Texels of a buffer: a software device
-// fetches one for all lanes at once.
+// FROM_DEPTH: rows x, y and w of the matrices that take (ndc, near distance over distance, 1) at the reference instant
+// to clip space at knots 0 to last_knot; BODIES: those of one body after the other. Texels of a buffer: a software
+// device fetches one for all lanes at once.
 layout(set = 0, binding = 10) uniform usamplerBuffer moved;
 
 vec4 moved_row(int row) { return uintBitsToFloat(texelFetch(moved, row)); }
@@ -57,8 +59,8 @@ Moved moved_at(int body, float at) {
     return Moved(x_at, y_at, w_at);
 }
 
-// Shares of the knots in the displacement at one instant: one vec2 a path image. FROM_DEPTH: the instant, and its matrix
-// where there is but one body.
+// Shares of the knots in the displacement at one instant: one vec2 a path image. FROM_DEPTH: the instant, and its
+// matrix where there is but one body.
 struct PathWeights {
     vec2 image_0;
     vec2 image_1;
@@ -86,8 +88,8 @@ vec2 depth_displacement(ivec2 texel, vec2 seen, float at) {
     return displacement_by(texel, seen.x, moved_at(bodies() ? int(seen.y) : 0, at));
 }
 
-// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is near enough to
-// start a search. `seen`: depth and body.
+// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is near
+// enough to start a search. `seen`: depth and body.
 void depth_motion(ivec2 texel, vec2 seen, float at, out vec2 moved_px, out vec2 rate_px) {
     float last = float(push.last_knot);
     float before = clamp(floor(at), 0.0, last - 1.0);
@@ -116,9 +118,9 @@ float parabola_weight(float at, float offset) {
     return offset == 0.0 ? middle : (abs(offset) == 1.0 ? side : 0.0);
 }
 
-// Weight of `knot` at place `at` of the time axis with knots 0..last: between two knots the parabolas through either and
-// its neighbours are blended (a cubic with continuous slope, Catmull-Rom); constant acceleration is met exactly. At a
-// knot: 1 for itself, 0 for all others, to the bit.
+// Weight of `knot` at place `at` of the time axis with knots 0..last: between two knots the parabolas through either
+// and its neighbours are blended (a cubic with continuous slope, Catmull-Rom); constant acceleration is met exactly. At
+// a knot: 1 for itself, 0 for all others, to the bit.
 float knot_weight(float at, float knot, float last) {
     if (last < 2.0) {
         precise float linear = 1.0 - abs(at - knot);
@@ -234,9 +236,9 @@ PathBlock block_displacement(ivec2 block, PathWeights w) {
     return m;
 }
 
-// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a displacement that
-// is linear around the block (a Newton step). The error is the displacement's curvature over half the squared distance
-// from the block.
+// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a displacement
+// that is linear around the block (a Newton step). The error is the displacement's curvature over half the squared
+// distance from the block.
 vec2 block_source(PathBlock m, vec2 x_px) {
     precise vec2 rest = x_px - m.centre_px - m.at_centre_px;
     precise float xx = 1.0 + m.along_x_px.x;

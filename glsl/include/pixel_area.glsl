@@ -3,14 +3,14 @@
 #ifndef PIXEL_AREA_GLSL
 #define PIXEL_AREA_GLSL
 
-// Share of a texel's two neighbours where the pixel's centre is the texel's. Two texels a px, each as wide as it is, would
-// give 1/2; what they hold is finer than that at edges and coarser within textures. Tried: 0.3 to 0.5.
+// Share of a texel's two neighbours where the pixel's centre is the texel's. Two texels a px, each as wide as it is,
+// would give 1/2; what they hold is finer than that at edges and coarser within textures. Tried: 0.3 to 0.5.
 const float NEIGHBOURS_SHARE = 0.3125;
 
 vec3 color_at(ivec2 texel) { return texel_in(color, texel, color_texels()); }
 
-// Mean of the picture over one px around a position: what the pixel's area saw. Three texels an axis with the position as
-// their mean; at a pixel's centre the mean of its own texels, to the bit.
+// Mean of the picture over one px around a position: what the pixel's area saw. Three texels an axis with the position
+// as their mean; at a pixel's centre the mean of its own texels, to the bit.
 vec3 read_pixel_area(vec2 position_px, inout bool clamped) {
     if (color_scale() == 1) {
         return read_cubic(color, color_texels(), position_px, clamped);

@@ -11,8 +11,8 @@ layout(constant_id = 1) const bool TEXTURED = false;
 layout(constant_id = 4) const bool GLOSSY = true;
 #include "raster_lights.glsl"
 #include "half.glsl"
-// Positions of the camera, m, a texel each: a word of a storage buffer is read lane by lane on a software device, which took
-// a quarter of this shader's time.
+// Positions of the camera, m, a texel each: a word of a storage buffer is read lane by lane on a software device, which
+// took a quarter of this shader's time.
 layout(set = 0, binding = 3) uniform usamplerBuffer cameras;
 layout(set = 1, binding = 0) uniform sampler2D kd_texture;
 

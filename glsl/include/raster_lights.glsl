@@ -1,6 +1,6 @@
-// The scene's lights. Up to FIXED_LIGHTS of them are specialization constants, so that a loop over them is unrolled into
-// arithmetic on numbers that the compiler knows; what is beyond is read from a uniform buffer (reading a storage buffer in
-// the loop costs lavapipe a fifth more).
+// The scene's lights. Up to FIXED_LIGHTS of them are specialization constants, so that a loop over them is unrolled
+// into arithmetic on numbers that the compiler knows; what is beyond is read from a uniform buffer (reading a storage
+// buffer in the loop costs lavapipe a fifth more).
 struct Light {
     // Relative to the world's origin; w unused.
     vec4 position_m;

@@ -1,5 +1,5 @@
-// Samples to pixels: linear radiance and coverage, kept as floats, so that a mean of texels rounds no differently from a
-// mean of samples.
+// Samples to pixels: linear radiance and coverage, kept as floats, so that a mean of texels rounds no differently from
+// a mean of samples.
 layout(local_size_x = 16, local_size_y = 8) in;
 #include "resolve.glsl"
 #ifdef HALF

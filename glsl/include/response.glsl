@@ -6,8 +6,8 @@ const int RESPONSE_PIECES = 16;
 // Of a channel in the table: the pieces, and a straight one beyond either end.
 const uint RESPONSE_ROWS = 18u;
 
-// A row of the table: number of the piece, value ahead of the curve where it begins, density (one over the steepness) at
-// both ends.
+// A row of the table: number of the piece, value ahead of the curve where it begins, density (one over the steepness)
+// at both ends.
 float response_to_sensor(float delivered, uint row) {
     precise float place = delivered * float(RESPONSE_PIECES);
     int piece = clamp(int(floor(place)), -1, RESPONSE_PIECES);
@@ -31,8 +31,8 @@ vec3 response_to_sensor(vec3 delivered, uint row) {
                 response_to_sensor(delivered.b, row + 2u * RESPONSE_ROWS));
 }
 
-// And back. `starts`: of the slot: where the second piece of red, of green, of blue begins, then where the third does. The
-// pieces are found by comparing with each: on a software device a look-up costs as much as twenty comparisons.
+// And back. `starts`: of the slot: where the second piece of red, of green, of blue begins, then where the third does.
+// The pieces are found by comparing with each: on a software device a look-up costs as much as twenty comparisons.
 vec3 response_from_sensor(vec3 sensor, uint slot, uint starts, uint row) {
     uvec3 piece = uvec3(greaterThanEqual(sensor, vec3(0.0))) + uvec3(greaterThanEqual(sensor, vec3(1.0)));
     [[unroll]] for (uint k = 0u; k < uint(RESPONSE_PIECES) - 1u; ++k) {

@@ -1,4 +1,5 @@
-// Colours as words: nine bits a channel, and five of an exponent for all three (as VK_FORMAT_E5B9G9R9_UFLOAT_PACK32 has them).
+// Colours as words: nine bits a channel, and five of an exponent for all three (as VK_FORMAT_E5B9G9R9_UFLOAT_PACK32 has
+// them).
 #ifndef RGB9E5_GLSL
 #define RGB9E5_GLSL
 

@@ -50,8 +50,10 @@ float minus_two_log(uint bits) {
 vec2 unit_circle(uint bits) {
     precise float angle = (float(bits & 0x3fffffffu) * 9.3132257e-10 - 0.5) * 1.5707964;
     precise float square = angle * angle;
-    precise float sine = angle * (1.0 + square * (-0.16666667 + square * (0.008333334 + square * (-0.00019841270 + square * 2.7557319e-6))));
-    precise float cosine = 1.0 + square * (-0.5 + square * (0.041666668 + square * (-0.0013888889 + square * (2.4801587e-5 + square * -2.7557319e-7))));
+    precise float sine = angle * (1.0 + square * (-0.16666667 + square * (0.008333334
+        + square * (-0.00019841270 + square * 2.7557319e-6))));
+    precise float cosine = 1.0 + square * (-0.5 + square * (0.041666668 + square * (-0.0013888889
+        + square * (2.4801587e-5 + square * -2.7557319e-7))));
     uint quadrant = bits >> 30u;
     vec2 even = (quadrant & 1u) == 0u ? vec2(cosine, sine) : vec2(-sine, cosine);
     return (quadrant & 2u) == 0u ? even : -even;

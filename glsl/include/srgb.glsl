@@ -2,8 +2,9 @@
 #ifndef SRGB_GLSL
 #define SRGB_GLSL
 
-// Both curves are polynomials in roots of the value, within 1e-6 of the standard's powers, white exactly: sums, products and square roots
-// cost half of a power on a software device, and round more nearly alike everywhere. Coefficients: plane/srgb.rs.
+// Both curves are polynomials in roots of the value, within 1e-6 of the standard's powers, white exactly: sums,
+// products and square roots cost half of a power on a software device, and round more nearly alike everywhere.
+// Coefficients: plane/srgb.rs.
 
 // Clips; written so that NaN becomes black.
 float srgb_encode(float linear) {

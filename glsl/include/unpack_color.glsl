@@ -9,10 +9,11 @@ layout(local_size_x = 16, local_size_y = 8) in;
 #define COLOR_FORMAT rgba32f
 #endif
 layout(set = 0, binding = 1, COLOR_FORMAT) uniform writeonly image2D color;
-// Radiance of the 256 sRGB codes, then of the 256 linear ones, four a texel: a software device fetches a texel for all lanes at
-// once, and words of a storage buffer lane by lane.
+// Radiance of the 256 sRGB codes, then of the 256 linear ones, four a texel: a software device fetches a texel for all
+// lanes at once, and words of a storage buffer lane by lane.
 layout(set = 0, binding = 2) uniform usamplerBuffer decode;
-// The format where the kernel is made for one, else 0: a software device takes all branches that it does not know better of.
+// The format where the kernel is made for one, else 0: a software device takes all branches that it does not know
+// better of.
 layout(constant_id = 0) const uint FORMAT = 0u;
 
 layout(push_constant) uniform Push {

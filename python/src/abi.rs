@@ -57,8 +57,9 @@ impl Shared {
         Self { turn: Mutex::default(), handle: AtomicUsize::new(handle as usize), log }
     }
 
-    /// One call of the C ABI: waits for its turn with the interpreter let go, hands on what the library said, and makes a failure
-    /// the exception of its status. `of` is the handle whose sentence belongs to a failure; `None`: the engine's.
+    /// One call of the C ABI: waits for its turn with the interpreter let go, hands on what the library said, and makes
+    /// a failure the exception of its status. `of` is the handle whose sentence belongs to a failure; `None`: the
+    /// engine's.
     pub fn call<T: Send>(
         &self,
         py: Python<'_>,

@@ -62,8 +62,8 @@ unsafe impl Send for Picture {}
 unsafe impl Sync for Picture {}
 
 impl Picture {
-    /// Takes an array as it lies in memory: rows any distance apart, also backwards, pixels side by side. Colour of three floats is
-    /// the one thing that is copied, because the library reads four.
+    /// Takes an array as it lies in memory: rows any distance apart, also backwards, pixels side by side. Colour of
+    /// three floats is the one thing that is copied, because the library reads four.
     pub fn of(py: Python<'_>, array: &Bound<'_, PyAny>, kind: Kind) -> PyResult<Self> {
         if let Ok(buffer) = PyBuffer::<f32>::get(array) {
             return Self::of_floats(py, buffer, kind);
@@ -175,14 +175,15 @@ fn layout<T: Element>(buffer: &PyBuffer<T>, format: u32) -> PyResult<shutterbug_
     Ok(image)
 }
 
-/// An array that a plane is written to, writable and with pixels side by side: (height, width, 3 or 4) of uint8, uint16 or
-/// float32 (4 alone), raw numbers (height, width) of uint16, or packed rows (height, bytes) of uint8.
+/// An array that a plane is written to, writable and with pixels side by side: (height, width, 3 or 4) of uint8, uint16
+/// or float32 (4 alone), raw numbers (height, width) of uint16, or packed rows (height, bytes) of uint8.
 pub struct Target {
     image: shutterbug_image,
     _held: Held,
 }
 
-// SAFETY: the pointer is to memory that `_held` keeps where it is; who may write to it is Python's affair, as of any array.
+// SAFETY: the pointer is to memory that `_held` keeps where it is; who may write to it is Python's affair, as of any
+// array.
 unsafe impl Send for Target {}
 // SAFETY: as above.
 unsafe impl Sync for Target {}

@@ -17,8 +17,8 @@ pub fn check_camera(py: Python<'_>, text: &str, name: &str) -> PyResult<(String,
     Ok((file.to_toml(), file.warnings))
 }
 
-/// A camera in another tool's format (`toml`, `ros`, `kalibr`, `euroc`, `gyroflow`; `None`: the content decides) as `camera.toml`, and
-/// what that cannot hold. `rate_hz` counts where the text does not say it.
+/// A camera in another tool's format (`toml`, `ros`, `kalibr`, `euroc`, `gyroflow`; `None`: the content decides) as
+/// `camera.toml`, and what that cannot hold. `rate_hz` counts where the text does not say it.
 #[pyfunction]
 #[pyo3(signature = (text, name, format=None, camera=None, rate_hz=None))]
 pub fn import_camera(
@@ -57,8 +57,8 @@ pub fn preset_text(py: Python<'_>, name: &str) -> PyResult<String> {
     formats::preset(name, None).map(|p| p.toml.into_owned()).map_err(|e| input_error(py, &e))
 }
 
-/// Runs the command line in this process, whose signals it takes over, and returns its exit code. The first argument is the
-/// program's name.
+/// Runs the command line in this process, whose signals it takes over, and returns its exit code. The first argument is
+/// the program's name.
 #[pyfunction]
 pub fn run_command_line(py: Python<'_>, args: Vec<OsString>) -> u8 {
     py.detach(|| shutterbug_cli::cli::run_from(args))

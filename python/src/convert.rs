@@ -25,8 +25,8 @@ pub struct Poses(pub Vec<shutterbug_stamped_pose>);
 
 #[pymethods]
 impl Poses {
-    /// `times_s`: (n) of float64, s. `values`: (n, 16) of float64, 4x4 matrices row by row, or (n, 7). `form`, `axes` and `direction`
-    /// are the numbers of `shutterbug_pose_convention`; `metres` is one unit of the translation.
+    /// `times_s`: (n) of float64, s. `values`: (n, 16) of float64, 4x4 matrices row by row, or (n, 7). `form`, `axes`
+    /// and `direction` are the numbers of `shutterbug_pose_convention`; `metres` is one unit of the translation.
     #[new]
     fn new(
         py: Python<'_>,
@@ -74,7 +74,8 @@ fn stamped(
     values: &[f64],
 ) -> PyResult<shutterbug_stamped_pose> {
     let (mut pose, mut text) = (NO_POSE, [0u8; 512]);
-    // SAFETY: all is alive through the call, `values` has as many numbers as the form says, `text` the room that is stated.
+    // SAFETY: all is alive through the call, `values` has as many numbers as the form says, `text` the room that is
+    // stated.
     let status = unsafe {
         let said = text.as_mut_ptr().cast();
         capi::shutterbug_pose_convert(convention, values.as_ptr(), &raw mut pose, said, text.len() as u64)
@@ -104,8 +105,9 @@ pub fn motion_preset(py: Python<'_>, preset: u32) -> PyResult<MotionConvention> 
     Ok((c.direction, c.unit, c.y_axis, (c.scale_x, c.scale_y), c.interval_s))
 }
 
-/// Whether two frames agree with what is said of their depth and poses: verdict, bits of the better convention, mean difference as
-/// given and at best, and a sentence. `camera`: (width, height, fx, fy, cx, cy). `poses`: two, as the user hands them in.
+/// Whether two frames agree with what is said of their depth and poses: verdict, bits of the better convention, mean
+/// difference as given and at best, and a sentence. `camera`: (width, height, fx, fy, cx, cy). `poses`: two, as the
+/// user hands them in.
 #[pyfunction]
 pub fn check_conventions(
     py: Python<'_>,

@@ -42,8 +42,8 @@ impl Frame {
 
 #[pymethods]
 impl Frame {
-    /// Waits at most `limit_s` seconds (below 0: ten minutes) and takes the frame from the device. Ctrl-C ends the wait; the frame
-    /// can be waited for again.
+    /// Waits at most `limit_s` seconds (below 0: ten minutes) and takes the frame from the device. Ctrl-C ends the
+    /// wait; the frame can be waited for again.
     #[pyo3(signature = (limit_s=-1.0))]
     fn wait(&self, py: Python<'_>, limit_s: f64) -> PyResult<()> {
         let limit_s = if limit_s < 0.0 { NO_LIMIT_S } else { limit_s.min(NO_LIMIT_S) };
@@ -74,7 +74,8 @@ impl Frame {
         })
     }
 
-    /// Copies a plane (1 the picture, 5 the radiance, 6 raw) in a format of `shutterbug_image` to an array of the camera's size.
+    /// Copies a plane (1 the picture, 5 the radiance, 6 raw) in a format of `shutterbug_image` to an array of the
+    /// camera's size.
     fn read_into(&self, py: Python<'_>, plane: u32, format: u32, to: &Bound<'_, PyAny>) -> PyResult<()> {
         let target = Target::of(to, format)?;
         self.call(py, |frame| {

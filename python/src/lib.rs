@@ -1,8 +1,9 @@
-//! `shutterbug._core`: the C ABI as Python objects, and what needs no engine. `python/shutterbug/_core.pyi` is its manual.
+//! `shutterbug._core`: the C ABI as Python objects, and what needs no engine. `python/shutterbug/_core.pyi` is its
+//! manual.
 //!
-//! It calls the C ABI (`include/shutterbug.h`) and not the Rust engine, because that contract is what a Python object needs:
-//! statuses with sentences, one user a handle, answers in a forked child, and no panic that leaves the library. What the C ABI
-//! has no call for (cameras' text, presets, the command line) is the Rust library's own.
+//! It calls the C ABI (`include/shutterbug.h`) and not the Rust engine, because that contract is what a Python object
+//! needs: statuses with sentences, one user a handle, answers in a forked child, and no panic that leaves the library.
+//! What the C ABI has no call for (cameras' text, presets, the command line) is the Rust library's own.
 
 mod abi;
 mod buffers;

@@ -1,13 +1,13 @@
-//! Between recorded poses along a curve that bends as they do: for poses that lie so far apart that straight lines between
-//! them would be seen, as the steps of a physics engine under a camera that shakes.
+//! Between recorded poses along a curve that bends as they do: for poses that lie so far apart that straight lines
+//! between them would be seen, as the steps of a physics engine under a camera that shakes.
 
 use glam::{DQuat, DVec3};
 
 use super::Pose;
 
 /// The pose at a time within step `before` (from its pose to the next). The parabolas through either end and its two
-/// neighbours are blended (a cubic with continuous speed); a constant acceleration, and a turn about one axis whose rate
-/// changes evenly, are met exactly. At a recorded time: that pose. The outermost steps lie on one parabola.
+/// neighbours are blended (a cubic with continuous speed); a constant acceleration, and a turn about one axis whose
+/// rate changes evenly, are met exactly. At a recorded time: that pose. The outermost steps lie on one parabola.
 pub(super) fn pose_within(times_s: &[f64], poses: &[Pose], before: usize, time_s: f64) -> Pose {
     let own = &poses[before];
     // Relative to the step's first pose turns are small, and vectors of them may be added.

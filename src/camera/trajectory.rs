@@ -93,15 +93,15 @@ impl Trajectory {
         self.poses.len()
     }
 
-    /// The trajectory of a camera that is turned within this one: the same positions, `rotation` within its frame. Turning
-    /// the poses and interpolating between them commute.
+    /// The trajectory of a camera that is turned within this one: the same positions, `rotation` within its frame.
+    /// Turning the poses and interpolating between them commute.
     pub fn turned(&self, rotation: DQuat) -> Self {
         let turn = |pose: &Pose| Pose { rotation: (pose.rotation * rotation).normalize(), ..*pose };
         Self { poses: self.poses.iter().map(turn).collect(), ..self.clone() }
     }
 
-    /// The trajectory of a camera that is elsewhere by `by` (a time, s, to a pose in this camera's own frame), which bends at
-    /// `times_s` (increasing, s) too.
+    /// The trajectory of a camera that is elsewhere by `by` (a time, s, to a pose in this camera's own frame), which
+    /// bends at `times_s` (increasing, s) too.
     pub fn adjusted(&self, times_s: &[f64], by: impl Fn(f64) -> Pose) -> Self {
         let inside = times_s.iter().copied().filter(|&t| self.covers(t, t));
         let mut all: Vec<f64> = self.times_s.iter().copied().chain(inside).collect();
@@ -133,8 +133,8 @@ impl Trajectory {
         Self { path: PathBuf::new(), times_s, poses: vec![pose; 2], smooth: false }
     }
 
-    /// The same poses, with a curve between them that bends as they do: parabolas through three, blended. For poses so far
-    /// apart that straight lines between them would be seen.
+    /// The same poses, with a curve between them that bends as they do: parabolas through three, blended. For poses so
+    /// far apart that straight lines between them would be seen.
     pub fn smoothed(self) -> Self {
         Self { smooth: true, ..self }
     }
@@ -286,7 +286,8 @@ mod tests {
     #[test]
     fn comments_blank_lines_crlf_tabs_and_a_byte_order_mark_are_skipped_over() {
         let lines = "1700000000 1 2 3 0 0 0 1\n1700000001 4 5 6 0 0 1 0\n";
-        let dressed = "\u{feff}# t tx ty\r\n\r\n  1700000000\t1 2 3  0 0 0 1  \r\n   # more\r\n1700000001 4 5 6 0 0 1 0";
+        let dressed = "\u{feff}# t tx ty\r\n\r\n  1700000000\t1 2 3  0 0 0 1  \r\n   # more\r\n\
+                       1700000001 4 5 6 0 0 1 0";
         let (plain, dressed) = (parse(lines), parse(dressed));
         for at in [0.0, 0.3, 1.0] {
             assert_eq!(plain.pose_at(at), dressed.pose_at(at));

@@ -26,7 +26,7 @@ pub struct Place {
 }
 
 impl Exposure {
-    /// Takes a camera's values; begins anew where they are others than before.
+    /// Takes a camera's values. If they differ from the current ones, exposure restarts.
     pub fn set(&mut self, settings: &Settings) {
         let fresh = ExposureControl::new(settings);
         if fresh != self.fresh {
@@ -35,7 +35,7 @@ impl Exposure {
         }
     }
 
-    /// Begins anew: the next frame has `initial_gain`.
+    /// Restarts: the next frame has `initial_gain`.
     pub fn reset(&mut self) {
         self.control = self.fresh.clone();
         self.next = 0;
@@ -50,8 +50,9 @@ impl Exposure {
             return Err(Fault::new(
                 status::STATE,
                 format!(
-                    "auto_exposure: this frame answers to the one submitted {back} before it, which has not been waited \
-                     for (or failed: then shutterbug_engine_reset_exposure); delay_frames says how many may be in flight"
+                    "auto_exposure: this frame answers to the one submitted {back} before it, which has not been \
+                     waited for (or failed: then shutterbug_engine_reset_exposure); delay_frames says how many may \
+                     be in flight"
                 ),
             ));
         }

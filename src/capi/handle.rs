@@ -1,9 +1,10 @@
 //! Handles: numbers that stand for live objects, never addresses of them. A handle that was destroyed, belongs to
-//! another kind of object or was made up is found out by looking it up, so no memory of the caller's or of ours is touched.
+//! another kind of object or was made up is found out by looking it up, so no memory of the caller's or of ours is
+//! touched.
 //!
-//! The table (`table.rs`) is the one thing that all engines of a process share. It holds nothing but which handles are alive, is
-//! empty (and owns no memory) when all are destroyed, and is locked only while a handle is looked up. In a forked child the
-//! parent's handles answer with FORKED, and nothing of theirs is touched.
+//! The table (`table.rs`) is the one thing that all engines of a process share. It holds nothing but which handles are
+//! alive, is empty (and owns no memory) when all are destroyed, and is locked only while a handle is looked up. In a
+//! forked child the parent's handles answer with FORKED, and nothing of theirs is touched.
 
 use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -66,8 +67,8 @@ macro_rules! kinds {
 
 kinds! { Engine: Session; Frame: FrameState; Memory: MemoryState; Semaphore: SemaphoreState; }
 
-const FORKED: &str = "the handle belongs to the process that forked this one: its device and threads are not here. Make an \
-                      engine of your own after the fork; destroying this handle drops it and nothing else";
+const FORKED: &str = "the handle belongs to the process that forked this one: its device and threads are not here. \
+    Make an engine of your own after the fork; destroying this handle drops it and nothing else";
 
 /// Puts an object behind a new handle. Handles are never given out twice.
 pub fn insert<T: Kind>(state: T, log: Option<Dispatch>) -> usize {
@@ -152,7 +153,7 @@ impl<T> Cell<T> {
         })
     }
 
-    /// Takes the object out for good, if nobody is using it.
+    /// Removes the object, if no thread is using it.
     fn take(&self) -> Outcome<T> {
         let mut guard = match self.state.try_lock() {
             Ok(guard) => guard,
@@ -318,7 +319,7 @@ mod tests {
         let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));
         let want = [(1, "one 1"), (2, "two"), (3, "three")];
         assert_eq!(told, want.map(|(level, text)| (level, text.to_owned())));
-        // A bug of ours is told there too.
+        // A bug in this library is reported there too.
         let bug = |_: &mut Session| -> Outcome<()> { panic!("on purpose") };
         assert_eq!(code(with(heard as usize, bug)), status::PANIC);
         let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));

@@ -1,7 +1,7 @@
 //! The C ABI. `include/shutterbug.h` is its manual; here stands only how its promises are kept.
 //!
-//! Handles are looked up, never followed (`handle.rs`). Every call checks its arguments, catches panics, and returns one
-//! of the codes of `status.rs`. What is written to the caller's memory is written on success only.
+//! Handles are looked up, never followed (`handle.rs`). Every call checks its arguments, catches panics, and returns
+//! one of the codes of `status.rs`. What is written to the caller's memory is written on success only.
 #![allow(unsafe_code)]
 
 mod agreement;
@@ -39,6 +39,7 @@ pub use gpu_image::{
 };
 pub use log::LogFn;
 pub use margin::shutterbug_engine_margin;
+pub use options::{ENGINE_PLANES, ENGINE_VALIDATION};
 pub use outside::*;
 pub use pose::shutterbug_pose_convert;
 pub use sharing::{

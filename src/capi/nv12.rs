@@ -1,5 +1,5 @@
-//! Delivered pictures as NV12: a plane of luma, then one of interleaved chroma for every 2x2 pixels (BT.601, full range, as JPEG has
-//! it).
+//! Delivered pictures as NV12: a plane of luma, then one of interleaved chroma for every 2x2 pixels (BT.601, full
+//! range, as JPEG has it).
 
 use super::image::NV12;
 use super::rows::{Layout, Rows};
@@ -30,7 +30,7 @@ impl Nv12 {
     /// Writes an 8-bit RGB picture.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
+    /// The header's promise: this many bytes are writable, and nobody else uses them during the call.
     pub unsafe fn put(&self, picture: &Plane<u8>) -> Outcome<()> {
         let fill = |row: usize, to: &mut [u8]| {
             for (x, to) in to.iter_mut().enumerate() {

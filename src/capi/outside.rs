@@ -127,7 +127,8 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
     }
     let of_paths = [o.flags & OUTSIDE_REPEAT_BORDER, o.body_count, o.picture_count];
     if o.pose_count == 0 && (of_paths != [0; 3] || o.nearest_m != 0.0) {
-        let text = "REPEAT_BORDER, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 without";
+        let text = "REPEAT_BORDER, nearest_m, body_count and picture_count are for frames with pose_count poses: 0 \
+            without";
         return Err(Fault::argument(text));
     }
     if o.picture_count as usize >= MAX_PICTURES {

@@ -1,5 +1,5 @@
-//! Rows of the caller's memory that a delivered picture is written to, in layouts that are not one of pixels ([`super::image`]
-//! has those).
+//! Rows of the caller's memory that a delivered picture is written to, in layouts that are not one of pixels
+//! ([`super::image`] has those).
 
 use super::status::{self, Fault, Outcome};
 use super::types::shutterbug_image;
@@ -73,10 +73,11 @@ impl Rows {
         }
     }
 
-    /// Writes a picture of that size: `row(y, bytes)` fills row `y` of those in memory. Bytes between rows are left alone.
+    /// Writes a picture of that size: `row(y, bytes)` fills row `y` of those in memory. Bytes between rows are left
+    /// alone.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
+    /// The header's promise: this many bytes are writable, and nobody else uses them during the call.
     pub(super) unsafe fn write(
         &self,
         size: [usize; 2],
@@ -89,8 +90,8 @@ impl Rows {
         }
         for y in 0..self.count {
             let place = if self.bottom_up { self.count - 1 - y } else { y };
-            // SAFETY: inside the range that `new` checked; writable by the caller's promise. Rows never overlap, as the stride
-            // is not below their length.
+            // SAFETY: inside the range that `new` checked; writable by the caller's promise. Rows never overlap, as the
+            // stride is not below their length.
             let to =
                 unsafe { std::slice::from_raw_parts_mut(self.pixels.add(place * self.stride), self.bytes) };
             row(y, to);

@@ -31,8 +31,8 @@ pub(super) fn check_out<T>(out: *mut T, what: &str) -> Outcome<()> {
     }
 }
 
-/// Refuses what is no descriptor of memory or of a semaphore: software drivers read from what they get, and would wait for ever at a
-/// pipe. (A driver's own descriptors are regular files, devices, or of no kind at all.)
+/// Refuses what is no descriptor of memory or of a semaphore: software drivers read from what they get, and would wait
+/// for ever at a pipe. (A driver's own descriptors are regular files, devices, or of no kind at all.)
 pub(super) fn check_fd(fd: i32) -> Outcome<()> {
     if fd < 0 {
         return Err(Fault::argument(format!("the descriptor is {fd}")));

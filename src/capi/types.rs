@@ -318,8 +318,8 @@ pub(super) unsafe fn read<T: Sized32>(pointer: *const T) -> Outcome<T> {
     // SAFETY: the caller's promise.
     unsafe { check(pointer) }?;
     let mut value = std::mem::MaybeUninit::<T>::zeroed();
-    // SAFETY: not null, aligned; as many bytes as it says are readable, and no more than there is room for. Every bit pattern,
-    // zeros among them, is a value.
+    // SAFETY: not null, aligned; as many bytes as it says are readable, and no more than there is room for. Every bit
+    // pattern, zeros among them, is a value.
     unsafe {
         let bytes = pointer.cast::<u32>().read() as usize;
         value.as_mut_ptr().cast::<u8>().copy_from_nonoverlapping(pointer.cast(), bytes.min(size_of::<T>()));
@@ -352,7 +352,7 @@ pub(super) unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String>
     text.to_str().map(str::to_owned).map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
 }
 
-/// Copies a text to where the caller wants to have it: so many characters, or nowhere.
+/// Copies a text to the caller's buffer, cut to `capacity`; a null buffer takes nothing.
 ///
 /// # Safety
 /// Null, or so many writable characters.

@@ -145,7 +145,8 @@ mod tests {
         {
             let error = read(&format!("\nv = {bad}")).expect_err(bad).to_string();
             let want = format!(
-                "camera.toml:2: found pose_offset.rotvec_rad = {found}; expected a list of three finite numbers of unit rad"
+                "camera.toml:2: found pose_offset.rotvec_rad = {found}; expected a list of three finite numbers of \
+                 unit rad"
             );
             assert!(error.starts_with(&want), "{error}");
         }

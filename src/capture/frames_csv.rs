@@ -113,7 +113,8 @@ mod tests {
     fn header_comments_and_line_ends_do_not_matter() {
         let plain = parse_frames(Path::new("f.csv"), "1700000000000000001,a.png\n1700000000033333334,b.jpg")
             .expect("valid");
-        let text = "\u{feff}#timestamp [ns],filename\r\n1700000000000000001, a.png \r\n\r\n# more\r\n1700000000033333334,b.jpg\r\n";
+        let text = "\u{feff}#timestamp [ns],filename\r\n1700000000000000001, a.png \r\n\r\n# more\r\n\
+            1700000000033333334,b.jpg\r\n";
         assert_eq!(parse_frames(Path::new("f.csv"), text).expect("valid"), plain);
         assert_eq!(plain.len(), 2);
         assert_eq!((plain[0].timestamp_ns, plain[0].start_s), (1_700_000_000_000_000_001, 1e-9));

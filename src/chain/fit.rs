@@ -1,5 +1,5 @@
-//! The line of a parameter that says how a diagnosis finds it and how a blind trial hides it. Name, unit, range and neutral
-//! value stand in [`super::ParamSpec`] and nowhere else.
+//! The line of a parameter that says how a diagnosis finds it and how a blind trial hides it. Name, unit, range and
+//! neutral value stand in [`super::ParamSpec`] and nowhere else.
 
 /// What a fit holds in place of a parameter's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -8,8 +8,8 @@ pub enum Held {
     Itself,
     /// One over the value, and 0 for none: what grows with the effect and has no end.
     Inverse,
-    /// The value times the cosine of the parameter behind it, which holds the sine ([`Held::Sine`]): near no depth a phase has
-    /// no slope, these two have.
+    /// The value times the cosine of the parameter behind it, which holds the sine ([`Held::Sine`]): near no depth a
+    /// phase has no slope, these two have.
     Cosine,
     /// See [`Held::Cosine`].
     Sine,
@@ -22,8 +22,8 @@ pub enum Held {
 pub struct Fit {
     /// What the fit holds.
     pub held: Held,
-    /// Step of numeric derivatives, by component of a vector: moves a typical picture by a few tenths of a px or of a DN to a
-    /// few DN.
+    /// Step of numeric derivatives, by component of a vector: moves a typical picture by a few tenths of a px or of a
+    /// DN to a few DN.
     pub step: [f64; 3],
     /// What fits look through, of what is held; nothing: the parameter's whole range.
     pub range: Option<[f64; 2]>,
@@ -35,8 +35,8 @@ pub struct Fit {
     pub ends: bool,
     /// Frames whose lines are all exposed at once tell it up to multiples of their own rate only.
     pub by_lines: bool,
-    /// Where fits begin, one after another together with those of the effect's other parameters; of parameters in s in units
-    /// of the time from frame to frame. Empty: where they are.
+    /// Where fits begin, one after another together with those of the effect's other parameters; of parameters in s in
+    /// units of the time from frame to frame. Empty: where they are.
     pub starts: &'static [f64],
     /// How a blind trial hides it.
     pub trial: Option<Trial>,

@@ -1,5 +1,5 @@
-//! Handles of parameters, made from an effect's specs when the crate is compiled: a name that the specs do not have, or of
-//! another kind, does not compile, and no neutral value is written twice.
+//! Handles of parameters, made from an effect's specs when the crate is compiled: a name that the specs do not have, or
+//! of another kind, does not compile, and no neutral value is written twice.
 
 use super::params::{ParamKind, ParamSpec, Settings};
 

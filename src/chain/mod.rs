@@ -74,8 +74,8 @@ pub struct At<'a> {
     pub variant: u32,
 }
 
-/// One dispatch of an effect that reads its neighbours. `source` is what the pass before it made, `original` the picture
-/// before the effect, `target` a third one (`glsl/include/chain.glsl`).
+/// One dispatch of an effect that reads its neighbours. `source` is what the pass before it made, `original` the
+/// picture before the effect, `target` a third one (`glsl/include/chain.glsl`).
 #[derive(Clone, Copy, Debug)]
 pub struct Pass {
     /// File name of its kernel.
@@ -91,7 +91,8 @@ pub struct Pass {
 pub enum Work {
     /// Not on pixels: it acts where frames are requested or rendered.
     Elsewhere,
-    /// One pixel alone: the function of its name in `glsl/include/effects/<stem>.glsl`, fused with others, and its twin.
+    /// One pixel alone: the function of its name in `glsl/include/effects/<stem>.glsl`, fused with others, and its
+    /// twin.
     Pointwise(fn([f32; 3], &At<'_>, &Parameters<'_>) -> [f32; 3]),
     /// Kernels of its own, and the twin of all of them: both pictures have the shape `[height, width, 4]`.
     Neighbourhood {
@@ -153,8 +154,8 @@ pub trait Effect: Sync {
     fn work(&self) -> Work {
         Work::Elsewhere
     }
-    /// Whether it reads neighbours of the picture before it, though it changes one pixel at a time: it is then the first
-    /// of its kernel.
+    /// Whether it reads neighbours of the picture before it, though it changes one pixel at a time: it is then the
+    /// first of its kernel.
     fn reads_neighbours(&self, _settings: &Settings) -> bool {
         false
     }

@@ -1,5 +1,5 @@
-//! What effects do to the mean and the spread of values: beside its kernel and twin an effect says how noise comes in, is
-//! bent, mixed and rounded. `reference::moments` runs the list.
+//! What effects do to the mean and the spread of values: beside its kernel and twin an effect says how noise comes in,
+//! is bent, mixed and rounded. `reference::moments` runs the list.
 
 use super::{Parameters, Settings, View};
 use crate::plane::Plane;
@@ -27,7 +27,8 @@ impl Variances {
     }
 }
 
-/// Noise that an effect adds: variances of a value x as polynomials 1, x, x^2 of it (x at least 0), fractions of full scale.
+/// Noise that an effect adds: variances of a value x as polynomials 1, x, x^2 of it (x at least 0), fractions of full
+/// scale.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// As in [`Variances`].
@@ -144,7 +145,8 @@ const SIDE: usize = 20;
 /// Where blocks begin in it, px.
 const FROM: usize = 2;
 
-/// Of a filter whose weights reach two px and repeat every two: variances are sums of squares of what single impulses become.
+/// Of a filter whose weights reach two px and repeat every two: variances are sums of squares of what single impulses
+/// become.
 pub fn mixing_of(filter: impl Fn(&Plane<f32>) -> Plane<f32>) -> Mixing {
     let middle = SIDE / 2;
     let mean = |seen: &Plane<f32>, from: [usize; 2], size: [usize; 2], c: usize| -> f64 {

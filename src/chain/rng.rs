@@ -8,8 +8,8 @@
 //! `tests/property/noise_statistics.rs`.
 //!
 //! Each purpose has a stream of its own, a constant STREAM_... of the effect that draws from it, in its kernel and its
-//! Rust file (`tests/property/effects_registry.rs` checks that they agree and that no two are equal). Fixed patterns pass
-//! [`FIXED_FRAME`] in place of the frame and the sensor's seed in place of the run's.
+//! Rust file (`tests/property/effects_registry.rs` checks that they agree and that no two are equal). Fixed patterns
+//! pass [`FIXED_FRAME`] in place of the frame and the sensor's seed in place of the run's.
 //!
 //! Normal numbers need a logarithm and a circle. Both are polynomials made of sums and products only, which IEEE 754
 //! and Vulkan round alike; `ln`, `sin` and `cos` need not agree between two devices. What is left to the device is one

@@ -1,12 +1,12 @@
-//! Automatic exposure: a controller that chooses each frame's gain from the frames before it, as cameras do. It acts where
-//! frames are asked for one after another, by the gain of [`super::ExposureGain`]; linear radiance.
+//! Automatic exposure: a controller that chooses each frame's gain from the frames before it, as cameras do. It acts
+//! where frames are asked for one after another, by the gain of [`super::ExposureGain`]; linear radiance.
 //!
-//! Model: frame k, taken with gain g_k, is metered as delivered: m_k is the mean of its linear luminance (ITU-R BT.709, from
-//! the 8-bit sRGB values, so what is clipped counts as white). Frame n answers to frame k = n - `delay_frames`, because a
-//! real one is metered, computed and set while others are on their way: the gain that was wanted is g_k target / m_k, and
-//! log g_n goes `speed` of the way from log g_(n-1) to it, at most `max_step_ev` (powers of two), within `min_gain` to
-//! `max_gain`. The first `delay_frames` frames have `initial_gain`. With a delay and a high speed it overshoots, as real
-//! ones do. No random number and no clock: the same frames give the same gains.
+//! Model: frame k, taken with gain g_k, is metered as delivered: m_k is the mean of its linear luminance (ITU-R BT.709,
+//! from the 8-bit sRGB values, so what is clipped counts as white). Frame n answers to frame k = n - `delay_frames`,
+//! because a real one is metered, computed and set while others are on their way: the gain that was wanted is g_k
+//! target / m_k, and log g_n goes `speed` of the way from log g_(n-1) to it, at most `max_step_ev` (powers of two),
+//! within `min_gain` to `max_gain`. The first `delay_frames` frames have `initial_gain`. With a delay and a high speed
+//! it overshoots, as real ones do. No random number and no clock: the same frames give the same gains.
 
 use std::collections::VecDeque;
 
@@ -130,8 +130,8 @@ impl ExposureControl {
         (self.first..end).filter(|k| !self.means.get(k - self.first).is_some_and(Option::is_some))
     }
 
-    /// Forgets what no frame from `frame` on answers to: frames before it cannot be asked for any more. A run without end
-    /// takes no more memory then.
+    /// Forgets what no frame from `frame` on answers to: frames before it cannot be asked for any more. A run without
+    /// end takes no more memory then.
     pub fn forget_before(&mut self, frame: usize) {
         let keep = frame.saturating_sub(self.delay).max(self.first);
         // A gain is taken from the one before it.

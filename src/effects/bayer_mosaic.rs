@@ -72,7 +72,8 @@ struct Neighbours {
     far_column: f32,
 }
 
-/// The other colours of a pixel, by where their filters are: beside it and above, diagonally, in its row, in its column.
+/// The other colours of a pixel, by where their filters are: beside it and above, diagonally, in its row, in its
+/// column.
 struct Filled {
     cross: f32,
     diagonal: f32,
@@ -147,8 +148,8 @@ fn mixing(settings: &Settings) -> Mixing {
 }
 
 impl BayerMosaic {
-    /// What each pixel has behind its filter, shape `[height, width, 1]`, of what the converter delivers of all colours;
-    /// `None` without a mosaic.
+    /// What each pixel has behind its filter, shape `[height, width, 1]`, of what the converter delivers of all
+    /// colours; `None` without a mosaic.
     pub fn raw(settings: &Settings, converted: &Plane<f32>) -> Option<Plane<f32>> {
         let red = red(settings)?;
         let own = |x: usize, y: usize| [converted.pixel(x, y)[channel([x, y], red)]];

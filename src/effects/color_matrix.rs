@@ -51,7 +51,8 @@ impl Effect for ColorMatrix {
 
     fn undiagnosed(&self) -> Option<&'static str> {
         Some(
-            "nine numbers that hold a white balance and a gain: as a candidate it took minutes and stood for other effects",
+            "nine numbers that hold a white balance and a gain: as a candidate it took minutes and stood for other \
+             effects",
         )
     }
 

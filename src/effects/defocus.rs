@@ -1,15 +1,16 @@
-//! The lens is not in focus: a Gaussian of `sigma_px` on L (CAPTURE contract), the usual model of a small blur; or, with
-//! `disc_radius_px`, the uniform disc that an open round aperture makes of a point (geometric optics), whose rim cuts a
-//! pixel by its share. Both together apply one after the other. Linear radiance; what lies beyond the picture's border
-//! is taken to be like the border.
+//! The lens is not in focus: a Gaussian of `sigma_px` on L (CAPTURE contract), the usual model of a small blur; or,
+//! with `disc_radius_px`, the uniform disc that an open round aperture makes of a point (geometric optics), whose rim
+//! cuts a pixel by its share. Both together apply one after the other. Linear radiance; what lies beyond the picture's
+//! border is taken to be like the border.
 //!
 //! By depth, as a thin lens does: a point at distance d is spread over a disc of diameter A fx |1/f - 1/d| px, for an
 //! aperture of diameter A m and a focus at f m, both small beside f (Potmesil, Chakravarty: "A lens and aperture camera
-//! model for synthetic image generation", SIGGRAPH 1981); `shape` is that disc, or the Gaussian of its standard deviation,
-//! a quarter of the diameter. Each pixel gathers from those whose disc reaches it; what lies behind it counts with no larger
-//! disc than its own, so that a blurred background does not spill over a sharp foreground. Distances are those of the
-//! middle of the frame, one a pixel; the part of the background that a blurred foreground would uncover is not known.
-//! Radii are cut at `max_radius_px`. One over the distance (1/m) stands in the picture's fourth channel then.
+//! model for synthetic image generation", SIGGRAPH 1981); `shape` is that disc, or the Gaussian of its standard
+//! deviation, a quarter of the diameter. Each pixel gathers from those whose disc reaches it; what lies behind it
+//! counts with no larger disc than its own, so that a blurred background does not spill over a sharp foreground.
+//! Distances are those of the middle of the frame, one a pixel; the part of the background that a blurred foreground
+//! would uncover is not known. Radii are cut at `max_radius_px`. One over the distance (1/m) stands in the picture's
+//! fourth channel then.
 
 use super::gaussian;
 use crate::chain::{

@@ -38,8 +38,8 @@ pub(super) fn pack(sigma_px: f64, packer: &mut Packer<'_>) {
     }
 }
 
-/// The Gaussian along rows (`axis` 0) or columns (1); the fourth channel, where there is one, is passed through. Whole rows at a
-/// time: compilers turn that into vectors. Each value is summed from one side to the other, as in the kernel.
+/// The Gaussian along rows (`axis` 0) or columns (1); the fourth channel, where there is one, is passed through. Whole
+/// rows at a time: compilers turn that into vectors. Each value is summed from one side to the other, as in the kernel.
 pub(super) fn along(source: &Plane<f32>, axis: usize, weights: &[f32]) -> Plane<f32> {
     let (width, height, n) = (source.width, source.height, source.channels);
     let radius = weights.len() - 1;
@@ -99,14 +99,15 @@ pub(super) fn filter(source: &Plane<f32>, f: impl Fn(usize, usize) -> [f32; 3] +
     out
 }
 
-/// What v + amount (v - soft) leaves of white noise, soft being the Gaussian of v: boxes and Gaussians are products of what they
-/// are along each axis.
+/// What v + amount (v - soft) leaves of white noise, soft being the Gaussian of v: boxes and Gaussians are products of
+/// what they are along each axis.
 pub(super) fn mixing(amount: f64, sigma_px: f64) -> Mixing {
     let half = weights(sigma_px);
     let radius = half.len() - 1;
     let square = f64::from(half[0].powi(2)) + 2.0 * half[1..].iter().map(|w| f64::from(w * w)).sum::<f64>();
     let centre = f64::from(half[0]);
-    // Of the variance of white noise; `same` is the weight of a value in its own soft one, `all` the sum of the squares of weights.
+    // Of the variance of white noise; `same` is the weight of a value in its own soft one, `all` the sum of the squares
+    // of weights.
     let lifted = |same: f64, all: f64| {
         (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * same + amount * amount * all
     };

@@ -1,6 +1,6 @@
-//! The camera's JPEG, 4:4:4 (for coarser colour put [`super::ChromaSubsampling`] before it): encoded and decoded again by
-//! the `image` crate on the CPU. The delivered 8-bit picture; the last of all effects. What it makes of noise, on average and block by
-//! block, stands in `jpeg/`.
+//! The camera's JPEG, 4:4:4 (for coarser colour put [`super::ChromaSubsampling`] before it): encoded and decoded again
+//! by the `image` crate on the CPU. The delivered 8-bit picture; the last of all effects. What it makes of noise, on
+//! average and block by block, stands in `jpeg/`.
 
 pub mod dct;
 pub mod flips;

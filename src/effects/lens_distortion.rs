@@ -1,5 +1,6 @@
 //! The lens puts rays elsewhere than a pinhole would: Brown-Conrady or the rational model as in OpenCV, the equidistant
-//! fisheye (Kannala-Brandt), or the division model. Acts while the frame is rendered; the time of a line is that of the sensor's line.
+//! fisheye (Kannala-Brandt), or the division model. Acts while the frame is rendered; the time of a line is that of the
+//! sensor's line.
 
 use crate::camera::Distortion;
 use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage, Value};
@@ -14,12 +15,13 @@ const BROWN_CONRADY: &str = "brown_conrady";
 const EQUIDISTANT: &str = "equidistant";
 const RATIONAL: &str = "rational";
 const DIVISION: &str = "division";
-/// Calibrations of narrow lenses have high powers with large coefficients; what folds is refused with the picture known.
+/// Calibrations of narrow lenses have high powers with large coefficients; what folds is refused with the picture
+/// known.
 const RADIAL: (f64, f64) = (-100.0, 100.0);
 const TANGENTIAL: (f64, f64) = (-1.0, 1.0);
 
-/// Where fits begin: regular patterns have a valley at each of their steps, and a wide lens moves its corners over several. With
-/// k2 = k1^2 no start folds: 1 + 3 k1 s + 5 k1^2 s^2 has no root.
+/// Where fits begin: regular patterns have a valley at each of their steps, and a wide lens moves its corners over
+/// several. With k2 = k1^2 no start folds: 1 + 3 k1 s + 5 k1^2 s^2 has no root.
 const K1_STARTS: &[f64] = &[-0.4, -0.3, -0.22, -0.15, -0.08, 0.0, 0.08, 0.2];
 const K2_STARTS: &[f64] = &[0.16, 0.09, 0.0484, 0.0225, 0.0064, 0.0, 0.0064, 0.04];
 
@@ -83,7 +85,8 @@ impl LensDistortion {
         if distortion.is_identity() { Distortion::None } else { distortion }
     }
 
-    /// Writes a lens into settings: its model and all of its coefficients. [`Distortion::None`] switches the effect off.
+    /// Writes a lens into settings: its model and all of its coefficients. [`Distortion::None`] switches the effect
+    /// off.
     ///
     /// # Errors
     /// A coefficient outside of its range.

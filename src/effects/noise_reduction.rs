@@ -1,9 +1,10 @@
-//! The ISP's smoothing against noise: a Gaussian on brightness and a wider one on colour (luma and both colour differences
-//! of ITU-R BT.601, as in JFIF), on encoded values. It makes the noise of neighbours alike. Clipped only when rounded.
+//! The ISP's smoothing against noise: a Gaussian on brightness and a wider one on colour (luma and both colour
+//! differences of ITU-R BT.601, as in JFIF), on encoded values. It makes the noise of neighbours alike. Clipped only
+//! when rounded.
 //!
-//! With `edge` above 0 edges are spared: a neighbour counts exp(-d^2 / (2 edge^2)) as much, where d is its difference in
-//! luma (Tomasi, Manduchi: "Bilateral filtering for gray and color images", ICCV 1998), along rows and then along columns
-//! (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
+//! With `edge` above 0 edges are spared: a neighbour counts exp(-d^2 / (2 edge^2)) as much, where d is its difference
+//! in luma (Tomasi, Manduchi: "Bilateral filtering for gray and color images", ICCV 1998), along rows and then along
+//! columns (Pham, van Vliet: "Separable bilateral filtering for fast video preprocessing", ICME 2005).
 
 use super::gaussian;
 use crate::chain::{
@@ -18,7 +19,7 @@ pub struct NoiseReduction;
 
 const ID: &str = "noise_reduction";
 /// Bit of the kernel's mode.
-const SPARED: u32 = 2;
+const KEEPS_EDGES: u32 = 2;
 pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian").fit(
         Fit::by(0.1).within(0.0, 5.0).starts(&[0.5, 1.0, 2.0]).trial(Law::Up, 0.5, 1.5).graded(0.1, 2.0),
@@ -114,7 +115,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let spared = if edge(settings) > 0.0 { SPARED } else { 0 };
+    let spared = if edge(settings) > 0.0 { KEEPS_EDGES } else { 0 };
     let pass = |axis: u32| Pass {
         file: "noise_reduction.comp",
         constants: [axis | spared, unrolled(settings).unwrap_or(0)],
@@ -123,8 +124,8 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![pass(0), pass(1)]
 }
 
-/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much of it in
-/// each of the three colours.
+/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much
+/// of it in each of the three colours.
 fn mixing(settings: &Settings) -> Mixing {
     let [luma, chroma] =
         sigmas_px(settings).map(|sigma| (sigma > 0.0).then(|| gaussian::mixing(-1.0, sigma)));

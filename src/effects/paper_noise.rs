@@ -41,8 +41,8 @@ pub const STREAM_PAPER_NOISE_COLOR: u32 = 0x434f;
 /// Stream of the part that grows with the gradient.
 pub const STREAM_PAPER_NOISE_EDGE: u32 = 0x4544;
 
-/// Standard deviations of the three parts, in fractions of full scale: red, green, blue and an unused zero (kernels take
-/// them as `vec4`).
+/// Standard deviations of the three parts, in fractions of full scale: red, green, blue and an unused zero (kernels
+/// take them as `vec4`).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PaperNoiseSigma {
     /// Of the sensor's pattern.
@@ -54,8 +54,8 @@ pub struct PaperNoiseSigma {
 }
 
 impl PaperNoiseSigma {
-    /// Parts that are not neutral: 1 static, 2 colour, 4 edge: the effect's variant. A software device runs both sides of
-    /// a branch, so it saves time only on what the pipeline leaves out.
+    /// Parts that are not neutral: 1 static, 2 colour, 4 edge: the effect's variant. A software device runs both sides
+    /// of a branch, so it saves time only on what the pipeline leaves out.
     pub fn parts(&self) -> u32 {
         let parts = [self.static_sigma, self.color_sigma, self.edge_sigma];
         (0..3).filter(|&k| parts[k][..3] != [0.0; 3]).map(|k| 1 << k).sum()
@@ -165,7 +165,8 @@ impl Effect for PaperNoise {
 
     fn undiagnosed(&self) -> Option<&'static str> {
         Some(
-            "read_noise and fixed_pattern_noise say the same of single colours; what it adds at edges no bin of the measured noise has",
+            "read_noise and fixed_pattern_noise say the same of single colours; what it adds at edges no bin of the \
+             measured noise has",
         )
     }
 

@@ -1,5 +1,5 @@
-//! The converter: clips to 0..1 (saturation) and rounds to the steps of so many bits. Digital numbers before the ISP; the
-//! delivered picture is rounded to 8 bits besides. Without it nothing is clipped before the tone curve.
+//! The converter: clips to 0..1 (saturation) and rounds to the steps of so many bits. Digital numbers before the ISP;
+//! the delivered picture is rounded to 8 bits besides. Without it nothing is clipped before the tone curve.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

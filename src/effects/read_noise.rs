@@ -1,8 +1,9 @@
-//! Noise of reading a pixel: normal, independent by pixel and channel, new in every frame (CAPTURE contract). Electrons.
+//! Noise of reading a pixel: normal, independent by pixel and channel, new in every frame (CAPTURE contract).
+//! Electrons.
 //!
 //! Real sensors' noise is not wholly new in every frame: `frame_correlation` is the correlation of a pixel's noise with
-//! that of the frame before. It is the autoregression n_t = r n_(t-1) + w_t written as the sum of its past, cut off where
-//! the weights have fallen below a hundredth: no state is kept, so frames may be asked for in any order. The cost
+//! that of the frame before. It is the autoregression n_t = r n_(t-1) + w_t written as the sum of its past, cut off
+//! where the weights have fallen below a hundredth: no state is kept, so frames may be asked for in any order. The cost
 //! grows with the number of terms: 7 for r = 0.5, 21 for 0.8.
 
 use crate::chain::rng::{random_normal, seed_words};

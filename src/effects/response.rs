@@ -1,10 +1,10 @@
 //! A monotone curve per channel on encoded values, both ways: what [`super::ResponseCurve`] applies and what
 //! [`super::SensorColor`] takes back. Twin of `glsl/include/response.glsl`; no effect itself.
 //!
-//! One over the steepness is the curve's density: how much of the scale ahead of it a delivered step takes. It is linear
-//! between the knots, so the value ahead of the curve is a quadratic in the delivered one, and the way back a square root.
-//! The kernels read a piece from a table; of the delivered one its number is known, of the other it is counted how many begin
-//! below.
+//! One over the steepness is the curve's density: how much of the scale ahead of it a delivered step takes. It is
+//! linear between the knots, so the value ahead of the curve is a quadratic in the delivered one, and the way back a
+//! square root. The kernels read a piece from a table; of the delivered one its number is known, of the other it is
+//! counted how many begin below.
 
 use crate::chain::{Packer, Parameters, Settings};
 
@@ -23,7 +23,8 @@ pub(super) const NAMES: [[&str; KNOTS]; 3] = [
     ["b0", "b1", "b2", "b3", "b4", "b5", "b6", "b7", "b8", "b9", "b10", "b11", "b12", "b13", "b14", "b15", "b16"],
 ];
 
-/// One over the steepness at the knots, for red, green and blue, so that 0 is 0 and 1 is 1; `None`: the curve is straight.
+/// One over the steepness at the knots, for red, green and blue, so that 0 is 0 and 1 is 1; `None`: the curve is
+/// straight.
 pub(super) fn densities(settings: &Settings) -> Option<[[f64; KNOTS]; 3]> {
     let steepness = NAMES.map(|names| names.map(|name| settings.number(ID, name, 1.0)));
     if steepness.iter().all(|knots| knots.iter().all(|s| *s == knots[0])) {
@@ -71,8 +72,8 @@ pub(super) fn pack_starts(densities: &[[f64; KNOTS]; 3], packer: &mut Packer<'_>
     (1..KNOTS - 1).for_each(|k| starts.iter().for_each(|of| packer.number(of[k])));
 }
 
-/// From a delivered value to the one ahead of the curve; beyond 0 and 1 it goes on straight. `table`: parameter with the
-/// pieces.
+/// From a delivered value to the one ahead of the curve; beyond 0 and 1 it goes on straight. `table`: parameter with
+/// the pieces.
 pub(super) fn to_sensor(delivered: f32, c: usize, p: &Parameters, table: usize) -> f32 {
     let place = delivered * PIECES;
     let piece = (place.floor() as i32).clamp(-1, PIECES as i32);

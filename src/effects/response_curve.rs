@@ -1,10 +1,10 @@
-//! The camera's response beside that of sRGB: a monotone curve per channel behind noise and smoothing, given by its relative
-//! steepness over the delivered value; black stays black and white white. Where it is steep, noise is large: cameras whose
-//! tone curve is not sRGB's, and whose processing damps noise in dark or bright parts, have another noise over intensity
-//! than shot and read noise give. Encoded values.
+//! The camera's response beside that of sRGB: a monotone curve per channel behind noise and smoothing, given by its
+//! relative steepness over the delivered value; black stays black and white white. Where it is steep, noise is large:
+//! cameras whose tone curve is not sRGB's, and whose processing damps noise in dark or bright parts, have another noise
+//! over intensity than shot and read noise give. Encoded values.
 //!
-//! Alone it changes the picture as a tone curve does. With `sensor_color.match = "delivered"` the light is taken through
-//! the inverse ahead of the sensor, and only the noise changes.
+//! Alone it changes the picture as a tone curve does. With `sensor_color.match = "delivered"` the light is taken
+//! through the inverse ahead of the sensor, and only the noise changes.
 
 use super::response::{self, KNOTS, NAMES};
 use crate::chain::{At, Domain, Effect, Moments, Packer, ParamSpec, Parameters, Settings, Stage, View, Work};

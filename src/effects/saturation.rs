@@ -1,7 +1,7 @@
-//! Strength of colours: v' = Y + factor (v - Y) on encoded values, Y the luma of ITU-R BT.601, as in JFIF: what ISPs call
-//! saturation, behind the tone curve, its clipping at black and the response. With a factor below 1 no delivered channel falls below
-//! (1 - factor) Y: in all six photographs of a Nao robot's head camera that this was measured on, the least channel of vivid
-//! colours piles up at 0.25 Y, whatever Y is.
+//! Strength of colours: v' = Y + factor (v - Y) on encoded values, Y the luma of ITU-R BT.601, as in JFIF: what ISPs
+//! call saturation, behind the tone curve, its clipping at black and the response. With a factor below 1 no delivered
+//! channel falls below (1 - factor) Y: in all six photographs of a Nao robot's head camera that this was measured on,
+//! the least channel of vivid colours piles up at 0.25 Y, whatever Y is.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

@@ -1,10 +1,10 @@
 //! What the sensor sees of the scene's colours. A rendered scene has the colours that a camera is to deliver; behind a
-//! sensor stand `white_balance`, `color_matrix`, `response_curve` and `saturation`, which change them. With `match = "delivered"` the
-//! light is taken through their inverse first: the sensor sees what these turn back into the scene's colours (its colour
-//! filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise gets the ISP's
-//! correlations and gains. No sensor sees less than no light: colours outside of what the matrix can make are clipped; so is
-//! what is brighter than white or more vivid than `saturation` can deliver, where a response or a saturation is undone.
-//! Linear radiance, ahead of the sensor.
+//! sensor stand `white_balance`, `color_matrix`, `response_curve` and `saturation`, which change them. With `match =
+//! "delivered"` the light is taken through their inverse first: the sensor sees what these turn back into the scene's
+//! colours (its colour filters overlap, its blue is weak), so the delivered picture keeps its colours and the noise
+//! gets the ISP's correlations and gains. No sensor sees less than no light: colours outside of what the matrix can
+//! make are clipped; so is what is brighter than white or more vivid than `saturation` can deliver, where a response or
+//! a saturation is undone. Linear radiance, ahead of the sensor.
 
 use glam::{DMat3, DVec3};
 
@@ -99,8 +99,8 @@ impl Effect for SensorColor {
             return Err(Error::Contradiction { effect: ID, what });
         }
         let idle = self.variant(settings) == 0;
-        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix, response_curve or \
-                    saturation";
+        let said = "sensor_color.match = \"delivered\" changes nothing without white_balance, color_matrix, \
+            response_curve or saturation";
         Ok(idle.then(|| said.to_owned()).into_iter().collect())
     }
 

@@ -1,6 +1,6 @@
-//! The effect that tests add, by the list of `docs/add-an-effect.md`: dark tones go towards blue and bright ones towards red,
-//! v' = v + amount (2 Y - 1) (1, 0, -1) on encoded values, Y the luma. It has no kernel, so it is in no build but that of the
-//! library's own tests, which make frames on the CPU and have them diagnosed (`withhold`).
+//! The effect that tests add, by the list of `docs/add-an-effect.md`: dark tones go towards blue and bright ones
+//! towards red, v' = v + amount (2 Y - 1) (1, 0, -1) on encoded values, Y the luma. It has no kernel, so it is in no
+//! build but that of the library's own tests, which make frames on the CPU and have them diagnosed (`withhold`).
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

@@ -1,5 +1,5 @@
-//! Where a frame goes on the device, besides the picture in host memory: into memory or an image of the host, between
-//! semaphores.
+//! Delivers a frame on the device, besides the picture in host memory: waits for and signals the host's semaphores, and
+//! copies the picture to the host's memory or image.
 
 use crate::chain::Wanted;
 use crate::error::Result;
@@ -9,8 +9,8 @@ use std::sync::Arc;
 /// What of the host's takes part in a frame.
 #[derive(Clone, Default)]
 pub struct Delivery {
-    /// The picture is copied there too: bytes get it as tightly packed RGBA8 (at least `4 width height`), images have the
-    /// picture's size and such a format. Without the effects that act in host memory (`jpeg`).
+    /// The picture is copied there too: bytes get it as tightly packed RGBA8 (at least `4 width height`), images have
+    /// the picture's size and such a format. Without the effects that act in host memory (`jpeg`).
     pub to: Option<Shared>,
     /// What the device waits for: before it reads pictures from outside, else before it writes to `to`.
     pub wait: Option<SignalAt>,
@@ -44,7 +44,7 @@ impl Delivery {
     }
 }
 
-/// A delivery that is a submission of its own, behind that of a frame.
+/// A delivery as a separate submission after that of a frame.
 pub(crate) struct After {
     pub(crate) gpu: Slot,
     /// What the work in flight uses.

@@ -1,4 +1,4 @@
-//! What is asked for, and what comes back.
+//! A frame's request and its result.
 
 use crate::camera::{Intrinsics, Pose, ShutterTiming};
 use crate::chain::{Settings, View};
@@ -27,7 +27,7 @@ pub struct FrameRequest {
 }
 
 impl FrameRequest {
-    /// What the effects on pixels are told of the frame.
+    /// What the pixel effects know of the frame.
     pub fn view(&self, intrinsics: Intrinsics) -> View {
         View { intrinsics, shutter: self.shutter, frame: self.index, seed: self.seed }
     }
@@ -85,7 +85,8 @@ pub struct Frame {
     /// Linear radiance before noise and encoding, shape `[height, width, 4]` (alpha is the method's own), if statistics
     /// were asked for.
     pub radiance: Option<Plane<f32>>,
-    /// The picture's encoded values before they are rounded to 8 bits, shape `[height, width, 4]`, if they were asked for.
+    /// The picture's encoded values before they are rounded to 8 bits, shape `[height, width, 4]`, if they were asked
+    /// for.
     pub values: Option<Plane<f32>>,
     /// What the converter delivers of each pixel, 1 = full scale, behind its filter of `bayer_mosaic`, shape
     /// `[height, width, 1]`, if it was asked for.

@@ -1,4 +1,4 @@
-//! The pixel chain on its own: one radiance, developed again and again with other settings. A fit of noise, tone or lens
+//! The pixel chain on its own: one radiance, developed many times with different settings. A fit of noise, tone or lens
 //! needs no new render.
 
 use std::sync::Arc;
@@ -96,8 +96,8 @@ impl PixelChain {
         Ok(Plane { width, height, channels: 4, data: values[..width * height * 4].to_vec() })
     }
 
-    /// The picture before `jpeg`, its encoded values and what is behind each filter of the mosaic ([`super::Frame::values`],
-    /// [`super::Frame::raw`]), of one run.
+    /// The picture before `jpeg`, its encoded values and what is behind each filter of the mosaic
+    /// ([`super::Frame::values`], [`super::Frame::raw`]), of one run.
     ///
     /// # Errors
     /// Device lost, out of memory.

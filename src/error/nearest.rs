@@ -36,7 +36,8 @@ fn typos(a: &str, b: &str) -> usize {
     least[a.len()][b.len()]
 }
 
-/// Likeness after Jaro and Winkler, 0 to 1: shared letters near the same place, in the same order; more for the same start.
+/// Likeness after Jaro and Winkler, 0 to 1: shared letters near the same place, in the same order; more for the same
+/// start.
 fn jaro_winkler(a: &str, b: &str) -> f64 {
     let [a, b] = [a, b].map(|s| s.chars().collect::<Vec<_>>());
     let reach = (a.len().max(b.len()) / 2).saturating_sub(1);

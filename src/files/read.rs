@@ -86,7 +86,8 @@ pub fn read_if_there(path: &Path, limit: Limit) -> Result<Option<Vec<u8>>> {
 #[cfg(unix)]
 const O_NONBLOCK: i32 =
     if cfg!(any(miri, target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")) {
-        // Numbered otherwise (Miri does not know it): there a file that turns into a pipe between the two looks at it is waited for.
+        // Numbered otherwise (Miri does not know it): there a file that turns into a pipe between the two looks at it
+        // is waited for.
         0
     } else if cfg!(any(target_os = "linux", target_os = "android")) {
         0o4000

@@ -10,8 +10,8 @@ pub trait Watcher: Sync {
     /// `bytes` were read from the file that errors call `shown`. Not of files that the program wrote itself.
     fn has_read(&self, shown: &Path, bytes: &[u8]);
 
-    /// `bytes` are to appear at `path`, complete or not at all. `None`: not below a folder that is watched, so they are written
-    /// as without a watcher.
+    /// `bytes` are to appear at `path`, complete or not at all. `None`: not below a folder that is watched, so they are
+    /// written as without a watcher.
     fn write(&self, path: &Path, bytes: &[u8]) -> Option<Result<()>>;
 }
 

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use super::watch::watcher;
 use crate::error::{Error, Result};
 
-/// Writes `bytes` to `path` by way of a temporary file in the same folder; nothing half-written keeps the final name. Asks
-/// the [`super::Watcher`] first, where there is one.
+/// Writes `bytes` to `path` by way of a temporary file in the same folder; nothing half-written keeps the final name.
+/// Asks the [`super::Watcher`] first, where there is one.
 ///
 /// # Errors
 /// A file that cannot be written; the temporary file is removed.
@@ -18,7 +18,8 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     taken_over.unwrap_or_else(|| replace(path, bytes, || Ok(())))
 }
 
-/// Writes a single file that the user named. One that is there is replaced only with `overwrite`, and one of `inputs` never.
+/// Writes a single file that the user named. One that is there is replaced only with `overwrite`, and one of `inputs`
+/// never.
 ///
 /// # Errors
 /// A file that is there or is an input; one that cannot be written.
@@ -43,8 +44,9 @@ pub fn is_temporary(name: &str) -> bool {
     number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| b.is_ascii_hexdigit()))
 }
 
-/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk, under its
-/// temporary name. Without that a power cut leaves the final name with nothing behind it, and what it replaces is gone.
+/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk,
+/// under its temporary name. Without that a power cut leaves the final name with nothing behind it, and what it
+/// replaces is gone.
 ///
 /// # Errors
 /// A file that cannot be written, and what `before` says; the temporary file is removed.

@@ -125,8 +125,8 @@ impl ShaderModule {
             return Err(Error::input(Path::new(kernel.file), None, found, expected));
         }
         let info = vk::ShaderModuleCreateInfo::default().code(kernel.words);
-        // SAFETY: the code is valid SPIR-V for Vulkan 1.2: the build compiled it, or whoever made the kernel promises it. What is
-        // no SPIR-V at all was refused above.
+        // SAFETY: the code is valid SPIR-V for Vulkan 1.2: the build compiled it, or whoever made the kernel promises
+        // it. What is no SPIR-V at all was refused above.
         let handle = unsafe { context.device.create_shader_module(&info, None) };
         Ok(Self { handle: handle.map_err(failed("vkCreateShaderModule"))?, context: context.clone() })
     }

@@ -31,8 +31,8 @@ pub enum Usage {
     Uniform,
     /// Texels of four words, fetched by kernels.
     Texels,
-    /// [`Self::Storage`] whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software device
-    /// fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
+    /// [`Self::Storage`] whose words are texels too, if the device has as many (see [`Buffer::has_texels`]): a software
+    /// device fetches a texel for all lanes at once, and a word of a storage buffer lane by lane.
     StorageTexels,
     /// Vertex buffer.
     Vertex,
@@ -299,7 +299,7 @@ impl ImageSpec {
         Self { size, layers: 1, array: false, samples: 1, format, attachment: false, storage: true }
     }
 
-    /// An attachment of so many samples that kernels read.
+    /// An attachment with this number of samples, which kernels read.
     pub fn attachment(size: [u32; 2], format: Format, samples: u32) -> Self {
         Self { size, layers: 1, array: false, samples, format, attachment: true, storage: false }
     }
@@ -422,9 +422,9 @@ pub struct Sampler {
     context: Arc<Context>,
 }
 
-/// Largest level of detail of samplers. All images have one level, so it changes nothing but this: lavapipe 22.3 compiles
-/// code that looks up the level of every lane, a third of a bilinear reading, unless the sampler allows a level above 0.
-/// (`texelFetch` of an image always has that code, and a sampler in texels may not allow such a level.)
+/// Largest level of detail of samplers. All images have one level, so it changes nothing but this: lavapipe 22.3
+/// compiles code that looks up the level of every lane, a third of a bilinear reading, unless the sampler allows a
+/// level above 0. (`texelFetch` of an image always has that code, and a sampler in texels may not allow such a level.)
 const ONE_LEVEL: f32 = 1.0;
 
 /// A sampler that does the same along all axes.

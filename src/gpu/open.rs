@@ -54,8 +54,8 @@ impl OpenDevice {
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(info.queue_family)
             .queue_priorities(&priorities)];
-        // Every device has the first: an index that comes from the input and is wrong reads something of the same buffer or
-        // zero, and writes nothing elsewhere.
+        // Every device has the first: an index that comes from the input and is wrong reads something of the same
+        // buffer or zero, and writes nothing elsewhere.
         let features = vk::PhysicalDeviceFeatures::default()
             .robust_buffer_access(true)
             .shader_storage_image_extended_formats(true);

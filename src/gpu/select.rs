@@ -13,7 +13,7 @@ pub(super) const API_FLOOR: u32 = vk::API_VERSION_1_2;
 /// Kind of device; the order is the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
-    /// A GPU with memory of its own.
+    /// A GPU with its own memory.
     DiscreteGpu,
     /// A GPU in the processor.
     IntegratedGpu,
@@ -160,7 +160,8 @@ pub const LIBRARY_VARIABLE: &str = "SHUTTERBUG_VULKAN_LIBRARY";
 /// The Vulkan loader of this machine, or the one of [`LIBRARY_VARIABLE`].
 pub(super) fn load() -> Result<Entry> {
     let named = std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty());
-    // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it is for.
+    // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it
+    // is for.
     let loaded = unsafe { named.as_ref().map_or_else(|| Entry::load(), |file| Entry::load_from(file)) };
     loaded.map_err(|e| Error::NoVulkanLoader { reason: e.to_string() })
 }

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 pub struct Sharing {
     /// Memory by opaque file descriptor.
     pub memory_fd: bool,
-    /// The host's own memory; addresses and sizes are multiples of so many bytes. 0: not possible.
+    /// The host's own memory: addresses and sizes are multiples of this many bytes. 0: not possible.
     pub host_alignment_bytes: u64,
     /// Binary semaphores by opaque file descriptor.
     pub semaphore_fd: bool,
@@ -109,7 +109,8 @@ impl Buffer {
     /// `pointer` points to `bytes` bytes that stay allocated as long as the buffer lives.
     ///
     /// # Errors
-    /// A device that cannot; an address or size that is no multiple of [`Sharing::host_alignment_bytes`]; out of memory.
+    /// A device that cannot; an address or size that is no multiple of [`Sharing::host_alignment_bytes`]; out of
+    /// memory.
     pub unsafe fn import_host(context: &Arc<Context>, pointer: *mut c_void, bytes: u64) -> Result<Self> {
         let alignment = context.sharing().host_alignment_bytes;
         if alignment == 0 {
@@ -202,8 +203,8 @@ impl Buffer {
         Ok(Self::without_memory(context, handle, bytes))
     }
 
-    /// Allocates as `how` says, and binds. `types`: what the imported memory allows, besides the buffer's own. `taken`: called
-    /// when the driver has what `how` hands over.
+    /// Allocates as `how` says, and binds. `types`: what the imported memory allows, besides the buffer's own. `taken`:
+    /// called when the driver has what `how` hands over.
     fn bind_shared(
         mut self,
         types: Option<u32>,
@@ -236,8 +237,9 @@ impl Buffer {
     }
 }
 
-/// Imports a copy of a descriptor, and closes the descriptor itself only once all has succeeded: what fails after the driver
-/// has taken its descriptor would else leave the host with one that is closed. `import` calls its second argument then.
+/// Imports a copy of a descriptor, and closes the descriptor itself only once all has succeeded: what fails after the
+/// driver has taken its descriptor would else leave the host with one that is closed. `import` calls its second
+/// argument then.
 ///
 /// # Safety
 /// `fd` is open and the caller's to give away.
@@ -256,8 +258,8 @@ pub(super) unsafe fn import_fd<T>(
     Ok(imported)
 }
 
-/// Software drivers hand out memory as files: one that is smaller than the caller says would end the process when it is touched.
-/// Of other descriptors the size cannot be asked.
+/// Software drivers hand out memory as files: one that is smaller than the caller says would end the process when it is
+/// touched. Of other descriptors the size cannot be asked.
 pub(super) fn refuse_small(fd: i32, bytes: u64) -> Result<()> {
     // SAFETY: open: it was duplicated just now.
     let file = unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned().map(std::fs::File::from);
@@ -305,7 +307,8 @@ impl Semaphore {
     /// The host's own semaphore, of the very device that this context works on.
     ///
     /// # Safety
-    /// `semaphore` is a `VkSemaphore` of the context's device and of that kind, and outlives this and all work that uses it.
+    /// `semaphore` is a `VkSemaphore` of the context's device and of that kind, and outlives this and all work that
+    /// uses it.
     pub unsafe fn of_host(context: &Arc<Context>, semaphore: u64, kind: SemaphoreKind) -> Self {
         Self { handle: vk::Semaphore::from_raw(semaphore), kind, owned: false, context: context.clone() }
     }

@@ -1,5 +1,5 @@
-//! Images of the host: its own on its own device, or shared by opaque file descriptor. They are only ever copied from and
-//! to, on the device; kernels work on pictures of the engine's.
+//! Images of the host: its own on its own device, or shared by opaque file descriptor. They are only ever copied from
+//! and to, on the device; kernels work on pictures of the engine's.
 
 use std::sync::Arc;
 
@@ -115,8 +115,8 @@ impl SharedImage {
     /// The host's own image, of the very device that this context works on.
     ///
     /// # Safety
-    /// `image` is a `VkImage` of the context's device and what `spec` says, was made with the usage that the copies need
-    /// (`TRANSFER_SRC` for inputs, `TRANSFER_DST` for outputs), and outlives this and all work that uses it.
+    /// `image` is a `VkImage` of the context's device and what `spec` says, was made with the usage that the copies
+    /// need (`TRANSFER_SRC` for inputs, `TRANSFER_DST` for outputs), and outlives this and all work that uses it.
     ///
     /// # Errors
     /// A format that cannot be used.
@@ -239,7 +239,8 @@ impl SharedImage {
         unsafe { self.context.device.get_image_memory_requirements(self.handle) }
     }
 
-    /// Allocates as `how` says, for this image alone, and binds. `taken`: called when the driver has what `how` hands over.
+    /// Allocates as `how` says, for this image alone, and binds. `taken`: called when the driver has what `how` hands
+    /// over.
     fn bind(
         mut self,
         bytes: u64,

@@ -126,8 +126,9 @@ pub fn read_exr_plane(path: &Path, names: &[&str]) -> crate::Result<super::Plane
     Ok(plane)
 }
 
-/// How many times its size a file can unfold at most: deflate packs 1032 to 1, and PXR24 leaves a byte of four out before.
-const MOST_PACKED: u64 = 1500;
+/// How many times its size a file can unfold at most: deflate packs 1032 to 1, and PXR24 leaves a byte of four out
+/// before.
+const MAX_EXPANSION: u64 = 1500;
 
 /// Looks at the header alone, before memory is spent on pixels.
 fn check_size(path: &Path, bytes: &[u8]) -> crate::Result<()> {
@@ -146,8 +147,9 @@ fn check_size(path: &Path, bytes: &[u8]) -> crate::Result<()> {
             let reason = format!("{size} bytes when decoded, the limit is {MAX_DECODED_BYTES}");
             return Err(fault(path, "decode", reason));
         }
-        // Else some bytes would take as much memory and time as the largest picture, before it shows that there is nothing behind.
-        if size > MOST_PACKED * bytes.len() as u64 {
+        // Else some bytes would take as much memory and time as the largest picture, before it shows that there is
+        // nothing behind.
+        if size > MAX_EXPANSION * bytes.len() as u64 {
             let reason = format!("{size} bytes when decoded cannot be in a file of {}", bytes.len());
             return Err(fault(path, "decode", reason));
         }
@@ -294,7 +296,12 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(512))]
         #[test]
         #[cfg_attr(miri, ignore = "512 files")]
-        fn damaged_files_are_refused_or_read_but_never_panic(at in any::<proptest::sample::Index>(), byte: u8, cut in any::<proptest::sample::Index>(), truncate: bool) {
+        fn damaged_files_are_refused_or_read_but_never_panic(
+            at in any::<proptest::sample::Index>(),
+            byte: u8,
+            cut in any::<proptest::sample::Index>(),
+            truncate: bool,
+        ) {
             let folder = tempfile::tempdir().expect("a folder");
             let path = folder.path().join("damaged.exr");
             write_exr_atomic(&path, 9, 20, &[("Z", &awkward(180))]).expect("written");

@@ -1,7 +1,7 @@
 //! Whether a JPEG goes on to its end. Decoders fill what is missing with grey and say nothing, and grey is measured.
 
-/// Whether the marker that ends a picture stands where its parts lead to. Thumbnails inside have ends of their own, and phones
-/// write more behind the end, so neither a search nor a look at the last bytes would do.
+/// Whether the marker that ends a picture stands where its parts lead to. Thumbnails inside have ends of their own, and
+/// phones write more behind the end, so neither a search nor a look at the last bytes would do.
 pub(super) fn is_whole(bytes: &[u8]) -> bool {
     let mut at = 2;
     while let Some(&[first, marker]) = bytes.get(at..at + 2) {

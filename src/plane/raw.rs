@@ -80,8 +80,8 @@ mod tests {
         RawLayout::Mipi14,
     ];
 
-    /// As the tables of CSI-2 (and of V4L2's `SRGGB10P`, `12P`, `14P`) name the bits: (byte, lowest bit there, pixel, lowest bit
-    /// of the number, how many). Written down apart from `put`.
+    /// As the tables of CSI-2 (and of V4L2's `SRGGB10P`, `12P`, `14P`) name the bits: (byte, lowest bit there, pixel,
+    /// lowest bit of the number, how many). Written down apart from `put`.
     fn table(layout: RawLayout) -> Vec<(usize, u32, usize, u32, u32)> {
         match layout {
             RawLayout::Words(bits) => vec![(0, 0, 0, 0, 8), (1, 0, 0, 8, bits - 8)],

@@ -1,5 +1,5 @@
-//! The curve of sRGB (IEC 61966-2-1), twin of `glsl/include/srgb.glsl`: polynomials in roots of the value, in the kernels' order
-//! of operations. A power costs a software device twice as much, and devices round it in their own ways.
+//! The curve of sRGB (IEC 61966-2-1), twin of `glsl/include/srgb.glsl`: polynomials in roots of the value, in the
+//! kernels' order of operations. A power costs a software device twice as much, and devices round it in their own ways.
 
 /// Of the fourth root of linear radiance from 0.0031308 to 1, highest first: nearest to 1.055 l^(1/2.4) - 0.055.
 #[allow(clippy::excessive_precision)]

@@ -1,5 +1,5 @@
-//! What the placing of vertices in `--method exact` needs: the matrices of everything that moves alike, at equally spaced times
-//! ("knots") between which they may be taken for linear.
+//! What the placing of vertices in `--method exact` needs: the matrices of everything that moves alike, at equally
+//! spaced times ("knots") between which they may be taken for linear.
 
 use std::sync::Arc;
 
@@ -151,11 +151,10 @@ pub struct RelativeRow {
 }
 
 /// Where the points of a line's picture, taken at the middle of its exposure, are at its begin and end (of the parabola
-/// that is nearest to their way): matrices from
-/// `(ndc x, ndc y, depth, 1)` with the rasterizer's depth to clip space. What rests in the world moves with the camera
-/// alone; what moves by itself, with both. `exposures_s` holds begin, middle and end of equally spaced lines in scan
-/// order; the rows are those of `line_count` lines, linear in between, in the picture's order (the reverse of the scan's
-/// if `reversed`), and within a line group by group.
+/// that is nearest to their way): matrices from `(ndc x, ndc y, depth, 1)` with the rasterizer's depth to clip space.
+/// What rests in the world moves with the camera alone; what moves by itself, with both. `exposures_s` holds begin,
+/// middle and end of equally spaced lines in scan order; the rows are those of `line_count` lines, linear in between,
+/// in the picture's order (the reverse of the scan's if `reversed`), and within a line group by group.
 pub fn relative_rows(
     groups: &MotionGroups,
     view: &View<'_>,
@@ -179,8 +178,8 @@ pub fn relative_rows(
     rows
 }
 
-/// Matrices from clip space at the middle of an exposure to that at its begin and end, such that the parabola through them
-/// is nearest to the way over all of the exposure: a camera that shakes within it is not where it was at the ends.
+/// Matrices from clip space at the middle of an exposure to that at its begin and end, such that the parabola through
+/// them is nearest to the way over all of the exposure: a camera that shakes within it is not where it was at the ends.
 fn fitted(
     groups: &MotionGroups,
     view: &View<'_>,
@@ -205,8 +204,8 @@ fn fitted(
     [DMat4::IDENTITY + square - linear, DMat4::IDENTITY + square + linear]
 }
 
-/// Rows x, y and w of the matrices that take a point of the picture at `from_s`, `(ndc x, ndc y, depth, 1)`, to clip space
-/// at each of `to_s`: where what rests in the world is then.
+/// Rows x, y and w of the matrices that take a point of the picture at `from_s`, `(ndc x, ndc y, depth, 1)`, to clip
+/// space at each of `to_s`: where what rests in the world is then.
 pub fn moved_rows(view: &View<'_>, from_s: f64, to_s: &[f64]) -> Vec<[[f32; 4]; 3]> {
     let now = view.path.pose_at(from_s);
     let mut rows = Vec::with_capacity(to_s.len());

@@ -4,8 +4,8 @@ use glam::{IVec2, Vec2, Vec3};
 
 use crate::plane::Plane;
 
-/// Weights of four texels in a row for a place `f` behind the second: the cubic of Keys with slope -1/2, the only one that
-/// leaves a ramp where it is.
+/// Weights of four texels in a row for a place `f` behind the second: the cubic of Keys with slope -1/2, the only one
+/// that leaves a ramp where it is.
 fn cubic_weights(f: f32) -> [f32; 4] {
     let square = f * f;
     [
@@ -16,8 +16,8 @@ fn cubic_weights(f: f32) -> [f32; 4] {
     ]
 }
 
-/// One texel a px: a cubic through 4x4 texels, which keeps edges that a bilinear reading would widen by a px. It goes beyond
-/// none of the four texels around the place, so that nothing rings. At a texel's centre its bits.
+/// One texel a px: a cubic through 4x4 texels, which keeps edges that a bilinear reading would widen by a px. It goes
+/// beyond none of the four texels around the place, so that nothing rings. At a texel's centre its bits.
 pub(super) fn read_cubic(color: &Plane<f32>, position_px: Vec2, clamped: &mut bool) -> Vec3 {
     let last = IVec2::new(color.width as i32 - 1, color.height as i32 - 1);
     let wanted = position_px - 0.5;

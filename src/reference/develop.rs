@@ -1,5 +1,5 @@
-//! Radiance to the delivered picture where `paper_noise` is the only effect on pixels: linear noise, sRGB, 8 bits, written
-//! on its own. A chain without further effects must give the same bits.
+//! Radiance to the delivered picture where `paper_noise` is the only effect on pixels: linear noise, sRGB, 8 bits,
+//! written on its own. A chain without further effects must give the same bits.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -45,8 +45,8 @@ pub struct Inputs<'a> {
     pub grid: usize,
 }
 
-/// Radiance of the delivered pixels, shape `[height, width, 4]`; alpha is the number of instants, negative where one lay
-/// beyond the rendered picture.
+/// Radiance of the delivered pixels, shape `[height, width, 4]`; alpha is the number of instants, negative where one
+/// lay beyond the rendered picture.
 ///
 /// # Panics
 /// If shapes do not fit.
@@ -185,8 +185,8 @@ impl Gather<'_> {
         (sum / (2 * count) as f32, count as f32)
     }
 
-    /// What is hidden at the middle and not now is what lies farthest: it is in view until the end, or from the begin on.
-    /// `None` where it was not drawn.
+    /// What is hidden at the middle and not now is what lies farthest: it is in view until the end, or from the begin
+    /// on. `None` where it was not drawn.
     fn uncovered(&self, pictures: [&Plane<f32>; 2], path: Vec4, tau: f32) -> Option<Vec3> {
         let hidden = self.pixel - along(path, tau);
         let (picture, way) = match tau < 0.0 {

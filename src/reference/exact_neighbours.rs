@@ -28,7 +28,8 @@ pub struct Around {
     pub way: Option<Way>,
 }
 
-/// Looks `radius` tiles around in a picture of `size` tiles, of which those in `delivered` (columns, rows) are delivered.
+/// Looks `radius` tiles around in a picture of `size` tiles, of which those in `delivered` (columns, rows) are
+/// delivered.
 ///
 /// # Panics
 /// If there are not as many tiles.

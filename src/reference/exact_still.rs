@@ -1,5 +1,5 @@
-//! Samples to delivered pixels where no line is exposed for longer than an instant. Twin of `glsl/exact_still.comp`; its
-//! multisampled variant differs in nothing but how a sample is fetched.
+//! Samples to delivered pixels where no line is exposed for longer than an instant. Twin of `glsl/exact_still.comp`;
+//! its multisampled variant differs in nothing but how a sample is fetched.
 
 use super::resolve::mean_of_pixel;
 use crate::plane::Plane;

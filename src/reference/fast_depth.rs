@@ -1,5 +1,5 @@
-//! `--method fast`: depth by texel of the paths. Twin of `glsl/fast_depth.comp`; its multisampled variant differs in nothing
-//! but how a sample is fetched.
+//! `--method fast`: depth by texel of the paths. Twin of `glsl/fast_depth.comp`; its multisampled variant differs in
+//! nothing but how a sample is fetched.
 
 use crate::plane::Plane;
 

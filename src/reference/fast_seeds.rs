@@ -28,7 +28,8 @@ fn fraction_at(push: &Push, position_px: Vec2) -> f32 {
     line.clamp(0.0, count - 1.0) / count
 }
 
-/// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the reference.
+/// The parabola through begin, reference and end of what path images say: bend t^2 + slope t, t in knots from the
+/// reference.
 fn parabola_of(push: &Push, inputs: &Inputs<'_>, texel: IVec2) -> [Vec2; 2] {
     let reference = push.reference_knot as f32;
     let after = push.last_knot as f32 - reference;
@@ -53,9 +54,9 @@ struct Traced {
     lines: f32,
 }
 
-/// Where a pinhole shows what a texel at `at_px` does by the time of the line that it lands on, from a place near there: the path
-/// is read at the time of that place's line, and followed straight on from there (a Newton step). `motion`: displacement at
-/// a time, and its change a knot.
+/// Where a pinhole shows what a texel at `at_px` does by the time of the line that it lands on, from a place near
+/// there: the path is read at the time of that place's line, and followed straight on from there (a Newton step).
+/// `motion`: displacement at a time, and its change a knot.
 fn lands_by_depth(
     push: &Push,
     traced: &Traced,
@@ -65,8 +66,8 @@ fn lands_by_depth(
     let order = ScanOrder::ALL[push.scan_order as usize];
     let axis = usize::from(order.lines_are_rows());
     let sign = if matches!(order, ScanOrder::BottomToTop | ScanOrder::RightToLeft) { -1.0 } else { 1.0 };
-    // The lens moves it by another bit there than where it came from: that is a fraction of the way, in the time of which
-    // nothing moves far.
+    // The lens moves it by another bit there than where it came from: that is a fraction of the way, in the time of
+    // which nothing moves far.
     let fraction = fraction_at(push, near_px + traced.bent_px);
     let [moved_px, rate_px] = motion(traced.begin + traced.lines * fraction);
     let shown_px = at_px + moved_px;

@@ -4,7 +4,7 @@
 use glam::{Vec2, Vec3};
 
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
-use super::fast_gather::{Pixel, Task, blur_pairs};
+use super::fast_pixel::{Pixel, Task, blur_pairs};
 use super::fast_push::{seed_key, seed_offset};
 use super::fast_weight::worth;
 use super::path::PathWeights;
@@ -13,8 +13,8 @@ use super::path::PathWeights;
 const FOLLOW_STEPS: u32 = 3;
 const LANDED_PX: f32 = 0.5;
 const BISECTIONS: u32 = 3;
-/// Ratio of depths between which a silhouette lies; how far from it texels hold both surfaces, and how far that is given
-/// way, px.
+/// Ratio of depths between which a silhouette lies; how far from it texels hold both surfaces, and how far that is
+/// given way, px.
 const OTHER_DEPTH: f32 = 1.15;
 const SILHOUETTE_REACH_PX: f32 = 0.5;
 const GIVE_WAY_PX: f32 = 0.5;
@@ -39,8 +39,8 @@ fn inverse_depth_at(task: &Task<'_>, position_px: Vec2) -> f32 {
     task.inputs.inverse_depth.pixel(texel.x as usize, texel.y as usize)[0]
 }
 
-/// Between a place on the nearer surface and one on the farther: the first beyond the silhouette, by bisection, and half a
-/// px more, because the texels at the edge hold both.
+/// Between a place on the nearer surface and one on the farther: the first beyond the silhouette, by bisection, and
+/// half a px more, because the texels at the edge hold both.
 fn beside_silhouette(task: &Task<'_>, near_px: Vec2, far_px: Vec2, threshold: f32) -> Vec2 {
     let (mut a, mut b) = (near_px, far_px);
     for _ in 0..BISECTIONS {
@@ -56,8 +56,8 @@ fn beside_silhouette(task: &Task<'_>, near_px: Vec2, far_px: Vec2, threshold: f3
 }
 
 /// The claimed surface's source by fixed-point iteration. What does not land on `x_px` is hidden in the picture: the
-/// iteration then swings between the surface that hides it and what is visible of its own, and the visible place closest
-/// to the hidden one is taken.
+/// iteration then swings between the surface that hides it and what is visible of its own, and the visible place
+/// closest to the hidden one is taken.
 fn follow(task: &Task<'_>, x_px: Vec2, from_px: Vec2, w: &PathWeights) -> Followed {
     let mut p = from_px;
     let mut before = p;
@@ -75,9 +75,9 @@ fn follow(task: &Task<'_>, x_px: Vec2, from_px: Vec2, w: &PathWeights) -> Follow
     Followed { source_px, inverse_depth: depth.min(depth_before), lands: false }
 }
 
-/// Texels at a silhouette hold both surfaces, and where the nearer one has moved off they would show a seam of it: a place
-/// so close gives way, not further than it has moved. Path images of one texel a px do not know the silhouette well enough
-/// for that.
+/// Texels at a silhouette hold both surfaces, and where the nearer one has moved off they would show a seam of it: a
+/// place so close gives way, not further than it has moved. Path images of one texel a px do not know the silhouette
+/// well enough for that.
 fn clear_of_seams(task: &Task<'_>, position_px: Vec2, w: &PathWeights) -> Vec2 {
     let paths = &task.inputs.paths;
     if paths.scale == 1 {
@@ -121,8 +121,8 @@ fn source_of(
     (clear_of_seams(task, if lands { source_px } else { beside_px }, w), lands)
 }
 
-/// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle and of
-/// the end that is closer in time.
+/// Mean over the exposure: every sample, at a quarter of the pixel in turn, asks the claims of the exposure's middle
+/// and of the end that is closer in time.
 pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
     let push = task.push;
     let blur = u32::from(push.slots > 1);
@@ -148,8 +148,8 @@ pub(super) fn blur_many_surfaces(task: &Task<'_>, pixel: &Pixel) -> [f32; 4] {
         let around = if t < 0.5 { &begin } else { &end };
         let (position, lands) = source_of(task, (pixel.x_px + quarter, aside_px), &w, [&middle, around]);
         landed += u32::from(lands);
-        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with blur
-        // it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
+        // The quarter decides who is seen. What is read is narrower, as bilinear texels have a width of their own; with
+        // blur it stands for the whole pixel, because each quarter comes by too seldom to be a picture of its own.
         let centre_px = position - quarter;
         let aside = 4.0 * task.spread_px() * quarter;
         clamped |= task.is_beyond(centre_px);

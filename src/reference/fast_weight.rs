@@ -1,16 +1,18 @@
-//! Frames of several pictures: what a warp of one of them counts in the mean over all. Twin of `glsl/include/fast_weight.glsl`.
+//! Frames of several pictures: what a warp of one of them counts in the mean over all. Twin of
+//! `glsl/include/fast_weight.glsl`.
 
 use glam::Vec2;
 
 use super::fast_push::{Inputs, Push};
 
-/// What a reading at a texel's centre is wrong by nonetheless, beside the (f (1 - f))^2 of one at a share f between two.
+/// What a reading at a texel's centre is wrong by nonetheless, beside the (f (1 - f))^2 of one at a share f between
+/// two.
 const LEAST_ERROR: f32 = 0.003;
 /// What is made up, or repeated beyond the border, counts where no picture has better.
 const MADE_UP: f32 = 1e-4;
 
-/// How near the picture is in time to the middle of a line's exposure: 1 at its own instant, 0 at those of the pictures before
-/// and after it.
+/// How near the picture is in time to the middle of a line's exposure: 1 at its own instant, 0 at those of the pictures
+/// before and after it.
 pub fn nearness_of(push: &Push, inputs: &Inputs<'_>, fraction: f32) -> f32 {
     if !inputs.one_of_several {
         return 1.0;
@@ -21,8 +23,8 @@ pub fn nearness_of(push: &Push, inputs: &Inputs<'_>, fraction: f32) -> f32 {
     before.min(after).clamp(0.0, 1.0)
 }
 
-/// What a reading is worth that is blurred along a way: the nearer it runs to centres of texels, the less of the detail across it
-/// is lost.
+/// What a reading is worth that is blurred along a way: the nearer it runs to centres of texels, the less of the detail
+/// across it is lost.
 pub(super) fn sharpness(position_px: Vec2, way_px: Vec2) -> f32 {
     let place = position_px - 0.5;
     let f = place - place.floor();

@@ -1,6 +1,6 @@
-//! The value at a place from the 2x2 texels around it in each of several pictures, which are moved against each other by parts of
-//! a px: that of least expected error where values alike by exp(-distance^2) are known with a little noise (kriging). Twin of
-//! `glsl/include/fused.glsl`, but solved in one piece.
+//! The value at a place from the 2x2 texels around it in each of several pictures, which are moved against each other
+//! by parts of a px: that of least expected error where values alike by exp(-distance^2) are known with a little noise
+//! (kriging). Twin of `glsl/include/fused.glsl`, but solved in one piece.
 
 use glam::{IVec2, Vec2, Vec3};
 

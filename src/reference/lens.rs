@@ -1,12 +1,12 @@
-//! Where the samples of a picture behind a lens come from: each is traced back to the ideal picture by the inverse of the
-//! lens, in double precision. No vertex is moved and nothing is cut: what a ray meets is what is seen.
+//! Where the samples of a picture behind a lens come from: each is traced back to the ideal picture by the inverse of
+//! the lens, in double precision. No vertex is moved and nothing is cut: what a ray meets is what is seen.
 
 use std::ops::Range;
 
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::raster::Window;
+use super::window::Window;
 use crate::camera::{Intrinsics, Lens};
 
 /// Pixels a side of the blocks by which a region of the ideal picture is found.
@@ -62,8 +62,8 @@ impl LensGrid {
         &self.ideal_px[at..at + self.samples]
     }
 
-    /// Columns and rows that hold all pixels of a window whose samples come from a rectangle of the ideal picture; `None`:
-    /// there are none.
+    /// Columns and rows that hold all pixels of a window whose samples come from a rectangle of the ideal picture;
+    /// `None`: there are none.
     pub(super) fn touched(
         &self,
         low: DVec2,

@@ -24,8 +24,8 @@ pub fn motion_blur_samples(path_px: f32, max_samples: u32) -> u32 {
     ((path_px - 0.001).ceil().min(max_samples as f32) as i32).max(1) as u32
 }
 
-/// Mean of `picture` over the exposure at the middles of equal spans of time; `x_px` is the position that is seen at its
-/// start.
+/// Mean of `picture` over the exposure at the middles of equal spans of time; `x_px` is the position that is seen at
+/// its start.
 ///
 /// Returns linear RGB and the number of samples, which is negative where one was clamped to the picture.
 pub fn motion_blur(

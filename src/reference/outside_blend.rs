@@ -1,4 +1,5 @@
-//! A frame from several pictures: every line from the three that are nearest to it in time. Twin of `glsl/outside_blend.comp`.
+//! A frame from several pictures: every line from the three that are nearest to it in time. Twin of
+//! `glsl/outside_blend.comp`.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
@@ -31,8 +32,8 @@ pub struct Push {
     pub first: [u32; 2],
 }
 
-/// Writes the lines that these pictures make. `warped`: what each shows of a pixel, a colour and what it counts, or, where the
-/// fourth number is below 0, the place in it; `colors`: the pictures. Planes of four channels.
+/// Writes the lines that these pictures make. `warped`: what each shows of a pixel, a colour and what it counts, or,
+/// where the fourth number is below 0, the place in it; `colors`: the pictures. Planes of four channels.
 ///
 /// # Panics
 /// If a shape does not fit.

@@ -1,5 +1,5 @@
-//! Frames from outside with several motion images: as [`super::paper_gather`], but what a line sees has come the way that the
-//! motion says from the colour's instant on: its integral. Twin of `glsl/outside_gather.comp`.
+//! Frames from outside with several motion images: as [`super::paper_gather`], but what a line sees has come the way
+//! that the motion says from the colour's instant on: its integral. Twin of `glsl/outside_gather.comp`.
 
 use super::paper_gather::{Push, gather};
 use crate::plane::Plane;

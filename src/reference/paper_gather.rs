@@ -76,7 +76,8 @@ pub fn paper_gather(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>]) -> P
     gather(push, color, motion, false)
 }
 
-/// As [`paper_gather`]; `integrated`: what a line sees has come the way that the motion says from the picture's instant on.
+/// As [`paper_gather`]; `integrated`: what a line sees has come the way that the motion says from the picture's instant
+/// on.
 pub(super) fn gather(push: &Push, color: &Plane<f32>, motion: &[Plane<f32>], integrated: bool) -> Plane<f32> {
     let count = (push.motion_count as usize).clamp(1, MAX_MOTION_IMAGES);
     assert!(motion.len() >= count, "{} motion images for a count of {count}", motion.len());

@@ -1,5 +1,5 @@
-//! Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame. Twin
-//! of `glsl/include/path.glsl`.
+//! Paths of surface points: where what a texel of the reference picture shows stands at other instants of the frame.
+//! Twin of `glsl/include/path.glsl`.
 
 use glam::{IVec2, Vec2, Vec4};
 
@@ -19,8 +19,8 @@ pub struct PathWeights {
     at: f32,
 }
 
-/// The path images: one to three of four channels, `scale` texels a px; displacements (px, from the reference instant) to
-/// two knots each, in order of time and without the reference instant's own, which is zero.
+/// The path images: one to three of four channels, `scale` texels a px; displacements (px, from the reference instant)
+/// to two knots each, in order of time and without the reference instant's own, which is zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Paths<'a> {
     /// The images, all of one size.
@@ -44,7 +44,7 @@ pub struct FromDepth<'a> {
 }
 
 /// What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
-const LEAST_W: f32 = 0.02;
+const MIN_W: f32 = 0.02;
 
 impl FromDepth<'_> {
     /// The matrix of a body at place `at` of the time axis: knots lie so close that what is between two is linear.
@@ -61,8 +61,8 @@ impl FromDepth<'_> {
         self.displacement_by(texel, scale, |body| self.matrix(body, at))
     }
 
-    /// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is near
-    /// enough to start a search.
+    /// The same, and its change a knot: between two knots displacements, not matrices, are taken for linear, which is
+    /// near enough to start a search.
     fn motion(&self, texel: IVec2, at: f32, scale: usize) -> [Vec2; 2] {
         let before = at.floor().clamp(0.0, self.last_knot as f32 - 1.0);
         let share = (at - before).clamp(0.0, 1.0);
@@ -79,7 +79,7 @@ impl FromDepth<'_> {
         let seen = self.inverse_depth.pixel(texel.x as usize, texel.y as usize);
         let (depth, body) = (seen[0], seen.get(1).map_or(0, |&body| body as usize));
         let [sx, sy, sw] = matrix(body).map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
-        (Vec2::new(sx, sy) / sw.max(LEAST_W) - ndc) * (0.5 / scale as f32) * size
+        (Vec2::new(sx, sy) / sw.max(MIN_W) - ndc) * (0.5 / scale as f32) * size
     }
 }
 
@@ -105,9 +105,9 @@ fn parabola_weight(at: f32, offset: f32) -> f32 {
     }
 }
 
-/// Weight of `knot` at place `at` of the time axis with knots 0..last: between two knots the parabolas through either and
-/// its neighbours are blended (a cubic with continuous slope, Catmull-Rom); constant acceleration is met exactly. At a
-/// knot: 1 for itself, 0 for all others, to the bit.
+/// Weight of `knot` at place `at` of the time axis with knots 0..last: between two knots the parabolas through either
+/// and its neighbours are blended (a cubic with continuous slope, Catmull-Rom); constant acceleration is met exactly.
+/// At a knot: 1 for itself, 0 for all others, to the bit.
 pub fn knot_weight(at: f32, knot: f32, last: f32) -> f32 {
     if last < 2.0 {
         return 1.0 - (at - knot).abs();
@@ -200,9 +200,9 @@ impl Paths<'_> {
 }
 
 impl PathBlock {
-    /// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a displacement
-    /// that is linear around the block (a Newton step). The error is the displacement's curvature over half the squared
-    /// distance from the block.
+    /// The place p in the reference picture of what stands at `x_px`: p + displacement(p) = x, solved for a
+    /// displacement that is linear around the block (a Newton step). The error is the displacement's curvature over
+    /// half the squared distance from the block.
     pub fn source(&self, x_px: Vec2) -> Vec2 {
         let rest = x_px - self.centre_px - self.at_centre_px;
         let (xx, yy) = (1.0 + self.along_x_px.x, 1.0 + self.along_y_px.y);

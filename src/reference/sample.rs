@@ -4,8 +4,8 @@ use glam::{Vec2, Vec4};
 
 use crate::plane::Plane;
 
-/// Bilinear value at a position, px, clamped to the outermost pixel centres; `clamped` is set (never cleared) where that
-/// changed the position. At a pixel's centre: its bits.
+/// Bilinear value at a position, px, clamped to the outermost pixel centres; `clamped` is set (never cleared) where
+/// that changed the position. At a pixel's centre: its bits.
 ///
 /// # Panics
 /// If the picture does not have four channels.

@@ -1,5 +1,5 @@
-//! Pictures as callers have them, brought into the engine's units. Twin of `glsl/unpack_color.comp` (its variant for half
-//! floats does the same and rounds), `unpack_motion.comp`, `unpack_depth.comp`, `unpack_inverse_depth.comp` and
+//! Pictures as callers have them, brought into the engine's units. Twin of `glsl/unpack_color.comp` (its variant for
+//! half floats does the same and rounds), `unpack_motion.comp`, `unpack_depth.comp`, `unpack_inverse_depth.comp` and
 //! `unpack_body.comp`.
 
 use bytemuck::{Pod, Zeroable};
@@ -193,8 +193,8 @@ pub fn unpack_inverse_depth(push: &InverseDepthPush, bytes: &[u8]) -> Plane<f32>
     })
 }
 
-/// Numbers of bodies, shape `[height, width, 1]`; what is nobody's is 0. `numbers`: ids in rising order, then the number of
-/// each.
+/// Numbers of bodies, shape `[height, width, 1]`; what is nobody's is 0. `numbers`: ids in rising order, then the
+/// number of each.
 ///
 /// # Panics
 /// If `bytes` is shorter than the picture.

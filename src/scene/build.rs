@@ -8,8 +8,8 @@ use crate::camera::Trajectory;
 
 /// Builds a [`Scene`] call by call: geometry belongs to the object and the material that were named last.
 ///
-/// Positions are metres, in object coordinates where the object has a trajectory, else in world coordinates. Colours are
-/// linear. Normals are those of the faces (right-handed: counter-clockwise seen from outside). Geometry before any
+/// Positions are metres, in object coordinates where the object has a trajectory, else in world coordinates. Colours
+/// are linear. Normals are those of the faces (right-handed: counter-clockwise seen from outside). Geometry before any
 /// [`object`](Self::object) belongs to a resting object named `""`, before any material to a white one.
 ///
 /// ```
@@ -36,8 +36,8 @@ impl SceneBuilder {
         Self::default()
     }
 
-    /// Starts an object; `trajectory` is its pose over time, object to world (`None`: it rests and its vertices are world
-    /// coordinates).
+    /// Starts an object; `trajectory` is its pose over time, object to world (`None`: it rests and its vertices are
+    /// world coordinates).
     pub fn object(mut self, name: &str, trajectory: Option<Trajectory>) -> Self {
         self.objects.push(Object { name: name.to_owned(), trajectory: trajectory.map(Arc::new) });
         self

@@ -1,4 +1,5 @@
-//! Conventions of hosts: rows, depths and poses as they have them, pictures as they want them, and wrong ones found out.
+//! Conventions of hosts: rows, depths and poses as they have them, pictures as they want them, and wrong ones found
+//! out.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::ffi::{c_char, c_void};

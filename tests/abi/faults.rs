@@ -1,6 +1,7 @@
-//! Device lost and out of memory at every Vulkan call in turn, by a dispatch table of this test's own: it is handed to the
-//! library as the host's `vkGetInstanceProcAddr`, counts the calls, fails the n-th, and keeps count of what lives. After
-//! each failure: the right status, no crash, nothing left behind once the engine is destroyed, and the next engine works.
+//! Device lost and out of memory at every Vulkan call in turn, by a dispatch table of this test's own: it is handed to
+//! the library as the host's `vkGetInstanceProcAddr`, counts the calls, fails the n-th, and keeps count of what lives.
+//! After each failure: the right status, no crash, nothing left behind once the engine is destroyed, and the next
+//! engine works.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../support/capi/mod.rs"]
@@ -22,8 +23,8 @@ use shutterbug::capi::*;
 static FUSE: AtomicI64 = AtomicI64::new(-1);
 /// What the failing call returns.
 static RESULT: AtomicI32 = AtomicI32::new(0);
-/// The calls so far, the one that failed, those after which the same engine was used again, how many of each object live, and
-/// the real functions.
+/// The calls so far, the one that failed, those after which the same engine was used again, how many of each object
+/// live, and the real functions.
 static STATE: Mutex<State> = Mutex::new(State {
     calls: Vec::new(),
     failed: None,
@@ -302,9 +303,9 @@ const LOST: Fault = (vk::Result::ERROR_DEVICE_LOST, "DEVICE_LOST");
 const DEVICE_MEMORY: Fault = (vk::Result::ERROR_OUT_OF_DEVICE_MEMORY, "OUT_OF_MEMORY");
 const HOST_MEMORY: Fault = (vk::Result::ERROR_OUT_OF_HOST_MEMORY, "OUT_OF_MEMORY");
 
-/// Fails each call in turn, or the first of each kind and one of every `stride`, the n-th with the n-th of `faults` (around and
-/// around); `want` is the picture without failure, `calls` what it took. Returns how many calls there were and the names of
-/// those that failed.
+/// Fails each call in turn, or the first of each kind and one of every `stride`, the n-th with the n-th of `faults`
+/// (around and around); `want` is the picture without failure, `calls` what it took. Returns how many calls there were
+/// and the names of those that failed.
 fn fail_each(
     work: Work,
     want: &[u8],
@@ -375,8 +376,8 @@ fn ready(test: &str) -> bool {
     shutterbug_engine_destroy(engine) == OK
 }
 
-/// Every call of some work fails in turn (of a render every thirteenth and the first of each kind), with the device lost at one
-/// call and memory out at the next; under SHUTTERBUG_LONG=1, with each of three results at every call.
+/// Every call of some work fails in turn (of a render every thirteenth and the first of each kind), with the device
+/// lost at one call and memory out at the next; under SHUTTERBUG_LONG=1, with each of three results at every call.
 fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     if !ready(test) {
@@ -387,8 +388,8 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let calls = std::mem::take(&mut state().calls);
     assert!(first.iter().any(|v| *v != first[0]), "control: a picture of something");
     nothing_is_left("a run without failure");
-    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but a
-    // seventh of those of several pictures.
+    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but
+    // a seventh of those of several pictures.
     let (rounds, stride): (&[&[Fault]], usize) = match (std::env::var_os("SHUTTERBUG_LONG"), work) {
         (Some(_), _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
         (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 13),
@@ -430,7 +431,8 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
-    device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits: Work::Finer, ["vkCreateComputePipelines"];
+    device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits:
+        Work::Finer, ["vkCreateComputePipelines"];
     device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
 }
 

@@ -1,5 +1,5 @@
-//! Delivered pictures of more than 8 bits: 16-bit values, linear floats, raw numbers in words and packed. Frames from outside
-//! and of a scene.
+//! Delivered pictures of more than 8 bits: 16-bit values, linear floats, raw numbers in words and packed. Frames from
+//! outside and of a scene.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::ptr::null_mut;

@@ -1,5 +1,6 @@
-//! Processes that fork, as Python's multiprocessing does: before there is an engine, beside one, while frames are in flight, and
-//! while another thread is inside a call. Each child ends by itself; one that hangs is ended by its alarm, which fails the test.
+//! Processes that fork, as Python's multiprocessing does: before there is an engine, beside one, while frames are in
+//! flight, and while another thread is inside a call. Each child ends by itself; one that hangs is ended by its alarm,
+//! which fails the test.
 #![cfg(unix)]
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 

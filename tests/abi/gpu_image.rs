@@ -1,5 +1,5 @@
-//! GPU images as input and output of frames, and semaphores around them: those of a host's own device, and images shared by
-//! file descriptor. The picture is that of the same pixels in host memory, bit for bit.
+//! GPU images as input and output of frames, and semaphores around them: those of a host's own device, and images
+//! shared by file descriptor. The picture is that of the same pixels in host memory, bit for bit.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 mod given;
@@ -445,7 +445,8 @@ fn what_cannot_be_is_refused_with_a_sentence() {
     o.picture_memory = floats;
     assert_eq!(process(engine, &o, SIZE).unwrap_err().0, status("FORMAT"));
     // Effects of host memory never reach an image.
-    let jpeg = "width = 32\nheight = 24\nfx = 16\nfy = 16\ncx = 16\ncy = 12\nframe_period_s = 0.04\n[jpeg]\nquality = 50\n";
+    let jpeg = "width = 32\nheight = 24\nfx = 16\nfy = 16\ncx = 16\ncy = 12\nframe_period_s = 0.04\n[jpeg]\n\
+                quality = 50\n";
     must(unsafe { shutterbug_engine_set_camera_text(engine, text(jpeg).as_ptr()) }, engine);
     o.picture_memory = blank;
     let (code, said) = process(engine, &o, SIZE).unwrap_err();

@@ -1,5 +1,5 @@
-//! The header and the Rust that implements it: sizes, offsets and values as the C compiler sees them, C11 and C++17 on their
-//! own, every function declared and exported, one version everywhere.
+//! The header and the Rust that implements it: sizes, offsets and values as the C compiler sees them, C11 and C++17 on
+//! their own, every function declared and exported, one version everywhere.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeSet;

@@ -1,5 +1,5 @@
-//! An engine's log function hears it though another engine, without one, passes the same place in the code for the first time
-//! while the first is being made. Alone in its file: `tracing` keeps who listens for the whole process.
+//! An engine's log function hears it though another engine, without one, passes the same place in the code for the
+//! first time while the first is being made. Alone in its file: `tracing` keeps who listens for the whole process.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 #[path = "../support/capi/mod.rs"]

@@ -70,7 +70,8 @@ const SIZE: [usize; 2] = [K.width as usize, K.height as usize];
 #[test]
 fn the_engines_own_colour_and_motion_give_its_own_picture_bit_for_bit() {
     let test = "the_engines_own_colour_and_motion_give_its_own_picture_bit_for_bit";
-    // Of several motion images frames from outside make another path than the paper does (tests/oracle/outside_motion.rs).
+    // Of several motion images frames from outside make another path than the paper does
+    // (tests/oracle/outside_motion.rs).
     for (count, order) in
         [(1, ScanOrder::TopToBottom), (1, ScanOrder::RightToLeft), (6, ScanOrder::BottomToTop)]
     {
@@ -169,7 +170,8 @@ fn the_engines_own_depth_and_two_poses_give_its_picture() {
     // Poses are told where the two that were given enclose the instant, and only there.
     assert_eq!((info.first_line_start.has_pose, info.last_line_end.has_pose), (1, 0));
 
-    // Of an engine that rasterizes its motion, where every pixel shows a surface: the bound that docs/conventions.md states.
+    // Of an engine that rasterizes its motion, where every pixel shows a surface: the bound that docs/conventions.md
+    // states.
     let (want, inputs) = own_of(test, &closed(resting()), paper(1), order).unwrap();
     let (got, _) = through_depth(engine, &inputs, &poses);
     let (worst, share) = difference(&got, &want);

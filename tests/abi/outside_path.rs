@@ -1,5 +1,5 @@
-//! Frames from outside with depth and poses over all of the frame: what the engine's own `fast` would have made, programs built
-//! against the header of before, and careless hands.
+//! Frames from outside with depth and poses over all of the frame: what the engine's own `fast` would have made,
+//! programs built against the header of before, and careless hands.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::ptr::{null, null_mut};
@@ -73,7 +73,8 @@ fn the_engines_own_colour_depth_and_poses_give_the_picture_of_fast_bit_for_bit()
     }
 }
 
-/// Sizes of `shutterbug_outside` before frames brought poses over all of the frame, and before they brought several pictures.
+/// Sizes of `shutterbug_outside` before frames brought poses over all of the frame, and before they brought several
+/// pictures.
 const SIZE_OF_BEFORE: u32 = std::mem::offset_of!(shutterbug_outside, pose_count) as u32;
 const SIZE_OF_ONE_PICTURE: u32 = std::mem::offset_of!(shutterbug_outside, picture_count) as u32;
 

@@ -1,5 +1,5 @@
-//! Sharp planes through the C ABI: colour, motion and depth of a frame's own instant, beside the disturbed picture. They are
-//! those of the engine itself, bit for bit, by each method; halves are the floats rounded.
+//! Sharp planes through the C ABI: colour, motion and depth of a frame's own instant, beside the disturbed picture.
+//! They are those of the engine itself, bit for bit, by each method; halves are the floats rounded.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::path::Path;
@@ -143,8 +143,9 @@ fn sharp_planes_are_the_engines_own_by_each_method() {
 
 #[test]
 fn the_motion_plane_is_what_frames_from_outside_call_their_own() {
-    // Colour and motion planes of one frame, handed back in at their instant: the picture is disturbed as the engine's own,
-    // up to what is rendered beyond the borders (the planes have no margin) and motion that changes within the frame.
+    // Colour and motion planes of one frame, handed back in at their instant: the picture is disturbed as the engine's
+    // own, up to what is rendered beyond the borders (the planes have no margin) and motion that changes within the
+    // frame.
     let test = "the_motion_plane_is_what_frames_from_outside_call_their_own";
     let _turn = crate::gpu_support::Turn::take();
     let Some(engine) = engine(test, options(2, 3)) else { return };

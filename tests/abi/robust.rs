@@ -1,4 +1,5 @@
-//! What the library asks of the device that it makes: an index from the input that is wrong must not reach another buffer.
+//! What the library asks of the device that it makes: an index from the input that is wrong must not reach another
+//! buffer.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -54,8 +55,10 @@ unsafe extern "system" fn create_device(
 }
 
 const CAMERA: &str = "width = 32\nheight = 24\nfx = 30\nfy = 30\ncx = 16\ncy = 12\nframe_period_s = 0.04\n\
-    [rolling_shutter]\nreadout_time_s = 0.03\n[motion_blur]\nexposure_time_s = 0.01\n[defocus]\nsigma_px = 0.8\n[glare]\nveil = 0.1\nlevel = 0.2\n[vignetting]\na1 = -0.3\n\
-    [bayer_mosaic]\npattern = \"GBRG\"\n[shot_noise]\nfull_well_e = 4000.0\n[read_noise]\nsigma = 0.01\n[row_noise]\nsigma = 0.003\n\
+    [rolling_shutter]\nreadout_time_s = 0.03\n[motion_blur]\nexposure_time_s = 0.01\n[defocus]\nsigma_px = 0.8\n\
+    [glare]\nveil = 0.1\nlevel = 0.2\n[vignetting]\na1 = -0.3\n\
+    [bayer_mosaic]\npattern = \"GBRG\"\n[shot_noise]\nfull_well_e = 4000.0\n[read_noise]\nsigma = 0.01\n[row_noise]\n\
+    sigma = 0.003\n\
     [noise_reduction]\nluma_sigma_px = 0.8\n[sharpening]\namount = 0.5\nradius_px = 1.0\n[jpeg]\nquality = 90\n";
 
 /// What needs to know where a pixel looks.
@@ -80,7 +83,8 @@ fn pictures(method: u32) -> Vec<Vec<u8>> {
     taken
 }
 
-/// The device is asked for it, and what kernels make is the same to the bit with and without: no index leaves its buffer.
+/// The device is asked for it, and what kernels make is the same to the bit with and without: no index leaves its
+/// buffer.
 #[test]
 fn the_device_catches_indices_beyond_a_buffer() {
     let test = "the_device_catches_indices_beyond_a_buffer";

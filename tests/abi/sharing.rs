@@ -1,6 +1,6 @@
-//! Zero copy: the host's memory, memory by file descriptor, semaphores, and the host's own Vulkan device. What the driver
-//! cannot do is refused with a sentence; on lavapipe of Mesa 22.3 that is semaphores
-//! by file descriptor (SwiftShader has the binary ones).
+//! Zero copy: the host's memory, memory by file descriptor, semaphores, and the host's own Vulkan device. What the
+//! driver cannot do is refused with a sentence; on lavapipe of Mesa 22.3 that is semaphores by file descriptor
+//! (SwiftShader has the binary ones).
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use std::ptr::{null, null_mut};

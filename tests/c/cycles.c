@@ -1,6 +1,7 @@
 /* cycles.c CYCLES FRAMES: makes, uses and destroys so many engines, then sends so many frames through one, and fails if
- * resident memory grows from the second quarter to the last. Prints it. Third argument, for controls: "leak" loses 100 kB a cycle and 3 kB a
- * frame, "overflow" promises the library more room than there is, "unload" lets the Vulkan loader unload its drivers. */
+ * resident memory grows from the second quarter to the last. Prints it. Third argument, for controls: "leak" loses 100
+ * kB a cycle and 3 kB a frame, "overflow" promises the library more room than there is, "unload" lets the Vulkan loader
+ * unload its drivers. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <link.h>
@@ -22,9 +23,10 @@ static void must(shutterbug_status status, const void *handle) {
     exit(1);
 }
 
-/* Keeps a loaded library for good. The Vulkan loader unloads its drivers with the last instance and loads them anew with the
- * next one; what they keep in tables of their own is lost each time, without a name: with lavapipe of Mesa 22.3, 128 bytes
- * and 6 KiB of resident memory a cycle. A program that only makes and destroys a VkInstance loses the same 128 bytes. */
+/* Keeps a loaded library for good. The Vulkan loader unloads its drivers with the last instance and loads them anew
+ * with the next one; what they keep in tables of their own is lost each time, without a name: with lavapipe of Mesa
+ * 22.3, 128 bytes and 6 KiB of resident memory a cycle. A program that only makes and destroys a VkInstance loses the
+ * same 128 bytes. */
 static int keep(struct dl_phdr_info *info, size_t size, void *unused) {
     (void)size, (void)unused;
     if (info->dlpi_name[0]) dlopen(info->dlpi_name, RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE);
@@ -69,7 +71,8 @@ static void process(shutterbug_engine *engine, uint32_t index) {
          .capacity_bytes = sizeof motion, .pixels = motion}};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
     must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
-    shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images, .motion_count = 1,
+    shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images,
+                                  .motion_count = 1,
                                   .motions = images + 1, .motion_convention = &convention};
     shutterbug_frame *frame = NULL;
     must(shutterbug_engine_submit_outside(engine, &outside, &frame), engine);
@@ -116,7 +119,8 @@ static void look(struct resident *r, long i, long count) {
 }
 
 static int grew(const char *what, const struct resident *r, long allowed) {
-    printf("%s: resident %ld KiB at most in the second quarter, %ld KiB at least in the last\n", what, r->second, r->last);
+    printf("%s: resident %ld KiB at most in the second quarter, %ld KiB at least in the last\n", what, r->second,
+           r->last);
     return r->second && r->last - r->second > allowed;
 }
 
@@ -128,9 +132,10 @@ int main(int argc, char **argv) {
     int bad = 0, leak = !strcmp(control, "leak"), over = !strcmp(control, "overflow");
     /* One heap for all threads: else the drivers' short-lived threads spread it over ever more pages for 400 cycles. */
     mallopt(M_ARENA_MAX, 1);
-    /* Large blocks straight from and to the system. lavapipe (Mesa's u_upload_mgr) fills a block of 1 MiB with what it uploads,
-     * some thousand of these frames, then takes the next and frees the first. glibc's threshold grows with what is freed, so
-     * that the third block comes from the heap and stays resident: one step of 1028 KiB in 3 of 4 runs, in 0 of 4 with this. */
+    /* Large blocks straight from and to the system. lavapipe (Mesa's u_upload_mgr) fills a block of 1 MiB with what it
+     * uploads, some thousand of these frames, then takes the next and frees the first. glibc's threshold grows with
+     * what is freed, so that the third block comes from the heap and stays resident: one step of 1028 KiB in 3 of 4
+     * runs, in 0 of 4 with this. */
     mallopt(M_MMAP_THRESHOLD, 128 << 10);
     for (long i = 0; i < cycles; ++i) {
         shutterbug_engine *engine = make();
@@ -140,7 +145,9 @@ int main(int argc, char **argv) {
         if (over) overflow(engine);
         must(shutterbug_engine_destroy(engine), NULL);
         look(&of_cycles, i, cycles);
-        if (i % 20 == 19) fprintf(stderr, "%ld cycles in %ld s, resident %ld KiB\n", i + 1, (long)(time(NULL) - start), resident_kib());
+        if (i % 20 == 19)
+            fprintf(stderr, "%ld cycles in %ld s, resident %ld KiB\n", i + 1, (long)(time(NULL) - start),
+                    resident_kib());
     }
     if (cycles) bad |= grew("cycles", &of_cycles, 512);
     if (frames) {

@@ -1,12 +1,13 @@
 /* A disk that a test can look into: cc -shared -fPIC disk.c -o disk.so, then LD_PRELOAD=disk.so and
  *   DISK_ROOT      path; what is done to files below it counts, nothing else
  *   DISK_LOG       file that every change is written to, in order (below)
- *   DISK_FULL_AT   from the n-th call that needs room on (from 1), such calls fail with "no space left"; with DISK_FULL_ONCE, only that one
+ *   DISK_FULL_AT   from the n-th call that needs room on (from 1), such calls fail with "no space left"; with
+ *                  DISK_FULL_ONCE, only that one
  *   DISK_KILL_AT   before the n-th change (from 1) the process gets SIGKILL
  * A record of the log: op, number of the file, offset, lengths of two texts, the texts.
- *   O  file made or emptied (path)     W  bytes written (offset; bytes)     T  cut (offset = new length)
- *   S  file synchronised               D  folder synchronised (path)
- *   R  renamed (from, to)              U  removed (path)                    M  folder made (path)     X  folder removed (path) */
+ *   O  file made or emptied (path) W bytes written (offset; bytes) T cut (offset = new length)
+ *   S  file synchronised D folder synchronised (path)
+ *   R  renamed (from, to) U removed (path) M folder made (path) X folder removed (path) */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>

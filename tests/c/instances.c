@@ -1,5 +1,6 @@
-/* instances.c CYCLES: makes and destroys a VkInstance and a VkDevice so many times, and nothing of shutterbug: what it loses is
- * the Vulkan loader's and its driver's. The few declarations are those of vulkan_core.h, which need not be installed. */
+/* instances.c CYCLES: makes and destroys a VkInstance and a VkDevice so many times, and nothing of shutterbug: what it
+ * loses is the Vulkan loader's and its driver's. The few declarations are those of vulkan_core.h, which need not be
+ * installed. */
 #include <dlfcn.h>
 #include <stdint.h>
 #include <stdio.h>

@@ -1,9 +1,10 @@
-/* long_life.c FRAMES LOSSES PERIOD: one process sends so many frames of 64x48 px, with a rolling shutter, a lens, noise and JPEG,
- * through the library. Frame i has the content of frame i modulo PERIOD, and must have the picture of that one in the first period,
- * to the bit. So many times on the way the device is lost (vkQueueSubmit says so), the engine is destroyed and made anew.
- * Fifty times it prints what it holds: resident memory, memory of the device (as asked of Vulkan and not freed), descriptors,
- * threads. Fails if one of them has grown since the first half (resident memory: by more than 2 %). Fourth argument, for
- * controls: "leak" loses 6 kB a frame, "change" gives the last frame other bits. */
+/* long_life.c FRAMES LOSSES PERIOD: one process sends so many frames of 64x48 px, with a rolling shutter, a lens, noise
+ * and JPEG, through the library. Frame i has the content of frame i modulo PERIOD, and must have the picture of that
+ * one in the first period, to the bit. So many times on the way the device is lost (vkQueueSubmit says so), the engine
+ * is destroyed and made anew. Fifty times it prints what it holds: resident memory, memory of the device (as asked of
+ * Vulkan and not freed), descriptors, threads. Fails if one of them has grown since the first half (resident memory: by
+ * more than 2 %). Fourth argument, for controls: "leak" loses 6 kB a frame, "change" gives the last frame other
+ * bits. */
 #define _GNU_SOURCE
 #include <dirent.h>
 #include <dlfcn.h>
@@ -42,7 +43,8 @@ static int32_t submit(void *queue, uint32_t count, const void *submits, uint64_t
 }
 
 static int32_t allocate(void *device, const allocate_info *info, const void *how, uint64_t *memory) {
-    int32_t done = ((int32_t (*)(void *, const void *, const void *, uint64_t *))real_allocate)(device, info, how, memory);
+    int32_t done = ((int32_t (*)(void *, const void *, const void *, uint64_t *))real_allocate)(device, info, how,
+        memory);
     for (int i = 0; !done && i < 4096; ++i)
         if (!held[i].memory) {
             held[i].memory = *memory;
@@ -92,7 +94,8 @@ static void must(shutterbug_status status, const void *handle) {
 static const char CAMERA[] =
     "width = 64\nheight = 48\nfx = 50\nfy = 50\ncx = 32\ncy = 24\nframe_period_s = 0.04\n"
     "[rolling_shutter]\nreadout_time_s = 0.03\n[motion_blur]\nexposure_time_s = 0.01\n[vignetting]\na1 = -0.3\n"
-    "[shot_noise]\nfull_well_e = 4000.0\n[read_noise]\nsigma = 0.01\n[row_noise]\nsigma = 0.003\n[jpeg]\nquality = 90\n";
+    "[shot_noise]\nfull_well_e = 4000.0\n[read_noise]\nsigma = 0.01\n[row_noise]\nsigma = 0.003\n"
+    "[jpeg]\nquality = 90\n";
 
 static shutterbug_engine *make(void) {
     shutterbug_engine_options options = {.struct_size = sizeof options, .samples = 1, .seed = 5};
@@ -116,7 +119,8 @@ static shutterbug_status process(shutterbug_engine *engine, uint32_t index, uint
     static float motion[H][W][2];
     for (uint32_t y = 0; y < H; ++y)
         for (uint32_t x = 0; x < W; ++x) {
-            for (uint32_t c = 0; c < 3; ++c) color[y][x][c] = (unsigned char)((x * (5 + c) + y * 3 + index * 7) ^ (x * y));
+            for (uint32_t c = 0; c < 3; ++c)
+                color[y][x][c] = (unsigned char)((x * (5 + c) + y * 3 + index * 7) ^ (x * y));
             motion[y][x][0] = (float)(index % 13), motion[y][x][1] = (float)(index % 5) - 2;
         }
     shutterbug_image images[2] = {
@@ -126,7 +130,8 @@ static shutterbug_status process(shutterbug_engine *engine, uint32_t index, uint
          .capacity_bytes = sizeof motion, .pixels = motion}};
     shutterbug_motion_convention convention = {.struct_size = sizeof convention};
     must(shutterbug_motion_preset(SHUTTERBUG_MOTION_OWN, &convention, NULL, 0), NULL);
-    shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images, .motion_count = 1,
+    shutterbug_outside outside = {.struct_size = sizeof outside, .frame_index = index, .color = images,
+                                  .motion_count = 1,
                                   .motions = images + 1, .motion_convention = &convention};
     shutterbug_frame *frame = NULL;
     shutterbug_status status = shutterbug_engine_submit_outside(engine, &outside, &frame);

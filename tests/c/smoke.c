@@ -1,15 +1,16 @@
-/* Loads the capture given, renders its first frame, and checks what a host relies on. Built from the installed prefix. */
+/* Loads the capture given, renders its first frame, and checks what a host relies on. Built from the installed
+ * prefix. */
 #include <shutterbug.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define CHECK(what)                                                                                                     \
-    do {                                                                                                                \
-        if (!(what)) {                                                                                                  \
-            fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #what);                                          \
-            exit(1);                                                                                                    \
-        }                                                                                                               \
+#define CHECK(what)                                                                                                    \
+    do {                                                                                                               \
+        if (!(what)) {                                                                                                 \
+            fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #what);                                         \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
     } while (0)
 
 static void must(shutterbug_status status, const void *handle) {
@@ -27,7 +28,8 @@ static void log_line(void *user, uint32_t level, const char *text) {
 
 int main(int argc, char **argv) {
     CHECK(argc == 2);
-    CHECK(shutterbug_version() == SHUTTERBUG_VERSION_MAJOR * 1000000u + SHUTTERBUG_VERSION_MINOR * 1000u + SHUTTERBUG_VERSION_PATCH);
+    CHECK(shutterbug_version() == SHUTTERBUG_VERSION_MAJOR * 1000000u + SHUTTERBUG_VERSION_MINOR * 1000u +
+          SHUTTERBUG_VERSION_PATCH);
     int lines = 0;
     char why[512] = "";
     shutterbug_engine_options options = {.struct_size = sizeof options};

@@ -1,6 +1,6 @@
-/* threads.c FRAMES: two threads, each with an engine of its own, and a third that asks both for what they are busy with. What the
- * first two make must be the same to the last bit. For tools that watch threads (fuzz/threads). Second argument "race": two
- * threads write one word without a lock, which such a tool must find. */
+/* threads.c FRAMES: two threads, each with an engine of its own, and a third that asks both for what they are busy
+ * with. What the first two make must be the same to the last bit. For tools that watch threads (fuzz/threads). Second
+ * argument "race": two threads write one word without a lock, which such a tool must find. */
 #define _GNU_SOURCE
 #include <pthread.h>
 #include <shutterbug.h>

@@ -1,5 +1,5 @@
-//! `simulate` with the camera that was found gives the gap that was reported: scored here from the frames of many seeds,
-//! by another estimator than the one of `diagnose`. And the camera goes to other simulators' formats.
+//! `simulate` with the camera that was found gives the gap that was reported: scored here from the frames of many
+//! seeds, by another estimator than the one of `diagnose`. And the camera goes to other simulators' formats.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -142,8 +142,8 @@ fn simulate_with_the_camera_found_gives_the_reported_gap() {
     let after = gap(folder.path(), held, &ensemble(&context.0, &found, held));
     let before = gap(folder.path(), held, &ensemble(&context.0, &capture, held));
     eprintln!("after {after} ({}), before {before} ({})", report.gap.after, report.gap.before);
-    // Measured: after 4.094 here and 4.132 in the report (normal distributions stand for clipped and rounded ones there),
-    // before 9.378 and 9.051 (without noise the report forgives half a DN of rounding).
+    // Measured: after 4.094 here and 4.132 in the report (normal distributions stand for clipped and rounded ones
+    // there), before 9.378 and 9.051 (without noise the report forgives half a DN of rounding).
     assert!((after / report.gap.after - 1.0).abs() < 0.04, "{after} {:?}", report.gap);
     assert!((before / report.gap.before - 1.0).abs() < 0.08, "{before} {:?}", report.gap);
     // Control: without its noise the camera found does not give that figure.

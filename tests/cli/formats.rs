@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::Command;
 
 const KALIBR: &str = "cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 460.1, 362.6, 246.0]\n  \
-    distortion_model: none\n  distortion_coeffs: []\n  resolution: [752, 480]\n  line_delay: 2.5e-05\n  \
-    timeshift_cam_imu: 0.01\n";
+                      distortion_model: none\n  distortion_coeffs: []\n  resolution: [752, 480]\n  \
+                      line_delay: 2.5e-05\n  timeshift_cam_imu: 0.01\n";
 
 fn shutterbug(arguments: &[&str]) -> (i32, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_shutterbug")).args(arguments).output().expect("runs");
@@ -39,9 +39,10 @@ fn presets_are_listed_and_printed() {
 
 /// A table of two cameras, of which the second sees 90 degrees, and a profile of Gyroflow that names its shutter.
 fn profiles(folder: &Path) -> String {
-    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,fx_px,fy_px,cx_px,cy_px,\
-                 d1,d2,d3,d4,rms_px,images,source_path\n\
-                 Acme,Dash 1,Wide,\"4:3, flat\",128,96,30,-12.5,opencv_fisheye,96,96,63.5,47.5,0.03,-0.01,0,0,0.4,15,a.json\n\
+    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,\
+                 fx_px,fy_px,cx_px,cy_px,d1,d2,d3,d4,rms_px,images,source_path\n\
+                 Acme,Dash 1,Wide,\"4:3, flat\",128,96,30,-12.5,opencv_fisheye,96,96,63.5,47.5,\
+                 0.03,-0.01,0,0,0.4,15,a.json\n\
                  Acme,Dash 2,Round,,128,96,30,12.5,opencv_fisheye,40,40,63.5,47.5,0,0,0,0,0.4,15,b.json\n\
                  Acme,Dash 3,Round,,128,96,30,12.5,opencv_fisheye,-40,40,63.5,47.5,0,0,0,0,0.4,15,c.json\n";
     fs::create_dir_all(folder.join("more")).expect("a folder");

@@ -20,12 +20,12 @@ fn read(root: &Path, name: &str) -> String {
     fs::read_to_string(root.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-const SENSOR: &str = "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0.0, -1.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, \
-                      0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [8, 6]\ncamera_model: pinhole\n\
-                      intrinsics: [9.0, 9.0, 3.5, 2.5]\ndistortion_model: radial-tangential\n\
-                      distortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n";
-const IMU: &str = "sensor_type: imu\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, \
-                   1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n";
+const SENSOR: &str = "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  \
+                      data: [0.0, -1.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n\
+                      rate_hz: 20\nresolution: [8, 6]\ncamera_model: pinhole\nintrinsics: [9.0, 9.0, 3.5, 2.5]\n\
+                      distortion_model: radial-tangential\ndistortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n";
+const IMU: &str = "sensor_type: imu\nT_BS:\n  cols: 4\n  rows: 4\n  \
+                   data: [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n";
 
 fn euroc(root: &Path) {
     write(root, "mav0/cam0/sensor.yaml", SENSOR);

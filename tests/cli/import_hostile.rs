@@ -1,4 +1,5 @@
-//! Recordings that are damaged or lie: one sentence each, with the file, the place, what was found and what was expected.
+//! Recordings that are damaged or lie: one sentence each, with the file, the place, what was found and what was
+//! expected.
 
 use std::fs;
 use std::path::Path;

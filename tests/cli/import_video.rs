@@ -109,7 +109,8 @@ fn what_is_no_video_or_has_no_ffmpeg_is_said() {
     }
 }
 
-/// ffmpeg chooses some readers by a file's name, and these read anything: random bytes are a screen full of characters to them.
+/// ffmpeg chooses some readers by a file's name, and these read anything: random bytes are a screen full of characters
+/// to them.
 #[test]
 fn bytes_that_a_name_alone_makes_a_video_are_refused() {
     if !has_ffmpeg("bytes_that_a_name_alone_makes_a_video_are_refused") {

@@ -1,5 +1,5 @@
-//! Frames of any simulator beside real ones, without a scene: pairs with planes, pairs that are only roughly aligned, folders of
-//! different moments. Skipped by name where `../shared/data/pairs-dev` is not there.
+//! Frames of any simulator beside real ones, without a scene: pairs with planes, pairs that are only roughly aligned,
+//! folders of different moments. Skipped by name where `../shared/data/pairs-dev` is not there.
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};

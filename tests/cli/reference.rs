@@ -1,5 +1,5 @@
-//! The pages of `docs/reference` are what the program says of itself (`tools/reference` writes them), and a report is what
-//! `docs/reference/report.schema.json` says. Skipped by name where there is no Python.
+//! The pages of `docs/reference` are what the program says of itself (`tools/reference` writes them), and a report is
+//! what `docs/reference/report.schema.json` says. Skipped by name where there is no Python.
 
 #![allow(clippy::unwrap_used)]
 

@@ -1,5 +1,5 @@
-//! `docs/constants.md` is the table of the numbers that decide a diagnosis, made from the code: name, value, what it is, what
-//! measured it. `SHUTTERBUG_BLESS=1 cargo test --test diagnose constants::` writes it anew.
+//! `docs/constants.md` is the table of the numbers that decide a diagnosis, made from the code: name, value, what it
+//! is, what measured it. `SHUTTERBUG_BLESS=1 cargo test --test diagnose constants::` writes it anew.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;
@@ -81,7 +81,8 @@ fn constants(text: &str) -> Vec<Constant> {
 
 fn table() -> String {
     let mut out = String::from(
-        "# Numbers that decide a diagnosis\n\nGenerated from `crates/diagnose/src/diagnose` by `tests/diagnose/constants.rs`. Captures are those of \
+        "# Numbers that decide a diagnosis\n\n\
+         Generated from `crates/diagnose/src/diagnose` by `tests/diagnose/constants.rs`. Captures are those of \
          `../shared/data/cycles-dev`.\n\n| number | value | what it is | measured |\n|---|---|---|---|\n",
     );
     for file in FILES {

@@ -1,5 +1,5 @@
-//! Descriptions that are not quite right: the camera's effect is found beside surfaces of other colours and poses that are
-//! off, what is wrong with the description is named apart, and with an exact description the same frames fail.
+//! Descriptions that are not quite right: the camera's effect is found beside surfaces of other colours and poses that
+//! are off, what is wrong with the description is named apart, and with an exact description the same frames fail.
 #![allow(clippy::unwrap_used)]
 
 use crate::diagnose_support::{Dice, make, names, parameter};

@@ -1,4 +1,5 @@
-//! From frames to the effects that explain a gap: hidden effects are found, others are not, and the page says what was found.
+//! From frames to the effects that explain a gap: hidden effects are found, others are not, and the page says what was
+//! found.
 #![allow(clippy::unwrap_used)]
 
 mod bad_input;

@@ -1,5 +1,5 @@
-//! Photographs of a board by a camera at rest, one pose each, lit a little differently, with things around the board that the
-//! scene does not have: as boards are photographed to calibrate cameras.
+//! Photographs of a board by a camera at rest, one pose each, lit a little differently, with things around the board
+//! that the scene does not have: as boards are photographed to calibrate cameras.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;

@@ -30,7 +30,8 @@ fn nothing_hidden_is_no_gap() {
 fn shutter_and_blur_are_told_apart_and_camera_toml_reproduces_them() {
     let Some(context) = device("shutter_and_blur") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let hidden = "[rolling_shutter]\nreadout_time_s = 0.021\nscan_order = \"bottom_to_top\"\n[motion_blur]\nexposure_time_s = 0.012\n";
+    let hidden = "[rolling_shutter]\nreadout_time_s = 0.021\nscan_order = \"bottom_to_top\"\n[motion_blur]\n\
+        exposure_time_s = 0.012\n";
     let capture = make(&context.0, folder.path(), hidden, "", 1.0, 2);
     let diagnosis = run(&context.0, &capture, &[]);
     let report = &diagnosis.report;

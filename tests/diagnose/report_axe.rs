@@ -1,6 +1,6 @@
-//! The page in a browser, at desktop and phone width, on light and dark paper: axe-core finds nothing amiss, and nothing is wider
-//! than the window. Skipped by name without Chromium, or where `SHUTTERBUG_AXE` does not name axe-core's `axe.min.js`
-//! (`npm install axe-core`).
+//! The page in a browser, at desktop and phone width, on light and dark paper: axe-core finds nothing amiss, and
+//! nothing is wider than the window. Skipped by name without Chromium, or where `SHUTTERBUG_AXE` does not name
+//! axe-core's `axe.min.js` (`npm install axe-core`).
 
 use std::path::Path;
 use std::process::Command;
@@ -12,7 +12,8 @@ use shutterbug_diagnose::report::render_html;
 const LOOK: &str = "axe.run(document, { resultTypes: ['violations'] }).then(r => {
   const nodes = v => v.nodes.map(n => n.target.join(' ')).join(', ');
   const said = { dark: matchMedia('(prefers-color-scheme: dark)').matches, width: innerWidth,
-    wide: document.documentElement.scrollWidth > innerWidth, violations: r.violations.map(v => v.id + ': ' + nodes(v)) };
+    wide: document.documentElement.scrollWidth > innerWidth, violations: r.violations.map(v => v.id + ': ' + \
+    nodes(v)) };
   document.body.textContent = 'SAID' + JSON.stringify(said) + 'SAID';
 });";
 

@@ -1,5 +1,5 @@
-//! A diagnosis that was interrupted goes on where it stopped, to the same report to the last byte; what it has kept is of
-//! no use to any other.
+//! A diagnosis that was interrupted goes on where it stopped, to the same report to the last byte; what it has kept is
+//! of no use to any other.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;

@@ -16,7 +16,8 @@ use shutterbug::engine::{AccumulationOptions, Engine, EngineOptions, ExactOption
 use shutterbug::plane::Plane;
 use shutterbug::plane::metrics::psnr_db;
 
-/// Renders of the reference: at motions of up to 60 px a frame's steps are half a px, which leaves it at 50 dB or better.
+/// Renders of the reference: at motions of up to 60 px a frame's steps are half a px, which leaves it at 50 dB or
+/// better.
 const RENDERS: u32 = 160;
 /// Worse than any of 60 cases that were looked at.
 const LEAST_DB: f64 = 38.0;

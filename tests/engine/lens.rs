@@ -36,8 +36,9 @@ fn bar() -> Scene {
     drawable(quads(&[rectangle([0.2, 0.28], [-9.0, 9.0], 1.0)]))
 }
 
-/// Column at which the bar's edge X crosses the sensor's row v (px), at the time that `time_of` gives for the rows of the
-/// sensor and of the ideal picture: solved by bisection along the edge, from the formulas and nothing of the library's.
+/// Column at which the bar's edge X crosses the sensor's row v (px), at the time that `time_of` gives for the rows of
+/// the sensor and of the ideal picture: solved by bisection along the edge, from the formulas and nothing of the
+/// library's.
 fn edge_px(x_m: f64, v: f64, [k1, k2]: [f64; 2], time_of: impl Fn(f64, f64) -> f64) -> f64 {
     let place = |y_m: f64| {
         // Newton on time is not needed: the row is known, only the ideal row varies along the edge.
@@ -107,8 +108,9 @@ fn a_line_is_seen_at_the_time_of_the_sensors_line() {
         assert!(off < allowed, "{off} px");
         assert!(control > 2.0 * allowed, "control: {control} px");
     }
-    // Without a lens displacements follow from depth and nothing moves against what is beside it. Through a lens they are
-    // drawn, and what the bar seems to uncover is filled from beside it, which moves the bar's middle (0.57 px measured).
+    // Without a lens displacements follow from depth and nothing moves against what is beside it. Through a lens they
+    // are drawn, and what the bar seems to uncover is filled from beside it, which moves the bar's middle (0.57 px
+    // measured).
     let fast = |lens: [f64; 2]| {
         let request = FrameRequest { settings: settings(lens[0], lens[1]), ..request.clone() };
         let got = bar_frame(&watched, &pan(RAD_PER_S), Method::Fast(FastOptions::default()), &request);

@@ -1,4 +1,5 @@
-//! The engine on a device: each method against the others and against formulas, what must hold to the bit, what goes wrong.
+//! The engine on a device: each method against the others and against formulas, what must hold to the bit, what goes
+//! wrong.
 #![allow(clippy::unwrap_used)]
 
 mod effects;

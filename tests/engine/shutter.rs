@@ -26,7 +26,8 @@ fn reference(scene: &Scene, path: &Trajectory, k: &Intrinsics, request: &FrameRe
     })
 }
 
-/// Textures are shaded once a texel on the device and once a sample by the reference: left out here, see `raster_parity`.
+/// Textures are shaded once a texel on the device and once a sample by the reference: left out here, see
+/// `raster_parity`.
 fn untextured() -> Scene {
     let mut scene = rich(0);
     scene.materials.iter_mut().for_each(|m| m.texture = None);
@@ -111,8 +112,8 @@ fn a_bar_leans_by_its_rows_times() {
             (0..120).map(off).fold(0.0, f64::max)
         };
         eprintln!("{order}: the bar is off by at most {:.4} px", worst(order));
-        // Two edges on 8 columns of samples, 1/16 px at most, and 8 bits: 0.0045 of one px at each edge; and the grid of
-        // vertex positions.
+        // Two edges on 8 columns of samples, 1/16 px at most, and 8 bits: 0.0045 of one px at each edge; and the grid
+        // of vertex positions.
         let grid_px = 0.5_f64.powi(watched.0.info().sub_pixel_bits as i32);
         assert!(worst(order) < 0.067 + 0.5 * grid_px, "{order}: {} px", worst(order));
         assert!(worst(opposite(order)) > 10.0, "control");

@@ -1,5 +1,5 @@
-//! The same frame is the same bits: from run to run, with one or two threads of the driver, with any number of frames in
-//! flight; and a steady stream of frames allocates nothing.
+//! The same frame is the same bits: from run to run, with one or two threads of the driver, with any number of frames
+//! in flight; and a steady stream of frames allocates nothing.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::hash_map::DefaultHasher;

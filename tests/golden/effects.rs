@@ -1,5 +1,6 @@
-//! One small picture an effect, `tests/golden/<stem>.png`, by the CPU chain and on the device. A change of the pictures is
-//! a decision: `SHUTTERBUG_BLESS=1 cargo test --release --test golden effects::` writes them anew; look at them, then commit.
+//! One small picture an effect, `tests/golden/<stem>.png`, by the CPU chain and on the device. A change of the pictures
+//! is a decision: `SHUTTERBUG_BLESS=1 cargo test --release --test golden effects::` writes them anew; look at them,
+//! then commit.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeSet;

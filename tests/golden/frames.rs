@@ -1,5 +1,5 @@
-//! One small picture of each effect that acts while a frame is rendered, `tests/golden/<stem>.png`: by rays on the CPU and by
-//! the device's methods. Written anew, as those of `effects`, with `SHUTTERBUG_BLESS=1`.
+//! One small picture of each effect that acts while a frame is rendered, `tests/golden/<stem>.png`: by rays on the CPU
+//! and by the device's methods. Written anew, as those of `effects`, with `SHUTTERBUG_BLESS=1`.
 #![allow(clippy::unwrap_used)]
 
 use std::path::PathBuf;

@@ -45,7 +45,8 @@ fn report(name: &str, what: &str, c: &Answered) -> (f64, f64) {
 }
 
 const AS_ANSWERED: &str = "as answered";
-/// The captures' README gives 0.3 to 0.6 levels for the real frames' own sampling error at edges; no frame may be worse.
+/// The captures' README gives 0.3 to 0.6 levels for the real frames' own sampling error at edges; no frame may be
+/// worse.
 const WORST: f64 = 0.6;
 /// The same with textures, which the path tracer filters a little differently.
 const WORST_TEXTURED: f64 = 0.8;

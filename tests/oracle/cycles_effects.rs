@@ -1,5 +1,5 @@
-//! Frames of an independent path tracer whose camera has effects on pixels and in its set-up, against the device with the
-//! same effects on: the library's own way from a capture to a frame, by accumulation.
+//! Frames of an independent path tracer whose camera has effects on pixels and in its set-up, against the device with
+//! the same effects on: the library's own way from a capture to a frame, by accumulation.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
@@ -64,8 +64,8 @@ fn d06_time_offset() {
     assert!(without > 2.0 * with, "control");
 }
 
-/// Squared differences to the noise-free picture in flat places, by its value in bins of 32 levels: (sum, sum of squares,
-/// count).
+/// Squared differences to the noise-free picture in flat places, by its value in bins of 32 levels: (sum, sum of
+/// squares, count).
 fn residuals(noisy: &Plane<u8>, clean: &Plane<u8>, bins: &mut [(f64, f64, f64); 8]) {
     let at = |p: &Plane<u8>, x: usize, y: usize, c: usize| f64::from(p.pixel(x, y)[c]);
     for (x, y) in (2..clean.height - 2).flat_map(|y| (2..clean.width - 2).map(move |x| (x, y))) {
@@ -109,7 +109,8 @@ fn d04_noise_has_the_mean_and_the_variance() {
             continue;
         }
         eprintln!(
-            "d04 value {}..{}: {count} values, mean {mean:.3} (real {real_mean:.3}), variance {variance:.3} (real {real_variance:.3}, read noise alone {read:.3})",
+            "d04 value {}..{}: {count} values, mean {mean:.3} (real {real_mean:.3}), variance {variance:.3} (real \
+             {real_variance:.3}, read noise alone {read:.3})",
             32 * bin,
             32 * bin + 32
         );

@@ -1,5 +1,5 @@
-//! The engine on the device against frames of an independent path tracer, with the answer's effect switched on: the truth
-//! for `accumulation`, with controls, and figures for `paper`.
+//! The engine on the device against frames of an independent path tracer, with the answer's effect switched on: the
+//! truth for `accumulation`, with controls, and figures for `paper`.
 #![allow(clippy::unwrap_used)]
 
 use std::sync::Arc;
@@ -46,7 +46,8 @@ fn accumulation() -> Method {
     EngineOptions::default().method
 }
 
-/// The captures' README gives 0.3 to 0.6 levels for the real frames' own sampling error at edges; no frame may be worse.
+/// The captures' README gives 0.3 to 0.6 levels for the real frames' own sampling error at edges; no frame may be
+/// worse.
 const WORST: f64 = 0.6;
 /// The same with textures, which the path tracer filters a little differently.
 const WORST_TEXTURED: f64 = 0.8;

@@ -119,8 +119,8 @@ fn lens_shutter_and_blur_hold_as_well_as_shutter_and_blur() {
             let by_fast = levels(&render(&watched, &scene, fast(), &request), &want).0;
             request.settings = Settings::default();
             eprintln!(
-                "{exposure_s} s, {readout_s} s, {order}, {distortion:?}: exact {mean:.4} levels, without lens {none:.4}; \
-                 fast {by_fast:.4}, without lens {none_fast:.4}; accumulation {by_reference:.4}"
+                "{exposure_s} s, {readout_s} s, {order}, {distortion:?}: exact {mean:.4} levels, without lens \
+                 {none:.4}; fast {by_fast:.4}, without lens {none_fast:.4}; accumulation {by_reference:.4}"
             );
             assert!(by_fast < 1.5 * none_fast + 0.06, "fast: {by_fast} against {none_fast}");
             assert!(by_reference < 0.15, "accumulation: {by_reference}");

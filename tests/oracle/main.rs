@@ -1,5 +1,5 @@
-//! Against renderers that are not this one: the CPU oracle against formulas and an independent path tracer, the device against both,
-//! frames from outside against a ray caster.
+//! Against renderers that are not this one: the CPU oracle against formulas and an independent path tracer, the device
+//! against both, frames from outside against a ray caster.
 #![allow(clippy::unwrap_used)]
 
 mod closed_forms;

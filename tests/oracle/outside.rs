@@ -1,4 +1,5 @@
-//! Frames from outside against a renderer that is not ours: rows rendered one by one, 96 times each where they integrate.
+//! Frames from outside against a renderer that is not ours: rows rendered one by one, 96 times each where they
+//! integrate.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use crate::capi_support::{engine, error_of, finish, must, options, process, sized, status};
@@ -180,7 +181,8 @@ fn spans_and_margins_are_checked_and_told() {
     let given = poses(name, end_s, POSES);
     let margin = margin_of(engine, name, end_s, &given);
     assert!(margin[0] > 10, "control: a pan of 4 rad/s needs one: {margin:?}");
-    // One column less is refused, the margin that is told is taken, and the borders of the two differ where it is let pass.
+    // One column less is refused, the margin that is told is taken, and the borders of the two differ where it is let
+    // pass.
     let less = [margin[0] - 1, margin[1]];
     assert_eq!(deliver(engine, name, (end_s, less), &given, true).unwrap_err().0, status("TOO_SMALL"));
     deliver(engine, name, (end_s, margin), &given, true).unwrap();

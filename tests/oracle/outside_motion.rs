@@ -1,5 +1,5 @@
-//! Frames from outside with motion images, against a renderer that is not ours: what several of them bring, and bodies by motion
-//! and by ids.
+//! Frames from outside with motion images, against a renderer that is not ours: what several of them bring, and bodies
+//! by motion and by ids.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use crate::capi_support::{engine, finish, image, must, options, process, sized};
@@ -105,7 +105,8 @@ fn a_body_is_as_good_by_ids_as_by_motion() {
         };
         let [ids, resting] = [by_ids(1), by_ids(0)];
         eprintln!(
-            "a box, exposure {exposure_s} s: {ids:.1} dB by ids, {one:.1} and {six:.1} by 1 and 6 motion images, {resting:.1} at rest"
+            "a box, exposure {exposure_s} s: {ids:.1} dB by ids, {one:.1} and {six:.1} by 1 and 6 motion images, \
+             {resting:.1} at rest"
         );
         assert!(ids > one.max(six) - 0.2, "{ids:.1} dB by ids, {one:.1}, {six:.1} by motion");
         assert!(resting < ids - 4.0, "control: a box at rest passes, {resting:.1} dB");

@@ -1,4 +1,5 @@
-//! Frames from outside of several pictures: error against price, against a renderer that is not ours, rows rendered one by one.
+//! Frames from outside of several pictures: error against price, against a renderer that is not ours, rows rendered one
+//! by one.
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use crate::capi_support::{engine, finish, options, process};

@@ -1,5 +1,5 @@
-//! Paths and the frame without exposure of `--method exact` against their CPU twins, on random and edge input, odd sizes,
-//! lines that are rows or columns, with and without a lens; with controls.
+//! Paths and the frame without exposure of `--method exact` against their CPU twins, on random and edge input, odd
+//! sizes, lines that are rows or columns, with and without a lens; with controls.
 #![allow(clippy::unwrap_used)]
 
 use crate::exact_support::TestLens;

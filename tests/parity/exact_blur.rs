@@ -1,5 +1,5 @@
-//! Kernels of the blur of `--method exact` against their CPU twins: tiles, what may come into them, the gather. On random
-//! and edge input and odd sizes; with controls.
+//! Kernels of the blur of `--method exact` against their CPU twins: tiles, what may come into them, the gather. On
+//! random and edge input and odd sizes; with controls.
 #![allow(clippy::unwrap_used)]
 
 use crate::gpu_support::bench::{Bench, Scatter, differing};

@@ -145,7 +145,8 @@ fn a_silhouette_moves_as_one_and_uncovers_the_ground() {
             for (x, y) in (0..H).flat_map(|y| (0..W).map(move |x| (x, y))) {
                 let t = time_s(&p, order, x, y);
                 let (sx, sy) = (x as f32 + 0.5 - v[0] * t, y as f32 + 0.5 - v[1] * t);
-                // How far inside the square. Within a px of its edge a pixel may be either, within two it may hold both.
+                // How far inside the square. Within a px of its edge a pixel may be either, within two it may hold
+                // both.
                 let depth = (sx - 36.0).min(60.0 - sx).min(sy - 20.0).min(44.0 - sy);
                 let red = radiance.pixel(x, y)[0];
                 let both = (depth > 2.0 && red < 0.95) || (depth < -2.0 && red > 0.05);

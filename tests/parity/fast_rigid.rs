@@ -1,5 +1,6 @@
-//! The warp of `--method fast` along paths that follow from depth: bodies that move by themselves, a lens that the picture was
-//! rendered without, and what unpacks a host's pictures for it. Kernels against their twins; every comparison has a control.
+//! The warp of `--method fast` along paths that follow from depth: bodies that move by themselves, a lens that the
+//! picture was rendered without, and what unpacks a host's pictures for it. Kernels against their twins; every
+//! comparison has a control.
 #![allow(clippy::unwrap_used)]
 
 use crate::fast_device::{Field, on_device};

@@ -1,4 +1,5 @@
-//! Pictures that are put together: kernels against their twins, and what the reading of several pictures at once is worth.
+//! Pictures that are put together: kernels against their twins, and what the reading of several pictures at once is
+//! worth.
 #![allow(clippy::unwrap_used)]
 
 use crate::fast_device::{Field, on_device};

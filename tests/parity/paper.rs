@@ -1,6 +1,6 @@
-//! Kernels of the paper's method against their CPU twins, on random and edge input and odd sizes. On lavapipe bit for bit
-//! (it computes with the CPU's own operations in the twin's order); elsewhere a stated share of outliers is allowed,
-//! because divisions and square roots may be rounded differently there and a sample count may tip over.
+//! Kernels of the paper's method against their CPU twins, on random and edge input and odd sizes. On lavapipe bit for
+//! bit (it computes with the CPU's own operations in the twin's order); elsewhere a stated share of outliers is
+//! allowed, because divisions and square roots may be rounded differently there and a sample count may tip over.
 #![allow(clippy::unwrap_used)]
 
 use crate::gpu_support::bench::{Bench, Scatter, differing};

@@ -19,8 +19,8 @@ fn grid_px(watched: &Watched) -> f64 {
     0.5_f64.powi(watched.0.info().sub_pixel_bits as i32)
 }
 
-/// Relative error of the depth: float arithmetic, and a shift by half the grid of a surface whose depth changes by up to
-/// 2 % a px (a picture of one px has no neighbours that would tell).
+/// Relative error of the depth: float arithmetic, and a shift by half the grid of a surface whose depth changes by up
+/// to 2 % a px (a picture of one px has no neighbours that would tell).
 fn depth_tolerance(grid_px: f64) -> f32 {
     (1e-5 + 0.01 * grid_px) as f32
 }
@@ -200,8 +200,8 @@ fn edges_are_those_of_the_reference() {
             let places = sample_positions(samples);
             let got = planes(&watched, &scene, &path, k, samples);
             let wrong = coverage(&got, &reference(&scene, &path, k, &places), grid_px);
-            // A vertex moves by half the grid at most (1/512 px on lavapipe), and so does an edge: a sample changes sides
-            // if it lies within that band, on the side that the edge moves to.
+            // A vertex moves by half the grid at most (1/512 px on lavapipe), and so does an edge: a sample changes
+            // sides if it lies within that band, on the side that the edge moves to.
             let allowed = 0.5 * grid_px * length_px * f64::from(samples) + 4.0;
             let label = format!("{width}x{height}, {samples} samples, {length_px:.0} px of edges");
             eprintln!("{label}: {wrong:?} px off inside and at edges, {allowed:.0} allowed");
@@ -216,7 +216,8 @@ fn edges_are_those_of_the_reference() {
     }
 }
 
-/// Where the surface point of a pixel falls at a later time, from fx, cx and the poses, not from the library's formulas.
+/// Where the surface point of a pixel falls at a later time, from fx, cx and the poses, not from the library's
+/// formulas.
 fn seen_at(k: &Intrinsics, pixel: DVec2, depth_m: f64, before: &[Pose; 2], after: &[Pose; 2]) -> DVec2 {
     let ray = DVec3::new((pixel.x - k.cx) / k.fx, (pixel.y - k.cy) / k.fy, 1.0);
     let [camera, object] = before;

@@ -1,5 +1,5 @@
-//! Kernels that turn samples into pixels against their CPU twins, on uploaded samples: supersampling grids, odd sizes, all
-//! scan orders. The variants for several samples a texel are held to the rasterizer's reference in `raster_parity`.
+//! Kernels that turn samples into pixels against their CPU twins, on uploaded samples: supersampling grids, odd sizes,
+//! all scan orders. The variants for several samples a texel are held to the rasterizer's reference in `raster_parity`.
 #![allow(clippy::unwrap_used)]
 
 use crate::gpu_support::bench::{Bench, Scatter, differing};

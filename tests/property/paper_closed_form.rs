@@ -66,8 +66,8 @@ fn green_edge(radiance: &Plane<f32>, x: usize) -> f32 {
 
 /// Farthest that any edge lies from its closed form for constant motion `v` px a frame, read in `order`.
 ///
-/// Across the lines the bar slants: line i's edge lies at e + v (start + readout i/N) / T. Along them it is displaced by
-/// what its own line sees, x = e + v (start + readout i(x)/N) / T solved for x.
+/// Across the lines the bar slants: line i's edge lies at e + v (start + readout i/N) / T. Along them it is displaced
+/// by what its own line sees, x = e + v (start + readout i(x)/N) / T solved for x.
 fn worst_edge_px(radiance: &Plane<f32>, p: &Push, order: ScanOrder, v: [f32; 2]) -> f32 {
     let [vx, vy] = v.map(|v| v / T);
     let lines = if order.lines_are_rows() { H } else { W } as f32;
@@ -293,8 +293,8 @@ fn a_change_of_speed_bends_the_bar_as_the_quadratic_predicts() {
 
 #[test]
 fn blur_under_acceleration_has_the_profile_of_the_time_spent() {
-    // Global shutter, from rest to 40 px a frame: at time u the edge is at e + 20 (u/T)^2, so the share of time before it
-    // reached e + d is sqrt(d / 20).
+    // Global shutter, from rest to 40 px a frame: at time u the edge is at e + 20 (u/T)^2, so the share of time before
+    // it reached e + d is sqrt(d / 20).
     let motion = [constant_motion([0.0, 0.0]), constant_motion([40.0, 0.0])];
     let p = Push { exposure_time_s: T, motion_count: 2, ..push(ScanOrder::TopToBottom) };
     let radiance = paper_gather(&p, &step(), &motion);
@@ -306,7 +306,8 @@ fn blur_under_acceleration_has_the_profile_of_the_time_spent() {
         worst = worst.max((got - share.sqrt()).abs());
         linear = linear.max((got - share).abs());
     }
-    // Twenty samples are half a step, 1/40, apart from the continuous share; the edge's own px adds as much at the start.
+    // Twenty samples are half a step, 1/40, apart from the continuous share; the edge's own px adds as much at the
+    // start.
     assert!(worst < 0.06, "off by {worst}");
     assert!(linear > 0.2, "control: constant speed passes, {linear}");
 }

@@ -1,5 +1,5 @@
-//! OBJ scenes made by others (`../shared/data`, read only) and one of our own: each loads as it should or is refused with
-//! an error that names file and line.
+//! OBJ scenes made by others (`../shared/data`, read only) and one of our own: each loads as it should or is refused
+//! with an error that names file and line.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeSet;
@@ -26,7 +26,8 @@ fn load(path: impl AsRef<Path>) -> Result<Scene, String> {
     load_obj(path, path.parent().unwrap()).map_err(|e| e.to_string())
 }
 
-/// What should become of a file: triangles, objects, materials, textures; or what the error says behind the file's name.
+/// What should become of a file: triangles, objects, materials, textures; or what the error says behind the file's
+/// name.
 enum Expected {
     Loads([usize; 4]),
     Refused(&'static str),
@@ -152,7 +153,8 @@ fn every_scene_made_by_others_loads_or_is_refused_clearly() {
     }
 }
 
-/// Faces of an OBJ file of triangles: all, and those in which two edges are parallel. Reads nothing but plain `v` and `f`.
+/// Faces of an OBJ file of triangles: all, and those in which two edges are parallel. Reads nothing but plain `v` and
+/// `f`.
 fn control_counts(path: &Path) -> (usize, usize) {
     let text = String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned();
     let mut points: Vec<glam::DVec3> = Vec::new();

@@ -1,6 +1,7 @@
-//! `flat-fields`: what a simulated sensor delivers under even light and in the dark, as the public `emva1288` package reads
-//! it: 16-bit PNG of one channel and the descriptor that lists them (EMVA 1288, release 4.0: two pictures for each exposure
-//! time with light and two without, and a series of each at half saturation). The chain's own kernels make them.
+//! `flat-fields`: what a simulated sensor delivers under even light and in the dark, as the public `emva1288` package
+//! reads it: 16-bit PNG of one channel and the descriptor that lists them (EMVA 1288, release 4.0: two pictures for
+//! each exposure time with light and two without, and a series of each at half saturation). The chain's own kernels
+//! make them.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -31,7 +31,8 @@ pub struct Args {
 /// Writes the capture: the frames with the effects on, everything else as it was.
 ///
 /// # Errors
-/// A capture or camera that cannot be read, an effect that acts before there is a picture, files that cannot be written.
+/// A capture or camera that cannot be read, an effect that acts before there is a picture, files that cannot be
+/// written.
 pub fn write(args: &Args) -> Result<()> {
     let camera = CameraFile::read(&args.camera)?;
     for (name, _) in camera.settings.iter() {

@@ -1,6 +1,6 @@
 #version 460
-// The picture of raster_color.frag as a user would otherwise write it: the lights in a storage buffer, read in the loop,
-// a root for every length and pow() for the highlight. What the raster's 16 samples are measured against.
+// The picture of raster_color.frag as a user would otherwise write it: the lights in a storage buffer, read in the
+// loop, a root for every length and pow() for the highlight. What the raster's 16 samples are measured against.
 struct Light {
     vec4 position_m;
     vec4 color;

@@ -1,6 +1,6 @@
 #version 460
-// Trial: sums along rows. The path is cut where it comes to another row, and each piece is the difference of two sums, both
-// read between texels along the row. The picture of mostly horizontal motion only: what it can win at best.
+// Trial: sums along rows. The path is cut where it comes to another row, and each piece is the difference of two sums,
+// both read between texels along the row. The picture of mostly horizontal motion only: what it can win at best.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 #define OWN_MEAN
@@ -16,7 +16,7 @@ vec3 sum_to(float x_px, int row) {
 }
 
 vec3 mean_of_taps(vec2 begin_px, vec2 a, vec2 b, int count) {
-    // Pieces of equal time, at least as many as rows; each as wide as a px at least, so that nothing at rest divides by 0.
+    // Pieces of equal time, at least as many as rows; each a px wide at least: what rests must not divide by 0.
     int pieces = int(abs(a.y + b.y)) + 1;
     float h = 1.0 / float(pieces);
     vec3 mean = vec3(0.0);

@@ -1,5 +1,5 @@
-//! One parser a process, the one that `SHUTTERBUG_PARSER` names. With `SHUTTERBUG_SEEDS=FOLDER` it writes a whole file of each kind
-//! to FOLDER/NAME/whole and ends.
+//! One parser a process, the one that `SHUTTERBUG_PARSER` names. With `SHUTTERBUG_SEEDS=FOLDER` it writes a whole file
+//! of each kind to FOLDER/NAME/whole and ends.
 #![no_main]
 
 use std::path::Path;

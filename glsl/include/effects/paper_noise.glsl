@@ -1,5 +1,5 @@
-// paper_noise (section 3.4): static, colour and edge parts with one sigma a channel, on linear radiance. The static part
-// belongs to the sensor and never changes; the others are new in every frame. Twin: src/effects/paper_noise.rs.
+// paper_noise (section 3.4): static, colour and edge parts with one sigma a channel, on linear radiance. The static
+// part belongs to the sensor and never changes; the others are new in every frame. Twin: src/effects/paper_noise.rs.
 #ifndef PAPER_NOISE_GLSL
 #define PAPER_NOISE_GLSL
 

@@ -1,5 +1,5 @@
-// sensor_color: the light that white_balance, color_matrix, response_curve and saturation turn back into the scene's. Twin:
-// src/effects/sensor_color.rs.
+// sensor_color: the light that white_balance, color_matrix, response_curve and saturation turn back into the scene's.
+// Twin: src/effects/sensor_color.rs.
 #ifndef SENSOR_COLOR_GLSL
 #define SENSOR_COLOR_GLSL
 

@@ -1,5 +1,5 @@
-//! The division model (Fitzgibbon 2001): ideal = distorted / (1 + k1 r^2), r the *distorted* radius. One coefficient, and
-//! a closed form in both directions.
+//! The division model (Fitzgibbon 2001): ideal = distorted / (1 + k1 r^2), r the *distorted* radius. One coefficient,
+//! and a closed form in both directions.
 
 /// Distorted over ideal radius at an ideal radius, and the slope of the distorted radius there.
 ///

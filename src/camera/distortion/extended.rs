@@ -1,10 +1,10 @@
-//! A lens as a map of the whole plane, for drawing: triangles have corners far outside the picture and behind the camera,
-//! where a polynomial folds back or means nothing.
+//! A lens as a map of the whole plane, for drawing: triangles have corners far outside the picture and behind the
+//! camera, where a polynomial folds back or means nothing.
 //!
-//! Up to an ideal radius R that holds all that the picture shows the map is the lens's. Beyond, along each direction n, it
-//! goes on linearly: D(R n) + s (r - R) n, with a slope s that is at least that of the lens and at least D(r) / r. The
-//! first makes it one-to-one, the second keeps a straight edge whose ends are mapped and which stays outside of R from
-//! crossing the picture.
+//! Up to an ideal radius R that holds all that the picture shows the map is the lens's. Beyond, along each direction n,
+//! it goes on linearly: D(R n) + s (r - R) n, with a slope s that is at least that of the lens and at least D(r) / r.
+//! The first makes it one-to-one, the second keeps a straight edge whose ends are mapped and which stays outside of R
+//! from crossing the picture.
 
 use glam::{DVec2, DVec3};
 

@@ -49,8 +49,8 @@ pub(super) fn least_over_directions(p: &[f64; 2], limit: f64, on_ray: impl Fn(f6
     least
 }
 
-/// The first radius in (0, limit] on the ray along `n` where the Jacobian has no inverse. It is the identity on the axis
-/// and symmetric, so up to there it is positive definite.
+/// The first radius in (0, limit] on the ray along `n` where the Jacobian has no inverse. It is the identity on the
+/// axis and symmetric, so up to there it is positive definite.
 fn first_singular(k: &[f64; 3], p: &[f64; 2], n: DVec2, limit: f64) -> Option<f64> {
     let even = |a: f64, b: f64, c: f64| vec![1.0, 0.0, a, 0.0, b, 0.0, c];
     let along = even(3.0 * k[0], 5.0 * k[1], 7.0 * k[2]);

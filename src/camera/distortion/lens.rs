@@ -9,7 +9,7 @@ use crate::error::{Error, LensFold, Result};
 
 /// Ideal radius to which a mapping is followed at least: 89.9 degrees from the axis. Rays further out never meet the
 /// plane that a pinhole draws on.
-const WIDEST: f64 = 1e3;
+const MAX_TANGENT: f64 = 1e3;
 
 /// Border points whose fold is looked for when a lens is refused.
 const FOLD_SAMPLES: usize = 256;
@@ -31,7 +31,7 @@ impl Lens {
     pub fn new(intrinsics: Intrinsics, distortion: Distortion) -> Result<Self> {
         let corners = border(&intrinsics, 1);
         let furthest = corners.iter().map(|&c| normalised(&intrinsics, c).length()).fold(0.0, f64::max);
-        let limit = WIDEST.max(10.0 * furthest);
+        let limit = MAX_TANGENT.max(10.0 * furthest);
         let max_radius = invertible_radius(&distortion, limit);
         let lens = Self { intrinsics, distortion, max_radius };
         if distortion.is_identity() {
@@ -63,8 +63,8 @@ impl Lens {
         self.to_px(self.distortion.distort(normalised(&self.intrinsics, ideal_px)))
     }
 
-    /// Where the pinhole would put what the lens puts at `distorted_px`; px. `None` only outside the picture, for points
-    /// that no ray reaches. Exact to 1e-10 focal lengths away from the fold.
+    /// Where the pinhole would put what the lens puts at `distorted_px`; px. `None` only outside the picture, for
+    /// points that no ray reaches. Exact to 1e-10 focal lengths away from the fold.
     pub fn undistort_px(&self, distorted_px: DVec2) -> Option<DVec2> {
         self.ideal_of(normalised(&self.intrinsics, distorted_px)).map(|ideal| self.to_px(ideal))
     }
@@ -89,8 +89,8 @@ impl Lens {
         table
     }
 
-    /// The rectangle of ideal points that the picture shows: smallest and largest x and y, px. What a pinhole render must
-    /// cover.
+    /// The rectangle of ideal points that the picture shows: smallest and largest x and y, px. What a pinhole render
+    /// must cover.
     pub fn ideal_bounds_px(&self) -> (DVec2, DVec2) {
         let steps = self.intrinsics.width.max(self.intrinsics.height) as usize;
         let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);

@@ -1,9 +1,9 @@
-//! Lens distortion: where a ray really falls. Brown-Conrady with OpenCV's five coefficients, OpenCV's rational model with
-//! eight, the equidistant fisheye (Kannala-Brandt) with Kalibr's and OpenCV's four, and the division model with one; both
-//! directions of the mapping, and the radius up to which it can be inverted.
+//! Lens distortion: where a ray really falls. Brown-Conrady with OpenCV's five coefficients, OpenCV's rational model
+//! with eight, the equidistant fisheye (Kannala-Brandt) with Kalibr's and OpenCV's four, and the division model with
+//! one; both directions of the mapping, and the radius up to which it can be inverted.
 //!
-//! All coordinates are normalised: x = (u - cx) / fx, y = (v - cy) / fy. *Ideal* is where the pinhole would put a
-//! ray (X / Z, Y / Z), *distorted* is where the lens puts it. OpenCV counts pixels from their centres; u and cx shift by
+//! All coordinates are normalised: x = (u - cx) / fx, y = (v - cy) / fy. *Ideal* is where the pinhole would put a ray
+//! (X / Z, Y / Z), *distorted* is where the lens puts it. OpenCV counts pixels from their centres; u and cx shift by
 //! the same half pixel, so the coefficients are the same here and there.
 //!
 //! All models have a symmetric Jacobian: they are gradients of a potential. Where that Jacobian is positive definite
@@ -25,8 +25,8 @@ use glam::{DMat2, DVec2};
 
 /// Steps of Newton's method at most. Sane coefficients need 3 to 6; the rest is for points beside the fold.
 const MAX_STEPS: usize = 60;
-/// Newton stops when the distorted point is met this closely (normalised): far below 1e-10 of the ideal point unless the
-/// Jacobian is nearly singular.
+/// Newton stops when the distorted point is met this closely (normalised): far below 1e-10 of the ideal point unless
+/// the Jacobian is nearly singular.
 const RESIDUAL: f64 = 1e-14;
 /// The loosest residual that still counts as a solution, where rounding forbids a closer one.
 const ACCEPTED_RESIDUAL: f64 = 1e-12;

@@ -1,5 +1,5 @@
-//! What JPEG does to blocks of 8x8 values: the cosine transform, and the steps that a quality rounds its coefficients to
-//! (ITU-T T.81, annex A.3.3 and tables K.1 and K.2; scaled as libjpeg does).
+//! What JPEG does to blocks of 8x8 values: the cosine transform, and the steps that a quality rounds its coefficients
+//! to (ITU-T T.81, annex A.3.3 and tables K.1 and K.2; scaled as libjpeg does).
 
 /// Side of a block, px.
 pub const SIDE: usize = 8;
@@ -69,8 +69,8 @@ impl Dct {
     }
 }
 
-/// Each row times a matrix. A row of the result grows by one row of the matrix at a time: eight sums side by side, which
-/// compilers turn into vectors, where one sum after the other is eight chains of additions.
+/// Each row times a matrix. A row of the result grows by one row of the matrix at a time: eight sums side by side,
+/// which compilers turn into vectors, where one sum after the other is eight chains of additions.
 fn product(block: &[f32; AREA], matrix: &[[f32; SIDE]; SIDE]) -> [f32; AREA] {
     let mut out = [0.0; AREA];
     for (from, to) in block.chunks_exact(SIDE).zip(out.chunks_exact_mut(SIDE)) {

@@ -1,6 +1,7 @@
-//! What is left of noise behind compression, block by block. A coefficient that lies between two thresholds keeps nothing of a
-//! noise that is narrower than its step, one that lies at a threshold goes either way and makes a whole step of it: where the
-//! picture has texture much more is left than in flat places, and a mean over the picture is wrong in both.
+//! What is left of noise behind compression, block by block. A coefficient that lies between two thresholds keeps
+//! nothing of a noise that is narrower than its step, one that lies at a threshold goes either way and makes a whole
+//! step of it: where the picture has texture much more is left than in flat places, and a mean over the picture is
+//! wrong in both.
 
 use std::sync::LazyLock;
 
@@ -14,8 +15,8 @@ use crate::plane::stats::erf;
 
 /// Places between two thresholds, and widths of the noise, at which the variance of a rounded value is tabled.
 const TABLE: [usize; 2] = [33, 15];
-/// Widths of the noise, in steps, between which the table stands: below only the nearest threshold is within reach, above
-/// rounding adds its own 1/12.
+/// Widths of the noise, in steps, between which the table stands: below only the nearest threshold is within reach,
+/// above rounding adds its own 1/12.
 const WIDTHS: [f32; 2] = [0.15, 0.7];
 /// What a colour has of brightness and of the two colour differences.
 const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136], [1.0, 1.772, 0.0]];
@@ -23,7 +24,8 @@ const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136],
 /// Statistics that are told apart: pixels, bands of 2, 4 and 8 px, rows, columns.
 const KINDS: usize = 6;
 
-/// Variances behind compression, DN^2, by block of 8 px, colour and statistic: as white noise of that variance would give it.
+/// Variances behind compression, DN^2, by block of 8 px, colour and statistic: as white noise of that variance would
+/// give it.
 pub struct Flips {
     across: usize,
     blocks: Vec<[[f32; KINDS]; 3]>,
@@ -75,8 +77,8 @@ impl Flips {
     }
 }
 
-/// Variance of a colour made of brightness and differences of such variances. What noise they had in common before compression
-/// they have in common still, as far as it is left; what rounding adds they have not.
+/// Variance of a colour made of brightness and differences of such variances. What noise they had in common before
+/// compression they have in common still, as far as it is left; what rounding adds they have not.
 fn together(m: &[f32; 3], parts: &[f32; 3], common: impl Fn(usize, usize) -> f32) -> f32 {
     let kept = [0, 1, 2].map(|k| (parts[k] / common(k, k).max(1e-9)).min(1.0).sqrt());
     let pair = |k: usize, l: usize| 2.0 * m[k] * m[l] * common(k, l) * kept[k] * kept[l];

@@ -1,6 +1,6 @@
-//! Compression of noisy pictures: what JPEG makes of a picture on average over the noise in it, and what it leaves of the
-//! noise. Noise wider than a step carries the mean through the rounding (dither); noise narrower than half a step is
-//! removed, coefficient by coefficient, so that what remains is coarser than a pixel.
+//! Compression of noisy pictures: what JPEG makes of a picture on average over the noise in it, and what it leaves of
+//! the noise. Noise wider than a step carries the mean through the rounding (dither); noise narrower than half a step
+//! is removed, coefficient by coefficient, so that what remains is coarser than a pixel.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex};
@@ -13,7 +13,8 @@ use crate::chain::{BANDS, Left};
 use crate::plane::Plane;
 use crate::plane::stats::{LUMA, erf, robust_variance};
 
-/// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and colours.
+/// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and
+/// colours.
 pub(crate) const ROUNDED2: f32 = 0.12;
 /// Rows of the conversion to brightness and two colours.
 pub(crate) const TO_YCC: [[f32; 3]; 3] = [LUMA, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];

@@ -1,11 +1,11 @@
-//! How finely triangles must be cut so that straight edges between corners that were projected at times of their own
-//! stay near the curves that a rolling shutter makes of them.
+//! How finely triangles must be cut. Each corner is projected at the time of its own line, so a rolling shutter turns a
+//! straight edge into a curve; the edge that is drawn must stay near that curve.
 //!
-//! Over an edge, displacement is velocity times time, and both change: by dv and dt from end to end, and the velocity by
-//! a dt on its own. To second order the chord is then off by `dv dt / 4 + a dt^2 / 8` in its middle. Velocities at both
-//! ends follow from the camera's turn and way; where an end is beside or behind the camera, they differ over an angle s
-//! by at most (w + V/d) s for a camera that turns at w rad/s and passes at V m/s what is d m away. The largest over
-//! samples of the camera's path counts, so triangles are cut once, at load.
+//! Over an edge, displacement is velocity times time, and both change: by dv and dt from end to end, and the velocity
+//! by a dt on its own. To second order the chord is then off by `dv dt / 4 + a dt^2 / 8` in its middle. Velocities at
+//! both ends follow from the camera's turn and way; where an end is beside or behind the camera, they differ over an
+//! angle s by at most (w + V/d) s for a camera that turns at w rad/s and passes at V m/s what is d m away. The largest
+//! over samples of the camera's path counts, so triangles are cut once, at load.
 
 use glam::{DVec2, DVec3};
 
@@ -109,8 +109,8 @@ pub(super) fn strength(
     (most / chord_px).max(1.0).log2().min(30.0) as i32
 }
 
-/// Three times in each of the frames, or of so many of them that there are not too many, and the span of the trajectory;
-/// and how many frames were passed over for each that was not.
+/// Three times in each of the frames, or of so many of them that there are not too many, and the span of the
+/// trajectory; and how many frames were passed over for each that was not.
 fn sample_times(path: &Trajectory, views: &Views<'_>) -> (Vec<f64>, usize) {
     let stride = (3 * views.frames.len()).div_ceil(FRAME_SAMPLES).max(1);
     let sampled = views.frames.iter().step_by(stride);

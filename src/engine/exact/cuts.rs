@@ -1,9 +1,9 @@
 //! Triangles as they are drawn: whole, and cut for the motion of the frames that draw them.
 //!
-//! Frames that were announced are sorted by how strongly the camera moves, in classes of a factor of two, and each class
-//! has a cut of its own: one frame of strong acceleration would otherwise make every other frame draw its triangles.
-//! Frames whose blur hides it are cut more coarsely. A frame that nobody announced is drawn with triangles cut for the whole
-//! trajectory.
+//! Frames that were announced are sorted by how strongly the camera moves, in classes of a factor of two, and each
+//! class has a cut of its own: one frame of strong acceleration would otherwise make every other frame draw its
+//! triangles. Frames whose blur hides it are cut more coarsely. A frame that nobody announced is drawn with triangles
+//! cut for the whole trajectory.
 
 use super::cut::{Limits, Views, cut, strength};
 use crate::engine::scene::Stage;
@@ -28,8 +28,8 @@ impl Placeable {
     }
 }
 
-/// How much farther chords may be from their curves where blur hides it: at twice the distance, ladder rows with blur lose
-/// 0.1 to 0.5 dB (at four times, up to 2.7), and the raster takes up to a third less time.
+/// How much farther chords may be from their curves where blur hides it: at twice the distance, ladder rows with blur
+/// lose 0.1 to 0.5 dB (at four times, up to 2.7), and the raster takes up to a third less time.
 const BLURRED: f64 = 2.0;
 
 /// From the first line's start to the last line's end, s.
@@ -68,7 +68,7 @@ impl Cuts {
         Self { announced: frames.into_iter().map(|span| (span, 0)).collect(), ..Self::default() }
     }
 
-    /// Everything is to be made anew, for no readout longer than the next that is asked for.
+    /// Drops all cuts. New ones are made for the readout of the next frame and for shorter ones.
     pub(super) fn forget(&mut self) {
         self.cuts.clear();
         self.lines = Default::default();

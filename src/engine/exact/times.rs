@@ -35,8 +35,8 @@ pub(super) fn lines_of(camera: &Intrinsics, shutter: &ShutterTiming) -> u32 {
     if shutter.scan_order.lines_are_rows() { camera.height } else { camera.width }
 }
 
-/// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first line
-/// (in scan order) to that of its last.
+/// Begin, middle and end of the exposure of `count` lines, equally spaced from the middle of the attachment's first
+/// line (in scan order) to that of its last.
 pub(super) fn exposures(
     view: &View<'_>,
     shutter: &ShutterTiming,
@@ -103,9 +103,9 @@ pub(super) fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach 
     found
 }
 
-/// Where the vertex stage finds the time of a line: the instant `tau` of its exposure (-0.5 to 0.5), in places among knots that are spread
-/// from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px in scan order, and its
-/// time belongs to its middle.
+/// Where the vertex stage finds the time of a line: the instant `tau` of its exposure (-0.5 to 0.5), in places among
+/// knots that are spread from the first line's start to the last line's end. Line l of the picture covers [l, l + 1) px
+/// in scan order, and its time belongs to its middle.
 pub(super) fn place_push(
     camera: &Intrinsics,
     shutter: &ShutterTiming,

@@ -1,12 +1,12 @@
 //! `--method fast`: one render and a warp. The picture is rendered at the middle of the frame, with twice the pixels a
-//! side where the samples allow; beside it, displacements of every surface point FROM that instant to up to six others of
-//! the frame. They follow from the picture's depth (`fast_depth`), or, where something moves by itself, are rendered with
-//! the geometry at the reference instant, so that each texel holds the path of the very point that the picture shows
-//! there: no path is pieced together from chords, and one motion pass gives two of its points. `fast_pass` does the warp,
-//! which knows nothing of the scene.
+//! side where the samples allow; beside it, displacements of every surface point FROM that instant to up to six others
+//! of the frame. They follow from the picture's depth (`fast_depth`), or, where something moves by itself, are rendered
+//! with the geometry at the reference instant, so that each texel holds the path of the very point that the picture
+//! shows there: no path is pieced together from chords, and one motion pass gives two of its points. `fast_pass` does
+//! the warp, which knows nothing of the scene.
 //!
-//! What it gets wrong: what the picture does not show (behind a silhouette at the reference instant) is taken from beside
-//! it; shading does not change during the frame; silhouettes are as fine as the path images.
+//! What it gets wrong: what the picture does not show (behind a silhouette at the reference instant) is taken from
+//! beside it; shading does not change during the frame; silhouettes are as fine as the path images.
 
 pub(crate) mod depth;
 pub(crate) mod pass;

@@ -1,5 +1,5 @@
-//! The warp of `--method fast` on its own: it takes a picture, the paths of what it shows and their depth, wherever these
-//! come from (a renderer's, or frames from outside), and writes radiance. Twins: `reference/fast_seeds.rs`,
+//! The warp of `--method fast` on its own: it takes a picture, the paths of what it shows and their depth, wherever
+//! these come from (a renderer's, or frames from outside), and writes radiance. Twins: `reference/fast_seeds.rs`,
 //! `reference/fast_gather.rs`.
 
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::reference::fast_push::Push;
 
-/// All three kernels are told the same.
+/// Push constants, the same for all three kernels.
 macro_rules! assert_push_of {
     ($($file:literal),+) => {
         $(assert_push_layout!(
@@ -42,33 +42,34 @@ assert_push_of!("fast_seeds.comp", "fast_gather.comp", "fast_silhouettes.comp");
 
 /// Most path images: two knots each.
 pub const MAX_PATH_IMAGES: usize = 3;
-/// Where paths follow from depth: steps between the knots of a frame, so many that the matrices of two are linear between
-/// them. A camera that shakes at 60 Hz is then where it is within a thousandth of its way over 50 ms.
+/// Where paths follow from depth: steps between the knots of a frame, so many that the matrices of two are linear
+/// between them. A camera that shakes at 60 Hz is then where it is within a thousandth of its way over 50 ms.
 pub const MOVED_STEPS: u32 = 64;
 /// Bytes of the matrices of one body over a frame: three rows a knot.
 pub const MOVED_BYTES: u64 = (MOVED_STEPS as u64 + 1) * 3 * 16;
 
 /// The images of one warp. All but `radiance` cover the picture and `margin_px` more on every side.
 pub struct FastImages<'a> {
-    /// Linear radiance at the reference instant; `color_scale` texels a px. Frames without exposure read it texel by texel.
+    /// Linear radiance at the reference instant; `color_scale` texels a px. Frames without exposure read it texel by
+    /// texel.
     pub color: &'a Image,
     /// The same picture for frames with an exposure, which read between texels: its format must be one that the device
     /// filters (four half floats always are). May be `color`.
     pub filtered: &'a Image,
-    /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant) of
-    /// what is seen there to two other instants (first two and last two channels). All instants, in order of time and
-    /// without the reference instant, are equally spaced knots when the reference instant is put back in its place. None
-    /// where the warp was made for paths from depth.
+    /// One to three images of four floats, `path_scale` texels a px: the displacements (px, from the reference instant)
+    /// of what is seen there to two other instants (first two and last two channels). All instants, in order of time
+    /// and without the reference instant, are equally spaced knots when the reference instant is put back in its place.
+    /// None where the warp was made for paths from depth.
     pub paths: Vec<&'a Image>,
     /// Where the warp was made for paths from depth: a buffer of texels, rows x, y and w of the matrices that take
-    /// `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each of [`MOVED_STEPS`] + 1 knots, those
-    /// of one body after the other.
+    /// `(ndc x, ndc y, inverse depth, 1)` at the reference instant to clip space at each of [`MOVED_STEPS`] + 1 knots,
+    /// those of one body after the other.
     pub moved: Option<&'a Buffer>,
-    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far. With
-    /// bodies two floats; the second is the number of the body.
+    /// One float, `path_scale` texels a px: grows towards the camera (near distance over distance), 0 infinitely far.
+    /// With bodies two floats; the second is the number of the body.
     pub inverse_depth: &'a Image,
-    /// Where the warp was made for a lens: where each pixel of the result looks (px of the picture, margin included), and
-    /// where the lens shows each pixel of the picture (px of the result); two floats each.
+    /// Where the warp was made for a lens: where each pixel of the result looks (px of the picture, margin included),
+    /// and where the lens shows each pixel of the picture (px of the result); two floats each.
     pub lens: Option<[&'a Image; 2]>,
     /// Where the result goes, four floats: linear RGB and the number of samples, negative where one left the picture.
     pub radiance: &'a Image,
@@ -138,7 +139,8 @@ pub struct FastKind {
 }
 
 impl FastGather {
-    /// A warp that delivers `size` px from pictures of `color_scale` (1 or 2) and path images of `path_scale` texels a px.
+    /// A warp that delivers `size` px from pictures of `color_scale` (1 or 2) and path images of `path_scale` texels a
+    /// px.
     ///
     /// # Errors
     /// Out of memory.
@@ -258,7 +260,8 @@ impl FastGather {
     }
 }
 
-/// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each side.
+/// First pixel and size of what holds all lines whose exposures' middles lie between two times, s; a line more on each
+/// side.
 pub(crate) fn lines_between(
     shutter: &ShutterTiming,
     size: [u32; 2],
@@ -283,8 +286,8 @@ pub(crate) fn lines_between(
 }
 
 impl FastTiming {
-    /// Of paths from depth: [`MOVED_STEPS`] knots after the frame's start, and their times, s. What a frame without duration
-    /// has is all at once; any step places its only instant at the first knot.
+    /// Of paths from depth: [`MOVED_STEPS`] knots after the frame's start, and their times, s. What a frame without
+    /// duration has is all at once; any step places its only instant at the first knot.
     pub fn spaced(shutter: ShutterTiming) -> (Self, [f64; MOVED_STEPS as usize + 1]) {
         let (start_s, end_s) = (shutter.start_s, shutter.end_s());
         let step_s = (end_s - start_s) / f64::from(MOVED_STEPS);

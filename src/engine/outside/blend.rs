@@ -1,6 +1,6 @@
-//! Frames from outside of several pictures: every line from the three that are nearest to it in time. Where they show one surface
-//! they are read together, as one picture of finer texels; else what each of them shows counts by how much of it was seen.
-//! Twin: `reference/outside_blend.rs`.
+//! Frames from outside with several pictures. Each line is made from the three pictures that are nearest in time. Where
+//! they show the same surface, they are read together, like one picture with finer texels. Elsewhere each counts by how
+//! much of the surface it shows. Twin: `reference/outside_blend.rs`.
 
 use crate::assert_push_layout;
 use crate::engine::fast::pass::{FastTiming, lines_between};
@@ -86,8 +86,8 @@ impl Blend {
     }
 }
 
-/// From when to when the lines are made of the three pictures from each on; `times_s`: of all pictures, rising; `never_s`:
-/// before and after every line.
+/// From when to when the lines are made of the three pictures from each on; `times_s`: of all pictures, rising;
+/// `never_s`: before and after every line.
 pub(super) fn windows(times_s: &[f64], never_s: [f64; 2]) -> Vec<[f64; 2]> {
     // Half way between the picture that goes and the one that comes.
     let borders = times_s.windows(NEAREST + 1).map(|t| 0.5 * (t[0] + t[NEAREST]));

@@ -1,4 +1,4 @@
-//! What a frame from outside consists of.
+//! The parts of a frame from outside.
 
 use std::sync::Arc;
 
@@ -21,7 +21,8 @@ pub enum PixelSource<'a> {
     /// In a buffer that the device reads, from this byte on (a multiple of 4). Must not be written until the frame is
     /// collected.
     Shared(&'a Arc<Buffer>, u64),
-    /// In an image of the host's, of the picture's size and a format that lies like the picture's. Copied on the device.
+    /// In an image of the host's, of the picture's size and a format that lies like the picture's. Copied on the
+    /// device.
     Image(&'a Arc<SharedImage>),
 }
 
@@ -83,7 +84,7 @@ pub enum OutsideMotion<'a> {
 /// Most pictures of a frame.
 pub const MAX_PICTURES: usize = 8;
 
-/// Another picture of a frame, at an instant of its own: size, margin, encoding and conventions are those of the first.
+/// A further picture of a frame, at its own instant. Size, margin, encoding and conventions are those of the first.
 #[derive(Clone, Copy)]
 pub struct OutsidePicture<'a> {
     /// When it was rendered, s.
@@ -103,7 +104,8 @@ pub const MAX_BODIES: usize = 255;
 pub struct OutsideBodies<'a> {
     /// Whose surface each pixel shows ([`PixelFormat::R8u`], `R16u` or `R32u`), at the colour's instant.
     pub ids: OutsidePixels<'a>,
-    /// Id and world-from-body of each; [`MAX_BODIES`] at most, in rising order of their ids. What is nobody's rests.
+    /// Id and world-from-body of each; [`MAX_BODIES`] at most, in rising order of their ids. Ids without a body belong
+    /// to what rests.
     pub paths: Vec<(u32, Trajectory)>,
 }
 
@@ -173,8 +175,8 @@ pub(super) fn pictures<'a>(frame: &OutsideFrame<'a>) -> Vec<OutsidePixels<'a>> {
     all
 }
 
-/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in words of 32
-/// bits that wrap, so a stride may be below 0.
+/// First byte of the top row and stride of a picture where the kernel reads it; `size` with margin. Kernels count in
+/// words of 32 bits that wrap, so a stride may be below 0.
 pub(super) fn place(pixels: &OutsidePixels<'_>, size: [u32; 2]) -> (u32, u32) {
     let (first_byte, stride_bytes) = match pixels.source {
         PixelSource::Host(_) | PixelSource::Image(_) => {

@@ -1,4 +1,4 @@
-//! Pipelines of `outside.rs`, and what they are bound to.
+//! Pipelines of frames from outside, and their bindings.
 
 use std::sync::{Arc, Weak};
 
@@ -35,7 +35,8 @@ assert_push_layout!(
 /// Colour formats, the first of all formats.
 const COLOR_FORMATS: usize = PixelFormat::Rgba32f as usize;
 
-/// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first frame.
+/// The pipelines. A host gives motion or depth, hardly ever both: what only one of them needs is made with its first
+/// frame.
 pub(super) struct Kernels {
     /// By format, as floats and as halves: made with the first picture of a format.
     colors: [[Option<ComputePipeline>; 2]; COLOR_FORMATS],
@@ -170,8 +171,8 @@ struct Source {
     /// Which kernel and which picture it is for.
     role: (Role, usize),
     format: PixelFormat,
-    /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it back
-    /// once its frames are collected.
+    /// The buffer that it is bound to, where it is not the slot's own. Not kept alive by this: the host may want it
+    /// back once its frames are collected.
     shared: Option<Weak<Buffer>>,
     group: BindGroup,
 }
@@ -223,7 +224,7 @@ impl Groups {
         })
     }
 
-    /// The warp's images are made anew.
+    /// The warp's images are replaced.
     pub(super) fn forget_warp(&mut self) {
         let of_warp = |s: &Source| {
             matches!(s.role.0, Role::HalfColor | Role::InverseDepth | Role::Body) || s.role.1 > 0
@@ -232,7 +233,7 @@ impl Groups {
         all.filter(|s| s.as_ref().is_some_and(of_warp)).for_each(|s| *s = None);
     }
 
-    /// A slot's own buffer of this place was made anew.
+    /// A slot's buffer at this place was replaced.
     pub(super) fn forget(&mut self, slot: usize, place: usize) {
         self.sources[slot][place] = None;
     }
@@ -320,7 +321,7 @@ impl Groups {
         Ok(())
     }
 
-    /// Name, kernel and group of the gather from so many motion images.
+    /// Name, kernel and group of the gather for this number of motion images.
     pub(super) fn gather_of<'a>(
         &'a self,
         kernels: &'a Kernels,

@@ -1,6 +1,6 @@
-//! What a frame from outside was rendered without: lens, lateral colour, a focal length that is not the nominal one, a camera
-//! that sits askew. All of it says where a pixel looks, so it acts in the warp, where the colour is read once for everything;
-//! and how far beyond its borders a picture is needed.
+//! Effects that a frame from outside was rendered without: lens distortion, lateral colour, a focal length that differs
+//! from the nominal one, a camera that is mounted askew. All of them change where a pixel looks. So they act in the
+//! warp, which reads the colour once for all of them. They also decide how large the picture's margin must be.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -95,8 +95,8 @@ impl Rays {
         Some(self.centre() + (at - self.centre()) * scale)
     }
 
-    /// By pixel of the result where it looks in the nominal picture `wider` (its margin included), and by pixel of that picture
-    /// where the sensor shows it: two floats each, px.
+    /// By pixel of the result where it looks in the nominal picture `wider` (its margin included), and by pixel of that
+    /// picture where the sensor shows it: two floats each, px.
     pub(super) fn tables(&self, wider: &Intrinsics, scale: f64) -> [Vec<[f32; 2]>; 2] {
         let (width, height) = (self.camera.width, self.camera.height);
         let centre_of = |x: usize, y: usize| DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
@@ -128,8 +128,8 @@ fn table(size: [u32; 2], entry: impl Fn(usize, usize) -> [f32; 2]) -> Vec<[f32; 
     (0..width * height).map(|i| entry(i % width, i / width)).collect()
 }
 
-/// Where the border of the sensor looks: what margins are reckoned from. A lens is inverted there, so frames of one camera
-/// share it.
+/// Where the border of the sensor looks: what margins are reckoned from. A lens is inverted there, so frames of one
+/// camera share it.
 pub struct BorderRays {
     nominal: Intrinsics,
     lens: Option<OutsideLens>,
@@ -220,8 +220,8 @@ impl MarginNeed<'_> {
         Self::whole(most)
     }
 
-    /// For any motion that turns by no more than `angle_rad` and moves by no more than `distance_m` between the colour and any
-    /// line.
+    /// For any motion that turns by no more than `angle_rad` and moves by no more than `distance_m` between the colour
+    /// and any line.
     pub fn of_bound(&self, angle_rad: f64, distance_m: f64) -> [u32; 2] {
         let steps = [-1.0, 0.0, 1.0];
         let every =

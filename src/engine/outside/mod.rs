@@ -1,7 +1,7 @@
 //! Frames from outside: colour with motion, or colour with depth and two poses, through the same gather and the same
-//! last passes as the engine's own; or colour with depth and the camera's path, through the warp of `--method fast`. The
-//! engine's own planes handed back in give the engine's own picture. What is read and delivered takes part in the one
-//! submission of the frame.
+//! last passes as the engine's own; or colour with depth and the camera's path, through the warp of `--method fast`.
+//! The engine's own planes handed back in give the engine's own picture. What is read and delivered takes part in the
+//! one submission of the frame.
 
 mod blend;
 pub(crate) mod frame;
@@ -92,8 +92,8 @@ impl OutsideEngine {
     /// Records a frame and hands it to the device.
     ///
     /// # Errors
-    /// A margin beyond the device's limits; a depth's poses that do not enclose the colour's instant; device lost; out of
-    /// memory.
+    /// A margin beyond the device's limits; a depth's poses that do not enclose the colour's instant; device lost; out
+    /// of memory.
     ///
     /// # Panics
     /// If there is no room, a picture is shorter than its size and stride say, or pictures are not in order of time.
@@ -202,7 +202,7 @@ impl Outside {
             ImageSpec { layers: MAX_OUTSIDE_MOTIONS as u32, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "outside motion", layers)?;
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
-        // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
+        // A slot that holds a finished frame may be recorded again: from now on only its buffers are read.
         room.prepare([&color, &motion, &depth])?;
         let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None };
         let groups = Groups::new(&self.kernels, to, room.radiance, room.slots.len())?;

@@ -1,5 +1,5 @@
-//! How a frame from outside moves, on the device: motion images unpacked or made from depth; depth and bodies as the warp reads
-//! them.
+//! Motion of a frame from outside, on the device: motion images are unpacked or made from depth; depth and body ids are
+//! prepared for the warp.
 
 use crate::camera::NEAR_M;
 use crate::engine::outside::frame::{OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};
@@ -96,7 +96,8 @@ impl MotionPass<'_> {
         let OutsideMotion::Path { decode, bodies, .. } = motion else { unreachable!("gathered, not warped") };
         let place = picture * (2 + usize::from(bodies.is_some())) + 1;
         let (first_byte, stride_bytes) = self.placed[place];
-        // metres = n / (c + s value), so near / metres = near c / n + (near s / n) value; at our own near distance exact.
+        // metres = n / (c + s value), so near / metres = near c / n + (near s / n) value; at our own near distance
+        // exact.
         let [numerator, constant, slope] = match decode {
             None => [NEAR_M as f32, 0.0, 0.0],
             Some([n, c, s]) => [0.0, *c, *s].map(|v| (NEAR_M * f64::from(v) / f64::from(*n)) as f32),

@@ -1,6 +1,6 @@
-//! The lens of a frame, for every method: it acts in the vertex stage (`lens.glsl`), where a vertex lands on the sensor;
-//! what the methods do with lines and motion is then in the sensor's own coordinates, and the colour is resampled by
-//! nothing. Triangles are cut so that their straight edges stay near the curves that the lens makes of them.
+//! The lens, for every method. It acts in the vertex stage (`lens.glsl`): each vertex is placed where the lens images
+//! it on the sensor. So lines and motion are in the sensor's own coordinates, and the colour is not resampled.
+//! Triangles are cut so that their straight edges stay near the curves that the lens makes of them.
 //!
 //! Lateral chromatic aberration draws the frame once for each colour, through a lens of that colour's magnification.
 
@@ -23,7 +23,7 @@ use crate::scene::Vertex;
 /// Largest distance of an edge from its curve where every instant is drawn by itself, px.
 const CHORD_PX: f64 = 0.03;
 /// Most triangles that cutting may make; the distance above is doubled until they suffice.
-const MOST_TRIANGLES: usize = 400_000;
+const MAX_TRIANGLES: usize = 400_000;
 /// Samples of the path over its span, and most of them in frames.
 const PATH_SAMPLES: usize = 16;
 const FRAME_SAMPLES: usize = 48;
@@ -121,7 +121,7 @@ impl LensStage {
             let long = |a: &Vertex, b: &Vertex| {
                 self.chords.is_long(groups.of_object(a.object) as usize, a, b, allowed_px)
             };
-            match mesh.split(long, MOST_TRIANGLES.max(mesh.triangle_count())) {
+            match mesh.split(long, MAX_TRIANGLES.max(mesh.triangle_count())) {
                 Some(cut) => break cut,
                 None if allowed_px > 1e3 => break mesh,
                 None => allowed_px *= 2.0,
@@ -244,7 +244,8 @@ impl Chords {
         self.poses[group].iter().any(exceeds)
     }
 
-    /// Whether the chord between two camera points is off by more than allowed; what the lens's cone does not hold is not.
+    /// Whether the chord between two camera points is off by more than allowed; what the lens's cone does not hold is
+    /// not.
     fn exceeds(&self, a: DVec3, b: DVec3, half_m: f64, allowed_px: f64) -> bool {
         // Square of the normalised length up to which every chord is near enough.
         let harmless = 8.0 * allowed_px / (self.focal_px * self.most_bend);

@@ -134,7 +134,8 @@ fn reach_of_point(k: &Projection<'_>, moved: &DMat4, seen: DVec3) -> Reach {
     Reach { beyond_px: beyond.to_array(), largest_px: (at - now).length() }
 }
 
-/// The margin that a frame's motion asks for around a picture of the instant `reference_s`, px; at most the picture's own size.
+/// The margin that a frame's motion asks for around a picture of the instant `reference_s`, px; at most the picture's
+/// own size.
 pub(crate) fn needed_px(stage: &Stage, request: &FrameRequest, reference_s: f64) -> [u32; 2] {
     let shutter = &request.shutter;
     if shutter.end_s() <= shutter.start_s || check_coverage(stage, request).is_err() {

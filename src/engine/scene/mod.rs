@@ -46,7 +46,8 @@ pub(crate) trait Choices {
     }
 }
 
-/// A way to render the frames of a scene. It owns what it draws into; slots, lens, planes and the chain are given to it.
+/// A way to render the frames of a scene. It owns what it draws into; slots, lens, planes and the chain are given to
+/// it.
 pub(crate) trait Renderer: Send + Sync {
     /// Columns and rows rendered beyond each side of the picture.
     fn margin_px(&self) -> [u32; 2] {

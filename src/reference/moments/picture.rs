@@ -21,8 +21,9 @@ enum Job<'a> {
     Encode,
 }
 
-/// Mean over the noise of the frames of a camera: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`: radiance of the
-/// same shape; `tone`: of `settings`, or of a camera that differs from it in nothing about single values.
+/// Mean over the noise of the frames of a camera: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`:
+/// radiance of the same shape; `tone`: of `settings`, or of a camera that differs from it in nothing about single
+/// values.
 pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &Tone) -> Plane<f32> {
     let packed = Packed::new(LIST, settings, view);
     let mut picture = linear.clone();
@@ -87,8 +88,8 @@ fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {
     Plane { data: picture.data.iter().map(|v| factor * v).collect(), ..*picture }
 }
 
-/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand. `unit`: what full
-/// scale is, since values are DN behind the encoding here, and shares of full scale in twins.
+/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand.
+/// `unit`: what full scale is, since values are DN behind the encoding here, and shares of full scale in twins.
 fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &Tone, unit: &mut f32) {
     let (width, source) = (picture.width, Plane::new(0, 0, 4));
     let mut light = vec![1.0; width];
@@ -158,8 +159,8 @@ fn clipped_mean(mean: f32, sigma: f32) -> f32 {
     mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
-/// A picture of mean delivered values, DN, shape `[height, width, 3]`, as its file delivers it; the same where the camera of
-/// `settings` compresses nothing.
+/// A picture of mean delivered values, DN, shape `[height, width, 3]`, as its file delivers it; the same where the
+/// camera of `settings` compresses nothing.
 pub fn through_file(picture: &Plane<f32>, settings: &Settings, tone: &Tone) -> Plane<f32> {
     let quality = switched_on(settings).find_map(|effect| match effect.moments() {
         Moments::File(of) => Some(of(settings)),

@@ -1,5 +1,5 @@
-//! What happens to a value on its own, under the noise that it has: mean and spread of the delivered value. Noise that is
-//! clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
+//! What happens to a value on its own, under the noise that it has: mean and spread of the delivered value. Noise that
+//! is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
 use glam::Mat3;
 
@@ -200,8 +200,8 @@ impl Tone {
         }
     }
 
-    /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded. An encoding
-    /// bends by more than a normal distribution tells from one step to the next, in the dark above all.
+    /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded.
+    /// An encoding bends by more than a normal distribution tells from one step to the next, in the dark above all.
     fn make_steps(&mut self, tables: &[Vec<(f32, Variances)>; 3], by_dn: &mut [Vec<Variances>; 3]) {
         if self.step == 0.0 || self.step * MOST_STEPS < 1.0 || !self.has_own_colors() {
             return;
@@ -309,8 +309,8 @@ impl Tone {
         (v.free + v.row + v.fixed).sqrt() * factor.abs()
     }
 
-    /// What mixing, subsampling and compression leave of the spread of a channel of a pixel of these mean DN; all of it without
-    /// them.
+    /// What mixing, subsampling and compression leave of the spread of a channel of a pixel of these mean DN; all of it
+    /// without them.
     pub fn left(&self, mean_dn: &[f32], channel: usize) -> Left {
         let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
         let mut left = self.packed.as_ref().map_or(Left::ALL, |t| t[channel][at]);
@@ -395,8 +395,8 @@ impl Tone {
         (self.decode(dn, channel) * factor + term) / self.step
     }
 
-    /// Variance of noise ahead of the converter whose variance behind it is that, both in squares of the linear value before the
-    /// noise.
+    /// Variance of noise ahead of the converter whose variance behind it is that, both in squares of the linear value
+    /// before the noise.
     pub fn unrounded(&self, variance: f64) -> f64 {
         if self.step == 0.0 {
             return variance;
@@ -449,7 +449,8 @@ impl Tone {
             .collect()
     }
 
-    /// Variances of a colour of a grey of that sensor value, in units of the grey's: what other colours are mixed in counts.
+    /// Variances of a colour of a grey of that sensor value, in units of the grey's: what other colours are mixed in
+    /// counts.
     fn parts(&self, sensor: f32, channel: usize) -> Variances {
         let whole = self.whole[channel];
         let own = |from: usize| {
@@ -494,14 +495,15 @@ fn mixed_colors(parts: impl Iterator<Item = (f32, Variances)>) -> Variances {
     Variances { row: row * row, ..sum }
 }
 
-/// Variance that rounding adds to noise of that width, in squares of a step: the mean over where values lie between two steps.
+/// Variance that rounding adds to noise of that width, in squares of a step: the mean over where values lie between two
+/// steps.
 fn rounding(wide: f32) -> f32 {
     let places = [0.0625, 0.1875, 0.3125, 0.4375];
     (places.map(|at| rounded_variance(at, wide)).iter().sum::<f32>() / 4.0 - wide * wide).max(0.0)
 }
 
-/// The entry of a table at or before a place in it. By way of 32 bits: a float becomes 64 of them, unsigned, in ten times as
-/// many instructions, and this is done for every value of every picture.
+/// The entry of a table at or before a place in it. By way of 32 bits: a float becomes 64 of them, unsigned, in ten
+/// times as many instructions, and this is done for every value of every picture.
 fn place(at: f32) -> usize {
     at as i32 as usize
 }

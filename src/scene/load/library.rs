@@ -36,8 +36,8 @@ pub(super) struct Library<'a> {
 }
 
 impl<'a> Library<'a> {
-    /// Reads the files of all `mtllib` lines. Of materials with the same name the first counts, as the format says. A file
-    /// that is absent is warned of.
+    /// Reads the files of all `mtllib` lines. Of materials with the same name the first counts, as the format says. A
+    /// file that is absent is warned of.
     ///
     /// # Errors
     /// A path that leaves the root, an MTL file that cannot be read or holds values that are no colours.
@@ -69,8 +69,8 @@ impl<'a> Library<'a> {
         Ok(library)
     }
 
-    /// The files that one `mtllib` line names. Several names stand side by side and each may hold blanks: from the left,
-    /// the most words that name a file together are taken.
+    /// The files that one `mtllib` line names. Several names stand side by side and each may hold blanks: from the
+    /// left, the most words that name a file together are taken.
     fn files(&self, line: usize, operand: &str) -> Result<Vec<PathBuf>> {
         let place = Place { path: self.obj, line };
         let words = split_words(operand);

@@ -30,20 +30,20 @@ use crate::files::Limit;
 ///   splits nothing.
 /// * Polygons become triangles in their own plane: a fan if convex, else by ear clipping. Faces without area are left
 ///   out, and so are points, lines and free-form curves, each with a warning that counts them.
-/// * Normals are those of the file (made unit). Where a corner has none they are computed: flat, or averaged by area over
-///   the faces of its smoothing group where `s` names one. Missing texture coordinates are 0. Weights and colours behind
-///   the three coordinates of `v` are ignored.
+/// * Normals are those of the file (made unit). Where a corner has none they are computed: flat, or averaged by area
+///   over the faces of its smoothing group where `s` names one. Missing texture coordinates are 0. Weights and colours
+///   behind the three coordinates of `v` are ignored.
 /// * `Kd` and `Ks` are linear. Without `Kd` a material is grey 0.8, or white under its texture; `Ks` defaults to 0;
 ///   `Ns` missing, 0 or negative is 1. Faces whose material or MTL file is missing are grey, with a warning.
-/// * `map_Kd`: a file that is missing means plain `Kd`, with a warning. Backslashes separate folders; a name that differs
-///   in case only is found; texture options are ignored, with a warning where they would change the picture.
-/// * Vertices are shared by all corners of the same object, material, position, normal and texture coordinates; materials
-///   and textures are those that faces use, and materials share a texture of the same file.
+/// * `map_Kd`: a file that is missing means plain `Kd`, with a warning. Backslashes separate folders; a name that
+///   differs in case only is found; texture options are ignored, with a warning where they would change the picture.
+/// * Vertices are shared by all corners of the same object, material, position, normal and texture coordinates;
+///   materials and textures are those that faces use, and materials share a texture of the same file.
 ///
 /// # Errors
 /// Files that cannot be read; numbers that are none; indices out of range or 0; faces with a NaN or infinite value; no
-/// triangle at all; paths that leave `root` (also by symbolic links); textures that cannot be decoded or exceed the limits
-/// of [`crate::plane`]; more than 1 GiB of text, 50 million triangle corners or 10 000 corners of one face.
+/// triangle at all; paths that leave `root` (also by symbolic links); textures that cannot be decoded or exceed the
+/// limits of [`crate::plane`]; more than 1 GiB of text, 50 million triangle corners or 10 000 corners of one face.
 pub fn load_obj(path: &Path, root: &Path) -> Result<Scene> {
     let root = Root::new(root)?;
     let canonical = root.enter(path)?;

@@ -1,6 +1,6 @@
 //! MTL text to materials. As with OBJ, `tobj` reads the numbers of lines that a scan has checked and written anew
-//! (version 4.0.5 panics on a colour of fewer than three numbers, `Ks 0`, which Blender wrote for years, takes the options
-//! of `map_Kd` for a part of the file name, and refuses a material without a name).
+//! (version 4.0.5 panics on a colour of fewer than three numbers, `Ks 0`, which Blender wrote for years, takes the
+//! options of `map_Kd` for a part of the file name, and refuses a material without a name).
 
 use std::fmt::Write;
 use std::path::Path;
@@ -132,8 +132,8 @@ const OPTIONS: &[(&str, usize, usize, &[&str])] = &[
     ("-type", 1, 1, &[]),
 ];
 
-/// The file name in the operands of `map_Kd`: what follows the options, blanks inside included. Options that would change
-/// the picture are warned of.
+/// The file name in the operands of `map_Kd`: what follows the options, blanks inside included. Options that would
+/// change the picture are warned of.
 fn texture_name(rest: &str, line: usize, path: &Path) -> Option<String> {
     let mut rest = rest;
     let mut ignored = Vec::new();

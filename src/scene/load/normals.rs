@@ -31,8 +31,8 @@ impl Smooth {
         Self { sums }
     }
 
-    /// Normal of a corner of `face` whose position has this index; `flat` where the face is in no group or its neighbours
-    /// cancel.
+    /// Normal of a corner of `face` whose position has this index; `flat` where the face is in no group or its
+    /// neighbours cancel.
     pub(super) fn at(&self, face: &Face, position: u32, flat: [f32; 3]) -> [f32; 3] {
         let sum = self.sums.get(&(face.smoothing, position)).filter(|_| face.smoothing != 0);
         sum.and_then(|s| s.try_normalize()).map_or(flat, |n| n.as_vec3().to_array())

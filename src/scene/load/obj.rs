@@ -1,9 +1,9 @@
-//! OBJ text to faces. The `tobj` crate reads the numbers and gathers the mesh; a scan before it owns what `tobj` does not
-//! do: line numbers in errors, ranges of indices, NaN, the difference of `o` and `g`, smoothing groups, and the spellings
-//! on which it stops or goes wrong (measured with 4.0.5: a zero index reads as "absent" or as out of bounds, a fourth
-//! number of `v` divides the other three, colours on some vertices only shift those of the others, an empty `usemtl` and
-//! a `vt` of one number stop it). What `tobj` sees is text that the scan wrote anew: numbers as they stand, indices
-//! absolute and in range.
+//! OBJ text to faces. The `tobj` crate reads the numbers and gathers the mesh; a scan before it owns what `tobj` does
+//! not do: line numbers in errors, ranges of indices, NaN, the difference of `o` and `g`, smoothing groups, and the
+//! spellings on which it stops or goes wrong (measured with 4.0.5: a zero index reads as "absent" or as out of bounds,
+//! a fourth number of `v` divides the other three, colours on some vertices only shift those of the others, an empty
+//! `usemtl` and a `vt` of one number stop it). What `tobj` sees is text that the scan wrote anew: numbers as they
+//! stand, indices absolute and in range.
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -61,8 +61,8 @@ pub(super) struct Skipped {
 /// The faces of a file, in its order.
 pub(super) struct Geometry {
     pub faces: Vec<Face>,
-    /// Positions, texture coordinates and normals, with one index of each kind for every corner of every face (none of a
-    /// kind that no face has).
+    /// Positions, texture coordinates and normals, with one index of each kind for every corner of every face (none of
+    /// a kind that no face has).
     pub mesh: tobj::Mesh,
     /// Names, in the order of first use.
     pub objects: Vec<String>,

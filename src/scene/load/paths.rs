@@ -45,13 +45,13 @@ impl Root {
         Ok(canonical)
     }
 
-    /// The canonical path of the regular file called `name` beside `referrer` (canonical, inside the root); `None` if there
-    /// is none. Backslashes separate folders as slashes do. Where the exact name is absent, one that differs in case only is
-    /// taken (the first in byte order).
+    /// The canonical path of the regular file called `name` beside `referrer` (canonical, inside the root); `None` if
+    /// there is none. Backslashes separate folders as slashes do. Where the exact name is absent, one that differs in
+    /// case only is taken (the first in byte order).
     ///
     /// # Errors
-    /// A name that leads outside the root by `..`, by an absolute path, by a drive letter or by a symbolic link, whether
-    /// that file exists or not: the answer must not tell what exists outside.
+    /// A name that leads outside the root by `..`, by an absolute path, by a drive letter or by a symbolic link,
+    /// whether that file exists or not: the answer must not tell what exists outside.
     pub(super) fn resolve(&self, referrer: &Path, name: &str, place: Place<'_>) -> Result<Option<PathBuf>> {
         let outside = || {
             let found = format!("the path `{}`, which leads outside {}", name, self.shown.display());

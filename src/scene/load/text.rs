@@ -1,5 +1,5 @@
-//! Text as exporters leave it: any of the usual encodings and line ends, lines joined by backslashes. Gives logical lines
-//! with the number of the line on which each begins.
+//! Text as exporters leave it: any of the usual encodings and line ends, lines joined by backslashes. Gives logical
+//! lines with the number of the line on which each begins.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -33,8 +33,8 @@ fn decode(bytes: Vec<u8>) -> String {
     text
 }
 
-/// The lines of `text` that hold anything but comments and blanks, trimmed, with the number (from 1) of the line on which
-/// each begins. A backslash at the end joins the next line, with a blank between; in a comment it does not.
+/// The lines of `text` that hold anything but comments and blanks, trimmed, with the number (from 1) of the line on
+/// which each begins. A backslash at the end joins the next line, with a blank between; in a comment it does not.
 pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut physical = PhysicalLines { rest: text, number: 0 };
     std::iter::from_fn(move || {
@@ -90,8 +90,8 @@ pub(super) fn words(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|word| !word.starts_with('#'))
 }
 
-/// A number as C and Rust programs print it, and `1.#QNAN`, `-1.#IND`, `1.#INF`, `nan(ind)` as Microsoft's library does;
-/// `None`: not a number's spelling at all. The result may be NaN or infinite.
+/// A number as C and Rust programs print it, and `1.#QNAN`, `-1.#IND`, `1.#INF`, `nan(ind)` as Microsoft's library
+/// does; `None`: not a number's spelling at all. The result may be NaN or infinite.
 pub(super) fn number(word: &str) -> Option<f32> {
     word.parse().ok().or_else(|| {
         let lower = word.to_ascii_lowercase();

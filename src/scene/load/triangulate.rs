@@ -1,10 +1,10 @@
-//! Polygons to triangles. Convex ones become a fan from their first corner, as every exporter expects; others go through
-//! ear clipping in the plane on which the polygon covers the most area.
+//! Polygons to triangles. Convex ones become a fan from their first corner, as every exporter expects; others go
+//! through ear clipping in the plane on which the polygon covers the most area.
 
 use glam::{DVec2, DVec3};
 
-/// Twice the area of the polygon times its unit normal (Newell's sum: right-handed, the mean plane where the corners are
-/// not exactly in one).
+/// Twice the area of the polygon times its unit normal (Newell's sum: right-handed, the mean plane where the corners
+/// are not exactly in one).
 pub(super) fn newell(points: &[DVec3]) -> DVec3 {
     // Relative to the first corner: far from the origin the products would cancel.
     let origin = points[0];
@@ -62,8 +62,8 @@ pub(super) fn triangulate(points: &[DVec3]) -> Outcome {
     }
 }
 
-/// A quad needs no plane, and exporters bend it: cut along the diagonal from its first corner, as every reader does, unless
-/// that turns the halves against each other and the other diagonal does not (a corner that points inward).
+/// A quad needs no plane, and exporters bend it: cut along the diagonal from its first corner, as every reader does,
+/// unless that turns the halves against each other and the other diagonal does not (a corner that points inward).
 fn quad(points: &[DVec3]) -> Outcome {
     let agree = |[a, b]: [[usize; 3]; 2]| doubled_area(points, a).dot(doubled_area(points, b)) >= 0.0;
     let (first, second) = ([[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]);
@@ -74,7 +74,8 @@ fn quad(points: &[DVec3]) -> Outcome {
     }
 }
 
-/// Clips ears; `None` if the triangles do not cover what the outline encloses, which those of a simple outline do exactly.
+/// Clips ears; `None` if the triangles do not cover what the outline encloses, which those of a simple outline do
+/// exactly.
 fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let coordinates: Vec<f64> = flat.iter().flat_map(|p| p.to_array()).collect();
     let clipped = earcutr::earcut(&coordinates, &[], 2).ok()?;

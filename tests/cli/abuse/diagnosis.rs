@@ -18,8 +18,8 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is none. What is
-/// asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
+/// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is
+/// none. What is asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
 #[test]
 fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     if !device_is_there("frames_that_are_mirrored_are_said_to_be_before_anything_else") {
@@ -68,7 +68,8 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     assert!(report["warnings"][0].as_str().unwrap().contains("mirrored"), "{}", report["warnings"]);
 }
 
-/// A2: a diagnosis that cannot begin is an error and no wrong answer; a run without cases is none (N7: tests/cli/abuse/messages.rs).
+/// A2: a diagnosis that cannot begin is an error and no wrong answer; a run without cases is none (N7:
+/// tests/cli/abuse/messages.rs).
 #[test]
 fn withhold_without_a_device_is_an_error_and_no_wrong_answer() {
     let folder = tempfile::tempdir().unwrap();
@@ -134,7 +135,8 @@ fn a_plain_photograph_has_no_readout() {
     assert!(readout(&|y| if y % 8 < 4 { 120 } else { 140 }, "striped"), "control");
 }
 
-/// Every form of a diagnosis ends with its time limit: within 10 % or 5 s. What there was no time for is said, and not denied.
+/// Every form of a diagnosis ends with its time limit: within 10 % or 5 s. What there was no time for is said, and not
+/// denied.
 #[test]
 fn time_limits_are_kept_by_every_stage() {
     let folder = tempfile::tempdir().unwrap();
@@ -166,8 +168,8 @@ fn time_limits_are_kept_by_every_stage() {
     for (form, more) in [("pairs", &[][..]), ("unpaired", &["--unpaired"][..])] {
         for limit_s in [1.0f64, 8.0] {
             let (took_s, output, path) = diagnose(&format!("{form}{limit_s}"), &format!("{limit_s}"), more);
-            // What is promised is 5 s (docs/robustness.md has how it is kept). Other tests run beside this one, so this bound is
-            // only what no diagnosis without a limit would keep.
+            // What is promised is 5 s (docs/robustness.md has how it is kept). Other tests run beside this one, so this
+            // bound is only what no diagnosis without a limit would keep.
             assert!(took_s < limit_s + BEYOND_S, "{form}: {took_s:.1} s of {limit_s}");
             if !output.status.success() {
                 // No time to compare anything: nothing is said at all.

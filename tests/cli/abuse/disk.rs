@@ -1,8 +1,9 @@
-//! What is on the disk when a run is killed, the power goes or the disk is full: at every change that a run makes there.
+//! What is on the disk when a run is killed, the power goes or the disk is full: at every change that a run makes
+//! there.
 //!
-//! `tests/c/disk.c` stands between the program and the system. It writes down every change in order; the disk as it is after a
-//! part of them is made from that here, as often as is wanted, and so is the disk that a power cut leaves: of each file what was
-//! synchronised and some of the rest, of each folder the first so many of its unsynchronised names.
+//! `tests/c/disk.c` stands between the program and the system. It writes down every change in order; the disk as it is
+//! after a part of them is made from that here, as often as is wanted, and so is the disk that a power cut leaves: of
+//! each file what was synchronised and some of the rest, of each folder the first so many of its unsynchronised names.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::OnceLock;
@@ -112,8 +113,8 @@ fn folder_of(name: &str) -> &str {
     name.rsplit_once('/').map_or("", |(folder, _)| folder)
 }
 
-/// Which file stands under each name, if of each folder only the first changes are there: all that were synchronised, and of the
-/// rest as many as `more` says of so many. What was in a folder that has gone is gone.
+/// Which file stands under each name, if of each folder only the first changes are there: all that were synchronised,
+/// and of the rest as many as `more` says of so many. What was in a folder that has gone is gone.
 fn names_of(ops: &[Op], mut more: impl FnMut(usize) -> usize) -> BTreeMap<String, u32> {
     let mut by_folder: BTreeMap<&str, (usize, Vec<usize>)> = BTreeMap::new();
     for (at, op) in ops.iter().enumerate() {
@@ -284,7 +285,8 @@ fn what_the_manifest_names_is_whole_after_every_change() {
     controls(ops);
 }
 
-/// A writer that synchronises nothing, one that synchronises no names, and one that writes under the final name are found out.
+/// A writer that synchronises nothing, one that synchronises no names, and one that writes under the final name are
+/// found out.
 fn controls(ops: &[Op]) {
     let mut dice = Dice(8);
     let mut fails = |ops: &[Op]| {

@@ -1,5 +1,5 @@
-//! What hostile or unlucky input does to the command line: nothing of the user's is lost, nothing waits or grows without bound,
-//! nothing is claimed that was not seen, and messages are one line each.
+//! What hostile or unlucky input does to the command line: nothing of the user's is lost, nothing waits or grows
+//! without bound, nothing is claimed that was not seen, and messages are one line each.
 #![allow(clippy::unwrap_used)]
 
 mod diagnosis;

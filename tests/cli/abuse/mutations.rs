@@ -1,5 +1,6 @@
-//! Every parser on files that were spoiled at random: an answer or an error of one line, never a panic. `SHUTTERBUG_FUZZ=N` tries
-//! N of each (seconds in a test, hours when left alone); what is tried depends on the number alone, so a finding comes back.
+//! Every parser on files that were spoiled at random: an answer or an error of one line, never a panic.
+//! `SHUTTERBUG_FUZZ=N` tries N of each (seconds in a test, hours when left alone); what is tried depends on the number
+//! alone, so a finding comes back.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

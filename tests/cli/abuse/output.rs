@@ -242,8 +242,8 @@ fn a_killed_run_leaves_whole_files_and_goes_on_to_the_same_end() {
     assert_eq!(pictures(&out), pictures(&whole));
 }
 
-/// A manifest may be a stranger's: what it names outside its folder or through a link stays, and so do files whose names only
-/// look like those of a run that was killed.
+/// A manifest may be a stranger's: what it names outside its folder or through a link stays, and so do files whose
+/// names only look like those of a run that was killed.
 #[test]
 fn a_manifest_of_a_stranger_removes_nothing_elsewhere() {
     if !device_is_there("a_manifest_of_a_stranger_removes_nothing_elsewhere") {

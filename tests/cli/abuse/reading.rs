@@ -82,8 +82,8 @@ fn a_pipe_among_the_real_frames_or_the_results_is_refused() {
     assert_refused(&resumed, 1, &["simulate.json"]);
 }
 
-/// H3: twice the lights or keys take about twice the steps. Counted in bytes looked at would need a hook, so these sizes are such
-/// that quadratic work would take hours.
+/// H3: twice the lights or keys take about twice the steps. Counted in bytes looked at would need a hook, so these
+/// sizes are such that quadratic work would take hours.
 #[test]
 fn time_grows_with_the_size_of_a_file_and_not_with_its_square() {
     let capture = Capture::new();

@@ -12,7 +12,8 @@ fn messages_that_nobody_reads_stop_nothing() {
     for (i, script) in [
         "\"$0\" simulate \"$1\" --samples 1 --out \"$2\" 2>/dev/full",
         "\"$0\" simulate \"$1\" --samples 1 --out \"$2\" 2>&-",
-        "{ \"$0\" simulate \"$1\" --samples 1 --out \"$2\" 2>&1; echo $? > \"$2.code\"; } | true; exit $(cat \"$2.code\")",
+        "{ \"$0\" simulate \"$1\" --samples 1 --out \"$2\" 2>&1; echo $? > \"$2.code\"; } | true; exit $(cat \
+         \"$2.code\")",
     ]
     .iter()
     .enumerate()
@@ -67,7 +68,8 @@ fn a_limit_of_file_size_is_an_error_and_no_signal() {
     );
     let out = capture.beside("out");
     let output = shell(
-        "ulimit -f 1; XDG_CACHE_HOME=\"$2.cache\" MESA_SHADER_CACHE_DISABLE=1 \"$0\" simulate \"$1\" --samples 1 --out \"$2\"",
+        "ulimit -f 1; XDG_CACHE_HOME=\"$2.cache\" MESA_SHADER_CACHE_DISABLE=1 \"$0\" simulate \"$1\" --samples 1 \
+         --out \"$2\"",
         &[&capture.root(), &out],
     );
     assert_refused(&output, 1, &["cannot write", "too large"]);

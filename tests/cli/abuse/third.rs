@@ -1,5 +1,5 @@
-//! A third set of bad inputs, on the commands of 2026-11-23: arguments, lens profiles, charts, boards. Recordings are in
-//! `import_hostile`.
+//! A third set of bad inputs, on the commands of 2026-11-23: arguments, lens profiles, charts, boards. Recordings are
+//! in `import_hostile`.
 
 use super::*;
 
@@ -44,8 +44,8 @@ fn a_region_of_which_a_part_is_no_number_is_refused() {
     }
 }
 
-const COLUMNS: &str = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,fx_px,fy_px,cx_px,cy_px,d1,d2,d3,d4,\
-                       rms_px,images\n";
+const COLUMNS: &str = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,\
+                       fx_px,fy_px,cx_px,cy_px,d1,d2,d3,d4,rms_px,images\n";
 const ROW: &str = "A,B,,,64,48,25,8.5,opencv_fisheye,50,50,32,24,0.01,0,0,0,0.5,20\n";
 
 /// One file that cannot be read leaves the others usable.
@@ -68,7 +68,8 @@ fn one_spoiled_profile_does_not_hide_the_others() {
     assert!(said(&output).contains("2 entries are no usable profiles, such as: "), "{}", said(&output));
 }
 
-/// What a table says beyond what a camera can have is refused where it is read, and not shown as a camera that nothing takes.
+/// What a table says beyond what a camera can have is refused where it is read, and not shown as a camera that nothing
+/// takes.
 #[test]
 fn profiles_out_of_range_are_no_presets() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,7 +125,8 @@ fn what_a_lens_profile_says_is_not_dropped() {
     let path = folder.path().join("a.json");
     let convert = |matrix: &str, more: &str| {
         let text = format!(
-            "{{\"calib_dimension\":{{\"w\":64,\"h\":48}},\"fps\":25,{more}\"fisheye_params\":{{\"camera_matrix\":{matrix},\
+            "{{\"calib_dimension\":{{\"w\":64,\"h\":48}},\"fps\":25,{more}\
+             \"fisheye_params\":{{\"camera_matrix\":{matrix},\
              \"distortion_coeffs\":[0.01,0,0,0]}}}}"
         );
         fs::write(&path, text).unwrap();

@@ -30,7 +30,8 @@ fn names_that_camera_toml_does_not_know() {
         (
             "exposure_time_s = 0.01",
             "static = true",
-            "camera.toml:17: found `static` in the table [motion_blur]; expected it above the first table: it belongs to the camera",
+            "camera.toml:17: found `static` in the table [motion_blur]; expected it above the first table: it \
+             belongs to the camera",
         ),
     ] {
         Fixture::spoilt("camera.toml", from, to, error);
@@ -108,8 +109,10 @@ fn parameters_outside_their_range_name_the_unit_that_may_be_meant() {
         ("20000", format!("{exposure} = 20000 s {range}; is it in us?")),
         ("2e7", format!("{exposure} = 20000000 s {range}; is it in ns?")),
         ("-0.01", format!("{exposure} = -0.01 s {range}")),
-        ("nan", "camera.toml:17: found motion_blur.exposure_time_s = nan; expected a finite number of unit s, 0 to 1".to_owned()),
-        ("\"10 ms\"", "camera.toml:17: found motion_blur.exposure_time_s = \"10 ms\"; expected a finite number of unit s, 0 to 1".to_owned()),
+        ("nan", "camera.toml:17: found motion_blur.exposure_time_s = nan; expected a finite number of unit s, 0 to \
+            1".to_owned()),
+        ("\"10 ms\"", "camera.toml:17: found motion_blur.exposure_time_s = \"10 ms\"; expected a finite number of \
+            unit s, 0 to 1".to_owned()),
     ] {
         Fixture::spoilt("camera.toml", "0.01", to, &error);
     }

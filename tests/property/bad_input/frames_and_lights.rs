@@ -6,28 +6,36 @@ use super::{FRAMES, Fixture, LIGHTS};
 fn frames_that_are_wrong() {
     let plain = "expected a plain name such as 000000.png, without folders";
     for (to, error) in [
-        ("1700000000040000000", "frames.csv:3: found `1700000000040000000`; expected `timestamp in ns,file name`".to_owned()),
+        ("1700000000040000000", "frames.csv:3: found `1700000000040000000`; expected `timestamp in ns,file \
+            name`".to_owned()),
         (
             "1700000000.04,000001.png",
-            "frames.csv:3: found timestamp `1700000000.04`; expected a whole number of ns that fits in 64 bits; is it in s?".to_owned(),
+            "frames.csv:3: found timestamp `1700000000.04`; expected a whole number of ns that fits in 64 bits; is \
+             it in s?".to_owned(),
         ),
-        ("later,000001.png", "frames.csv:3: found timestamp `later`; expected a whole number of ns that fits in 64 bits".to_owned()),
-        ("nan,000001.png", "frames.csv:3: found timestamp `nan`; expected a whole number of ns that fits in 64 bits".to_owned()),
+        ("later,000001.png", "frames.csv:3: found timestamp `later`; expected a whole number of ns that fits in 64 \
+            bits".to_owned()),
+        ("nan,000001.png", "frames.csv:3: found timestamp `nan`; expected a whole number of ns that fits in 64 \
+            bits".to_owned()),
         (
             "1699999999999999999,000001.png",
-            "frames.csv:3: found timestamp 1699999999999999999 ns after 1700000000000000000 ns in line 2; expected timestamps that increase".to_owned(),
+            "frames.csv:3: found timestamp 1699999999999999999 ns after 1700000000000000000 ns in line 2; expected \
+             timestamps that increase".to_owned(),
         ),
         (
             "1700000000000000000,000001.png",
-            "frames.csv:3: found timestamp 1700000000000000000 ns after 1700000000000000000 ns in line 2; expected timestamps that increase".to_owned(),
+            "frames.csv:3: found timestamp 1700000000000000000 ns after 1700000000000000000 ns in line 2; expected \
+             timestamps that increase".to_owned(),
         ),
         (
             "1700000000040000000,000000.png",
-            "frames.csv:3: found file name `000000.png` again, after line 2; expected names that differ, leaving the extension aside".to_owned(),
+            "frames.csv:3: found file name `000000.png` again, after line 2; expected names that differ, leaving the \
+             extension aside".to_owned(),
         ),
         (
             "1700000000040000000,000000.jpg",
-            "frames.csv:3: found file name `000000.jpg` again, after line 2; expected names that differ, leaving the extension aside".to_owned(),
+            "frames.csv:3: found file name `000000.jpg` again, after line 2; expected names that differ, leaving the \
+             extension aside".to_owned(),
         ),
         ("1700000000040000000,../000001.png", format!("frames.csv:3: found file name `../000001.png`; {plain}")),
         ("1700000000040000000,real/1.png", format!("frames.csv:3: found file name `real/1.png`; {plain}")),
@@ -52,15 +60,19 @@ fn lights_that_are_wrong() {
         (LIGHTS, "", "lights.toml: found no light; expected at least one `[[light]]` table".to_owned()),
         (LIGHTS, "light = []", "lights.toml: found no light; expected at least one `[[light]]` table".to_owned()),
         (LIGHTS, "light = [1]", "lights.toml:1: found light = 1; expected `[[light]]` tables".to_owned()),
-        ("color = [1.0, 0.9, 0.8]\n", "", format!("lights.toml:2: found a light without `color`; {numbers}: linear red, green, blue, at least 0")),
-        ("[1.0, 2.0, 3.0]", "[1.0, 2.0]", format!("lights.toml:3: found position = a list of 2; {numbers}: m, in world coordinates")),
-        ("[1.0, 2.0, 3.0]", "[1.0, nan, 3.0]", format!("lights.toml:3: found position = nan; {numbers}: m, in world coordinates")),
+        ("color = [1.0, 0.9, 0.8]\n", "", format!("lights.toml:2: found a light without `color`; {numbers}: linear \
+            red, green, blue, at least 0")),
+        ("[1.0, 2.0, 3.0]", "[1.0, 2.0]", format!("lights.toml:3: found position = a list of 2; {numbers}: m, in \
+            world coordinates")),
+        ("[1.0, 2.0, 3.0]", "[1.0, nan, 3.0]", format!("lights.toml:3: found position = nan; {numbers}: m, in world \
+            coordinates")),
         ("0.9", "-0.9", "lights.toml:4: found color with -0.9; expected 0e0 to 1e9".to_owned()),
         ("0.9", "2e9", "lights.toml:4: found color with 2000000000; expected 0e0 to 1e9".to_owned()),
         (
             "[1.0, 0.0, 0.1]",
             "[0, 0, 0]",
-            "lights.toml:5: found attenuation = [0, 0, 0]; expected at least one term above 0: the light is divided by their sum".to_owned(),
+            "lights.toml:5: found attenuation = [0, 0, 0]; expected at least one term above 0: the light is divided \
+             by their sum".to_owned(),
         ),
     ] {
         Fixture::spoilt("lights.toml", from, to, &error);

@@ -59,7 +59,9 @@ proptest! {
     }
 
     #[test]
-    fn mutated_text_never_panics(text in prop_oneof![mutated(CAMERA), mutated(LIGHTS), mutated(FRAMES), mutated(TRAJECTORY)]) {
+    fn mutated_text_never_panics(
+        text in prop_oneof![mutated(CAMERA), mutated(LIGHTS), mutated(FRAMES), mutated(TRAJECTORY)]
+    ) {
         parse_all(&text)?;
     }
 

@@ -12,12 +12,14 @@ use std::path::{Path, PathBuf};
 use shutterbug::capture::{CameraFile, Capture};
 use shutterbug::scene::{Object, Scene};
 
-const CAMERA: &str = "width = 320\nheight = 240\nfx = 280.0\nfy = 280.0\ncx = 160.0\ncy = 120.0\nframe_period_s = 0.04\n\
-                      background = \"ignore\"\nstatic = false\nshading = \"lit\"\n\n[rolling_shutter]\nreadout_time_s = 0.02\n\
-                      scan_order = \"top_to_bottom\"\n\n[motion_blur]\nexposure_time_s = 0.01\n";
-const LIGHTS: &str = "# one lamp\n[[light]]\nposition = [1.0, 2.0, 3.0]\ncolor = [1.0, 0.9, 0.8]\nattenuation = [1.0, 0.0, 0.1]\n";
-const TRAJECTORY: &str = "# t tx ty tz qx qy qz qw\n1700000000.000000000 0 0 0 0 0 0 1\n1700000000.050000000 1 0 0 0 0 0 1\n\
-                          1700000000.100000000 2 0 0 0 0 0 1\n";
+const CAMERA: &str = "width = 320\nheight = 240\nfx = 280.0\nfy = 280.0\ncx = 160.0\ncy = 120.0\n\
+                      frame_period_s = 0.04\nbackground = \"ignore\"\nstatic = false\nshading = \"lit\"\n\n\
+                      [rolling_shutter]\nreadout_time_s = 0.02\nscan_order = \"top_to_bottom\"\n\n[motion_blur]\n\
+                      exposure_time_s = 0.01\n";
+const LIGHTS: &str = "# one lamp\n[[light]]\nposition = [1.0, 2.0, 3.0]\ncolor = [1.0, 0.9, 0.8]\n\
+                      attenuation = [1.0, 0.0, 0.1]\n";
+const TRAJECTORY: &str = "# t tx ty tz qx qy qz qw\n1700000000.000000000 0 0 0 0 0 0 1\n\
+                          1700000000.050000000 1 0 0 0 0 0 1\n1700000000.100000000 2 0 0 0 0 0 1\n";
 const FRAMES: &str =
     "#timestamp [ns],filename\n1700000000000000000,000000.png\n1700000000040000000,000001.png\n";
 const SCENE: &str = "o cup\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 3\n";
@@ -123,7 +125,13 @@ fn files_that_are_missing() {
     fixture.read().unwrap_or_else(|e| panic!("{e}"));
     let empty = tempfile::tempdir().expect("a folder");
     let error = Capture::read(empty.path(), None).expect_err("empty").to_string();
-    assert!(error.contains(": found no camera.toml, no scene.obj, no trajectory.tum, no frames.csv; expected camera.toml (the camera"), "{error}");
+    assert!(
+        error.contains(
+            ": found no camera.toml, no scene.obj, no trajectory.tum, no frames.csv; expected \
+        camera.toml (the camera"
+        ),
+        "{error}"
+    );
     for (path, found) in [("none", "no such folder"), ("scene.obj", "a file")] {
         let error = Capture::read(&fixture.path(path), None).expect_err(path).to_string();
         assert!(

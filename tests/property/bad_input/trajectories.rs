@@ -14,28 +14,35 @@ fn trajectories_that_are_wrong() {
         ("1700000000.050000000 1 0 0 0 0 0 1 9", format!("trajectory.tum:3: found 9 values; {format}")),
         ("1700000000.05,1,0,0,0,0,0,1", format!("trajectory.tum:3: found 1 value; {format}")),
         ("1700000000.050000000 1 0 x 0 0 0 1", "trajectory.tum:3: found tz = `x`; expected a finite number".to_owned()),
-        ("1700000000.050000000 nan 0 0 0 0 0 1", "trajectory.tum:3: found tx = `nan`; expected a finite number".to_owned()),
-        ("1700000000.050000000 1 0 0 0 0 inf 1", "trajectory.tum:3: found qz = `inf`; expected a finite number".to_owned()),
+        ("1700000000.050000000 nan 0 0 0 0 0 1", "trajectory.tum:3: found tx = `nan`; expected a finite \
+            number".to_owned()),
+        ("1700000000.050000000 1 0 0 0 0 inf 1", "trajectory.tum:3: found qz = `inf`; expected a finite \
+            number".to_owned()),
         ("nan 1 0 0 0 0 0 1", "trajectory.tum:3: found time `nan`; expected a finite number of seconds".to_owned()),
         (
             "1700000000050000000 1 0 0 0 0 0 1",
-            "trajectory.tum:3: found time 1700000000050000000 s; expected seconds within 292 years of zero; is it in ns?".to_owned(),
+            "trajectory.tum:3: found time 1700000000050000000 s; expected seconds within 292 years of zero; is it in \
+             ns?".to_owned(),
         ),
         (
             "1699999999.999999999 1 0 0 0 0 0 1",
-            "trajectory.tum:3: found time 1699999999.999999999 s after 1700000000.000000000 s in line 2; expected times that increase".to_owned(),
+            "trajectory.tum:3: found time 1699999999.999999999 s after 1700000000.000000000 s in line 2; expected \
+             times that increase".to_owned(),
         ),
         (
             "1.7e9 1 0 0 0 0 0 1",
-            "trajectory.tum:3: found time 1.7e9 s after 1700000000.000000000 s in line 2; expected times that increase".to_owned(),
+            "trajectory.tum:3: found time 1.7e9 s after 1700000000.000000000 s in line 2; expected times that \
+             increase".to_owned(),
         ),
         (
             "1700000000.050000000 1 0 0 0 0 0 0.5",
-            "trajectory.tum:3: found a quaternion of length 0.500000; expected a unit quaternion qx qy qz qw (length 1 within 0.001)".to_owned(),
+            "trajectory.tum:3: found a quaternion of length 0.500000; expected a unit quaternion qx qy qz qw (length \
+             1 within 0.001)".to_owned(),
         ),
         (
             "1700000000.050000000 1 0 0 0 0 0 0",
-            "trajectory.tum:3: found a quaternion of length 0.000000; expected a unit quaternion qx qy qz qw (length 1 within 0.001)".to_owned(),
+            "trajectory.tum:3: found a quaternion of length 0.000000; expected a unit quaternion qx qy qz qw (length \
+             1 within 0.001)".to_owned(),
         ),
         (
             "1700000000.050000000 1e300 0 0 0 0 0 1",
@@ -57,16 +64,16 @@ fn trajectories_that_do_not_cover_a_frame() {
     // Line 239 of 240 starts at 0.04 + 0.02 * 239/240 and integrates for 0.01: until 0.069916667.
     let tail = "(times on the capture's clock; poses are never extrapolated)";
     let error = format!(
-        "trajectory.tum: frame 1 (000001.png) needs poses from 0.040000000 s to 0.069916667 s, but the trajectory covers only \
-         0.000000000 s to 0.069900000 s: missing 0.069900000 s to 0.069916667 s {tail}"
+        "trajectory.tum: frame 1 (000001.png) needs poses from 0.040000000 s to 0.069916667 s, but the trajectory \
+         covers only 0.000000000 s to 0.069900000 s: missing 0.069900000 s to 0.069916667 s {tail}"
     );
     Fixture::spoilt("trajectory.tum", "1700000000.100000000", "1700000000.069900000", &error);
     let fixture = Fixture::new();
     fixture.write("trajectory.tum", TRAJECTORY.replace("00.100000000", "00.069916667"));
     fixture.read().unwrap_or_else(|e| panic!("just enough: {e}"));
     let error = format!(
-        "trajectory.tum: frame 0 (000000.png) needs poses from 0.000000000 s to 0.029916667 s, but the trajectory covers only \
-         0.000000002 s to 0.100000000 s: missing 0.000000000 s to 0.000000002 s {tail}"
+        "trajectory.tum: frame 0 (000000.png) needs poses from 0.000000000 s to 0.029916667 s, but the trajectory \
+         covers only 0.000000002 s to 0.100000000 s: missing 0.000000000 s to 0.000000002 s {tail}"
     );
     Fixture::spoilt("trajectory.tum", "1700000000.000000000", "1700000000.000000002", &error);
     // Read by columns, the last line is another one: 320 lines.

@@ -1,5 +1,5 @@
-//! Photographs of a checkerboard by a camera that is known exactly: every pixel is the mean over rays, each undistorted by iteration
-//! and met with the board's plane at the time of its line. Nothing of the program is used.
+//! Photographs of a checkerboard by a camera that is known exactly: every pixel is the mean over rays, each undistorted
+//! by iteration and met with the board's plane at the time of its line. Nothing of the program is used.
 
 use glam::{DQuat, DVec2, DVec3};
 use shutterbug::plane::Plane;

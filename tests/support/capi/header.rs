@@ -9,7 +9,8 @@ use shutterbug::capi::{HEADER, STATUSES};
 const COMMON: [&str; 8] = ["OK", "ARGUMENT", "STRUCT_SIZE", "PANIC", "HANDLE", "BUSY", "POISONED", "FORKED"];
 const DEVICE: [&str; 4] = ["DEVICE_LOST", "OUT_OF_MEMORY", "VULKAN", "TIMEOUT"];
 
-/// The functions that return a status, without prefix, each with the comment right before it; empty where there is none.
+/// The functions that return a status, without prefix, each with the comment right before it; empty where there is
+/// none.
 pub fn comments() -> BTreeMap<&'static str, &'static str> {
     let mut found = BTreeMap::new();
     for (at, _) in HEADER.match_indices("\nshutterbug_status shutterbug_") {

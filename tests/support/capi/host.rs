@@ -144,8 +144,8 @@ impl Host {
         }
     }
 
-    /// An image in that layout, filled with `bytes`. `share`: its memory can be exported; then it is released to whoever
-    /// imports it, in that layout.
+    /// An image in that layout, filled with `bytes`. `share`: its memory can be exported; then it is released to
+    /// whoever imports it, in that layout.
     pub fn image(&self, spec: ImageSpec, bytes: &[u8], share: bool) -> HostImage<'_> {
         unsafe {
             let kind = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;

@@ -1,5 +1,5 @@
-//! Small captures made up here: a room of coloured patches, a camera that pans and tilts, and frames by the accumulation
-//! reference and the pixel chain (never by the path that fits use).
+//! Small captures made up here: a room of coloured patches, a camera that pans and tilts, and frames by the
+//! accumulation reference and the pixel chain (never by the path that fits use).
 #![allow(dead_code)]
 
 use std::f64::consts::TAU;
@@ -97,7 +97,8 @@ fn write_path(folder: &Path, frames: usize, speed: f64, dice: &mut Dice) {
     fs::write(folder.join("frames.csv"), csv).unwrap();
 }
 
-/// A capture whose real frames have the effects of `hidden` (tables of `camera.toml`); `camera.toml` has those of `known`.
+/// A capture whose real frames have the effects of `hidden` (tables of `camera.toml`); `camera.toml` has those of
+/// `known`.
 pub fn make(
     context: &Arc<Context>,
     folder: &Path,

@@ -1,4 +1,5 @@
-//! What the tests of effects share: settings of every effect, scenes that give a known radiance, frames through the engine.
+//! What the tests of effects share: settings of every effect, scenes that give a known radiance, frames through the
+//! engine.
 #![allow(dead_code, clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
@@ -62,8 +63,8 @@ pub fn random_radiance(width: usize, height: usize) -> Plane<f32> {
 pub fn visible(effect: &dyn Effect) -> Settings {
     let mut settings = Settings::default();
     if effect.id() == "sensor_color" {
-        // It undoes these; with noise between, that can be seen. Not 400 e-: the golden picture's bars then lie where shot
-        // noise goes from one formula to the other, which a rounding error decides.
+        // It undoes these; with noise between, that can be seen. Not 400 e-: the golden picture's bars then lie where
+        // shot noise goes from one formula to the other, which a rounding error decides.
         settings = self::settings(&[
             ("white_balance", "r", 1.4),
             ("color_matrix", "rg", -0.15),

@@ -30,8 +30,8 @@ pub struct Field {
 }
 
 impl Field {
-    /// `color` gives RGB, `path` the displacement at a time after the reference instant, px, and the inverse depth, both of
-    /// a place in px of the delivered picture.
+    /// `color` gives RGB, `path` the displacement at a time after the reference instant, px, and the inverse depth,
+    /// both of a place in px of the delivered picture.
     pub fn new(
         p: &Push,
         color_scale: usize,

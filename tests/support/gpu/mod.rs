@@ -14,9 +14,9 @@ use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 /// A context that fails the test when the validation layer had anything to say.
 pub struct Watched(pub Arc<Context>, Turn);
 
-/// The right to use the validation layer. The layer (seen with 1.3.239) finds a device's data in a table without a lock:
-/// where one thread makes or destroys a device while another calls, about one run in a hundred crashes inside the layer.
-/// Tests of one process therefore take turns. Without the layer they need not.
+/// The right to use the validation layer. The layer (seen with 1.3.239) finds a device's data in a table without a
+/// lock: where one thread makes or destroys a device while another calls, about one run in a hundred crashes inside the
+/// layer. Tests of one process therefore take turns. Without the layer they need not.
 pub struct Turn(Option<MutexGuard<'static, ()>>);
 
 thread_local! { static HAS_TURN: Cell<bool> = const { Cell::new(false) }; }

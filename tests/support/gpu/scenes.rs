@@ -10,7 +10,8 @@ use shutterbug::scene::{Draw, Material, Object, PointLight, Scene, Shading, Text
 
 use super::bench::Scatter;
 
-/// The scene with its runs of triangles by texture and gloss, as the device draws them: the untextured, matt ones first.
+/// The scene with its runs of triangles by texture and gloss, as the device draws them: the untextured, matt ones
+/// first.
 pub fn drawable(mut scene: Scene) -> Scene {
     let material = |i: u32| &scene.materials[scene.vertices[i as usize].material as usize];
     let run = |i: u32| (material(i).texture, material(i).is_glossy());

@@ -1,4 +1,5 @@
-//! A small writer of recordings, apart from the readers: MCAP with ROS 1 messages, whose fields lie one behind the other.
+//! A small writer of recordings, apart from the readers: MCAP with ROS 1 messages, whose fields lie one behind the
+//! other.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,5 +1,5 @@
-//! A small ray caster: a renderer that is not ours, against which frames from outside are measured. It renders one picture for
-//! the library, and what the camera would have seen row by row.
+//! A small ray caster: a renderer that is not ours, against which frames from outside are measured. It renders one
+//! picture for the library, and what the camera would have seen row by row.
 #![allow(dead_code, unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 pub mod host;
@@ -19,8 +19,8 @@ pub const INSTANTS: u32 = 96;
 
 /// Rays a pixel and side of a host's picture.
 const HOST_SIDE: u32 = 4;
-/// Those of the truth: of one instant, and of each of many that are averaged. With 4 of one instant the edges' steps of a quarter
-/// of a px were most of what pictures that are read together differed by (37.0 dB instead of 39.2).
+/// Those of the truth: of one instant, and of each of many that are averaged. With 4 of one instant the edges' steps of
+/// a quarter of a px were most of what pictures that are read together differed by (37.0 dB instead of 39.2).
 const SIDES: [u32; 2] = [8, 2];
 
 /// A box, its colour, and what it moves with.

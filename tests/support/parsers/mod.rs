@@ -1,5 +1,5 @@
-//! Every parser of what may come from strangers, as a function of bytes, with a whole file of its kind: for the test that spoils
-//! files by a generator of numbers (`tests/cli/abuse/mutations.rs`) and for the fuzzer (`fuzz/parsers`).
+//! Every parser of what may come from strangers, as a function of bytes, with a whole file of its kind: for the test
+//! that spoils files by a generator of numbers (`tests/cli/abuse/mutations.rs`) and for the fuzzer (`fuzz/parsers`).
 #![allow(dead_code, clippy::unwrap_used)]
 
 use std::fs;
@@ -17,8 +17,8 @@ use shutterbug_diagnose::out::{Out, OutRules};
 
 const CAMERA: &str =
     "width = 32\nheight = 24\nfx = 30.0\nfy = 30.0\ncx = 16.0\ncy = 12.0\nframe_period_s = 0.04\n";
-const SCENE: &str = "mtllib colours.mtl\no wall\nv 3 -4 -4\nv 3 4 -4\nv 3 4 4\nv 3 -4 4\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n\
-                     usemtl grey\nf 1 2 3 4\nusemtl red\nf 1/1/1 2/2/1 3/3/1\ng more\nf -1 -2 -3\n";
+const SCENE: &str = "mtllib colours.mtl\no wall\nv 3 -4 -4\nv 3 4 -4\nv 3 4 4\nv 3 -4 4\nvt 0 0\nvt 1 0\nvt 0 1\n\
+                     vn 0 0 1\nusemtl grey\nf 1 2 3 4\nusemtl red\nf 1/1/1 2/2/1 3/3/1\ng more\nf -1 -2 -3\n";
 const MATERIALS: &str = "newmtl grey\nKd 0.4 0.5 0.6\nd 0.5\nnewmtl red\nKd 0.6 0.1 0.1\n";
 
 type Parse = dyn Fn(&[u8]) -> Result<(), String>;
@@ -91,7 +91,8 @@ pub fn parsers(folder: &Path, data: &Path) -> Vec<Parser> {
 
 fn captures(folder: &Path) -> Vec<Parser> {
     let effects = format!(
-        "{CAMERA}[rolling_shutter]\nreadout_time_s = 0.02\n[lens_distortion]\nk1 = -0.1\n[auto_exposure]\ntarget = 0.3\n"
+        "{CAMERA}[rolling_shutter]\nreadout_time_s = 0.02\n[lens_distortion]\nk1 = -0.1\n[auto_exposure]\n\
+         target = 0.3\n"
     );
     let lights = "[[light]]\nposition = [0, 0, 1]\ncolor = [1, 1, 1]\nattenuation = [1, 0, 0.5]\n";
     let frames = "10000000000,000000.png\n10040000000,000001.png\n";
@@ -117,14 +118,18 @@ fn captures(folder: &Path) -> Vec<Parser> {
 }
 
 fn cameras(folder: &Path) -> Vec<Parser> {
-    let ros = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [50.0, 0.0, 31.5, 0.0, 50.0, \
-               23.5, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  data: [0.1, 0, 0, 0, 0]\n";
-    let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [50.0, 50.0, 31.5, 23.5]\n  distortion_model: equidistant\n  \
-                  distortion_coeffs: [0.01, 0, 0, 0]\n  resolution: [64, 48]\n  T_cam_imu:\n  - [1, 0, 0, 0]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n";
-    let sensor = "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n\
-                  rate_hz: 20\nresolution: [64, 48]\ncamera_model: pinhole\nintrinsics: [50, 50, 31.5, 23.5]\n\
-                  distortion_model: radial-tangential\ndistortion_coefficients: [0.1, 0, 0, 0]\n";
-    let target = "target_type: checkerboard\ntargetCols: 7\ntargetRows: 5\nrowSpacingMeters: 0.03\ncolSpacingMeters: 0.03\n";
+    let ros = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
+               data: [50.0, 0.0, 31.5, 0.0, 50.0, 23.5, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n\
+               distortion_coefficients:\n  data: [0.1, 0, 0, 0, 0]\n";
+    let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [50.0, 50.0, 31.5, 23.5]\n  \
+                  distortion_model: equidistant\n  distortion_coeffs: [0.01, 0, 0, 0]\n  resolution: [64, 48]\n  \
+                  T_cam_imu:\n  - [1, 0, 0, 0]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n";
+    let sensor = "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  \
+                  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nrate_hz: 20\nresolution: [64, 48]\n\
+                  camera_model: pinhole\nintrinsics: [50, 50, 31.5, 23.5]\ndistortion_model: radial-tangential\n\
+                  distortion_coefficients: [0.1, 0, 0, 0]\n";
+    let target = "target_type: checkerboard\ntargetCols: 7\ntargetRows: 5\nrowSpacingMeters: 0.03\n\
+                  colSpacingMeters: 0.03\n";
     let states =
         "#timestamp,p,q\n1000000000,0,0,0,1,0,0,0\n1500000000,1,0,0,1,0,0,0\n2000000000,2,0,0,1,0,0,0\n";
     let euroc = folder.join("euroc");
@@ -139,11 +144,12 @@ fn cameras(folder: &Path) -> Vec<Parser> {
     let times = folder.join("times.txt");
     fs::write(&times, "0\n0.1\n").unwrap();
     let camera = || text(|path, text| parse_camera(path, text, None, None));
-    let gyroflow = "{\"camera_brand\":\"A\",\"calib_dimension\":{\"w\":64,\"h\":48},\"fps\":25,\"frame_readout_time\":8.5,\
-                    \"fisheye_params\":{\"camera_matrix\":[[50,0,31.5],[0,50,23.5],[0,0,1]],\
+    let gyroflow = "{\"camera_brand\":\"A\",\"calib_dimension\":{\"w\":64,\"h\":48},\"fps\":25,\
+                    \"frame_readout_time\":8.5,\"fisheye_params\":{\"camera_matrix\":[[50,0,31.5],[0,50,23.5],[0,0,1]],\
                     \"distortion_coeffs\":[0.01,0,0,0]},\"distortion_model\":\"opencv_fisheye\"}";
-    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,fx_px,fy_px,cx_px,cy_px,d1,d2,\
-                 d3,d4,rms_px,images\nA,\"B, C\",,,64,48,25,8.5,opencv_fisheye,50,50,32,24,0.01,0,0,0,0.5,20\n";
+    let table = "brand,model,lens,setting,width_px,height_px,fps,readout_ms,distortion_model,\
+                 fx_px,fy_px,cx_px,cy_px,d1,d2,d3,d4,rms_px,images\n\
+                 A,\"B, C\",,,64,48,25,8.5,opencv_fisheye,50,50,32,24,0.01,0,0,0,0.5,20\n";
     let all = folder.join("profiles");
     fs::create_dir_all(&all).unwrap();
     // A line that is no profile is no error of the folder.
@@ -194,7 +200,8 @@ fn results(folder: &Path) -> Vec<Parser> {
     fs::write(&mine, "mine").unwrap();
     let manifest = "{\"shutterbug\":\"0.1.0\",\"command\":\"simulate\",\"arguments\":[],\"made_from\":{\"a\":\"b\"}}\n\
                     {\"name\":\"000000.png\",\"bytes\":4,\"sha256\":\
-                    \"aabc42e66bf1a6eb7f6a89cf6f3d37f0d0ad7d0a1eb6ae7bf1d2c2c4d6dd0b1a\"}\n{\"working\":\"progress.jsonl\"}\n\
+                    \"aabc42e66bf1a6eb7f6a89cf6f3d37f0d0ad7d0a1eb6ae7bf1d2c2c4d6dd0b1a\"}\n\
+                    {\"working\":\"progress.jsonl\"}\n\
                     {\"folder\":\"case-000\"}\n";
     let resume = move |bytes: &[u8]| {
         let _ = fs::remove_dir_all(&root);

@@ -1,4 +1,4 @@
-//! What can be said on the command line.
+//! Commands and options of the command line.
 
 use std::path::PathBuf;
 
@@ -10,9 +10,10 @@ use super::args_import::Import;
 pub use super::args_names::{
     EncodingName, FormName, FormatName, GatherName, MethodName, MotionSourceName, PlaneName, ShiftName,
 };
+use super::args_values::{gather_kernel, in_steps, rate_hz, samples};
 use shutterbug::engine::{
-    AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
-    MotionSource, PaperOptions, Shift,
+    AccumulationOptions, ExactOptions, FastOptions, Gather, GatherKernel, Method, MotionSource, PaperOptions,
+    Shift,
 };
 
 /// What a real, cheap, moving camera does to a picture.
@@ -42,7 +43,8 @@ pub enum Command {
     /// Cameras in other tools' files
     #[command(subcommand)]
     Camera(Camera),
-    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list it without --out
+    /// Turn a recording (MCAP, ROS bag, EuRoC, TUM, KITTI, video) into frames with times, camera, poses and gyro; list
+    /// it without --out
     Import(Import),
     /// Turn photographs or a recording of a calibration board into a capture
     Board(Board),
@@ -70,7 +72,8 @@ pub enum PresetsAction {
         /// Words, such as `gopro hero9 wide`
         #[arg(required = true)]
         words: Vec<String>,
-        /// Folder of lens profiles (Gyroflow's JSON, or tables of them) [default: the one that SHUTTERBUG_PROFILES names]
+        /// Folder of lens profiles (Gyroflow's JSON, or tables of them) [default: the one that SHUTTERBUG_PROFILES
+        /// names]
         #[arg(long)]
         profiles: Option<PathBuf>,
     },
@@ -87,7 +90,8 @@ pub enum PresetsAction {
 /// What can be done with a camera.
 #[derive(Debug, Subcommand)]
 pub enum Camera {
-    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml, Gyroflow's lens profile and (to) Gazebo SDF
+    /// Convert between camera.toml, ROS camera_info, Kalibr camchain, EuRoC sensor.yaml, Gyroflow's lens profile and
+    /// (to) Gazebo SDF
     Convert(Convert),
 }
 
@@ -245,8 +249,8 @@ pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
     #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
     pub capture: Option<PathBuf>,
-    /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml, trajectory.tum,
-    /// frames.csv
+    /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml,
+    /// trajectory.tum, frames.csv
     #[arg(long, requires = "real")]
     pub sim: Option<PathBuf>,
     /// Real frames, matched by name, by --match or by frames.csv in both folders
@@ -426,33 +430,5 @@ impl Simulate {
     /// The method's name on the command line.
     pub fn method_name(&self) -> String {
         self.method.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
-    }
-}
-
-fn gather_kernel(text: &str) -> Result<GatherKernel, String> {
-    let names: Vec<_> = GATHER_KERNELS.iter().map(|k| k.name).collect();
-    let found = GATHER_KERNELS.iter().find(|k| k.name == text);
-    found.copied().ok_or_else(|| format!("a kernel is one of {}", names.join(", ")))
-}
-
-fn samples(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(n @ (1 | 4 | 16)) => Ok(n),
-        _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
-    }
-}
-
-/// A whole number between two.
-fn in_steps(from: usize, to: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
-    move |text| match text.parse() {
-        Ok(n) if (from..=to).contains(&n) => Ok(n),
-        _ => Err(format!("{from} to {to}")),
-    }
-}
-
-pub(super) fn rate_hz(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
-        _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),
     }
 }

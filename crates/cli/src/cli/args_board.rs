@@ -31,17 +31,18 @@ pub struct Board {
     /// Corners that another tool has found, lines of file,col,row,u_px,v_px, instead of looking for them
     #[arg(long)]
     pub corners: Option<PathBuf>,
-    /// The frames follow each other at this rate, Hz (a frames.csv beside them says it too); without both they are stills
-    #[arg(long, value_parser = super::args::rate_hz)]
+    /// The frames follow each other at this rate, Hz (a frames.csv beside them says it too); without both they are
+    /// stills
+    #[arg(long, value_parser = super::args_values::rate_hz)]
     pub fps: Option<f64>,
-    /// Write frames of means over so many px by so many: large stills are more than a diagnosis can hold. Corners are found in the
-    /// pictures as they are
+    /// Write frames of means over so many px by so many: large stills are more than a diagnosis can hold. Corners are
+    /// found in the pictures as they are
     #[arg(long, default_value_t = 1, value_parser = times)]
     pub shrink: usize,
     /// Folder for the capture; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
 }

@@ -1,4 +1,4 @@
-//! What can be said to `import`.
+//! Options of `import`.
 
 use std::path::PathBuf;
 
@@ -7,8 +7,8 @@ use crate::import::Request;
 /// Arguments of `import`.
 #[derive(Debug, clap::Args)]
 pub struct Import {
-    /// MCAP, a ROS 1 bag, a ROS 2 bag (.db3 or its folder), a folder of EuRoC (mav0), TUM RGB-D or KITTI odometry, a file of KITTI
-    /// poses, or a video (read by the installed ffmpeg)
+    /// MCAP, a ROS 1 bag, a ROS 2 bag (.db3 or its folder), a folder of EuRoC (mav0), TUM RGB-D or KITTI odometry, a
+    /// file of KITTI poses, or a video (read by the installed ffmpeg)
     pub input: PathBuf,
     /// Folder for the files; made if absent. Without it, what the recording holds is listed
     #[arg(long)]
@@ -46,7 +46,7 @@ pub struct Import {
     /// Keep the frames that an interrupted run has finished
     #[arg(long)]
     pub resume: bool,
-    /// Write to a folder that holds files which no run made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
 }

@@ -1,4 +1,5 @@
-//! How a run of `simulate` begins: which frames are left to be made, and what is written before them.
+//! The start of `simulate`: finds the frames that are still missing, and writes the files that come before the first
+//! frame.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,8 +28,8 @@ pub(super) struct Begin<'a> {
 }
 
 impl<'a> Begin<'a> {
-    /// Decides which frames are to be rendered: all, or with `--resume` those that are not there as they were made, provided
-    /// that those that are come from the same run.
+    /// Decides which frames are to be rendered: all, or with `--resume` those that are not there as they were made,
+    /// provided that those that are come from the same run.
     pub(super) fn new(args: &'a Simulate, capture: &Capture, out: &'a Out) -> Result<(Vec<usize>, Self)> {
         let path = args.out.join("simulate.json");
         let simulate_json = simulate_json(args);

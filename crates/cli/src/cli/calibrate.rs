@@ -96,7 +96,8 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
     let mut camera = match base {
         Some(base) => base.clone(),
         None => {
-            text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
+            text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for \
+                yours.\n";
             placeholder(path, done.size_px)
         }
     };

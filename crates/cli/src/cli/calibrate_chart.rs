@@ -48,7 +48,8 @@ impl Common {
         let mut camera = match &self.camera {
             Some(path) => CameraFile::read(path)?,
             None => {
-                text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for yours.\n";
+                text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for \
+                    yours.\n";
                 placeholder(&path, size)
             }
         };
@@ -154,7 +155,8 @@ fn flat_text(
         writeln!(text, "  fall-off: corners get {:.1} % of the middle; a1 {a1}, a2 {a2}", 100.0 * f.corner);
     let _ = writeln!(
         text,
-        "  the light itself: tilted by {} over half a diagonal, {} rms beyond that (an even fall-off of the light counts as the lens's)",
+        "  the light itself: tilted by {} over half a diagonal, {} rms beyond that (an even fall-off of the light \
+         counts as the lens's)",
         percent(f.tilt),
         percent(f.uneven)
     );
@@ -253,7 +255,8 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
         let [rows, columns] =
             [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
         let text = format!(
-            "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global shutter, an exposure of \
+            "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global \
+             shutter, an exposure of \
              whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
         );
         return print(text);
@@ -263,8 +266,9 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let (lines, first) =
         if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
     print(format!(
-        "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  delay from line to line {:.3} us, readout of {} \
-         lines {:.3} ms [{:.3}, {:.3}]\n  one picture does not tell whether {first} is read first\n",
+        "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
+         delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
+         one picture does not tell whether {first} is read first\n",
         r.period_lines,
         100.0 * r.depth,
         1e6 * r.line_delay_s,

@@ -57,9 +57,9 @@ fn describe(d: &DeviceInfo) -> String {
     };
     let samples: Vec<_> = d.sample_counts.iter().map(u32::to_string).collect();
     format!(
-        "{}: {}\n   kind            {kind}\n   driver          {}\n   uuid            {}\n   Vulkan          \
-         {major}.{minor}.{patch}\n   samples         {} (1, 4 and 16 are made up of these)\n   largest image   {} px\n   \
-         timestamps      {timestamps}\n   usable          {usable}\n",
+        "{}: {}\n   kind            {kind}\n   driver          {}\n   uuid            {}\n   \
+         Vulkan          {major}.{minor}.{patch}\n   samples         {} (1, 4 and 16 are made up of these)\n   \
+         largest image   {} px\n   timestamps      {timestamps}\n   usable          {usable}\n",
         d.index,
         d.name,
         d.driver,

@@ -5,6 +5,7 @@ mod args_board;
 mod args_calibrate;
 mod args_import;
 mod args_names;
+mod args_values;
 mod begin;
 mod board;
 mod calibrate;
@@ -44,8 +45,8 @@ pub fn run() -> ExitCode {
     ExitCode::from(run_from(std::env::args_os()))
 }
 
-/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. For a process that has nothing
-/// else to do: it takes over signals.
+/// Runs a command line whose first argument is the program's name; the exit code is as of [`run`]. For a process that
+/// has nothing else to do: it takes over signals.
 pub fn run_from(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args = match parse(args) {
         Ok(args) => args,
@@ -79,8 +80,8 @@ fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, 
     Ok(args)
 }
 
-/// Prints help, which was asked for, or what is wrong with the arguments; the exit code. clap's own way would let escape sequences of
-/// an argument through to the terminal, and would take help that a full disk swallowed for printed.
+/// Prints help, which was asked for, or what is wrong with the arguments; the exit code. clap's own way would let
+/// escape sequences of an argument through to the terminal, and would take help that a full disk swallowed for printed.
 fn tell(told: &clap::Error) -> u8 {
     if told.use_stderr() {
         told.to_string().lines().for_each(say);
@@ -89,7 +90,8 @@ fn tell(told: &clap::Error) -> u8 {
     ended(print(told))
 }
 
-/// A file that grows beyond what `ulimit -f` allows is an error of that write, with its name, not the end of the process.
+/// A file that grows beyond what `ulimit -f` allows is an error of that write, with its name, not the end of the
+/// process.
 fn survive_full_disks() {
     #[cfg(unix)]
     if let Err(error) = signal_hook::flag::register(libc::SIGXFSZ, Arc::default()) {
@@ -97,7 +99,8 @@ fn survive_full_disks() {
     }
 }
 
-/// Starts the threads that pictures are worked on with. Later, a machine that has none left could only be told by a panic.
+/// Starts the threads that pictures are worked on with. Later, a machine that has none left could only be told by a
+/// panic.
 ///
 /// # Errors
 /// No thread could be started.

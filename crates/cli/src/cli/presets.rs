@@ -97,7 +97,8 @@ fn describe(preset: &Preset) -> Result<String> {
     };
     let exposure_ms = MotionBlur::exposure_time_s(&camera.settings) * 1e3;
     Ok(format!(
-        "{:<16} {}\n{:16} {}x{}, {:.0} frames a second, {fov_deg:.0} degrees across, {shutter}, exposure {exposure_ms:.1} ms\n",
+        "{:<16} {}\n\
+         {:16} {}x{}, {:.0} frames a second, {fov_deg:.0} degrees across, {shutter}, exposure {exposure_ms:.1} ms\n",
         preset.name,
         preset.about(),
         "",

@@ -58,13 +58,7 @@ pub fn run(args: &Simulate) -> Result<()> {
     requests.iter_mut().for_each(|r| r.statistics = description.relights());
     // The set-up's effects: from here on the path is the true camera's.
     let capture = Capture { trajectory: capture.true_trajectory(), ..capture };
-    let options = EngineOptions {
-        method: args.engine_method(),
-        samples: args.samples,
-        frames_in_flight: args.batch.unwrap_or(args.frames_in_flight),
-        planes: !args.planes.is_empty(),
-        ..EngineOptions::default()
-    };
+    let options = engine_options(args);
     let camera = &capture.true_intrinsics();
     let size = [camera.width, camera.height];
     let stems: Vec<_> = (0..total).map(|f| stem(&capture, f)).collect();
@@ -80,10 +74,7 @@ pub fn run(args: &Simulate) -> Result<()> {
         description.relight(frame, &requests, view, &stems[frame.index as usize])
     };
     let done = render_all((args, &stems, &begin), &mut engine, &requests, &mut timings, &mut done)?;
-    if let Some(batch) = args.batch {
-        let rate = done as f64 / start.elapsed().as_secs_f64();
-        say(format_args!("{rate:.2} frames a second, on disk, with {batch} in flight"));
-    }
+    say_rate(args, done, start);
     report_validation(&context)?;
     if args.timings {
         timings.finish(&args.out, &context, &args.method_name(), size, args.samples)?;
@@ -93,6 +84,23 @@ pub fn run(args: &Simulate) -> Result<()> {
     }
     say(format_args!("{done} frames written to {}", args.out.display()));
     Ok(())
+}
+
+fn engine_options(args: &Simulate) -> EngineOptions {
+    EngineOptions {
+        method: args.engine_method(),
+        samples: args.samples,
+        frames_in_flight: args.batch.unwrap_or(args.frames_in_flight),
+        planes: !args.planes.is_empty(),
+        ..EngineOptions::default()
+    }
+}
+
+/// With `--batch`: how many frames a second came to the disk since `start`.
+fn say_rate(args: &Simulate, done: usize, start: Instant) {
+    let Some(batch) = args.batch else { return };
+    let rate = done as f64 / start.elapsed().as_secs_f64();
+    say(format_args!("{rate:.2} frames a second, on disk, with {batch} in flight"));
 }
 
 /// The layer is asked for by `SHUTTERBUG_VALIDATION=1`.
@@ -221,8 +229,8 @@ struct Exposure<'a> {
 }
 
 impl Exposure<'_> {
-    /// The request with its gain; `None` until all frames that it answers to were metered. Those of an interrupted run are
-    /// read from the disk.
+    /// The request with its gain; `None` until all frames that it answers to were metered. Those of an interrupted run
+    /// are read from the disk.
     fn request(&mut self, request: &FrameRequest, requests: &[FrameRequest]) -> Result<Option<FrameRequest>> {
         let index = request.index as usize;
         for frame in self.control.missing(index).collect::<Vec<_>>() {

@@ -1,5 +1,5 @@
-//! What the user is told. Messages go to stderr, and whether anybody reads them changes nothing; results that a command is asked
-//! for go to stdout, and what cannot be written there is an error, but for a reader that has seen enough.
+//! Output to the user. Messages go to stderr; a closed stderr is ignored. Results that the user asked for go to stdout;
+//! if they cannot be written, that is an error, unless the reader has closed the pipe.
 
 use std::fmt;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
@@ -37,7 +37,8 @@ pub fn print(text: impl fmt::Display) -> Result<()> {
     }
 }
 
-/// Warnings go to stderr; `RUST_LOG` asks for more or less. Colours are for terminals alone, and not where `NO_COLOR` is set.
+/// Warnings go to stderr; `RUST_LOG` asks for more or less. Colours are for terminals alone, and not where `NO_COLOR`
+/// is set.
 pub fn start_log() {
     let asked = std::env::var("RUST_LOG").ok().and_then(|levels| levels.parse::<Targets>().ok());
     let filter = asked.unwrap_or_else(|| Targets::new().with_default(LevelFilter::WARN));

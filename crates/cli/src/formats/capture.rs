@@ -11,13 +11,12 @@ use shutterbug::files::Limit;
 /// Files that stand for `camera.toml` in a capture without one, as ROS, Kalibr and EuRoC call them.
 const STAND_INS: [&str; 3] = ["camera_info.yaml", "camchain.yaml", "sensor.yaml"];
 
-/// Reads a capture. `camera` replaces its `camera.toml` and may be ROS, Kalibr or EuRoC YAML or
-/// Gyroflow's JSON; without both, the one of
-/// `camera_info.yaml`, `camchain.yaml` and `sensor.yaml` that is there is taken. `preset` adds effects that the camera does not have itself. What has no place is
-/// emitted as a warning.
+/// Reads a capture. `camera` replaces its `camera.toml` and may be ROS, Kalibr or EuRoC YAML or Gyroflow's JSON;
+/// without both, the one of `camera_info.yaml`, `camchain.yaml` and `sensor.yaml` that is there is taken. `preset` adds
+/// effects that the camera does not have itself. What has no place is emitted as a warning.
 ///
-/// A YAML camera knows nothing of `background`, `static` and `shading`: those are the capture's own `camera.toml`'s, if it
-/// has one, and so is the frame period where the YAML states no rate (else the median step of `frames.csv`).
+/// A YAML camera knows nothing of `background`, `static` and `shading`: those are the capture's own `camera.toml`'s, if
+/// it has one, and so is the frame period where the YAML states no rate (else the median step of `frames.csv`).
 ///
 /// # Errors
 /// As [`Capture::read`], [`read_camera`] and [`apply_preset`].
@@ -89,9 +88,9 @@ mod tests {
     use super::*;
     use crate::formats::preset;
 
-    const ROS: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  data: [50.0, 0.0, 31.5, 0.0, 50.0, 23.5, \
-                       0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  data: [0.0, 0.0, 0.0, \
-                       0.0, 0.0]\n";
+    const ROS: &str = "image_width: 64\nimage_height: 48\ncamera_matrix:\n  \
+                       data: [50.0, 0.0, 31.5, 0.0, 50.0, 23.5, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n\
+                       distortion_coefficients:\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]\n";
 
     /// A capture of two frames, 0.04 s apart, without a camera.
     fn capture() -> tempfile::TempDir {
@@ -113,7 +112,8 @@ mod tests {
         assert_eq!((camera.intrinsics.cx, camera.intrinsics.cy), (32.0, 24.0));
         assert!((camera.frame_period_s - 0.04).abs() < 1e-15, "the step of frames.csv");
         // A camera.toml wins over it; given by name, the YAML takes what it does not know from there.
-        let toml = "width = 32\nheight = 24\nfx = 20\nfy = 20\ncx = 16\ncy = 12\nframe_period_s = 0.03\nstatic = true\n";
+        let toml = "width = 32\nheight = 24\nfx = 20\nfy = 20\ncx = 16\ncy = 12\nframe_period_s = 0.03\n\
+                    static = true\n";
         fs::write(folder.path().join("camera.toml"), toml).expect("written");
         let own = read_capture(folder.path(), None, None).unwrap_or_else(|e| panic!("{e}")).camera;
         assert_eq!(own.intrinsics.width, 32);

@@ -74,8 +74,8 @@ pub(super) fn import(top: &Field, name: Option<&str>) -> Result<Imported> {
         let shift_s = field.number("seconds")?;
         if shift_s != 0.0 {
             notes.push(format!(
-                "timeshift_cam_imu = {shift_s} s belongs to the set-up: where the poses are on the IMU's clock, add it to \
-                 the frames' timestamps ([time_offset] offset_s)"
+                "timeshift_cam_imu = {shift_s} s belongs to the set-up: where the poses are on the IMU's clock, add \
+                 it to the frames' timestamps ([time_offset] offset_s)"
             ));
         }
     }

@@ -1,8 +1,8 @@
 //! Cameras and motion in the files that users have: ROS `camera_info`, Kalibr camchain, EuRoC `sensor.yaml` and `mav0`,
 //! Gyroflow's lens profiles, KITTI poses in; the cameras and Gazebo's SDF out; and presets of real cameras.
 //!
-//! Nothing is dropped silently: what a format cannot hold comes back as a list of sentences, and stands as comments in a
-//! written file. OpenCV, ROS, Kalibr and EuRoC put pixel centres at whole numbers, this program at halves: cx and cy
+//! Nothing is dropped silently: what a format cannot hold comes back as a list of sentences, and stands as comments in
+//! a written file. OpenCV, ROS, Kalibr and EuRoC put pixel centres at whole numbers, this program at halves: cx and cy
 //! differ by 0.5.
 
 mod capture;
@@ -157,8 +157,8 @@ fn detect(top: &Field) -> Result<Format> {
     Err(Error::input(top.path(), top.line(), found, expected))
 }
 
-/// The text of a camera in a format, and what the format cannot hold (which also stands in the text as comments). `path`
-/// is what errors name; `rate_hz` overrides the camera's own frame rate.
+/// The text of a camera in a format, and what the format cannot hold (which also stands in the text as comments).
+/// `path` is what errors name; `rate_hz` overrides the camera's own frame rate.
 ///
 /// # Errors
 /// `camera.toml` without any frame rate, or with a value outside its range.

@@ -68,7 +68,8 @@ impl Motion {
         }
         if lost > 0 {
             self.notes.push(format!(
-                "{lost} of {before} frames are left out: poses reach from {from} ns to {to} ns and are never extrapolated"
+                "{lost} of {before} frames are left out: poses reach from {from} ns to {to} ns and are never \
+                 extrapolated"
             ));
         }
         Ok(())

@@ -81,8 +81,8 @@ pub fn apply_preset(preset: &Preset, camera: &mut CameraFile) -> Result<Vec<Stri
     let bent = from.settings.has("lens_distortion") && (own / theirs - 1.0).abs() > 0.01;
     if bent {
         notes.push(format!(
-            "lens_distortion belongs to a focal length of {theirs:.3} widths, the camera has {own:.3}: use the preset's \
-             pinhole for its field of view"
+            "lens_distortion belongs to a focal length of {theirs:.3} widths, the camera has {own:.3}: use the \
+             preset's pinhole for its field of view"
         ));
     }
     for effect in effects::LIST.iter().filter(|e| camera.settings.has(e.id())) {

@@ -1,8 +1,8 @@
 //! Presets from a folder of lens profiles that the user names: Gyroflow's JSON files, and tables of them
 //! (`brand,model,lens,setting,width_px,...`). None of them ships: their numbers are their owners'.
 //!
-//! Such a preset holds what its source states: pinhole, lens, frame rate, readout. Noise and full well are not stated, and so
-//! they are absent.
+//! Such a preset holds what its source states: pinhole, lens, frame rate, readout. Noise and full well are not stated,
+//! and so they are absent.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -18,8 +18,8 @@ use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there};
 
 /// Deepest folder, and most files, that are looked at.
-const DEEPEST: usize = 6;
-const MOST_FILES: usize = 100_000;
+const MAX_DEPTH: usize = 6;
+const MAX_FILES: usize = 100_000;
 /// First columns of a table, and all that are needed.
 const COLUMNS: [&str; 19] = [
     "brand",
@@ -72,7 +72,7 @@ impl Profiles {
     /// A folder that cannot be read. Files that are no usable profiles are counted in [`Self::refused`].
     pub fn read(folder: &Path) -> Result<Self> {
         let mut files = Vec::new();
-        find(folder, DEEPEST, &mut files)?;
+        find(folder, MAX_DEPTH, &mut files)?;
         files.sort();
         let mut profiles = Self {
             folder: folder.to_owned(),
@@ -112,7 +112,7 @@ impl Profiles {
         self.all.iter().filter(|p| words.iter().all(|w| p.name.contains(w.as_str()))).collect()
     }
 
-    /// The preset of that name; `None` if there is none, an error if it shows what no pinhole's picture does.
+    /// The preset of that name; `None` if there is none, an error if no pinhole picture can show its field of view.
     pub fn preset(&self, name: &str) -> Option<Result<Preset>> {
         let profile = self.all.iter().find(|p| p.name == name)?;
         let text = profile.check().and_then(|()| profile.toml(&self.licence));
@@ -240,8 +240,8 @@ fn find(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
         } else if kind.is_file() && is_profile(&path) {
             files.push(path);
         }
-        if files.len() > MOST_FILES {
-            let found = format!("more than {MOST_FILES} files");
+        if files.len() > MAX_FILES {
+            let found = format!("more than {MAX_FILES} files");
             return Err(Error::input(folder, None, found, "a folder of lens profiles"));
         }
     }
@@ -281,70 +281,98 @@ fn of_json(file: &Path, text: &str, source: String) -> Result<Profile> {
     Ok(named(camera, gyroflow::about(&top), source))
 }
 
-fn of_row(file: &Path, line: usize, row: &[String], source: String) -> Result<Profile> {
-    let cell = |column: &str| {
+/// A row of a table, and where it stands: errors name the file and the line.
+struct Row<'a> {
+    file: &'a Path,
+    line: usize,
+    cells: &'a [String],
+}
+
+impl Row<'_> {
+    fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
+        Error::input(self.file, self.line, found, expected)
+    }
+
+    /// The text of a cell; empty where the row is too short.
+    fn cell(&self, column: &str) -> &str {
         let at = COLUMNS.iter().position(|c| *c == column).expect("a column");
-        row.get(at).map_or("", String::as_str)
-    };
-    let number = |column: &str| {
-        cell(column).parse::<f64>().ok().filter(|n| n.is_finite()).ok_or_else(|| {
-            let found = format!("{column} = `{}`", yaml::shortened(cell(column)));
-            Error::input(file, line, found, "a number")
-        })
-    };
-    if cell("distortion_model") != "opencv_fisheye" {
-        return Err(Error::input(file, line, cell("distortion_model"), "opencv_fisheye"));
+        self.cells.get(at).map_or("", String::as_str)
     }
-    let numbers = |columns: [&str; 4]| -> Result<[f64; 4]> {
-        let [a, b, c, d] = columns.map(number);
+
+    fn number(&self, column: &str) -> Result<f64> {
+        let cell = self.cell(column);
+        cell.parse()
+            .ok()
+            .filter(|n: &f64| n.is_finite())
+            .ok_or_else(|| self.error(format!("{column} = `{}`", yaml::shortened(cell)), "a number"))
+    }
+
+    fn numbers(&self, columns: [&str; 4]) -> Result<[f64; 4]> {
+        let [a, b, c, d] = columns.map(|column| self.number(column));
         Ok([a?, b?, c?, d?])
-    };
-    let [fx, fy, cx, cy] = numbers(["fx_px", "fy_px", "cx_px", "cy_px"])?;
-    let side = |column: &str| match number(column)? {
-        n if n.fract() == 0.0 && (1.0..=f64::from(shutterbug::plane::MAX_SIDE_PX)).contains(&n) => {
-            Ok(n as u32)
-        }
-        n => Err(Error::input(file, line, format!("{column} = {n}"), "a whole number of px")),
-    };
-    let (width, height) = (side("width_px")?, side("height_px")?);
-    let within = |name: &str, value: f64, (min, max): (f64, f64)| match value {
-        v if (min..=max).contains(&v) => Ok(v),
-        v => Err(Error::input(file, line, format!("{name} = {v}"), format!("{min} to {max}"))),
-    };
-    for (name, value, range) in [
-        ("fx_px", fx, common::FOCAL_PX),
-        ("fy_px", fy, common::FOCAL_PX),
-        ("cx_px", cx, common::CENTRE_PX),
-        ("cy_px", cy, common::CENTRE_PX),
-    ] {
-        within(name, value, range)?;
     }
-    let half = common::PIXEL_CENTRE;
-    let mut camera =
-        CameraModel::new("camera", Intrinsics { width, height, fx, fy, cx: cx + half, cy: cy + half });
-    camera.distortion = Distortion::Equidistant { k: numbers(["d1", "d2", "d3", "d4"])? };
-    let placed = |problem| Error::At {
+
+    /// A side of the picture, px.
+    fn side(&self, column: &str) -> Result<u32> {
+        match self.number(column)? {
+            n if n.fract() == 0.0 && (1.0..=f64::from(shutterbug::plane::MAX_SIDE_PX)).contains(&n) => {
+                Ok(n as u32)
+            }
+            n => Err(self.error(format!("{column} = {n}"), "a whole number of px")),
+        }
+    }
+
+    fn within(&self, column: &str, value: f64, (min, max): (f64, f64)) -> Result<f64> {
+        match value {
+            v if (min..=max).contains(&v) => Ok(v),
+            v => Err(self.error(format!("{column} = {v}"), format!("{min} to {max}"))),
+        }
+    }
+
+    fn intrinsics(&self) -> Result<Intrinsics> {
+        let [fx, fy, cx, cy] = self.numbers(["fx_px", "fy_px", "cx_px", "cy_px"])?;
+        let (width, height) = (self.side("width_px")?, self.side("height_px")?);
+        for (column, value, range) in [
+            ("fx_px", fx, common::FOCAL_PX),
+            ("fy_px", fy, common::FOCAL_PX),
+            ("cx_px", cx, common::CENTRE_PX),
+            ("cy_px", cy, common::CENTRE_PX),
+        ] {
+            self.within(column, value, range)?;
+        }
+        let half = common::PIXEL_CENTRE;
+        Ok(Intrinsics { width, height, fx, fy, cx: cx + half, cy: cy + half })
+    }
+}
+
+fn of_row(file: &Path, line: usize, cells: &[String], source: String) -> Result<Profile> {
+    let row = Row { file, line, cells };
+    if row.cell("distortion_model") != "opencv_fisheye" {
+        return Err(row.error(row.cell("distortion_model"), "opencv_fisheye"));
+    }
+    let mut camera = CameraModel::new("camera", row.intrinsics()?);
+    camera.distortion = Distortion::Equidistant { k: row.numbers(["d1", "d2", "d3", "d4"])? };
+    // 0 says that it is not known.
+    camera.rate_hz = match row.number("fps")? {
+        0.0 => None,
+        fps => Some(row.within("fps", fps, super::RATE_HZ)?),
+    };
+    gyroflow::set_readout_ms(&mut camera, row.number("readout_ms")?).map_err(|problem| Error::At {
         path: file.to_owned(),
         line: Some(line),
         problem: Box::new(problem),
         hint: String::new(),
-    };
-    // 0 says that it is not known.
-    camera.rate_hz = match number("fps")? {
-        0.0 => None,
-        fps => Some(within("fps", fps, super::RATE_HZ)?),
-    };
-    gyroflow::set_readout_ms(&mut camera, number("readout_ms")?).map_err(placed)?;
-    let words = ["brand", "model", "lens", "setting"].map(|c| cell(c).trim().to_owned());
+    })?;
+    let words = ["brand", "model", "lens", "setting"].map(|c| row.cell(c).trim().to_owned());
     let about = About {
         words: words.into_iter().filter(|w| !w.is_empty()).collect(),
-        rms_px: number("rms_px").ok(),
-        images: cell("images").parse().ok(),
+        rms_px: row.number("rms_px").ok(),
+        images: row.cell("images").parse().ok(),
     };
     Ok(named(camera, about, source))
 }
 
-/// Gives it its name; two of one name are told apart later.
+/// Names a profile. Equal names are made unique later.
 fn named(mut camera: CameraModel, about: About, source: String) -> Profile {
     let k = &camera.intrinsics;
     let rate = camera.rate_hz.map_or_else(String::new, |r| format!(" {r:.0}fps"));

@@ -1,4 +1,4 @@
-//! Five coefficients for a lens that was calibrated with more.
+//! Fits this program's five lens coefficients to a lens that was calibrated with more.
 
 use glam::DVec2;
 
@@ -8,8 +8,8 @@ use shutterbug::camera::{Distortion, Intrinsics};
 const RAYS: usize = 72;
 const STEPS: usize = 60;
 
-/// The Brown-Conrady lens nearest to `mapping` (ideal to distorted, normalised) over the picture, by least squares of the
-/// distorted points, and its largest error there in px. `None` where the mapping leaves nothing to fit.
+/// The Brown-Conrady lens nearest to `mapping` (ideal to distorted, normalised) over the picture, by least squares of
+/// the distorted points, and its largest error there in px. `None` where the mapping leaves nothing to fit.
 pub(super) fn fit_brown_conrady(
     k: &Intrinsics,
     mapping: impl Fn(DVec2) -> DVec2,

@@ -1,5 +1,5 @@
-//! Gazebo: a camera `<sensor>` of SDF 1.9, to paste under a `<link>`. Written by hand: a dozen tags with numbers need no
-//! XML library, only the escaping of one name.
+//! Gazebo: a camera `<sensor>` of SDF 1.9, to paste under a `<link>`. Written by hand: a dozen tags with numbers need
+//! no XML library, only the escaping of one name.
 //!
 //! gz-sensors (`CameraSensor::BuildProjectionMatrix`) counts cx and cy from the upper left corner of the picture, whose
 //! edges are 0 and width: as here, without a half pixel. Gazebo Classic takes cy from the lower edge
@@ -22,8 +22,8 @@ fn notes(camera: &CameraModel, sigma: f64) -> Vec<String> {
     let mut notes = camera.left_out(TARGET, &["read_noise", "paper_noise"]);
     if sigma > 0.0 {
         notes.push(format!(
-            "noise of {sigma} of full scale (linear) is written as {:.6} of the displayed value, its size at a mid grey: \
-             Gazebo adds noise after the tone curve",
+            "noise of {sigma} of full scale (linear) is written as {:.6} of the displayed value, its size at a mid \
+             grey: Gazebo adds noise after the tone curve",
             sigma * srgb_slope(MID_GREY)
         ));
     }
@@ -68,7 +68,8 @@ pub(super) fn export(camera: &CameraModel) -> (String, Vec<String>) {
     if sigma > 0.0 {
         let stddev = sigma * srgb_slope(MID_GREY);
         add(format!(
-            "    <noise>\n      <type>gaussian</type>\n      <mean>0.0</mean>\n      <stddev>{stddev:?}</stddev>\n    </noise>"
+            "    <noise>\n      <type>gaussian</type>\n      <mean>0.0</mean>\n      <stddev>{stddev:?}</stddev>\n    \
+             </noise>"
         ));
     }
     if let Distortion::BrownConrady { k: [k1, k2, k3], p: [p1, p2] } = camera.distortion {

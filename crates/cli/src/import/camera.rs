@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::messages::CameraInfo;
+use super::contents::CameraInfo;
 use crate::formats::{CameraModel, Format, parse_camera};
 use shutterbug::error::Result;
 
-/// The camera of pictures as they are delivered: behind region and binning; of rectified ones without a lens. `label` is what errors
-/// name. With it, what was left out.
+/// The camera of pictures as they are delivered: behind region and binning; of rectified ones without a lens. `label`
+/// is what errors name. With it, what was left out.
 pub(super) fn camera_of(
     info: &CameraInfo,
     rectified: bool,
@@ -26,7 +26,8 @@ pub(super) fn camera_of(
         (d, model) = (vec![0.0; 5], "plumb_bob".to_owned());
         notes.push("pictures are rectified: the pinhole is that of P, without a lens".to_owned());
     }
-    // Pixel centres are at whole numbers there: the first binned pixel's is half way between those of its first and last.
+    // Pixel centres are at whole numbers there: the first binned pixel's is half way between those of its first and
+    // last.
     let cut = |c: f64, from: u32, by: u32| (c - f64::from(from) + 0.5) / f64::from(by) - 0.5;
     let plain = bin == [1, 1] && [x, y] == [0, 0];
     if !plain {

@@ -1,12 +1,12 @@
-//! Foxglove's own messages, in protobuf and in JSON: pictures, cameras and frames. Numbers of fields as their schemas state them
-//! (github.com/foxglove/foxglove-sdk, schemas).
+//! Foxglove's own messages, in protobuf and in JSON: pictures, cameras and frames. Numbers of fields as their schemas
+//! state them (github.com/foxglove/foxglove-sdk, schemas).
 
 use std::borrow::Cow;
 
 use base64::Engine as _;
 use serde_json::Value;
 
-use super::messages::{Body, CameraInfo, Link, Picture, checked_pose};
+use super::contents::{Body, CameraInfo, Link, Picture, checked_pose};
 use super::topic::{Kind, Topic};
 use super::wire::{Fault, frame_name};
 

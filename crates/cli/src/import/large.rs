@@ -1,4 +1,5 @@
-//! Files that are too large to be held: recordings. They are read from front to back, or at places that they name themselves.
+//! Files that are too large to hold in memory: recordings. They are read from front to back, or at offsets that the
+//! file itself names.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
@@ -37,8 +38,8 @@ fn open(path: &Path) -> std::io::Result<File> {
 }
 
 impl Large {
-    /// Opens a file and notes it as read: by its length and its first and last MiB, as hashing all of a recording takes as long as
-    /// reading it.
+    /// Opens a file and notes it as read: by its length and its first and last MiB, as hashing all of a recording takes
+    /// as long as reading it.
     ///
     /// # Errors
     /// A missing or unreadable file; a pipe, a device or a folder.

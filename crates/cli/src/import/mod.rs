@@ -1,12 +1,14 @@
-//! Recordings as folders that can be diagnosed: logs of messages (MCAP, ROS 1 and ROS 2 bags), data sets (EuRoC, TUM, KITTI) and
-//! videos become frames, `frames.csv`, `camera.toml`, `trajectory.tum` and `imu.csv` (docs/import.md).
+//! Recordings as folders that can be diagnosed: logs of messages (MCAP, ROS 1 and ROS 2 bags), data sets (EuRoC, TUM,
+//! KITTI) and videos become frames, `frames.csv`, `camera.toml`, `trajectory.tum` and `imu.csv` (docs/import.md).
 //!
-//! A recording comes from a stranger: no length is believed before it is held against the file, and what is damaged is said with its
-//! place while the rest is read.
+//! A recording comes from a stranger: no length is believed before it is held against the file, and what is damaged is
+//! said with its place while the rest is read.
 
 mod bag;
 mod camera;
 mod choose;
+mod chosen;
+mod contents;
 mod cut;
 mod db3;
 mod deliver;
@@ -29,6 +31,7 @@ mod topic;
 mod tree;
 mod unpack;
 mod video;
+mod video_plan;
 mod wire;
 
 use std::path::{Path, PathBuf};
@@ -37,6 +40,9 @@ pub use deliver::{Delivered, Watch, deliver};
 pub use prepared::{Prepared, Request};
 
 use shutterbug::error::{Error, Result};
+
+/// What is wrong with a recording of which a part can be imported: what was found, and what was expected.
+pub type Damage = (String, String);
 
 /// A recording of some kind.
 #[derive(Debug)]
@@ -66,7 +72,8 @@ impl Recording {
             return match log::Log::open(path)? {
                 Some(log) => Ok(Self(Kind::Log(log))),
                 None => {
-                    let expected = "mav0 (EuRoC), rgb.txt (TUM), calib.txt and times.txt (KITTI), or .mcap or .db3 files";
+                    let expected = "mav0 (EuRoC), rgb.txt (TUM), calib.txt and times.txt (KITTI), or .mcap or .db3 \
+                        files";
                     Err(Error::input(path, None, "a folder of no known kind", expected))
                 }
             };
@@ -112,7 +119,7 @@ impl Recording {
             }
             Kind::Folder(kind, path) => folders::prepare(*kind, path, request),
             Kind::KittiPoses(path) => folders::prepare_poses(path, request),
-            Kind::Video(video) => Ok(video.clone().prepare(request)),
+            Kind::Video(video) => Ok(video_plan::prepare(video.clone(), request)),
         }
     }
 }

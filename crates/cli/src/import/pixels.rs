@@ -1,11 +1,11 @@
-//! Pictures of a log as files: values bit for bit as PNG, JPEG and PNG as they are. Sizes are held against what is there before
-//! anything is allocated.
+//! Pictures of a log as files: values bit for bit as PNG, JPEG and PNG as they are. Sizes are held against what is
+//! there before anything is allocated.
 
 use std::path::Path;
 
 use image::ExtendedColorType;
 
-use super::messages::Body;
+use super::contents::Body;
 use super::wire::Fault;
 use shutterbug::plane::{MAX_PIXELS, MAX_SIDE_PX, decode_picture};
 
@@ -39,7 +39,8 @@ enum Shape {
 }
 
 /// Names that are read, for errors.
-const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, mono16, rgb16, bgr16, bayer_*8, bayer_*16, 8UC1, 8UC3, 16UC1, yuv422, yuv422_yuy2";
+const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, mono16, rgb16, bgr16, bayer_*8, bayer_*16, 8UC1, 8UC3, 16UC1, \
+    yuv422, yuv422_yuy2";
 
 fn layout(encoding: &str) -> Option<Layout> {
     let plain = |channels, bytes, swapped| Some(Layout { channels, bytes, swapped, shape: Shape::Plain });

@@ -1,12 +1,12 @@
-//! Frames that hang on one another (ROS tf), each with its way over time.
+//! Coordinate frames that are attached to one another (ROS tf), each with its motion over time.
 
 use std::collections::HashMap;
 
-use super::messages::Link;
+use super::contents::Link;
 use shutterbug::camera::Pose;
 
 /// Most frames between one and the root.
-const MOST_LINKS: usize = 1000;
+const MAX_LINKS: usize = 1000;
 
 /// A frame in its parent.
 #[derive(Clone, Debug, Default)]
@@ -84,7 +84,7 @@ impl Tree {
     fn chain<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
         let mut chain = vec![frame];
         while let Some(branch) = self.branches.get(*chain.last().expect("begins with one")) {
-            if chain.len() > MOST_LINKS || chain.contains(&branch.parent.as_str()) {
+            if chain.len() > MAX_LINKS || chain.contains(&branch.parent.as_str()) {
                 break;
             }
             chain.push(&branch.parent);
@@ -97,7 +97,8 @@ impl Tree {
         self.chain(frame).last().expect("begins with one")
     }
 
-    /// The frames whose links lead from one to the other: those up from each to where they meet. Nothing if they do not.
+    /// The frames whose links lead from one to the other: those up from each to where they meet. Nothing if they do
+    /// not.
     fn way<'a>(&'a self, from: &'a str, to: &'a str) -> Option<[Vec<&'a str>; 2]> {
         let (up, down) = (self.chain(from), self.chain(to));
         let meeting = up.iter().position(|f| down.contains(f))?;

@@ -1,5 +1,5 @@
-//! Fields of a message as ROS puts them on the wire: ROS 1's own serialization, and the CDR of ROS 2 (plain CDR, either byte
-//! order). Lengths are held against what is there before anything is allocated.
+//! Fields of a message as ROS puts them on the wire: ROS 1's own serialization, and the CDR of ROS 2 (plain CDR, either
+//! byte order). Lengths are held against what is there before anything is allocated.
 
 use std::result::Result;
 

@@ -1,5 +1,5 @@
-//! A camera and the poses of all views, fitted together (Levenberg-Marquardt on the distances between points as seen and as predicted,
-//! weighed after Huber so that a wrong point does not decide).
+//! A camera and the poses of all views, fitted together (Levenberg-Marquardt on the distances between points as seen
+//! and as predicted, weighed after Huber so that a wrong point does not decide).
 
 use glam::{DVec2, DVec3};
 
@@ -8,13 +8,14 @@ use super::solve::{Block, OWN, Step, covariance, step};
 use shutterbug::camera::{Distortion, Intrinsics, Pose};
 use shutterbug::error::Result;
 
-/// What the views share, in this order: focal lengths and principal point, px; lens; readout along rows and along columns, s.
+/// What the views share, in this order: focal lengths and principal point, px; lens; readout along rows and along
+/// columns, s.
 pub const PARAMETERS: [&str; 11] =
     ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "readout_rows_s", "readout_columns_s"];
 const COUNT: usize = PARAMETERS.len();
 const READOUT: usize = 9;
-/// Residuals beyond so many standard deviations count by their size instead of their square: 95 % as efficient as least squares
-/// where all errors are normal (Huber).
+/// Residuals beyond so many standard deviations count by their size instead of their square: 95 % as efficient as least
+/// squares where all errors are normal (Huber).
 const HUBER: f64 = 1.345;
 /// Most steps, and the relative fall of the cost below which it has come to an end.
 const MOST_STEPS: usize = 100;
@@ -169,8 +170,8 @@ impl Bundle {
             shared[READOUT] = velocity * (point.px.y / h);
             shared[READOUT + 1] = velocity * (point.px.x / w);
         }
-        // Rotations turn the board about its own origin, so that they do not move it as well; what has happened since the frame's
-        // start comes behind them.
+        // Rotations turn the board about its own origin, so that they do not move it as well; what has happened since
+        // the frame's start comes behind them.
         let arm = self.poses[view].rotation * point.on_board_m;
         let later = since.map_or(glam::DQuat::IDENTITY, |(since, _, _)| since.rotation);
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];

@@ -1,5 +1,5 @@
-//! ChArUco boards: a checkerboard whose bright squares hold markers, by which every part of it names itself. Layout and numbers are
-//! OpenCV's since 4.6: the first square is dark, marker 0 is in the second of the first row.
+//! ChArUco boards: a checkerboard whose bright squares hold markers, by which every part of it names itself. Layout and
+//! numbers are OpenCV's since 4.6: the first square is dark, marker 0 is in the second of the first row.
 
 use calib_targets_charuco::{
     CharucoBoard, CharucoBoardSpec, CharucoDetector, CharucoParams, Dictionary, GrayImageView,
@@ -16,8 +16,8 @@ use shutterbug::plane::Plane;
 const FRAME: usize = 1;
 
 impl Target {
-    /// A board of so many squares (not corners), with markers of a share of a square's side; `None` for a dictionary that OpenCV does
-    /// not have, or one with too few markers.
+    /// A board of so many squares (not corners), with markers of a share of a square's side; `None` for a dictionary
+    /// that OpenCV does not have, or one with too few markers.
     pub fn charuco(squares: [usize; 2], square_m: f64, share: f64, dictionary: &str) -> Option<Self> {
         let dictionary = resolve_dictionary(&dictionary.to_uppercase())?;
         let target = Self {

@@ -1,4 +1,5 @@
-//! Corners as a table, `file,col,row,u_px,v_px`: read where another tool has found them, and written so that another can use them.
+//! Corners as a table, `file,col,row,u_px,v_px`: read where another tool has found them, and written so that another
+//! can use them.
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
@@ -17,8 +18,8 @@ pub(super) const MOST_POINTS: usize = 1000;
 /// Reads a table: points by file name, as they stand there (OpenCV counts from the centre of the first pixel).
 ///
 /// # Errors
-/// A line that is not five values, a column or row that is no small whole number, a place that is no number, a point that stands
-/// there twice for one file; with file and line.
+/// A line that is not five values, a column or row that is no small whole number, a place that is no number, a point
+/// that stands there twice for one file; with file and line.
 pub fn read_corners(path: &Path) -> Result<BTreeMap<String, Vec<Seen>>> {
     let text = String::from_utf8_lossy(&read(path, Limit::TABLE)?).into_owned();
     let mut all: BTreeMap<String, Vec<Seen>> = BTreeMap::new();

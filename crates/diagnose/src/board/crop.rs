@@ -1,13 +1,14 @@
-//! The part of a picture that a lens of five coefficients can describe. Through a very wide lens the fitted polynomial turns back before
-//! the picture's corners: no ray reaches them, and a camera with that lens cannot be simulated. The corners are left out then.
+//! The part of a picture that a lens of five coefficients can describe. Through a very wide lens the fitted polynomial
+//! turns back before the picture's corners: no ray reaches them, and a camera with that lens cannot be simulated. The
+//! corners are left out then.
 
 use shutterbug::camera::{Distortion, Intrinsics, Lens};
 
 /// Sides of what is cut are multiples of this, px: blocks of JPEG stay where they were, also with halved colours.
 const BLOCK_PX: u32 = 16;
 
-/// Columns and rows that are cut on each side so that the lens is one-to-one on what is left, and on a block more: a fit needs room.
-/// Nothing where it is on the whole picture, or on no part of it that is worth having.
+/// Columns and rows that are cut on each side so that the lens is one-to-one on what is left, and on a block more: a
+/// fit needs room. Nothing where it is on the whole picture, or on no part of it that is worth having.
 pub(super) fn cut(k: &Intrinsics, lens: Distortion) -> [u32; 2] {
     let holds = |cut: [u32; 2]| Lens::new(cropped(k, cut), lens).is_ok();
     if holds([0; 2]) {

@@ -1,4 +1,5 @@
-//! Checkerboards in a picture: the detector of `calib-targets` finds the grid, its place on the board follows from its size.
+//! Checkerboards in a picture: the detector of `calib-targets` finds the grid, its place on the board follows from its
+//! size.
 
 use calib_targets_chessboard::{ChessboardDetector, ChessboardParams, detect_corner_frame};
 use calib_targets_core::{GrayImageView, default_chess_config};
@@ -8,8 +9,8 @@ use super::refine::refined;
 use super::target::Seen;
 use shutterbug::plane::Plane;
 
-/// The detector's rings have a radius of some px: pictures are shrunk until their longer side is at most this long, px, and tried
-/// in other sizes where that finds no whole board.
+/// The detector's rings have a radius of some px: pictures are shrunk until their longer side is at most this long, px,
+/// and tried in other sizes where that finds no whole board.
 const LONGEST_PX: usize = 1600;
 /// Less than this long nothing is left of a board, px.
 const SHORTEST_PX: usize = 240;
@@ -112,8 +113,8 @@ pub(super) fn shrink(grey: &Plane<u8>, times: usize) -> Plane<u8> {
     })
 }
 
-/// The grid as part of a board of `size`: upright or turned by a quarter, where exactly one place of the board in it holds the most
-/// points. A grid that is smaller than the board could lie in several places.
+/// The grid as part of a board of `size`: upright or turned by a quarter, where exactly one place of the board in it
+/// holds the most points. A grid that is smaller than the board could lie in several places.
 fn place(grid: &Grid, size: [usize; 2]) -> Option<Vec<Seen>> {
     let [columns, _] = grid.size;
     let upright = grid.points.clone();

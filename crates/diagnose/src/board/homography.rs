@@ -1,16 +1,17 @@
-//! Closed forms from which the fit begins: the homography of each view, a pinhole that agrees with all of them (Zhang, IEEE PAMI 22,
-//! 2000), and the pose that each then has.
+//! Closed forms from which the fit begins: the homography of each view, a pinhole that agrees with all of them (Zhang,
+//! IEEE PAMI 22, 2000), and the pose that each then has.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nalgebra::{Matrix3, SMatrix, SymmetricEigen};
 
 use shutterbug::camera::{Intrinsics, Pose};
 
-/// Smallest determinant of a homography of normalised points: of a board seen at one degree it is a thousand times larger.
+/// Smallest determinant of a homography of normalised points: of a board seen at one degree it is a thousand times
+/// larger.
 const LEAST_DETERMINANT: f64 = 1e-7;
 
-/// The homography that takes points of the plane to points of the picture, by least squares on normalised points (Hartley, IEEE
-/// PAMI 19, 1997); `None` for fewer than four points, or where all lie on a line.
+/// The homography that takes points of the plane to points of the picture, by least squares on normalised points
+/// (Hartley, IEEE PAMI 19, 1997); `None` for fewer than four points, or where all lie on a line.
 pub(super) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
     if from.len() < 4 || from.len() != to.len() {
         return None;
@@ -41,7 +42,8 @@ pub(super) fn homography(from: &[DVec2], to: &[DVec2]) -> Option<DMat3> {
         DVec3::new(h[1], h[4], h[7]),
         DVec3::new(h[2], h[5], h[8]),
     );
-    // Its nine numbers have length 1. Points that lie on a line in the picture alone are met by a mapping onto that line.
+    // Its nine numbers have length 1. Points that lie on a line in the picture alone are met by a mapping onto that
+    // line.
     if h.determinant().abs() < LEAST_DETERMINANT {
         return None;
     }
@@ -61,8 +63,8 @@ fn normalising(points: &[DVec2]) -> Option<DMat3> {
     Some(DMat3::from_cols(DVec3::X * s, DVec3::Y * s, DVec3::new(-s * mean.x, -s * mean.y, 1.0)))
 }
 
-/// Focal lengths that make the axes of every board orthogonal and equally long, with the principal point in the picture's middle.
-/// `None` where no view is tilted enough to tell.
+/// Focal lengths that make the axes of every board orthogonal and equally long, with the principal point in the
+/// picture's middle. `None` where no view is tilted enough to tell.
 pub(super) fn focal_lengths(homographies: &[DMat3], size: [u32; 2]) -> Option<[f64; 2]> {
     let centre = DVec2::new(f64::from(size[0]), f64::from(size[1])) * 0.5;
     let to_centre = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(-centre.x, -centre.y, 1.0));

@@ -1,13 +1,15 @@
-//! A recording of a calibration target as a capture: the target is found in each picture, a camera and a pose for each are fitted
-//! to its points, and the board is written as a scene whose camera is a pinhole. `diagnose` then finds what the pinhole lacks.
+//! A recording of a calibration target as a capture: the target is found in each picture, a camera and a pose for each
+//! are fitted to its points, and the board is written as a scene whose camera is a pinhole. `diagnose` then finds what
+//! the pinhole lacks.
 //!
 //! ```text
 //! pictures ─ detect | corners.csv ─ points ─ start (closed form) ─ bundle (pinhole, then with lens, then with readout)
 //!          ─ tone (how dark, how bright, how far the print reaches) ─ write
 //! ```
 //!
-//! Poses that are fitted with a pinhole alone bend so as to hide the lens, and the diagnosis then finds a remainder that no
-//! effect explains. So the lens (and, of a moving board, the readout) is fitted with them, and left out of what is written.
+//! Poses that are fitted with a pinhole alone bend so as to hide the lens, and the diagnosis then finds a remainder
+//! that no effect explains. So the lens (and, of a moving board, the readout) is fitted with them, and left out of what
+//! is written.
 
 mod bundle;
 mod charuco;

@@ -1,4 +1,5 @@
-//! Poses of a board that moves: a smooth path through those of the frames, and where it was when a line of the sensor was read.
+//! Poses of a board that moves: a smooth path through those of the frames, and where it was when a line of the sensor
+//! was read.
 
 use std::path::Path;
 
@@ -9,8 +10,8 @@ use shutterbug::error::Result;
 
 /// Frames further apart than this many usual intervals have nothing between them that is known.
 const GAP: f64 = 1.5;
-/// Poses that are written for each interval between frames: between them the contract's straight lines hold, and a bend of one
-/// interval is met to one over the square of this.
+/// Poses that are written for each interval between frames: between them the contract's straight lines hold, and a bend
+/// of one interval is met to one over the square of this.
 const PER_INTERVAL: usize = 8;
 /// Step of derivatives by time, as a share of the time between frames.
 const STEP: f64 = 1e-3;
@@ -32,8 +33,8 @@ impl BoardPath {
         Ok(Self { trajectory, starts_s: starts_s.to_vec(), period_s: usual_interval_s(starts_s) })
     }
 
-    /// What takes the pose at a frame's start to the pose a moment later, and how that changes by time (per s): the pose a little
-    /// later over the pose.
+    /// What takes the pose at a frame's start to the pose a moment later, and how that changes by time (per s): the
+    /// pose a little later over the pose.
     pub(super) fn since(&self, view: usize, late_s: f64) -> (Pose, Pose, f64) {
         let step_s = STEP * self.period_s;
         let start_s = self.starts_s[view];
@@ -43,8 +44,8 @@ impl BoardPath {
         (now.then_from(&from), then.then_from(&now.inverse()), step_s)
     }
 
-    /// The pose at a time; beyond the first and last frames' starts with the speed that it has there. That is for fits alone: what is
-    /// written is never extrapolated.
+    /// The pose at a time; beyond the first and last frames' starts with the speed that it has there. That is for fits
+    /// alone: what is written is never extrapolated.
     fn camera_from_board(&self, time_s: f64) -> Pose {
         let (first_s, last_s) = self.trajectory.span_s();
         let inside_s = time_s.clamp(first_s, last_s);
@@ -64,8 +65,8 @@ impl BoardPath {
         beyond.inverse()
     }
 
-    /// The trajectory as the contract's straight lines, `late_s` later, over what frames with neighbours on both sides need; and
-    /// which frames those are.
+    /// The trajectory as the contract's straight lines, `late_s` later, over what frames with neighbours on both sides
+    /// need; and which frames those are.
     pub(super) fn written(&self, late_s: f64) -> Result<(Trajectory, Vec<usize>)> {
         let n = self.starts_s.len();
         let near = |i: usize| self.starts_s[i + 1] - self.starts_s[i] <= GAP * self.period_s;

@@ -50,8 +50,8 @@ pub struct Observed {
 /// Looks at each picture; `near`: they follow each other in time. `watch` is told how many are done.
 ///
 /// # Errors
-/// No picture; one that cannot be read, or of another size than the first; a table with a file that is no picture, or with points
-/// that the target has not.
+/// No picture; one that cannot be read, or of another size than the first; a table with a file that is no picture, or
+/// with points that the target has not.
 pub fn observe(
     pictures: &[Picture],
     target: &Target,
@@ -161,8 +161,8 @@ fn offset(grey: &Plane<u8>, seen: &[Seen], s: &Seen) -> Option<DVec2> {
     refined(grey, at, nearest_px(seen, s), 1).map(|px| px - s.px)
 }
 
-/// Half a pixel where a table counts from the centre of the first pixel, as OpenCV does; else nothing. Its own corners tell: the middle
-/// of what they are off by is nearer to one of both.
+/// Half a pixel where a table counts from the centre of the first pixel, as OpenCV does; else nothing. Its own corners
+/// tell: the middle of what they are off by is nearer to one of both.
 fn pixel_origin(offsets: &[DVec2]) -> f64 {
     let mut both: Vec<f64> = offsets.iter().flat_map(|o| [o.x, o.y]).collect();
     both.sort_by(f64::total_cmp);

@@ -1,4 +1,5 @@
-//! Which way round a checkerboard lies. Its grid looks the same turned by half (a square one: by a quarter), its colours may not.
+//! Which way round a checkerboard lies. Its grid looks the same turned by half (a square one: by a quarter), its
+//! colours may not.
 
 use glam::DVec2;
 
@@ -6,8 +7,8 @@ use super::refine::sample;
 use super::target::{Seen, View};
 use shutterbug::plane::Plane;
 
-/// Whether the squares whose column and row add up to an even number are the dark ones, the first square between inner corners being
-/// the first; `None` where no square is seen whole.
+/// Whether the squares whose column and row add up to an even number are the dark ones, the first square between inner
+/// corners being the first; `None` where no square is seen whole.
 pub(super) fn even_is_dark(grey: &Plane<u8>, view: &View, size: [usize; 2]) -> Option<bool> {
     let mut sums = [(0.0, 0usize); 2];
     for (i, j) in (0..size[0] - 1).flat_map(|i| (0..size[1] - 1).map(move |j| (i, j))) {
@@ -49,9 +50,9 @@ fn swaps(size: [usize; 2], quarters: usize) -> bool {
     moved % 2 == 1
 }
 
-/// Turns the views so that the same squares are dark in all of them; in frames that follow each other (`near`), of what is left open
-/// the turn that keeps points nearest to where they were. `dark` says of each view whether its even squares are. Returns whether even
-/// squares are dark now; views that cannot be turned so are emptied.
+/// Turns the views so that the same squares are dark in all of them; in frames that follow each other (`near`), of what
+/// is left open the turn that keeps points nearest to where they were. `dark` says of each view whether its even
+/// squares are. Returns whether even squares are dark now; views that cannot be turned so are emptied.
 pub(super) fn align(views: &mut [View], dark: &[Option<bool>], size: [usize; 2], near: bool) -> bool {
     let can_swap = ways(size).iter().any(|q| swaps(size, *q));
     let votes = |wanted: bool| dark.iter().filter(|d| **d == Some(wanted)).count();

@@ -1,5 +1,5 @@
-//! Where a corner is to a fraction of a pixel: the point that the gradients around it are at right angles to (Foerstner and Guelch
-//! 1987, as in OpenCV's cornerSubPix).
+//! Where a corner is to a fraction of a pixel: the point that the gradients around it are at right angles to (Foerstner
+//! and Guelch 1987, as in OpenCV's cornerSubPix).
 
 use glam::{DMat2, DVec2};
 
@@ -15,8 +15,8 @@ const SHARE: f64 = 0.25;
 const MOST_STEPS: usize = 30;
 const CLOSE_PX: f64 = 1e-3;
 
-/// The refined place of a corner near `px` whose nearest neighbour is `free_px` away, found in a picture that was `shrunk` so many
-/// times; `None` where the window leaves the picture, is flat, or the corner is elsewhere.
+/// The refined place of a corner near `px` whose nearest neighbour is `free_px` away, found in a picture that was
+/// `shrunk` so many times; `None` where the window leaves the picture, is flat, or the corner is elsewhere.
 pub(super) fn refined(grey: &Plane<u8>, px: DVec2, free_px: f64, shrunk: usize) -> Option<DVec2> {
     let half = (SHARE * free_px).min(WIDEST_PX * shrunk as f64).max(NARROWEST_PX).ceil();
     let mut at = px;

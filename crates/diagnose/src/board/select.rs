@@ -1,5 +1,6 @@
-//! Which camera the views ask for: an ideal pinhole first, then lenses of more and more coefficients, then a readout where the board
-//! moves. More parameters are taken where they lower the cost by more than chance would (Schwarz, Annals of Statistics 6, 1978).
+//! Which camera the views ask for: an ideal pinhole first, then lenses of more and more coefficients, then a readout
+//! where the board moves. More parameters are taken where they lower the cost by more than chance would (Schwarz,
+//! Annals of Statistics 6, 1978).
 
 use std::path::Path;
 
@@ -21,7 +22,8 @@ const PINHOLE: &[usize] = &[0, 1, 2, 3];
 const LENSES: [&[usize]; 4] =
     [&[0, 1, 2, 3, 4], &[0, 1, 2, 3, 4, 5], &[0, 1, 2, 3, 4, 5, 6, 7], &[0, 1, 2, 3, 4, 5, 6, 7, 8]];
 const READOUTS: [usize; 2] = [9, 10];
-/// Focal lengths to start from beside the closed form's, in picture widths: from a wide action camera to a portrait lens.
+/// Focal lengths to start from beside the closed form's, in picture widths: from a wide action camera to a portrait
+/// lens.
 const START_FOCALS: [f64; 4] = [0.4, 0.7, 1.2, 2.5];
 
 /// What is known of when the pictures were taken.

@@ -1,5 +1,5 @@
-//! The print as rectangles: columns and rows of cells, dark, bright or nothing. Cells share their corners, so that no gap opens between
-//! them, and their edges are exact where a texture's would be blurred.
+//! The print as rectangles: columns and rows of cells, dark, bright or nothing. Cells share their corners, so that no
+//! gap opens between them, and their edges are exact where a texture's would be blurred.
 
 use std::fmt::Write as _;
 
@@ -23,7 +23,8 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// A checkerboard, with so much of the squares around its inner corners as `reach` says: left, right, above, below, in squares.
+    /// A checkerboard, with so much of the squares around its inner corners as `reach` says: left, right, above, below,
+    /// in squares.
     pub(super) fn checkerboard(target: &Target, even_is_dark: bool, reach: [f64; 4]) -> Self {
         let borders = |axis: usize| {
             let [before, behind] = [reach[2 * axis], reach[2 * axis + 1]];

@@ -1,5 +1,5 @@
-//! Least squares with few parameters that all views share and six of each view's own: the own ones are eliminated (Schur complement),
-//! so that hundreds of views cost no more than their number.
+//! Least squares with few parameters that all views share and six of each view's own: the own ones are eliminated
+//! (Schur complement), so that hundreds of views cost no more than their number.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -50,8 +50,8 @@ pub(super) struct Step {
     pub own: Vec<SVector<f64, OWN>>,
 }
 
-/// The shared parameters' own equations, with what the poses take up of them removed: matrix and right side. `None` where a view
-/// cannot fix its pose.
+/// The shared parameters' own equations, with what the poses take up of them removed: matrix and right side. `None`
+/// where a view cannot fix its pose.
 fn reduced(blocks: &[Block], damping: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
     let n = blocks.first()?.shared_right.len();
     let (mut a, mut b) = (DMatrix::zeros(n, n), DVector::zeros(n));

@@ -1,5 +1,5 @@
-//! How dark and how bright a print is, and how far the squares around its inner corners reach: sheets are cut, and a square that the
-//! scene has and the sheet has not would be blamed on the camera.
+//! How dark and how bright a print is, and how far the squares around its inner corners reach: sheets are cut, and a
+//! square that the scene has and the sheet has not would be blamed on the camera.
 
 use glam::{DVec2, DVec3};
 

@@ -28,7 +28,8 @@ const STILL_S: f64 = 1.0;
 pub struct Written {
     /// Real frames.
     pub frames: usize,
-    /// Columns and rows that were cut on each side, px of the pictures: no ray of the fitted lens reaches what lies there.
+    /// Columns and rows that were cut on each side, px of the pictures: no ray of the fitted lens reaches what lies
+    /// there.
     pub cut_px: [u32; 2],
 }
 
@@ -167,7 +168,8 @@ fn camera_toml(
         observed.views.len(),
         target.describe()
     );
-    let why = "# Fitted together with a lens and a readout (board.json), which are left out here: `diagnose` is to find them.\n";
+    let why = "# Fitted together with a lens and a readout (board.json), which are left out here: `diagnose` is to \
+        find them.\n";
     format!("{about}{why}{}", camera.to_toml())
 }
 

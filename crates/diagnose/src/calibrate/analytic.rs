@@ -25,8 +25,8 @@ struct Arriving {
 /// Number of frequencies.
 const POINTS: usize = GRID * GRID;
 
-/// What does not depend on the camera, at each frequency: the mosaic's power (red and blue, green; or no mosaic) times the
-/// wave of a lag. The fit asks for the rest some ten thousand times.
+/// What does not depend on the camera, at each frequency: the mosaic's power (red and blue, green; or no mosaic) times
+/// the wave of a lag. The fit asks for the rest some ten thousand times.
 struct Waves {
     tent: [Vec<f64>; 7],
     cross: [Vec<f64>; 7],
@@ -94,12 +94,12 @@ fn arriving(camera: &IspCamera) -> Arriving {
     }
 }
 
-/// What a bilinear demosaic leaves of the variance of red, green and blue, averaged over the mosaic: a tent around every
-/// fourth pixel, a cross around every second.
+/// What a bilinear demosaic leaves of the variance of red, green and blue, averaged over the mosaic: a tent around
+/// every fourth pixel, a cross around every second.
 const MOSAIC_POWER: [f64; 3] = [9.0 / 16.0, 5.0 / 8.0, 9.0 / 16.0];
 
-/// Slope of the encoding, clipped at black and white, averaged over normal noise around a linear value: what small changes
-/// of the noise are passed on with (Stein: the mean of f' is that of z f(v + sigma z) over sigma).
+/// Slope of the encoding, clipped at black and white, averaged over normal noise around a linear value: what small
+/// changes of the noise are passed on with (Stein: the mean of f' is that of z f(v + sigma z) over sigma).
 fn mean_slope(encoding: Encoding, linear: f64, sigma: f64) -> f64 {
     /// In sigmas, and the step.
     const REACH: f64 = 8.0;

@@ -14,8 +14,8 @@ pub(super) struct Point {
     pub sigma: f64,
 }
 
-/// Values at the knots, linear between, by least squares; a pull towards straight and level lines decides where nothing was
-/// measured. `None`: no point.
+/// Values at the knots, linear between, by least squares; a pull towards straight and level lines decides where nothing
+/// was measured. `None`: no point.
 pub(super) fn through(points: &[Point]) -> Option<[f64; KNOTS]> {
     /// What a bend, and a slope, of 1 from knot to knot counts against a standard deviation of 1.
     const BEND: f64 = 4.0;

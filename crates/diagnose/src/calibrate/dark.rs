@@ -75,8 +75,8 @@ impl DarkSums {
         let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
         let dsnu = variance.max(0.0).sqrt();
         let half = 1.96 * if dsnu > 0.0 { spread / (2.0 * dsnu) } else { spread.sqrt() };
-        // A pixel's darkest value lies above this in less than one of a hundred pictures of this many normal pixels. The spread is
-        // that of the middle half, which hot pixels do not widen.
+        // A pixel's darkest value lies above this in less than one of a hundred pictures of this many normal pixels.
+        // The spread is that of the middle half, which hot pixels do not widen.
         let mut means: Vec<f32> = self.sums.iter().map(|v| v / n as f32).collect();
         let at = |means: &mut Vec<f32>, share: f64| {
             let i = ((means.len() - 1) as f64 * share) as usize;

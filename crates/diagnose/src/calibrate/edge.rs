@@ -1,7 +1,7 @@
-//! Sharpness from a slanted edge (ISO 12233:2017, annex D): the edge crosses pixels at all their places, so that their values, ordered
-//! by distance from it, are the edge four times finer than the pixels. Its slope's spectrum is the response (MTF). What blurs and what
-//! sharpens are fitted to the same values: a step, seen by square pixels through a Gaussian, encoded, and sharpened by an unsharp mask
-//! as in [`shutterbug::effects`].
+//! Sharpness from a slanted edge (ISO 12233:2017, annex D): the edge crosses pixels at all their places, so that their
+//! values, ordered by distance from it, are the edge four times finer than the pixels. Its slope's spectrum is the
+//! response (MTF). What blurs and what sharpens are fitted to the same values: a step, seen by square pixels through a
+//! Gaussian, encoded, and sharpened by an unsharp mask as in [`shutterbug::effects`].
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,11 +17,13 @@ use shutterbug::plane::stats::erf;
 const BINS: usize = 4;
 /// Furthest from the edge that is looked at, px: no lens of a camera in use blurs further.
 const REACH_PX: f64 = 24.0;
-/// Smallest and largest slope of the edge against the pixels: less crosses too few of their places, more is nearer to the other axis.
+/// Smallest and largest slope of the edge against the pixels: less crosses too few of their places, more is nearer to
+/// the other axis.
 const SLANT: [f64; 2] = [0.017, 0.7];
 /// Most rounds of fits.
 const ROUNDS: usize = 60;
-/// A blurred step leaves no more of the contrast than this: charts leave 2 %, noise, print and round things 4 % and more.
+/// A blurred step leaves no more of the contrast than this: charts leave 2 %, noise, print and round things 4 % and
+/// more.
 const MOST_LEFT_RMS: f64 = 0.035;
 /// Most that an edge may leave its line at the ends of the part that is looked at, px.
 const MOST_BENT_PX: f64 = 1.0;
@@ -387,8 +389,8 @@ fn best(fits: impl Iterator<Item = (Vec<f64>, f64)>) -> (Vec<f64>, f64) {
     fits.min_by(|a, b| a.1.total_cmp(&b.1)).expect("starts there are")
 }
 
-/// Encoded values of the model at the profile's places: place of the edge, its sides, the lens's Gaussian, and the mask's weight and
-/// Gaussian, if there is one.
+/// Encoded values of the model at the profile's places: place of the edge, its sides, the lens's Gaussian, and the
+/// mask's weight and Gaussian, if there is one.
 fn model(profile: &[[f64; 2]], encoding: Encoding, v: &[f64]) -> Vec<f64> {
     // Gaussian and square pixel together; the mean of a bin is that of its middle to second order.
     let step = |d: f64| {

@@ -1,8 +1,9 @@
-//! A sensor's own pattern, a lens's fall-off and the noise of a picture, from photographs of an evenly lit surface, and with the cap on
-//! (EMVA 1288, release 4.0, sections 4 and 8; the zero-mean pattern of Chen et al., IEEE TIFS 3, 2008).
+//! A sensor's own pattern, a lens's fall-off and the noise of a picture, from photographs of an evenly lit surface, and
+//! with the cap on (EMVA 1288, release 4.0, sections 4 and 8; the zero-mean pattern of Chen et al., IEEE TIFS 3, 2008).
 //!
-//! What is the same in all pictures is the pattern: its variance is the covariance of two pictures, which noise has no part in. Slopes
-//! over the picture are the light and the lens: what is even about the middle is called vignetting, a tilt is the light's.
+//! What is the same in all pictures is the pattern: its variance is the covariance of two pictures, which noise has no
+//! part in. Slopes over the picture are the light and the lens: what is even about the middle is called vignetting, a
+//! tilt is the light's.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -179,8 +180,8 @@ impl FlatSums {
         clean(&mut sum);
         let pixels = sum.data.len() as f64;
         let of_sum = mean_square(&sum);
-        // What cleaning took from the sum, the same in every picture, it would have taken from each; and so much of the rest as it has
-        // means.
+        // What cleaning took from the sum, the same in every picture, it would have taken from each; and so much of the
+        // rest as it has means.
         let common = (raw - of_sum) / (n * n);
         let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
         let of_each: f64 = kept * (self.squares.iter().sum::<f64>() - n * common);
@@ -213,7 +214,8 @@ impl FlatSums {
         })
     }
 
-    /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have one.
+    /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
+    /// one.
     fn shape(&self, frames: f64) -> [[f64; 2]; 5] {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;

@@ -3,24 +3,26 @@
 //!
 //! The difference of two frames is noise alone where the scene rests. Its variance over intensity gives full well and
 //! read noise of the delivered picture ([`ptc`]), means of rows and columns give row noise, neighbours their
-//! correlation ([`spatial`]). An ISP mixes colours and smooths, so those are not yet the sensor's: [`fit`] finds sensor,
-//! colour matrix and smoothing ([`model`]) whose simulated frames measure the same.
+//! correlation ([`spatial`]). An ISP mixes colours and smooths, so those are not yet the sensor's: [`fit`] finds
+//! sensor, colour matrix and smoothing ([`model`]) whose simulated frames measure the same.
 //!
-//! `camera.toml` holds the same camera for the engine's chain, whose own simulation it was fitted to. `docs/sensor.md` has what
-//! both reach on three pairs of a Nao robot's canteen, and what they miss. Where an ISP clips at black and takes colours
-//! towards luma behind that, vivid colours pile up at a share of luma: the factor of `saturation` is read from there.
+//! `camera.toml` holds the same camera for the engine's chain, whose own simulation it was fitted to. `docs/sensor.md`
+//! has what both reach on three pairs of a Nao robot's canteen, and what they miss. Where an ISP clips at black and
+//! takes colours towards luma behind that, vivid colours pile up at a share of luma: the factor of `saturation` is read
+//! from there.
 //!
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.
 
-//! Beside that, from charts: the sensor's pattern and the lens's fall-off from a flat field ([`flat`], [`dark`]), sharpness from a
-//! slanted edge ([`edge`]), readout from the stripes of a blinking light ([`readout`]).
+//! Beside that, from charts: the sensor's pattern and the lens's fall-off from a flat field ([`flat`], [`dark`]),
+//! sharpness from a slanted edge ([`edge`]), readout from the stripes of a blinking light ([`readout`]).
 
 // A channel indexes several arrays at once here; an iterator over one of them hides that.
 #![allow(clippy::needless_range_loop)]
 
 pub mod analytic;
 mod blocks;
+mod calibration;
 pub mod cells;
 pub mod chart;
 pub mod chart_edge;
@@ -42,6 +44,7 @@ pub mod spatial;
 pub mod statics;
 mod tables;
 
+pub use calibration::calibrate_noise;
 pub use frames::{Encoding, Frame};
-pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
+pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, measure_noise};
 pub use tables::{ChainCamera, chain_settings, paper_settings};

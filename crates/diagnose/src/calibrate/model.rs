@@ -46,8 +46,8 @@ pub struct IspCamera {
     pub srgb: bool,
     /// Distance of two values of the file; 0 = not quantized.
     pub step: f64,
-    /// What the noise reduction leaves of the noise, over the encoded value: knots (value in 0 to 1, factor) per channel;
-    /// empty = all. Real ones smooth dark and bright parts differently.
+    /// What the noise reduction leaves of the noise, over the encoded value: knots (value in 0 to 1, factor) per
+    /// channel; empty = all. Real ones smooth dark and bright parts differently.
     pub level_gain: [Vec<[f64; 2]>; 3],
 }
 

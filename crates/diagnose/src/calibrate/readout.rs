@@ -1,8 +1,9 @@
-//! Readout from stripes: under a light that blinks, a rolling shutter's lines see it at different times, and their means go up and down
-//! with the light. The period in lines times the delay between lines is the light's period. A global shutter shows no stripes.
+//! Readout from stripes: under a light that blinks, a rolling shutter's lines see it at different times, and their
+//! means go up and down with the light. The period in lines times the delay between lines is the light's period. A
+//! global shutter shows no stripes.
 //!
-//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance) and by their phase,
-//! which is the same in all parts of a line.
+//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance) and
+//! by their phase, which is the same in all parts of a line.
 
 use std::f64::consts::{LN_2, TAU};
 
@@ -11,8 +12,8 @@ use serde::Serialize;
 use super::frames::Encoding;
 use shutterbug::plane::Plane;
 
-/// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8 bits and some
-/// hundred pixels a line can show.
+/// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8
+/// bits and some hundred pixels a line can show.
 const LEAST_DEPTH: f64 = 1e-5;
 /// How often stripes may be seen where there are none.
 const ALPHA: f64 = 0.01;
@@ -22,7 +23,8 @@ const FEWEST: f64 = 3.0;
 const OVERSAMPLED: usize = 4;
 /// Parts of a line whose phases are compared.
 const PARTS: usize = 8;
-/// Natural steps on each side of a place of the spectrum that are its surroundings, and those next to it that belong to it.
+/// Natural steps on each side of a place of the spectrum that are its surroundings, and those next to it that belong to
+/// it.
 const AROUND: usize = 24;
 const OWN: usize = 3;
 /// Least share of the strongest line's power that a lower harmonic has: below, it is what the window lets through.
@@ -60,8 +62,8 @@ pub struct Stripes {
     pub threshold: [f64; 2],
 }
 
-/// Finds stripes in photographs (encoded values) of one scene at rest under a light of `light_hz` blinks a second. From two on, content
-/// that they share is divided out; of one alone an evenly lit surface is expected.
+/// Finds stripes in photographs (encoded values) of one scene at rest under a light of `light_hz` blinks a second. From
+/// two on, content that they share is divided out; of one alone an evenly lit surface is expected.
 pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f64) -> Stripes {
     let mut strongest = [0.0; 2];
     let mut threshold = [0.0; 2];
@@ -109,7 +111,8 @@ fn readout(rows: bool, lines: usize, frequency: f64, amplitude: f64, noise: f64,
     }
 }
 
-/// Logarithms of the lines' mean light in each part of the lines, without what changes slowly; of several photographs their changes.
+/// Logarithms of the lines' mean light in each part of the lines, without what changes slowly; of several photographs
+/// their changes.
 fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<Vec<f64>> {
     let logs = |p: &Plane<f32>| -> Vec<Vec<f64>> {
         let (lines, across) = if rows { (p.height, p.width) } else { (p.width, p.height) };
@@ -179,8 +182,8 @@ fn amplitude(values: &[f64], frequency: f64) -> f64 {
     2.0 * c.hypot(s) / values.len() as f64
 }
 
-/// The frequency nearby at which the amplitude is largest; none where it grows further, as beside a step, or where that leaves too
-/// few stripes.
+/// The frequency nearby at which the amplitude is largest; none where it grows further, as beside a step, or where that
+/// leaves too few stripes.
 fn refined(values: &[f64], frequency: f64) -> Option<f64> {
     let natural = 1.0 / values.len() as f64;
     let bounds = [frequency - 0.5 * natural, frequency + 0.5 * natural];
@@ -242,7 +245,8 @@ impl Spectrum {
         (self.lowest()..self.power.len()).max_by(|a, b| over(a).total_cmp(&over(b)))
     }
 
-    /// Mean power around a place, without its own: of noise it is exponentially distributed, with its median at ln 2 of its mean.
+    /// Mean power around a place, without its own: of noise it is exponentially distributed, with its median at ln 2 of
+    /// its mean.
     fn surroundings(&self, at: usize) -> f64 {
         let (near, far) = (OWN * OVERSAMPLED, AROUND * OVERSAMPLED);
         let below = at.saturating_sub(far).max(1)..at.saturating_sub(near);
@@ -298,7 +302,8 @@ mod tests {
         }
     }
 
-    /// A lamp that is on for `duty` of its period, seen by lines that are open for `open` periods, `delay` periods apart.
+    /// A lamp that is on for `duty` of its period, seen by lines that are open for `open` periods, `delay` periods
+    /// apart.
     fn photograph(
         size: [usize; 2],
         delay: f64,

@@ -55,8 +55,8 @@ pub(super) fn fit_camera(
     refit(&camera, pair, options, By::Model)
 }
 
-/// Saturation of the ISP by its trace: behind the clipping at black a factor below 1 leaves no channel under 1 - factor of
-/// the luma, so vivid colours pile up there. 1 where they do not.
+/// Saturation of the ISP by its trace: behind the clipping at black a factor below 1 leaves no channel under 1 - factor
+/// of the luma, so vivid colours pile up there. 1 where they do not.
 fn saturation(encoded: &Plane<f32>) -> f64 {
     /// Least channel over luma, in hundredths.
     const PLACES: usize = 100;
@@ -176,7 +176,8 @@ const MAX_KNOT_CHANCE: f64 = 0.4;
 /// Deviations of surfaces of the same brightness from each other, relative (measured on blocks held out).
 const SURFACES: f64 = 0.03;
 
-/// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is made.
+/// Rounds of [`with_level_gain`]: JPEG is not linear, and in the chain the factors move the light at which noise is
+/// made.
 const LEVEL_ROUNDS: usize = 9;
 /// A round must bring the deviation down to this share of the least before.
 const WORTH: f64 = 0.97;
@@ -226,8 +227,8 @@ pub(super) fn with_level_gain(
     Ok(best.map_or(levelled, |(_, camera)| camera))
 }
 
-/// Where on the curve of [`IspCamera::level_gain`] each value stands: the model's acts on delivered values, the chain's on
-/// those ahead of the saturation, where vivid colours that pile up in the delivered ones are black.
+/// Where on the curve of [`IspCamera::level_gain`] each value stands: the model's acts on delivered values, the chain's
+/// on those ahead of the saturation, where vivid colours that pile up in the delivered ones are black.
 fn places(camera: &IspCamera, mean: &Plane<f32>, by: By) -> Plane<f32> {
     let mut places = mean.clone();
     if by == By::Chain && camera.srgb && camera.saturation != 1.0 {
@@ -279,8 +280,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 /// Steepness in the chain: a steeper curve works with less light, whose noise black clips.
 const CHAIN_RANGE: (f64, f64) = (0.3, 3.0);
 
-/// In the chain the curve's factors are relative to each other: what all of a channel's have in common goes to the light
-/// that makes a white pixel, where shot noise is (its deviation grows as the root of the gain behind it).
+/// In the chain the curve's factors are relative to each other: what all of a channel's have in common goes to the
+/// light that makes a white pixel, where shot noise is (its deviation grows as the root of the gain behind it).
 fn rescale(camera: &mut IspCamera, levels: &[f64]) {
     for knots in camera.level_gain.iter_mut().filter(|k| !k.is_empty()) {
         let mean = knots.iter().map(|k| 1.0 / k[1]).sum::<f64>() / knots.len() as f64;

@@ -16,8 +16,8 @@ use shutterbug::plane::Plane;
 const MAX_SHIFT_PX: i32 = 8;
 /// Brightness changes beyond this are another exposure, not flicker.
 const MAX_GAIN_CHANGE: f64 = 0.2;
-/// Usual difference of the means of blocks beyond which it is another scene: a share of the scene's contrast, and so many times what
-/// noise alone makes of a mean (more than once, as noise is smooth in processed pictures).
+/// Usual difference of the means of blocks beyond which it is another scene: a share of the scene's contrast, and so
+/// many times what noise alone makes of a mean (more than once, as noise is smooth in processed pictures).
 const MOST_UNLIKE: f64 = 0.25;
 const NOISE_OF_A_BLOCK: f64 = 3.0;
 /// Largest part of the noise's sigma that displacement may add at a pixel.
@@ -152,8 +152,8 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     Ok(AlignedPair { frames, usable, registration })
 }
 
-/// The usual difference of the means of blocks over the scene's own contrast, where that is more than noise and a scene at rest
-/// have: another scene. What moves in a part of the scene leaves most blocks as they are.
+/// The usual difference of the means of blocks over the scene's own contrast, where that is more than noise and a scene
+/// at rest have: another scene. What moves in a part of the scene leaves most blocks as they are.
 fn unlike([a, b]: &[Plane<f32>; 2]) -> Option<f64> {
     let (a, b) = (luma(a), luma(b));
     let (mut means, mut differences, mut spreads) = (Vec::new(), Vec::new(), Vec::new());
@@ -307,8 +307,8 @@ fn rest_mask(frames: &[Plane<f32>; 2], blocks: &Blocks, typical_px: f64) -> Vec<
         .collect()
 }
 
-/// Takes displaced blocks out of the mask (where the camera rests; else the mask knows), and blocks of 16 px whose difference is far beyond that of others as bright:
-/// something came, went or changed its light there.
+/// Takes displaced blocks out of the mask (where the camera rests; else the mask knows), and blocks of 16 px whose
+/// difference is far beyond that of others as bright: something came, went or changed its light there.
 fn without_outliers(
     frames: &[Plane<f32>; 2],
     mut usable: Vec<bool>,

@@ -18,8 +18,9 @@ fn set(settings: &mut Settings, effect: &str, name: &str, value: Value) -> Resul
     settings.set(effect, name, value)
 }
 
-/// Settings of a fitted camera. The picture's colours stay those of the scene: `sensor_color` takes the light through the
-/// inverse of what stands behind the sensor. The factors of [`IspCamera::level_gain`] become the response's steepness.
+/// Settings of a fitted camera. The picture's colours stay those of the scene: `sensor_color` takes the light through
+/// the inverse of what stands behind the sensor. The factors of [`IspCamera::level_gain`] become the response's
+/// steepness.
 ///
 /// # Errors
 /// A value outside the range that the chain allows.
@@ -84,7 +85,8 @@ fn isp_settings(camera: &IspCamera, out: &mut Settings) -> Result<()> {
     Ok(())
 }
 
-/// The paper's own noise, as an alternative to [`chain_settings`]: variances per channel of the delivered picture, white.
+/// The paper's own noise, as an alternative to [`chain_settings`]: variances per channel of the delivered picture,
+/// white.
 ///
 /// # Errors
 /// A variance above 1.

@@ -1,8 +1,9 @@
 //! Whether one model explains the frames better than another by more than chance and the discrepancy can make.
 //!
-//! The pictures of two models differ by some picture. The real frames lie somewhere on the way from one to the other: at 0
-//! if the first is right, at 1 if the second is. How well that place is known follows from the noise and from what two correct
-//! simulations may differ by. Two models whose difference is no larger than that are not told apart, whatever they score.
+//! The pictures of two models differ by some picture. The real frames lie somewhere on the way from one to the other:
+//! at 0 if the first is right, at 1 if the second is. How well that place is known follows from the noise and from what
+//! two correct simulations may differ by. Two models whose difference is no larger than that are not told apart,
+//! whatever they score.
 
 use std::sync::Arc;
 
@@ -34,8 +35,8 @@ impl Search<'_> {
         self.names.len()
     }
 
-    /// Whether `better` explains the frames to choose by better than `worse`: it scores better beyond chance, and the pictures
-    /// lie on its side by more than the discrepancy.
+    /// Whether `better` explains the frames to choose by better than `worse`: it scores better beyond chance, and the
+    /// pictures lie on its side by more than the discrepancy.
     pub(super) fn prefers(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
         // Both where both can be scored.
         let kind = self.judge.kind;
@@ -70,8 +71,8 @@ impl Search<'_> {
         whole.is_above(self.tests()) || (whole.value > 0.0 && (0..FAMILIES.len()).any(family))
     }
 
-    /// Whether `better`'s noise explains the frames better than `worse`'s, of models that differ in nothing else. `data`: what the
-    /// frames to choose by show of noise.
+    /// Whether `better`'s noise explains the frames better than `worse`'s, of models that differ in nothing else.
+    /// `data`: what the frames to choose by show of noise.
     pub(super) fn prefers_noise(&mut self, data: &NoiseData, worse: &Theta, better: &Theta) -> Result<bool> {
         let [a, b] = [worse, better].map(|t| self.judge.scores(self.forward, t));
         let needed = 0.5 * quantile(self.tests());

@@ -1,25 +1,27 @@
-//! The time that a diagnosis has. What must come at the end (scores of the frames to report by, pictures, files) is reserved from
-//! what the same has cost so far in this run; the search gets the rest. Whatever begins to render, score or fit asks first
-//! whether its stage still has time: a stage without it ends with [`Error::OutOfTime`], and whoever began the stage goes without.
+//! The time that a diagnosis has. What must come at the end (scores of the frames to report by, pictures, files) is
+//! reserved from what the same has cost so far in this run; the search gets the rest. Whatever begins to render, score
+//! or fit asks first whether its stage still has time: a stage without it ends with [`Error::OutOfTime`], and whoever
+//! began the stage goes without.
 
 use std::time::{Duration, Instant};
 
 use super::forward::Quality;
 use shutterbug::error::{Error, Result};
 
-/// What the end of a diagnosis takes (noise, intervals, shares, pictures of all frames), in times of what it takes to score all
-/// its frames once as fits see them.
+/// What the end of a diagnosis takes (noise, intervals, shares, pictures of all frames), in times of what it takes to
+/// score all its frames once as fits see them.
 ///
 /// Measured: 1.1 to 2.6 times where a search was cut short (d00 with 10 s, d14 with 20 and 60 s).
 const END: f64 = 3.0;
-/// How far beyond a limit a diagnosis may end: as a part of it, or s, whichever is more. What nothing can be said without may
-/// take that.
+/// How far beyond a limit a diagnosis may end: as a part of it, or s, whichever is more. What nothing can be said
+/// without may take that.
 ///
 /// Measured: a promise, not a measurement (`shutterbug diagnose --help`).
 const BEYOND: [f64; 2] = [0.1, 5.0];
 /// Pictures that are written of a frame; measures and the page take as long again.
 const WRITTEN: f64 = 2.0 * 5.0;
-/// Samples a pixel of the finest frames over those of the ones that fits see: what the former cost until they have been made.
+/// Samples a pixel of the finest frames over those of the ones that fits see: what the former cost until they have been
+/// made.
 const FINER: f64 = 4.0;
 
 /// What a diagnosis is at.

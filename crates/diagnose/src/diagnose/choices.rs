@@ -22,8 +22,8 @@ impl Search<'_> {
         self.shown.has(name)
     }
 
-    /// Fits values and the quality of compression in turns: what sharpening adds, a compression that is taken for weaker
-    /// than it is removes, and neither moves without the other.
+    /// Fits values and the quality of compression in turns: what sharpening adds, a compression that is taken for
+    /// weaker than it is removes, and neither moves without the other.
     pub(super) fn beside_compression(
         &mut self,
         who: &[&'static str],
@@ -65,7 +65,8 @@ impl Search<'_> {
             for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST] {
                 at = attempt(self, value)?;
             }
-            // The finest compression hides little: where that is the best there is none, and none is looked for further.
+            // The finest compression hides little: where that is the best there is none, and none is looked for
+            // further.
             let none = at == FINEST
                 && self.cost(&without, &PIXELS, &weighing)?
                     <= self.cost(&theta.with(p, at), &PIXELS, &weighing)?;

@@ -1,6 +1,7 @@
-//! Whether frames have been through JPEG, told from the frames alone: what has, has coefficients at multiples of the steps of
-//! its quality, whatever the picture shows and however noisy it was before (Fan and de Queiroz 2003). Noise hides what
-//! compression does to a simulated picture, and compression removes noise that the simulation expects; this tells of neither.
+//! Whether frames have been through JPEG, told from the frames alone: what has, has coefficients at multiples of the
+//! steps of its quality, whatever the picture shows and however noisy it was before (Fan and de Queiroz 2003). Noise
+//! hides what compression does to a simulated picture, and compression removes noise that the simulation expects; this
+//! tells of neither.
 
 use rayon::prelude::*;
 
@@ -63,9 +64,10 @@ struct Sums {
     places: f32,
 }
 
-/// Logarithm of how much likelier coefficients are with these steps than without. Only those beyond the first half step count:
-/// smooth pictures have small coefficients without any compression. A wall of one colour is one witness, however many blocks
-/// it fills: three solid colours whose means lay near multiples of a coarse step were 9000 nats for a quality of 5.
+/// Logarithm of how much likelier coefficients are with these steps than without. Only those beyond the first half step
+/// count: smooth pictures have small coefficients without any compression. A wall of one colour is one witness, however
+/// many blocks it fills: three solid colours whose means lay near multiples of a coarse step were 9000 nats for a
+/// quality of 5.
 fn evidence_for(coefficients: &[[f32; AREA]], steps: &[f32; AREA]) -> Sums {
     let mut by_place = vec![(0.0f64, 0.0f64); AREA * MULTIPLES];
     for block in coefficients {

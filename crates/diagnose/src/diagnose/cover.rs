@@ -1,6 +1,6 @@
-//! Where frames are compared if the background is to be ignored: where geometry covers the pixel in the simulation as given
-//! and in those that are tried. A lens may move a board's border by many px; outside of it a simulated picture has nothing
-//! to be compared with, and a candidate that is right must not be blamed for that.
+//! Where frames are compared if the background is to be ignored: where geometry covers the pixel in the simulation as
+//! given and in those that are tried. A lens may move a board's border by many px; outside of it a simulated picture
+//! has nothing to be compared with, and a candidate that is right must not be blamed for that.
 
 use glam::DVec2;
 use rayon::prelude::*;

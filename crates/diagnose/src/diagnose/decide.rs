@@ -10,12 +10,13 @@ use super::search::Search;
 ///
 /// Measured: none on captures that hide nothing (d00, d08).
 const MOST_OUTLIERS: f64 = 1e-4;
-/// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only resemble.
+/// Share of the gap that must be closed for what is left to be a second cause, and not what the named ones only
+/// resemble.
 ///
 /// Measured: a gain and a white balance close 93 % of a gamma's gap (withheld captures of seeds up to 606).
 const RESEMBLED: f64 = 0.97;
-/// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the picture is
-/// explained altogether.
+/// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the
+/// picture is explained altogether.
 ///
 /// Measured: contrast curves and ghosts that are on no list were closed to 28 to 78 % by what resembles them.
 pub(super) const NAMED: [f64; 2] = [0.75, 0.2];
@@ -32,8 +33,8 @@ pub(super) struct Facts {
     pub any: bool,
     /// Checks that what is left has not passed, in words.
     pub failed: Vec<&'static str>,
-    /// Whether one of them is of the noise. A score counts what spreads as a model says as expected: how much of a gap is closed
-    /// says nothing of what kind the noise is.
+    /// Whether one of them is of the noise. A score counts what spreads as a model says as expected: how much of a gap
+    /// is closed says nothing of what kind the noise is.
     pub other_noise: bool,
     /// Share of the gap that is closed.
     pub closed: f64,

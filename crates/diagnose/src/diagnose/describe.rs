@@ -28,6 +28,7 @@ pub(super) fn without_motion(name: &str, motion_px: f64) -> Candidate {
     }
 }
 
+/// The report of a search; what a verdict does not let stand is taken back from `found`.
 pub(super) fn describe(
     search: &mut Search<'_>,
     found: &mut Found,
@@ -35,19 +36,11 @@ pub(super) fn describe(
     capture: &Capture,
 ) -> Result<Report> {
     let decision = decide(&Facts::of(search, found));
-    if !decision.names {
-        found.clear(&search.base);
-        // All of the picture is compared where nothing is named.
-        if search.judge.kind != Kind::default() {
-            search.judge.kind = Kind::default();
-            search.forward.budget.stage = Stage::Must;
-            found.before = search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)?;
-            search.forward.budget.stage = Stage::End;
-            found.after = found.before.clone();
-        }
-    } else {
+    if decision.names {
         let set = &found.set;
         found.late.retain(|n| !set.contains(n));
+    } else {
+        take_back(search, found, evidence)?;
     }
     let verdict = decision.verdict;
     let effects = match in_time(effects(search, found))? {
@@ -58,25 +51,8 @@ pub(super) fn describe(
         }
     };
     let found = &*found;
-    let (before, after) = (found.before.mean(), found.after.mean());
-    let floor = found.after.floor();
     let fractions = search.judge.closed_fractions(&found.before, &found.after);
-    let n = fractions.len();
-    let gap = Gap {
-        unit: "DN".to_owned(),
-        before,
-        after,
-        floor,
-        closed_fraction: closed_fraction(before, after, floor),
-        closed_fraction_ci95: [fractions[n * 25 / 1000], fractions[n - 1 - n * 25 / 1000]],
-        held_out_frames: evidence.report.len(),
-        before_ci95: found.before.estimate().interval(),
-        after_ci95: found.after.estimate().interval(),
-        renderer_difference: found.before.bound(),
-    };
-    let candidates = rejected(search, found);
-    let place_of = |f: &usize| evidence.frames[*f].index;
-    let k = &capture.camera.intrinsics;
+    let gap = gap_of(found, evidence, &fractions);
     Ok(Report {
         verdict,
         sentence: if found.residue.shows_another_scene() {
@@ -87,34 +63,77 @@ pub(super) fn describe(
         waterfall: waterfall(&gap, &effects),
         gap,
         effects,
-        candidates,
+        candidates: rejected(search, found),
         places: Where::default(),
         measures: Vec::new(),
         percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
         description: DescriptionShown::default(),
-        input: Input {
-            kind: "capture".to_owned(),
-            capture: capture.root.display().to_string(),
-            width: k.width,
-            height: k.height,
-            frames_listed: capture.frames.len(),
-            fit_frames: evidence.fit.iter().map(place_of).collect(),
-            held_out_frames: evidence.report.iter().map(place_of).collect(),
-            left_out: evidence.left_out.clone(),
-            compared_share: search.judge.masks.map_or(1.0, |m| {
-                let open: f32 = m.iter().map(|p| p.data.iter().sum::<f32>() / p.data.len() as f32).sum();
-                f64::from(open) / m.len() as f64
-            }),
-            method: "exact".to_owned(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            ..Input::default()
+        input: input(search, evidence, capture),
+        bootstrap: Bootstrap {
+            resamples: fractions.len(),
+            block: super::evidence::BLOCK,
+            closed_fraction: fractions,
         },
-        bootstrap: Bootstrap { resamples: n, block: super::evidence::BLOCK, closed_fraction: fractions },
         warnings: warnings(evidence, found),
         next: Vec::new(),
     })
+}
+
+/// Takes all effects back. All of the picture is compared where nothing is named.
+fn take_back(search: &mut Search<'_>, found: &mut Found, evidence: &Evidence) -> Result<()> {
+    found.clear(&search.base);
+    if search.judge.kind != Kind::default() {
+        search.judge.kind = Kind::default();
+        search.forward.budget.stage = Stage::Must;
+        found.before = search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)?;
+        search.forward.budget.stage = Stage::End;
+        found.after = found.before.clone();
+    }
+    Ok(())
+}
+
+/// The gap before and after. `fractions` are the resamples of its closed fraction, in rising order.
+fn gap_of(found: &Found, evidence: &Evidence, fractions: &[f64]) -> Gap {
+    let (before, after) = (found.before.mean(), found.after.mean());
+    let floor = found.after.floor();
+    let n = fractions.len();
+    Gap {
+        unit: "DN".to_owned(),
+        before,
+        after,
+        floor,
+        closed_fraction: closed_fraction(before, after, floor),
+        closed_fraction_ci95: [fractions[n * 25 / 1000], fractions[n - 1 - n * 25 / 1000]],
+        held_out_frames: evidence.report.len(),
+        before_ci95: found.before.estimate().interval(),
+        after_ci95: found.after.estimate().interval(),
+        renderer_difference: found.before.bound(),
+    }
+}
+
+/// Which frames were compared, and which share of their pixels.
+fn input(search: &Search<'_>, evidence: &Evidence, capture: &Capture) -> Input {
+    let place_of = |f: &usize| evidence.frames[*f].index;
+    let k = &capture.camera.intrinsics;
+    Input {
+        kind: "capture".to_owned(),
+        capture: capture.root.display().to_string(),
+        width: k.width,
+        height: k.height,
+        frames_listed: capture.frames.len(),
+        fit_frames: evidence.fit.iter().map(place_of).collect(),
+        held_out_frames: evidence.report.iter().map(place_of).collect(),
+        left_out: evidence.left_out.clone(),
+        compared_share: search.judge.masks.map_or(1.0, |m| {
+            let open: f32 = m.iter().map(|p| p.data.iter().sum::<f32>() / p.data.len() as f32).sum();
+            f64::from(open) / m.len() as f64
+        }),
+        method: "exact".to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        ..Input::default()
+    }
 }
 
 /// A candidate that these frames cannot tell of, and what would.
@@ -151,8 +170,8 @@ fn warnings(evidence: &Evidence, found: &Found) -> Vec<String> {
 
 fn wrong_scene(gap: &Gap) -> String {
     format!(
-        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from where the \
-         trajectory says. That is no effect of the camera.",
+        "The frames differ by {:.2} DN and hardly resemble each other: they do not seem to show this scene from \
+         where the trajectory says. That is no effect of the camera.",
         gap.before
     )
 }
@@ -184,8 +203,8 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before, gap.after
         ),
         Verdict::PartlyExplained => format!(
-            "{lacks}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has a cause that is not among the \
-             candidates{left}.{parts}",
+            "{lacks}, which closes {percent:.0} % of the gap ({:.2} to {:.2} DN); the rest has a cause that is not \
+             among the candidates{left}.{parts}",
             gap.before, gap.after
         ),
         Verdict::UnknownEffect if effects.is_empty() => format!(
@@ -193,14 +212,14 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before
         ),
         Verdict::UnknownEffect if camera.is_empty() && failed.is_empty() => format!(
-            "The frames differ by {:.2} DN. Surfaces that are brighter, darker or of other colours than the scene says would \
-             close {percent:.0} % of that, and so would an effect of the camera that is not among the candidates: these frames \
-             do not tell which.",
+            "The frames differ by {:.2} DN. Surfaces that are brighter, darker or of other colours than the scene \
+             says would close {percent:.0} % of that, and so would an effect of the camera that is not among the \
+             candidates: these frames do not tell which.",
             gap.before
         ),
         Verdict::UnknownEffect | Verdict::Undetermined => format!(
-            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none of the \
-             candidates explains{left}: there is an effect that is not among them.{parts}",
+            "The frames differ by {:.2} DN; {names} would close {percent:.0} % of the gap, but would leave what none \
+             of the candidates explains{left}: there is an effect that is not among them.{parts}",
             gap.before
         ),
     }
@@ -299,8 +318,8 @@ fn footage(name: &str, alternatives: &[&str]) -> String {
     if alternatives.is_empty() { String::new() } else { films.join("; or ") }
 }
 
-/// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the set
-/// could be switched on, with the parameters of the joint fit.
+/// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the
+/// set could be switched on, with the parameters of the joint fit.
 fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
     let n = found.set.len();
     let mut gaps = vec![0.0; 1 << n];
@@ -355,7 +374,8 @@ fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Fo
     }
     if found.set.is_empty() {
         return format!(
-            "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the cause"
+            "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the \
+             cause"
         );
     }
     let kind = if candidate.noise { "spread" } else { "part" };

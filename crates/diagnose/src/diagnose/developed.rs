@@ -1,5 +1,5 @@
-//! From radiance to delivered pictures, and the last of these, kept: a search asks for the picture of one point again and again
-//! (as the end of a step, the beginning of the next, the model to be compared with).
+//! From radiance to delivered pictures, and the last of these, kept: a search asks for the picture of one point again
+//! and again (as the end of a step, the beginning of the next, the model to be compared with).
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -108,8 +108,8 @@ impl Forward {
         if kept.is_some() || !self.trying { kept } else { self.aside.developed.recall(key) }
     }
 
-    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no compression, or
-    /// where pixels share their chroma before it.
+    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no
+    /// compression, or where pixels share their chroma before it.
     pub(super) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
         let tone = Tone::new(theta);
         if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
@@ -125,8 +125,8 @@ impl Forward {
         Ok(before.par_iter().map(of).collect())
     }
 
-    /// By frame (place): differences between another correct simulation of `theta` and this one, DN, one a draw: what is compressed
-    /// otherwise, and what a path does that wanders within a frame. `pictures` are this one's.
+    /// By frame (place): differences between another correct simulation of `theta` and this one, DN, one a draw: what
+    /// is compressed otherwise, and what a path does that wanders within a frame. `pictures` are this one's.
     pub(super) fn drawn(
         &mut self,
         frames: &[usize],
@@ -149,9 +149,9 @@ impl Forward {
         Ok(drawn)
     }
 
-    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its compression, DN, one a
-    /// draw. A coefficient near a threshold of the quantizer goes the other way, in every block of that colour. Nothing without
-    /// compression, which spreads nothing.
+    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its
+    /// compression, DN, one a draw. A coefficient near a threshold of the quantizer goes the other way, in every block
+    /// of that colour. Nothing without compression, which spreads nothing.
     fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
         if !theta.is_on(P::Quality) {
             return Ok(vec![Vec::new(); frames.len()]);

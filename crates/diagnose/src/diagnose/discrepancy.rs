@@ -1,5 +1,5 @@
-//! What two correct simulations of one camera may differ by: the only place that says so. Weights, intervals, the score,
-//! the checks and `no_gap` all take it from here.
+//! What two correct simulations of one camera may differ by: the only place that says so. Weights, intervals, the
+//! score, the checks and `no_gap` all take it from here.
 //!
 //! The numbers were measured on captures of an independent path tracer that hide nothing (`d00`, `d08`), rendered by
 //! `shutterbug simulate --method exact`, as differences of delivered values.
@@ -16,17 +16,18 @@ use shutterbug::plane::stats::erf;
 pub(super) const EDGE_PX: f64 = 0.055;
 /// The same of the sampling of time, for each px that the content moves while a pixel is exposed.
 ///
-/// Measured: standard deviation over gradient and path 0.012 to 0.016 for 32 to 256 DN over the path, d02 (7 px) and d14 (24 px).
+/// Measured: standard deviation over gradient and path 0.012 to 0.016 for 32 to 256 DN over the path, d02 (7 px) and
+/// d14 (24 px).
 pub(super) const PATH_PX: f64 = 0.015;
 /// Error of a colour, DN, the same wherever the colour is: texture decoding, half floats.
 ///
-/// Measured: mean difference of textured places 0.09 DN (withheld captures, CPU reference against lavapipe) to 0.2 DN (d08),
-/// of solid colours below 0.01 (d00).
+/// Measured: mean difference of textured places 0.09 DN (withheld captures, CPU reference against lavapipe) to 0.2 DN
+/// (d08), of solid colours below 0.01 (d00).
 pub(super) const COLOUR_DN: f64 = 0.1;
 /// Error of all colours alike, DN.
 ///
-/// Measured: textured places of d08 lie 0.20 to 0.22 DN below ours, whatever their colour, which is the reach of this error; gains
-/// and gammas of withheld captures were off by 0.05 to 0.06 DN beyond what single colours explain.
+/// Measured: textured places of d08 lie 0.20 to 0.22 DN below ours, whatever their colour, which is the reach of this
+/// error; gains and gammas of withheld captures were off by 0.05 to 0.06 DN beyond what single colours explain.
 pub(super) const COMMON_DN: f64 = 0.1;
 /// Error that may look like anything, DN: the half width that it gives an interval.
 ///
@@ -141,8 +142,8 @@ const STREAM_COLOURS: u32 = 0x434F;
 /// See [`STREAM_COLOURS`].
 const STREAM_EDGES: u32 = 0x4544;
 
-/// The picture of another correct simulation, DN: a draw of what colours and edges may be off by. Colours are off by the same in
-/// all frames, edges are not.
+/// The picture of another correct simulation, DN: a draw of what colours and edges may be off by. Colours are off by
+/// the same in all frames, edges are not.
 pub(super) fn off_by(mean: &Plane<f32>, path: Option<&Plane<f32>>, draw: usize, frame: usize) -> Plane<f32> {
     let off = &OFF[draw * (256 / ALIKE_DN + 1)..];
     let mut out = mean.clone();
@@ -158,11 +159,11 @@ pub(super) fn off_by(mean: &Plane<f32>, path: Option<&Plane<f32>>, draw: usize, 
     out
 }
 
-/// Variance that edges may have of a simulated picture's values, DN^2. `path`: how far the content moves while a pixel is
-/// exposed, px, shape `[height, width, 2]`; nothing where the exposure is none.
+/// Variance that edges may have of a simulated picture's values, DN^2. `path`: how far the content moves while a pixel
+/// is exposed, px, shape `[height, width, 2]`; nothing where the exposure is none.
 ///
-/// A renderer averages samples, which are spread over the pixel's area and over the path. A value that changes by g a px
-/// varies by g over the one, and by the product of g and the path over the other.
+/// A renderer averages samples, which are spread over the pixel's area and over the path. A value that changes by g a
+/// px varies by g over the one, and by the product of g and the path over the other.
 pub(super) fn edges(mean: &Plane<f32>, path: Option<&Plane<f32>>) -> Vec<f32> {
     let (w, h) = (mean.width, mean.height);
     let [area, time] = [EDGE_PX, PATH_PX].map(|px| (0.25 * px * px) as f32);

@@ -19,8 +19,8 @@ use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 impl Search<'_> {
-    /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left out; only what
-    /// is scored at the end always is.
+    /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left
+    /// out; only what is scored at the end always is.
     pub(super) fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
         self.forward.budget.stage = Stage::End;
@@ -127,9 +127,10 @@ impl Search<'_> {
 
     /// Takes out what only coarse renders made look useful.
     ///
-    /// The description is questioned only where the rest leaves more than the discrepancy can make: a part of it without which
-    /// nothing is left beyond that goes, however much better the frames are met with it. And an effect without which more is left
-    /// than the discrepancy can make, and with which no more is, stays: the verdict would ask for it.
+    /// The description is questioned only where the rest leaves more than the discrepancy can make: a part of it
+    /// without which nothing is left beyond that goes, however much better the frames are met with it. And an effect
+    /// without which more is left than the discrepancy can make, and with which no more is, stays: the verdict would
+    /// ask for it.
     pub(super) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
         while !found.set.is_empty() {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
@@ -183,7 +184,8 @@ impl Search<'_> {
                 let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
                 let without = self.noisy(&data, &found.fit.theta, &rest);
                 let rest_scores = self.judge.scores(self.forward, &without)?;
-                // What factors and poses leave at edges spreads as noise does: noise that explains less than is left may be that.
+                // What factors and poses leave at edges spreads as noise does: noise that explains less than is left
+                // may be that.
                 let left = if described { (scores.mean() - scores.bound()).max(0.0) } else { 0.0 };
                 let clear = left == 0.0 || rest_scores.mean() - scores.mean() > left;
                 let needed = self.prefers_noise(&unseen, &without, &theta)? && clear;
@@ -224,8 +226,8 @@ impl Search<'_> {
         parameters.iter().any(|p| (theta.get(*p) - self.base.get(*p)).abs() > half(p))
     }
 
-    /// Takes out what the noise, now that it is known, has made superfluous: what was taken beside other noise may have stood for
-    /// that (chroma shared in pairs behind a compression, for the noise of rows).
+    /// Takes out what the noise, now that it is known, has made superfluous: what was taken beside other noise may have
+    /// stood for that (chroma shared in pairs behind a compression, for the noise of rows).
     pub(super) fn prune_beside_noise(&mut self, found: &mut Found) -> Result<()> {
         loop {
             let now = self.judge.scores(self.forward, &found.fit.theta.clone())?.mean();
@@ -345,8 +347,8 @@ impl Search<'_> {
                 P::Hot => {
                     0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
                 }
-                // What compression removes of noise is known from flat fields: where it removes most of it the model was
-                // seen to be off by up to 13 %.
+                // What compression removes of noise is known from flat fields: where it removes most of it the model
+                // was seen to be off by up to 13 %.
                 P::Read | P::Shot | P::Dsnu | P::Prnu if theta.is_on(P::Quality) => {
                     let chance = 2.4 * variance.sqrt().hypot(known.get(&p).copied().unwrap_or(0.0));
                     chance.hypot(0.15 * theta.get(p))

@@ -21,7 +21,8 @@ const MOST: [usize; 3] = [6, 4, 8];
 const MOST_LARGE: [usize; 3] = [4, 2, 4];
 /// Px from which on a picture is large.
 const LARGE_PX: usize = 640 * 480 * 2;
-/// Most px of all frames together that are held, but for those that the parts need: a diagnosis takes about 100 bytes a px.
+/// Most px of all frames together that are held, but for those that the parts need: a diagnosis takes about 100 bytes a
+/// px.
 const MOST_PX_IN_ALL: usize = 24 << 20;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(super) const BLOCK: usize = 2;
@@ -249,9 +250,10 @@ fn in_dn(frames: Vec<ReadFrame>) -> Vec<RealFrame> {
     out
 }
 
-/// Blocks of two frames, to fit or not by Thue and Morse's sequence, which never settles into a period: of a flicker that
-/// repeats every four frames blocks in turn would show the fit one half only. Of those that are not to fit, blocks in turn
-/// are to choose by. Thinned evenly where there are many; what is left over is reported too. `px`: of a picture.
+/// Blocks of two frames, to fit or not by Thue and Morse's sequence, which never settles into a period: of a flicker
+/// that repeats every four frames blocks in turn would show the fit one half only. Of those that are not to fit, blocks
+/// in turn are to choose by. Thinned evenly where there are many; what is left over is reported too. `px`: of a
+/// picture.
 fn split(count: usize, px: usize) -> [Vec<usize>; 3] {
     // Blocks of one where two would leave fewer than two blocks on a side.
     let block = if count >= 4 * BLOCK { BLOCK } else { 1 };

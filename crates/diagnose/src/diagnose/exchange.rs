@@ -1,8 +1,9 @@
-//! Which effects do the same on these frames: a class is named by its simplest member, and the others are its alternatives.
+//! Which effects do the same on these frames: a class is named by its simplest member, and the others are its
+//! alternatives.
 //!
-//! A black level lightens what is dark as glare does; an exposure delays what it blurs. What the normal equations promise says
-//! which candidates resemble a member of the set; whether they explain the frames as well is decided by fits and scores, as
-//! every other question is.
+//! A black level lightens what is dark as glare does; an exposure delays what it blurs. What the normal equations
+//! promise says which candidates resemble a member of the set; whether they explain the frames as well is decided by
+//! fits and scores, as every other question is.
 
 use super::description::is_description;
 use super::fit::{Fit, Level, VALUES, spread_out};
@@ -19,11 +20,11 @@ use shutterbug::chain::{ParamKind, Work};
 use shutterbug::effects;
 use shutterbug::error::Result;
 
-/// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what few
-/// samples a pixel miss.
+/// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what
+/// few samples a pixel miss.
 const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, frames: 3 };
-/// Share of what a member does to the frames, in squares, that a candidate must be able to do to be fitted in its place: with
-/// less it does more that is wrong than right.
+/// Share of what a member does to the frames, in squares, that a candidate must be able to do to be fitted in its
+/// place: with less it does more that is wrong than right.
 const RESEMBLES: f64 = 0.5;
 /// Most candidates that are fitted in the place of a member.
 const MOST: usize = 2;
@@ -36,8 +37,8 @@ struct Other {
 }
 
 impl Search<'_> {
-    /// Puts simpler effects, or ones that explain the frames better, in the place of members of the set; notes the rest of each
-    /// class.
+    /// Puts simpler effects, or ones that explain the frames better, in the place of members of the set; notes the rest
+    /// of each class.
     pub(super) fn exchange(&mut self, found: &mut Found) -> Result<()> {
         let mut scores = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         // Each exchange explains more, or as much with less: it cannot go round.
@@ -79,8 +80,8 @@ impl Search<'_> {
         plain && !self.is_known(name) && name != "flicker"
     }
 
-    /// One candidate in the place of the members `out`, if that is simpler and as good, or better. Notes what is as good and no
-    /// simpler as an alternative.
+    /// One candidate in the place of the members `out`, if that is simpler and as good, or better. Notes what is as
+    /// good and no simpler as an alternative.
     fn in_place_of(
         &mut self,
         out: &[&'static str],
@@ -131,7 +132,8 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that would tell.
+    /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that
+    /// would tell.
     fn choices_like(&self, out: &[&'static str], set: &[&'static str]) -> Vec<&'static str> {
         let filters = |n: &&str| {
             let effect = effects::by_id(n);
@@ -163,7 +165,8 @@ impl Search<'_> {
     }
 }
 
-/// What parameters do to the frames, to first order at the solution: products of their derivatives in units of their steps.
+/// What parameters do to the frames, to first order at the solution: products of their derivatives in units of their
+/// steps.
 struct Doings {
     all: Vec<P>,
     a: Vec<Vec<f64>>,

@@ -13,8 +13,8 @@ const FLICKER_HZ: [f64; 2] = [20.0, 260.0];
 /// Brightness of lamps on 50 and 60 Hz: among frequencies that the frames cannot tell apart the nearest to these.
 const MAINS_HZ: [f64; 2] = [100.0, 120.0];
 
-/// `theta` with another frequency of its flicker and the phase at the time `middle_s` as it was. A phase counts from time 0,
-/// which may be decades away from the footage: there, the least step of the frequency would be many turns.
+/// `theta` with another frequency of its flicker and the phase at the time `middle_s` as it was. A phase counts from
+/// time 0, which may be decades away from the footage: there, the least step of the frequency would be many turns.
 pub(super) fn retuned(theta: &Theta, frequency_hz: f64, middle_s: f64) -> Theta {
     let turn = std::f64::consts::TAU * (theta.get(P::FlickerF) - frequency_hz) * middle_s;
     let ((sin, cos), (c, s)) = (turn.sin_cos(), (theta.get(P::FlickerC), theta.get(P::FlickerS)));
@@ -108,17 +108,18 @@ fn line_gains(
     seen.map(|(line, s)| [shutter.line_start_s(line as u32), s[0] / s[1] - 1.0, s[1]]).collect()
 }
 
-/// Share of the size of the frames' differences in brightness that a sine may leave and a drift must, and share of what a
-/// drift leaves that a sine may.
+/// Share of the size of the frames' differences in brightness that a sine may leave and a drift must, and share of what
+/// a drift leaves that a sine may.
 const LEAVES: [f64; 2] = [0.25, 0.5];
-/// Share of the squares of the bands within frames that a sine must explain, and the size from which on they can be seen.
+/// Share of the squares of the bands within frames that a sine must explain, and the size from which on they can be
+/// seen.
 const BANDS: (f64, f64) = (0.5, 0.004);
 /// Lines whose gains are averaged.
 const LINES: usize = 8;
 
 /// Whether the flicker of `theta` shows as such: as bands within frames, or as a sine from frame to frame that neither
-/// brightnesses that go up and down freely nor a drift (a cubic of the time, which has as many parameters) explain as well.
-/// Three parameters follow many things that a few frames do.
+/// brightnesses that go up and down freely nor a drift (a cubic of the time, which has as many parameters) explain as
+/// well. Three parameters follow many things that a few frames do.
 pub(super) fn is_periodic(
     forward: &mut Forward,
     evidence: &Evidence,
@@ -230,7 +231,8 @@ mod tests {
         for t in [-0.2, 0.0, 0.2] {
             let turn = std::f64::consts::TAU * 0.05 * t;
             let want = at(&theta, middle_s + t);
-            // A tenth of a hertz is a hundredth of a turn at the ends of the footage; times in doubles are good to 1e-7 s.
+            // A tenth of a hertz is a hundredth of a turn at the ends of the footage; times in doubles are good to 1e-7
+            // s.
             assert!((at(&retuned, middle_s + t) - want).abs() < 0.112 * turn.abs() + 1e-3, "{t}");
         }
         let plain = theta.with(P::FlickerF, 107.75);

@@ -41,8 +41,8 @@ pub(super) enum Quality {
     Fit,
     /// Sixteen samples: what is reported.
     Fine,
-    /// Sixty-four, and an exposure in four parts: what samples miss of a pixel is noise in what a fit of a filter takes for
-    /// exact, and weakens it.
+    /// Sixty-four, and an exposure in four parts: what samples miss of a pixel is noise in what a fit of a filter takes
+    /// for exact, and weakens it.
     Finest,
 }
 
@@ -98,8 +98,8 @@ pub(super) struct Forward {
     pub(super) journal: Arc<Mutex<Journal>>,
 }
 
-/// What renders leave behind. An engine's pictures depend, in their last bits, on the frames before them (how triangles are
-/// cut, how far images reach), and so does what is kept of them.
+/// What renders leave behind. An engine's pictures depend, in their last bits, on the frames before them (how triangles
+/// are cut, how far images reach), and so does what is kept of them.
 #[derive(Default)]
 pub(super) struct Bench {
     engines: [Option<Engine>; 3],
@@ -164,8 +164,8 @@ impl Forward {
         Ok(forward)
     }
 
-    /// The instant of the sharp planes: in the middle of where exposures lie; the timestamp for a camera at rest, which is
-    /// elsewhere a moment later.
+    /// The instant of the sharp planes: in the middle of where exposures lie; the timestamp for a camera at rest, which
+    /// is elsewhere a moment later.
     pub(super) fn sharp_time_s(&self, at: usize) -> f64 {
         if self.static_camera || self.outside.is_some() {
             return self.starts_s[at];
@@ -224,7 +224,8 @@ impl Forward {
         }
     }
 
-    /// Longest readout or exposure: no line is exposed or read again before it is done, and every frame needs poses for it.
+    /// Longest readout or exposure: no line is exposed or read again before it is done, and every frame needs poses for
+    /// it.
     pub(super) fn longest_s(&self) -> f64 {
         self.reach_s[1].min(self.period_s)
     }
@@ -262,8 +263,8 @@ impl Forward {
         }
     }
 
-    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), of the surfaces as they
-    /// are described, at the poses of `theta`.
+    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), of the surfaces
+    /// as they are described, at the poses of `theta`.
     pub(super) fn bare_radiance(
         &mut self,
         frames: &[usize],
@@ -355,9 +356,10 @@ impl Forward {
         early_s >= -self.reach_s[0] && late_s <= self.reach_s[1]
     }
 
-    /// What `work` works out from `key` and the input, or what an earlier run has left of it. It is worked out on a bench of
-    /// its own, which begins as if nothing had been rendered, and leaves the other bench as it was: whether it is worked out
-    /// or taken from the journal, all that follows is the same to the last bit. Within such work nothing is kept.
+    /// What `work` works out from `key` and the input, or what an earlier run has left of it. It is worked out on a
+    /// bench of its own, which begins as if nothing had been rendered, and leaves the other bench as it was: whether it
+    /// is worked out or taken from the journal, all that follows is the same to the last bit. Within such work nothing
+    /// is kept.
     ///
     /// # Errors
     /// Those of `work`; a journal that cannot be written.
@@ -489,7 +491,8 @@ impl Forward {
         if quality < Quality::Finest {
             return self.rendered_at(requests, theta, k, quality);
         }
-        // Sixteen samples at four places of the picture, a quarter of their distance apart, each over its quarter of the exposure.
+        // Sixteen samples at four places of the picture, a quarter of their distance apart, each over its quarter of
+        // the exposure.
         let places = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
         mean_of_quarters(|i| {
             let (x, y) = places[i];

@@ -22,8 +22,8 @@ pub(super) struct HotMap {
 }
 
 impl HotMap {
-    /// Finds them in `frames` (places). A scene that rests has bright spots of its own: `means`, the simulated values, must
-    /// not be as bright.
+    /// Finds them in `frames` (places). A scene that rests has bright spots of its own: `means`, the simulated values,
+    /// must not be as bright.
     pub(super) fn find(evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) -> Self {
         let Some(first) = means.first().filter(|_| frames.len() >= 2) else { return Self::default() };
         let (w, h) = (first.width, first.height);
@@ -53,8 +53,8 @@ impl HotMap {
         Self { pixels, of }
     }
 
-    /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens has put
-    /// elsewhere is as steady as a stuck pixel.
+    /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens
+    /// has put elsewhere is as steady as a stuck pixel.
     pub(super) fn keep_above(&mut self, evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) {
         let above = |i: usize| {
             let one =

@@ -1,10 +1,11 @@
 //! Half widths of 95 % intervals: what chance, rounding, and the differences between correct renderers can do to a fit.
 //!
 //! Chance is the sandwich estimate: the spread of gradients between parts of the frames, each part one draw. Parts are
-//! blocks of a frame, whole frames, and blocks over all frames (what renderers do differently at an edge or in a texture
-//! they do in every frame), whichever spreads most. Rounding is no chance: all values of a colour are rounded alike, and
-//! the fit removes most of what could be seen of it; its variance is known beforehand, 1/12 DN^2. What renderers differ by
-//! is known in kind: a pixel's filter a little wider or narrower, edges a little off, and an offset anywhere.
+//! blocks of a frame, whole frames, and blocks over all frames (what renderers do differently at an edge or in a
+//! texture they do in every frame), whichever spreads most. Rounding is no chance: all values of a colour are rounded
+//! alike, and the fit removes most of what could be seen of it; its variance is known beforehand, 1/12 DN^2. What
+//! renderers differ by is known in kind: a pixel's filter a little wider or narrower, edges a little off, and an offset
+//! anywhere.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -109,8 +110,9 @@ impl Slopes {
         &self.e
     }
 
-    /// The step that the parameters at these places would take together, as a way to go: how far it leads, 1, and how well that is
-    /// known. Parameters that are not known one by one (a vignetting's two beside a veil) may well be known together.
+    /// The step that the parameters at these places would take together, as a way to go: how far it leads, 1, and how
+    /// well that is known. Parameters that are not known one by one (a vignetting's two beside a veil) may well be
+    /// known together.
     pub(super) fn step(&self, of: &[usize]) -> Option<Way> {
         let e = &self.e;
         let a: Vec<Vec<f64>> = of.iter().map(|&i| of.iter().map(|&j| e.a[i][j]).collect()).collect();
@@ -131,8 +133,8 @@ impl Slopes {
         way(e, &self.shown, self.columns_px, self.block, moves)
     }
 
-    /// Half widths of 95 % intervals of the parameters at these places, in units of their steps; nothing where they cannot be
-    /// told apart.
+    /// Half widths of 95 % intervals of the parameters at these places, in units of their steps; nothing where they
+    /// cannot be told apart.
     fn half_widths(&self, of: &[usize]) -> Option<Vec<f64>> {
         let (e, n) = (&self.e, of.len());
         let a: Vec<Vec<f64>> = of.iter().map(|&i| of.iter().map(|&j| e.a[i][j]).collect()).collect();
@@ -150,7 +152,8 @@ impl Slopes {
             let systematic = ANYTHING_DN.hypot(edges_dn) * (e.weight * back(&l, &unit)[i]).max(0.0).sqrt();
             let random = 2.0 * (chance[i] + rounding[i] + colours[i]).sqrt();
             tracing::debug!(
-                "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of {:.0e}",
+                "{p:?}: chance {:.2e}, rounding {:.2e}, colours {:.2e}, renderers {systematic:.2e}, filter {:.2e} of \
+                 {:.0e}",
                 2.0 * chance[i].sqrt(),
                 2.0 * rounding[i].sqrt(),
                 2.0 * colours[i].sqrt(),
@@ -171,8 +174,9 @@ pub(super) struct Way {
     pub half: f64,
 }
 
-/// Where the real picture lies between two models' pictures. The columns of `e` are what one adds to the other, what a wider
-/// filter adds, and draws of what else two correct simulations may differ by; `moves` tells whether edges are put elsewhere.
+/// Where the real picture lies between two models' pictures. The columns of `e` are what one adds to the other, what a
+/// wider filter adds, and draws of what else two correct simulations may differ by; `moves` tells whether edges are put
+/// elsewhere.
 pub(super) fn way(
     mut e: Equations,
     shown: &Shown,
@@ -181,7 +185,8 @@ pub(super) fn way(
     moves: bool,
 ) -> Option<Way> {
     let mut share = 0.0;
-    // What counts little before the way is gone counts fully where it has led to: edges that lay far off have come to lie right.
+    // What counts little before the way is gone counts fully where it has led to: edges that lay far off have come to
+    // lie right.
     for _ in 0..STEPS {
         if e.a[0][0] <= 0.0 {
             return None;

@@ -1,10 +1,9 @@
-//! What a diagnosis has worked out so far, on disk, so that an interrupted one goes on: every fit
-//! under all that it depends on. A diagnosis that starts again with the same input asks for the same things in the
-//! same order; what stands in the journal is taken from there, to the last bit, and the rest is worked out as it would have
-//! been.
+//! What a diagnosis has worked out so far, on disk, so that an interrupted one goes on: every fit under all that it
+//! depends on. A diagnosis that starts again with the same input asks for the same things in the same order; what
+//! stands in the journal is taken from there, to the last bit, and the rest is worked out as it would have been.
 //!
-//! A file of lines of JSON: first the key of the input, then steps (for people) and results. Lines are appended; one that
-//! was cut off is dropped. A journal of other input, options, device or program is started anew.
+//! A file of lines of JSON: first the key of the input, then steps (for people) and results. Lines are appended; one
+//! that was cut off is dropped. A journal of other input, options, device or program is started anew.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -20,7 +19,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
-use super::run::DiagnoseOptions;
+use super::options::DiagnoseOptions;
 use shutterbug::capture::Capture;
 use shutterbug::chain::Settings;
 use shutterbug::error::{Error, Result};
@@ -153,8 +152,8 @@ impl Journal {
     }
 }
 
-/// Reads a journal of `key` as a diagnosis that goes on does, each result as a fit, and takes that for a camera's; how many
-/// fits there are. For tests that spoil one.
+/// Reads a journal of `key` as a diagnosis that goes on does, each result as a fit, and takes that for a camera's; how
+/// many fits there are. For tests that spoil one.
 ///
 /// # Errors
 /// A file that cannot be read, or that holds no fit.

@@ -131,7 +131,8 @@ impl Scores {
         Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
     }
 
-    /// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may, beyond chance.
+    /// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may, beyond
+    /// chance.
     pub(super) fn beyond_bounds(&self) -> Vec<&'static str> {
         let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
             let excess = self.excess(f);
@@ -147,8 +148,8 @@ impl Scores {
     }
 }
 
-/// The row of blocks that a place in the list of a score's blocks belongs to, see [`FrameScore::blocks`]; columns stand for
-/// themselves.
+/// The row of blocks that a place in the list of a score's blocks belongs to, see [`FrameScore::blocks`]; columns stand
+/// for themselves.
 fn row_of(place: usize, across: usize, count: usize) -> usize {
     let down = (count - across) / (across + 1);
     match place.checked_sub(across * down) {
@@ -162,8 +163,9 @@ pub(super) fn gain(worse: &Scores, better: &Scores) -> Estimate {
     difference(worse, better, None)
 }
 
-/// Gain in the places where `worse` lies above what the discrepancy may make of it, less what is lost anywhere. Chance is what a
-/// block's gain does from frame to frame: what shows in few blocks is not taken for chance because others show nothing.
+/// Gain in the places where `worse` lies above what the discrepancy may make of it, less what is lost anywhere. Chance
+/// is what a block's gain does from frame to frame: what shows in few blocks is not taken for chance because others
+/// show nothing.
 pub(super) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
     let frames = |scores: &Scores| scores.0.iter().map(FrameScore::over_families).collect::<Vec<_>>();
     let (a, b) = (frames(worse), frames(better));

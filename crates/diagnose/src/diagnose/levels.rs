@@ -1,6 +1,7 @@
-//! The depth of the converter, told from the frames alone: where values are rounded before they are encoded, few of the 256 values
-//! occur, and they are evenly apart once the encoding is undone, whatever the picture shows and however noisy it was before.
-//! What mixes pixels or colours behind the converter fills the places between; nothing is told then.
+//! The depth of the converter, told from the frames alone: where values are rounded before they are encoded, few of the
+//! 256 values occur, and they are evenly apart once the encoding is undone, whatever the picture shows and however
+//! noisy it was before. What mixes pixels or colours behind the converter fills the places between; nothing is told
+//! then.
 
 use super::evidence::Evidence;
 use super::fit::spread_out;
@@ -9,7 +10,8 @@ use super::tone::Tone;
 
 /// Frames that are looked at.
 const FRAMES: usize = 4;
-/// How far a delivered value lies from its even place at most, DN: half by rounding, and a tenth by what the encoding is off.
+/// How far a delivered value lies from its even place at most, DN: half by rounding, and a tenth by what the encoding
+/// is off.
 const OFF_DN: f32 = 0.6;
 /// Least evidence, nats: values that were not rounded lie at even places by chance.
 const LEAST_NATS: f64 = 20.0;
@@ -47,7 +49,8 @@ fn occurring(evidence: &Evidence, frames: &[usize], channel: usize) -> Vec<u8> {
     (1..255u8).filter(|v| seen[usize::from(*v)]).collect()
 }
 
-/// How far values are apart, if they are evenly so in linear light, and the evidence for it, nats; two numbers were chosen for it.
+/// How far values are apart, if they are evenly so in linear light, and the evidence for it, nats; two numbers were
+/// chosen for it.
 fn evenly(values: &[u8], decode: impl Fn(f32) -> f32) -> Option<(f32, f64)> {
     let linear: Vec<f32> = values.iter().map(|v| decode(f32::from(*v))).collect();
     let mut gaps: Vec<f32> = linear.windows(2).map(|w| w[1] - w[0]).collect();

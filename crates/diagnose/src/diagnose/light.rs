@@ -1,5 +1,5 @@
-//! The light of photographs that were taken one by one: a board held at another angle to the lamps is brighter or darker,
-//! and no parameter of a camera stands for that.
+//! The light of photographs that were taken one by one: a board held at another angle to the lamps is brighter or
+//! darker, and no parameter of a camera stands for that.
 
 use rayon::prelude::*;
 
@@ -52,8 +52,8 @@ pub(super) fn said(light: &[f64]) -> Option<String> {
     let (least, most) = light.iter().fold((f64::INFINITY, 0.0f64), |(a, b), l| (a.min(*l), b.max(*l)));
     (most > least).then(|| {
         format!(
-            "the light differs from photograph to photograph ({least:.2} to {most:.2} of the middle one): frames are compared \
-             at equal light, which `simulate` does not make"
+            "the light differs from photograph to photograph ({least:.2} to {most:.2} of the middle one): frames are \
+             compared at equal light, which `simulate` does not make"
         )
     })
 }

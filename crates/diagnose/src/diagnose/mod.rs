@@ -2,9 +2,11 @@
 //! gap shrinks on frames that no fit has seen.
 //!
 //! ```text
-//! capture ─ evidence (fit | choose | report) ─ search: forward model, fit, judge ─ shares ─ places ─ Report, camera.toml
+//! capture ─ evidence (fit | choose | report) ─ search: forward model, fit, judge ─ shares ─ places
+//!         ─ Report, camera.toml
 //! ```
 
+mod advice;
 mod apart;
 mod budget;
 mod choices;
@@ -33,6 +35,7 @@ mod linear;
 mod model;
 mod noise;
 mod normal;
+mod options;
 mod output;
 mod pair;
 mod pairs;
@@ -46,6 +49,7 @@ mod residue;
 mod run;
 mod score;
 mod search;
+mod searches;
 mod sentences;
 mod settings;
 mod setup_checks;
@@ -65,11 +69,12 @@ use shutterbug::effects::jpeg::{dct, flips, packing};
 
 #[doc(hidden)]
 pub use journal::{example_of_a_journal, read_journal};
+pub use options::{DiagnoseOptions, Progress, changes_places, effect_names};
 pub use pair::Pair;
 pub use report::{
     Alignment, Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry,
     FramePictures, Gap, Input, LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, PoseOff,
     REPORT_FILE, Report, Verdict, WaterfallStep, Where,
 };
-pub use run::{DiagnoseOptions, Diagnosis, Progress, changes_places, diagnose, diagnose_pair, effect_names};
+pub use run::{Diagnosis, diagnose, diagnose_pair};
 pub use unpaired::{Unpaired, diagnose_unpaired};

@@ -256,7 +256,8 @@ mod tests {
     use super::super::vector::components;
     use super::*;
 
-    /// What a hand-written second list would break: every fitted number is a parameter of the list of effects, in its range.
+    /// What a hand-written second list would break: every fitted number is a parameter of the list of effects, in its
+    /// range.
     #[test]
     fn candidates_are_the_effects_that_have_a_fit_line_and_nothing_is_stated_twice() {
         for effect in effects::LIST {

@@ -45,8 +45,19 @@ struct Share {
 /// Residual and derivatives of one frame.
 pub(super) type FrameValues = (Vec<f32>, Vec<Vec<f32>>);
 
+/// The derivative by one parameter.
+struct Column {
+    p: P,
+    step: f64,
+    /// The camera behind the step, without compression.
+    changed: Theta,
+    way: Way,
+    /// How the changed camera develops, where that is all that changes.
+    tone: Option<Tone>,
+}
+
 /// How the derivative by a parameter is had.
-enum Column {
+enum Way {
     /// Renders at the stepped place.
     Render(Vec<std::sync::Arc<Plane<f32>>>),
     /// A displacement of the content, the same for all frames.
@@ -68,69 +79,28 @@ pub(super) fn linearise(
     known: Option<Arc<Weighing>>,
 ) -> Result<Equations> {
     let radiance = forward.radiance(frames, theta, level.quality)?;
-    // On coarse pictures steps are longer: a derivative should see what a block sees.
-    let stretch = if level.block >= 4 { 3.0 } else { 1.0 };
-    let mut columns = Vec::new();
-    for &p in free {
-        let step = step_of(forward, theta, p, stretch);
-        let changed = match p {
-            P::FlickerF => retuned(theta, theta.get(p) + step, forward.middle_s()),
-            p => theta.with(p, theta.get(p) + step),
-        };
-        let changed = changed.with(P::Quality, 0.0);
-        let column = match p {
-            P::Exposure => Column::Render(forward.radiance(frames, &changed, level.quality)?),
-            P::Offset | P::Readout => Column::Time,
-            p if p.is_remap() => Column::Remap(forward.flow_of_remap(theta, p, step)),
-            _ => Column::Value,
-        };
-        columns.push((p, step, changed, column));
-    }
-    let tone = Tone::new(theta);
-    let own = |c: &(P, f64, Theta, Column)| matches!(c.3, Column::Value).then(|| Tone::new(&c.2));
-    let tones: Vec<Option<Tone>> = columns.par_iter().map(own).collect();
+    let columns = columns(forward, frames, theta, free, level)?;
     // A compressor's steps have no slope: derivatives are taken before it.
     let smooth = theta.with(P::Quality, 0.0);
     let bases = forward.pictures(frames, &smooth, level.quality)?;
     let delivered = forward.pictures(frames, theta, level.quality)?;
-    let shared = &*forward;
-    let timed = columns.iter().any(|c| matches!(c.3, Column::Time));
-    let by_frame: Vec<FrameValues> = frames
+    let tone = Tone::new(theta);
+    let around = Around { forward, theta, smooth: &smooth, tone: &tone };
+    let timed = columns.iter().any(|c| matches!(c.way, Way::Time));
+    let mut by_frame: Vec<FrameValues> = frames
         .par_iter()
         .enumerate()
         .map(|(i, &at)| {
-            let base = &bases[i];
             let r = residual(target, at, &delivered[i], level.block);
-            let velocity = timed.then(|| shared.velocity(at, theta));
-            let late = || shared.budget.is_over();
-            let derivative =
-                |((p, step, changed, column), own): (&(P, f64, Theta, Column), &Option<Tone>)| {
-                    if late() {
-                        return Vec::new();
-                    }
-                    let moved;
-                    let other = match column {
-                        Column::Render(renders) => shared.develop(at, &renders[i], changed, &tone),
-                        Column::Remap(flow) => {
-                            moved = displaced(&radiance[i], flow);
-                            shared.develop(at, &moved, &smooth, &tone)
-                        }
-                        Column::Time => {
-                            let velocity = velocity.as_ref().expect("made where it is needed");
-                            moved = displaced(&radiance[i], &shared.flow_of_time(theta, velocity, *p, *step));
-                            shared.develop(at, &moved, changed, &tone)
-                        }
-                        Column::Value => {
-                            shared.develop(at, &radiance[i], changed, own.as_ref().unwrap_or(&tone))
-                        }
-                    };
-                    let unit = (p.spec().step / step) as f32;
-                    let mut d: Vec<f32> =
-                        other.data.iter().zip(&base.data).map(|(o, b)| (o - b) * unit).collect();
-                    hide(target, at, &mut d);
-                    pooled(&d, base.width, base.height, level.block)
-                };
-            (r, columns.par_iter().zip(&tones).map(derivative).collect())
+            let seen = Seen {
+                i,
+                at,
+                radiance: &radiance[i],
+                base: &bases[i],
+                velocity: timed.then(|| around.forward.velocity(at, theta)),
+            };
+            let derivative = |column: &Column| around.derivative(target, &seen, column, level.block);
+            (r, columns.par_iter().map(derivative).collect())
         })
         .collect();
     forward.budget.go_on()?;
@@ -141,9 +111,93 @@ pub(super) fn linearise(
             Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
         }
     };
-    let mut by_frame = by_frame;
     let poses = forward.beside_description(frames, theta, &radiance, level, &weighing, &mut by_frame);
     Ok(Equations { poses, ..assemble(by_frame, free.len(), weighing) })
+}
+
+/// A derivative for each free parameter: how long its step is, and what it changes.
+fn columns(
+    forward: &mut Forward,
+    frames: &[usize],
+    theta: &Theta,
+    free: &[P],
+    level: &Level,
+) -> Result<Vec<Column>> {
+    // On coarse pictures steps are longer: a derivative should see what a block sees.
+    let stretch = if level.block >= 4 { 3.0 } else { 1.0 };
+    let mut columns = Vec::new();
+    for &p in free {
+        let step = step_of(forward, theta, p, stretch);
+        let changed = match p {
+            P::FlickerF => retuned(theta, theta.get(p) + step, forward.middle_s()),
+            p => theta.with(p, theta.get(p) + step),
+        };
+        let changed = changed.with(P::Quality, 0.0);
+        let way = match p {
+            P::Exposure => Way::Render(forward.radiance(frames, &changed, level.quality)?),
+            P::Offset | P::Readout => Way::Time,
+            p if p.is_remap() => Way::Remap(forward.flow_of_remap(theta, p, step)),
+            _ => Way::Value,
+        };
+        columns.push(Column { p, step, changed, way, tone: None });
+    }
+    columns
+        .par_iter_mut()
+        .filter(|c| matches!(c.way, Way::Value))
+        .for_each(|c| c.tone = Some(Tone::new(&c.changed)));
+    Ok(columns)
+}
+
+/// What the derivatives of all frames are taken around.
+struct Around<'a> {
+    forward: &'a Forward,
+    theta: &'a Theta,
+    /// The same without compression.
+    smooth: &'a Theta,
+    tone: &'a Tone,
+}
+
+/// A frame as it is without a step.
+struct Seen<'a> {
+    /// Its place among the frames of the fit, and among all.
+    i: usize,
+    at: usize,
+    radiance: &'a Plane<f32>,
+    /// As delivered without compression.
+    base: &'a Plane<f32>,
+    /// Where a column asks for it.
+    velocity: Option<Plane<f32>>,
+}
+
+impl Around<'_> {
+    /// What one step of the parameter's own size changes, averaged over blocks; nothing once there is no more time.
+    fn derivative(&self, target: Target<'_>, seen: &Seen<'_>, column: &Column, block: usize) -> Vec<f32> {
+        let forward = self.forward;
+        if forward.budget.is_over() {
+            return Vec::new();
+        }
+        let (p, step, changed, at) = (column.p, column.step, &column.changed, seen.at);
+        let moved;
+        let other = match &column.way {
+            Way::Render(renders) => forward.develop(at, &renders[seen.i], changed, self.tone),
+            Way::Remap(flow) => {
+                moved = displaced(seen.radiance, flow);
+                forward.develop(at, &moved, self.smooth, self.tone)
+            }
+            Way::Time => {
+                let velocity = seen.velocity.as_ref().expect("made where it is needed");
+                moved = displaced(seen.radiance, &forward.flow_of_time(self.theta, velocity, p, step));
+                forward.develop(at, &moved, changed, self.tone)
+            }
+            Way::Value => {
+                forward.develop(at, seen.radiance, changed, column.tone.as_ref().unwrap_or(self.tone))
+            }
+        };
+        let unit = (p.spec().step / step) as f32;
+        let mut d: Vec<f32> = other.data.iter().zip(&seen.base.data).map(|(o, b)| (o - b) * unit).collect();
+        hide(target, at, &mut d);
+        pooled(&d, seen.base.width, seen.base.height, block)
+    }
 }
 
 /// Step of a numeric derivative, away from the end of the range.
@@ -200,8 +254,8 @@ fn share((r, columns): &FrameValues, frame: usize, weighing: &Weighing) -> Share
     Share { a, b, cost: weighing.cost(frame, r), weight }
 }
 
-/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking, not a
-/// fit.
+/// What share of the cost each group of parameters would take off beside `held`, by the linearised model: a ranking,
+/// not a fit.
 pub(super) fn screened(e: &Equations, all: &[P], held: &[P], groups: &[Vec<P>]) -> Vec<f64> {
     let gain = |members: &[P]| -> f64 {
         let mut at: Vec<usize> = members.iter().filter_map(|p| all.iter().position(|a| a == p)).collect();

@@ -127,8 +127,8 @@ impl Diagnosis {
     }
 }
 
-/// Full white of the difference pictures: what 97 % of the differences before stay below, at least 8 DN. (More, and a gap
-/// at edges leaves all else black.)
+/// Full white of the difference pictures: what 97 % of the differences before stay below, at least 8 DN. (More, and a
+/// gap at edges leaves all else black.)
 fn scale(frames: &[Shown]) -> f64 {
     let mut all: Vec<f32> = frames
         .iter()

@@ -1,6 +1,6 @@
 //! Whether pixels of the real frames share their colour, told from the frames alone: where colour is stored at half the
-//! resolution, neighbours of a pair differ in brightness only, whatever the picture shows and however noisy it was before.
-//! Compression behind it spreads what a pair shares; nothing is told then.
+//! resolution, neighbours of a pair differ in brightness only, whatever the picture shows and however noisy it was
+//! before. Compression behind it spreads what a pair shares; nothing is told then.
 
 use super::evidence::Evidence;
 use super::fit::spread_out;
@@ -16,7 +16,8 @@ const WITHIN: f64 = 0.2;
 /// What rounding to whole DN leaves within pairs.
 const ROUNDING_DN: f64 = 0.25;
 
-/// The scheme (a place among the options of `chroma_subsampling.scheme`) that the frames (places) show; none where they show none.
+/// The scheme (a place among the options of `chroma_subsampling.scheme`) that the frames (places) show; none where they
+/// show none.
 pub(super) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     let some = spread_out(frames, FRAMES);
     let shared = |down: bool| {

@@ -1,10 +1,11 @@
-//! The task-level gap: corners, lines and blobs that image processing finds in real and in simulated frames, and how many
-//! of them agree. A program that tracks corners does not care for grey levels; it cares whether its percepts are where
-//! they would be in reality ("dots and lines represent percepts": Fig. 6 of the paper).
+//! The task-level gap: corners, lines and blobs that image processing finds in real and in simulated frames, and how
+//! many of them agree. A program that tracks corners does not care for grey levels; it cares whether its percepts are
+//! where they would be in reality ("dots and lines represent percepts": Fig. 6 of the paper).
 //!
-//! Found by the crate `imageproc` with the same thresholds in every picture: FAST-9 corners, lines by Canny and Hough with
-//! the longest run of edge pixels as their ends, blobs as connected components of what is brighter or darker than its
-//! surroundings. Two percepts agree if each is the other's nearest and they lie no further apart than the tolerance.
+//! Found by the crate `imageproc` with the same thresholds in every picture: FAST-9 corners, lines by Canny and Hough
+//! with the longest run of edge pixels as their ends, blobs as connected components of what is brighter or darker than
+//! its surroundings. Two percepts agree if each is the other's nearest and they lie no further apart than the
+//! tolerance.
 
 use image::{GrayImage, Luma};
 use imageproc::contrast::adaptive_threshold;

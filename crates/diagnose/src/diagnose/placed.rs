@@ -1,7 +1,7 @@
 //! How far content lies from where it should: displacement of small blocks, whatever the light on them.
 //!
-//! A lens, a shutter or a wrong pose moves things. Real light differs from a scene's from place to place (lamps, shadows),
-//! and may leave most of a gap although everything has come to lie where it should.
+//! A lens, a shutter or a wrong pose moves things. Real light differs from a scene's from place to place (lamps,
+//! shadows), and may leave most of a gap although everything has come to lie where it should.
 
 use std::borrow::Borrow;
 
@@ -68,8 +68,8 @@ fn displacement(real: &Plane<f32>, picture: &Plane<f32>, mask: &Plane<f32>) -> V
     all
 }
 
-/// Displacement times structure of one block, from the first-order equation of Lucas and Kanade (1981) after the light of
-/// the block has been fitted.
+/// Displacement times structure of one block, from the first-order equation of Lucas and Kanade (1981) after the light
+/// of the block has been fitted.
 fn of_block(real: &Plane<f32>, picture: &Plane<f32>, inside: &[(usize, usize)]) -> f64 {
     let n = inside.len() as f64;
     let at = |p: &Plane<f32>, x: usize, y: usize| f64::from(p.pixel(x, y)[0]);

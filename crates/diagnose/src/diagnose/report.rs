@@ -1,7 +1,8 @@
-//! What a diagnosis found, as data: `report.json` (CAPTURE contract, section 5) and everything that a page about it needs.
+//! What a diagnosis found, as data: `report.json` (CAPTURE contract, section 5) and everything that a page about it
+//! needs.
 //!
-//! Grey levels are DN (0 to 255). Unless said otherwise figures are of held-out frames, which no fit has seen. Paths are
-//! relative to the folder of the report, with `/`.
+//! Grey levels are DN (0 to 255). Unless said otherwise figures are of held-out frames, which no fit has seen. Paths
+//! are relative to the folder of the report, with `/`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -436,7 +437,8 @@ pub struct Input {
 /// How real and simulated frames lie on each other.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
-    /// "exact": they are compared as they lie. "rough": each simulated frame was warped first. "none": they show other moments.
+    /// "exact": they are compared as they lie. "rough": each simulated frame was warped first. "none": they show other
+    /// moments.
     pub kind: String,
     /// Root mean square of the displacement, px; absent where none could be measured.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -508,8 +510,8 @@ impl Report {
         serde_json::to_string_pretty(self).expect("all keys are strings")
     }
 
-    /// Reads the text of `report.json`; `path` is what errors name. Where a figure is `null` it is NaN, so that a report
-    /// comes back as it was written, but for the sign of what is infinite.
+    /// Reads the text of `report.json`; `path` is what errors name. Where a figure is `null` it is NaN, so that a
+    /// report comes back as it was written, but for the sign of what is infinite.
     ///
     /// # Errors
     /// Text that is no report, with the line.

@@ -1,5 +1,5 @@
-//! What the best set leaves on the frames to report by beyond what correct renderers leave: spread that is of another kind than
-//! the model's, values that are far off, edges that do not match.
+//! What the best set leaves on the frames to report by beyond what correct renderers leave: spread that is of another
+//! kind than the model's, values that are far off, edges that do not match.
 
 use super::discrepancy::{COLOUR_DN, REACH};
 use super::evidence::Evidence;
@@ -67,8 +67,8 @@ pub(super) fn residue(
     Residue { noise, likeness, ..Residue::default() }
 }
 
-/// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among it.
-/// `alone`: only values whose neighbours are not far off count, since what pictures do not show comes in patches.
+/// See [`Residue::outliers`]; behind compression nothing is told. `masks`: where the judge compares, stuck pixels among
+/// it. `alone`: only values whose neighbours are not far off count, since what pictures do not show comes in patches.
 pub(super) fn outliers(
     evidence: &Evidence,
     frames: &[usize],
@@ -103,8 +103,8 @@ const BLOCK_PX: usize = 8;
 /// What may be left of the gap of a block that is solved.
 const SOLVED: f64 = 0.15;
 
-/// Share of the gap before that lies in blocks in which nearly nothing of it is left. An effect that is there explains the
-/// places where nothing else acts altogether; one that only resembles what is there explains a part everywhere.
+/// Share of the gap before that lies in blocks in which nearly nothing of it is left. An effect that is there explains
+/// the places where nothing else acts altogether; one that only resembles what is there explains a part everywhere.
 pub(super) fn solved(
     evidence: &Evidence,
     frames: &[usize],
@@ -178,12 +178,12 @@ fn slope_dn(linear: f64) -> f64 {
 const MIDDLE: f64 = 0.2;
 
 impl NoiseData {
-    /// How far what is seen of single values, of rows and of the fixed pattern lies from the model, in standard errors that hold
-    /// what measuring, rounding and the discrepancy make of it: means over bins of brightness.
+    /// How far what is seen of single values, of rows and of the fixed pattern lies from the model, in standard errors
+    /// that hold what measuring, rounding and the discrepancy make of it: means over bins of brightness.
     pub(super) fn misfit(&self, theta: &Theta) -> [f64; 3] {
         let (dsnu2, prnu2) = (theta.get(P::Dsnu).powi(2), theta.get(P::Prnu).powi(2));
-        // Quartiles of whole DN are off by up to half a DN; before a camera that hardly moves a value is rounded the same way in
-        // every frame.
+        // Quartiles of whole DN are off by up to half a DN; before a camera that hardly moves a value is rounded the
+        // same way in every frame.
         let rounding2 = |l: f64| ROUNDING_DN2 / slope_dn(l).powi(2);
         let standard = |seen: f64, model: f64, level: f64, n: f64, l: f64| {
             let systematic = REACH * BIN_ERROR * level;

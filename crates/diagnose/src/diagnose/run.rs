@@ -1,73 +1,39 @@
 //! A diagnosis from beginning to end.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+use super::advice::{next, next_of_pair, not_simulated, uncontrolled};
 use super::budget::{Budget, Count, Stage, in_time};
 use super::cover::Cover;
-use super::decide::{Facts, decide};
 use super::describe::{describe, undetermined, without_motion, without_time};
 use super::description::{Objects, Parts};
 use super::evidence::Evidence;
 use super::forward::Forward;
-use super::found::{Found, PERCEPTS, SEARCH};
+use super::found::{Found, PERCEPTS};
 use super::journal::{Journal, key};
 use super::light::lights;
 use super::model::{Theta, candidate_of};
+use super::options::{DiagnoseOptions, Progress, candidates, changes_places};
 use super::output::{Shown, show, time_of_writing};
 use super::pair::{Aligned, FEW, Geometry, Pair, needs_more};
 use super::question::Question;
 use super::report::*;
-use super::search::{Search, Watch, all_names, moves};
+use super::search::{Search, Watch};
+use super::searches::{Outcome, search_all};
 use super::settings::{apply, theta_of};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
 use shutterbug::capture::{CameraFile, Capture};
 use shutterbug::chain::Settings;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::Result;
 use shutterbug::gpu::Context;
 
 /// How often where frames are compared is looked for.
 const COVER_ROUNDS: usize = 2;
 /// Speed below which nothing about time can be seen: px over one frame period, of the fastest tenth of the picture.
 const LEAST_MOTION_PX: f64 = 0.5;
-
-/// What to consider.
-#[derive(Clone, Debug, Default)]
-pub struct DiagnoseOptions {
-    /// Seed of the bootstrap.
-    pub seed: u64,
-    /// Candidates to leave out, by name: for checks that an effect outside the list is not sold as one inside it.
-    pub without: Vec<String>,
-    /// Whether surfaces are exactly as bright as the scene says: else factors of theirs are a candidate.
-    pub scene_exact: bool,
-    /// Whether poses are exact: else errors of theirs are a candidate.
-    pub poses_exact: bool,
-    /// When to come to an end with what is known by then; candidates that were not reached are `undetermined`.
-    pub time_limit: Option<Duration>,
-    /// Since when that counts: since the call, or since a program began to read what it gives.
-    pub begun: Option<Instant>,
-    /// Where to keep what has been worked out; a diagnosis that was stopped goes on from there.
-    pub journal: Option<PathBuf>,
-    /// Ends the diagnosis with [`Error::DiagnosisInterrupted`] soon after it becomes true.
-    pub stop: Option<Arc<AtomicBool>>,
-}
-
-impl DiagnoseOptions {
-    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own.
-    fn description(&self, at_rest: bool) -> Vec<&'static str> {
-        let exact = |n: &&str| if *n == "scene_radiance" { self.scene_exact } else { self.poses_exact };
-        super::description::NAMES.into_iter().filter(|n| !at_rest && !exact(n)).collect()
-    }
-}
-
-/// Told where a diagnosis stands: the stage, the candidate, and which of how many steps of the stage it is.
-pub trait Progress {
-    /// A step begins.
-    fn step(&mut self, stage: &str, what: &str, step: usize, steps: usize);
-}
 
 /// A finished diagnosis.
 pub struct Diagnosis {
@@ -81,19 +47,6 @@ pub struct Diagnosis {
     pub(super) description: Parts,
     /// By frame.
     pub(super) percepts: Vec<FramePercepts>,
-}
-
-/// Names of all candidates, in light-path order.
-pub fn effect_names() -> Vec<&'static str> {
-    all_names()
-}
-
-/// Whether a candidate changes where or when things are seen, and not only their values.
-///
-/// # Panics
-/// If there is no such candidate.
-pub fn changes_places(name: &str) -> bool {
-    moves(candidate_of(name))
 }
 
 struct Relay<'a> {
@@ -130,8 +83,8 @@ struct Given<'a> {
 }
 
 impl Given<'_> {
-    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own; pictures without
-    /// depth say neither.
+    /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own;
+    /// pictures without depth say neither.
     fn room(&self, options: &DiagnoseOptions) -> Vec<&'static str> {
         let posed = self.pair.is_none_or(|p| p.sim.geometry == Geometry::Depth);
         if posed { options.description(self.capture.camera.static_camera) } else { Vec::new() }
@@ -191,8 +144,70 @@ fn diagnose_given(
     progress: &mut dyn Progress,
 ) -> Result<Diagnosis> {
     let clock = options.begun.unwrap_or_else(Instant::now);
-    let capture = given.capture;
     let names = candidates(options)?;
+    let Prepared { evidence, mut forward, mut cover, aligned, set_up, journal } =
+        prepare(given, options, clock, progress)?;
+    let told = Told::new(&forward, &evidence, given, aligned.as_ref());
+    let base = given.base();
+    let question = Question {
+        evidence: &evidence,
+        seed: options.seed,
+        names: names.iter().copied().filter(|n| told.why_not(n).is_none()).collect(),
+        room: given.room(options),
+        shown: super::shown::Shown::in_frames(&evidence, &names, &base),
+        base,
+    };
+    let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
+    find_compared_places(&question, &mut forward, cover.as_mut(), &mut relay)?;
+    let masks = cover.as_ref().map(|c| c.masks.as_slice());
+    let seen = question.look(&mut forward, masks)?;
+    let mut elsewhere = None;
+    let mut outcome = search_all(&question, &mut forward, (&seen, masks), &mut elsewhere, &mut relay)?;
+    let mut report = reported(given, &mut outcome, &evidence, &set_up)?;
+    report.candidates.extend(names.iter().filter_map(|n| told.why_not(n)));
+    add_late(&mut report, &outcome.found);
+    report.input.seed = options.seed;
+    let Outcome { mut search, mut found, objects } = outcome;
+    let frames = show(&mut search, &mut found, &evidence, &mut report)?;
+    if let Some(aligned) = aligned {
+        report.input.kind = "pair".to_owned();
+        report.input.method = aligned.method.to_owned();
+        report.input.alignment = Some(aligned.of(&frames));
+    }
+    let camera = corrected(given, &found, &mut report)?;
+    let percepts = add_percepts(given, &mut search, &mut found, (&frames, &camera), &mut report)?;
+    report.warnings.extend(found.said());
+    report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, given.capture) };
+    (report.input.renders, report.input.render_seconds) = search.forward.renders;
+    report.input.seconds = clock.elapsed().as_secs_f64();
+    let mut description = search.description_parts(&found.fit.theta)?;
+    if let Some(objects) = &objects {
+        description.add(objects, &evidence);
+    }
+    Ok(Diagnosis { report, camera, frames, description, percepts })
+}
+
+/// What stands before the first search.
+struct Prepared {
+    evidence: Evidence,
+    forward: Forward,
+    /// Where frames are compared, if not everywhere.
+    cover: Option<Cover>,
+    /// How given frames lie on the real ones.
+    aligned: Option<Aligned>,
+    /// What the checks of the set-up say.
+    set_up: Vec<String>,
+    journal: Arc<Mutex<Journal>>,
+}
+
+/// Reads the frames, simulates what is sharp in them, and checks the set-up.
+fn prepare(
+    given: &Given<'_>,
+    options: &DiagnoseOptions,
+    clock: Instant,
+    progress: &mut dyn Progress,
+) -> Result<Prepared> {
+    let capture = given.capture;
     let mut budget = Budget::new(clock, options.time_limit);
     let mut evidence = Evidence::read(capture, &given.real, &budget)?;
     evidence.warnings.extend(given.pair.iter().flat_map(|p| p.notes.clone()));
@@ -211,119 +226,86 @@ fn diagnose_given(
     let base = given.base();
     let aligned = given.pair.map(|_| super::pair::align(&mut forward, &evidence)).transpose()?;
     let compared = capture.camera.background_ignored || given.pair.is_some();
-    let mut cover = compared.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
+    let cover = compared.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
     let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
     set_up.iter().for_each(|what| progress.step("set-up", what, 1, 1));
-    let told = Told::new(&forward, &evidence, given, aligned.as_ref());
-    let mut relay = Relay { progress, journal, stage: String::new(), step: 0, steps: 0 };
-    let tried: Vec<&'static str> = names.iter().copied().filter(|n| told.why_not(n).is_none()).collect();
-    let shown = super::shown::Shown::in_frames(&evidence, &names, &base);
-    let question = Question {
-        evidence: &evidence,
-        base,
-        seed: options.seed,
-        names: tried,
-        room: given.room(options),
-        shown,
-    };
+    Ok(Prepared { evidence, forward, cover, aligned, set_up, journal })
+}
+
+/// Finds the light of photographs, and leaves out of `cover` what promising candidates do not cover.
+fn find_compared_places(
+    question: &Question<'_>,
+    forward: &mut Forward,
+    cover: Option<&mut Cover>,
+    watch: &mut dyn Watch,
+) -> Result<()> {
     if forward.static_camera {
         let masks = cover.as_ref().map(|c| c.masks.as_slice());
-        forward.light = lights(&mut forward, &evidence, &question.base, masks)?;
+        forward.light = lights(forward, question.evidence, &question.base, masks)?;
     }
+    let Some(cover) = cover else { return Ok(()) };
     for _ in 0..COVER_ROUNDS {
-        let Some(known) = &mut cover else { break };
         forward.budget.stage = Stage::Search;
-        let narrowed = in_time(question.narrow(&mut forward, known, &mut relay))?;
+        let narrowed = in_time(question.narrow(forward, cover, watch))?;
         forward.budget.stage = Stage::Begin;
         if narrowed != Some(true) {
             break;
         }
     }
-    let masks = cover.as_ref().map(|c| c.masks.as_slice());
-    let seen = question.look(&mut forward, masks)?;
-    let (mut objects, elsewhere, seen_elsewhere);
-    let mut search = question.search(&mut forward, &seen, masks);
-    let mut found;
-    (found, objects) = searched(&mut search, &mut relay)?;
-    if let Some(objects_there) = &objects {
-        let forward = search.forward;
-        forward.compared += 1;
-        forward.budget.stage = Stage::Must;
-        elsewhere = objects_there.masks.clone();
-        seen_elsewhere = question.look(forward, Some(&elsewhere))?;
-        search = question.search(forward, &seen_elsewhere, Some(&elsewhere));
-        let first = found.clone();
-        search.forward.budget.stage = Stage::Search;
-        let again = in_time(searched(&mut search, &mut relay))?.map(|(found, _)| found);
-        let unknown = |found: &Found| {
-            found.is_whole() && decide(&Facts::of(&search, found)).verdict == Verdict::UnknownEffect
-        };
-        let is_unknown = again.as_ref().is_none_or(unknown);
-        found = again.unwrap_or(first.clone());
-        if is_unknown {
-            // What is left elsewhere is left by something that is no object: as if none had been found.
-            objects = None;
-            search.forward.compared -= 1;
-            search = question.search(search.forward, &seen, masks);
-            search.forward.budget.stage = Stage::Search;
-            found = match in_time(searched(&mut search, &mut relay))? {
-                Some((found, _)) => found,
-                None => {
-                    search.end_as(&first);
-                    Found { left_out: vec![SEARCH], ..first }
-                }
-            };
-        }
-    }
-    let mut report = describe(&mut search, &mut found, &evidence, capture)?;
-    if let Some(objects) = &objects {
+    Ok(())
+}
+
+/// The report of what was found, with what the set-up and the given camera make of it.
+fn reported(
+    given: &Given<'_>,
+    outcome: &mut Outcome<'_>,
+    evidence: &Evidence,
+    set_up: &[String],
+) -> Result<Report> {
+    let Outcome { search, found, objects } = outcome;
+    let mut report = describe(search, found, evidence, given.capture)?;
+    if let Some(objects) = objects {
         say_objects(&mut report, objects);
     }
-    report.candidates.extend(names.iter().filter_map(|n| told.why_not(n)));
-    add_late(&mut report, &found);
-    setup_checks::begin(&mut report, &set_up, &evidence, &found);
+    setup_checks::begin(&mut report, set_up, evidence, found);
     report.warnings.extend(super::light::said(&search.forward.light));
     if given.pair.is_none() {
-        report.warnings.extend(not_simulated(capture));
-        report.warnings.extend(uncontrolled(&capture.camera.settings));
+        report.warnings.extend(not_simulated(given.capture));
+        report.warnings.extend(uncontrolled(&given.capture.camera.settings));
     }
     report.input.device = given.device();
-    report.input.seed = options.seed;
-    let frames = show(&mut search, &mut found, &evidence, &mut report)?;
-    if let Some(aligned) = aligned {
-        report.input.kind = "pair".to_owned();
-        report.input.method = aligned.method.to_owned();
-        report.input.alignment = Some(aligned.of(&frames));
-    }
-    let mut camera = capture.camera.clone();
+    Ok(report)
+}
+
+/// The given camera with the effects found.
+fn corrected(given: &Given<'_>, found: &Found, report: &mut Report) -> Result<CameraFile> {
+    let mut camera = given.capture.camera.clone();
     for name in apply(&mut camera.settings, &found.fit.theta, &found.set)? {
         report
             .warnings
             .push(format!("{name} was found, but `simulate` cannot make it yet: camera.toml lacks it"));
     }
+    Ok(camera)
+}
+
+/// Corners, lines and blobs of all frames, and what the report says of them; none if there is no time.
+fn add_percepts(
+    given: &Given<'_>,
+    search: &mut Search<'_>,
+    found: &mut Found,
+    (frames, camera): (&[Shown], &CameraFile),
+    report: &mut Report,
+) -> Result<Vec<FramePercepts>> {
     let before = Drawn { theta: &search.base.clone(), settings: &given.settings() };
     let after = Drawn { theta: &found.fit.theta, settings: &camera.settings };
     search.forward.budget.stage = Stage::End;
-    let percepts = match in_time(percepts(search.forward, &frames, &before, &after))? {
-        Some(percepts) => {
-            report.percepts = figures(&frames, &percepts);
-            percepts
-        }
-        None => {
-            found.leave_out(PERCEPTS);
-            Vec::new()
-        }
-    };
-    search.forward.budget.stage = Stage::Must;
-    report.warnings.extend(found.said());
-    report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, capture) };
-    (report.input.renders, report.input.render_seconds) = search.forward.renders;
-    report.input.seconds = clock.elapsed().as_secs_f64();
-    let mut description = search.description_parts(&found.fit.theta)?;
-    if let Some(objects) = &objects {
-        description.add(objects, &evidence);
+    let percepts = in_time(percepts(search.forward, frames, &before, &after))?;
+    match &percepts {
+        Some(percepts) => report.percepts = figures(frames, percepts),
+        None => found.leave_out(PERCEPTS),
     }
-    Ok(Diagnosis { report, camera, frames, description, percepts })
+    search.forward.budget.stage = Stage::Must;
+    Ok(percepts.unwrap_or_default())
 }
 
 /// Names what the scene does not have, whose places were left out of every figure.
@@ -412,137 +394,6 @@ const ROUGH: [&str; 2] = [
     "simulated frames at the poses of the real ones, or depth/ with trajectory.tum beside them",
 ];
 
-/// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the frames to
-/// choose by than the discrepancy can make: a description is questioned only where no camera explains the frames. First of
-/// all by what is in few places: where these are, if the rest is explained without them, is returned too.
-fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
-    let room = std::mem::take(&mut search.room);
-    let exact = search.run(watch)?;
-    let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
-    if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
-        return Ok((exact, None));
-    }
-    let late = |mut found: Found, room: &[&'static str]| {
-        room.iter().for_each(|n| found.is_late(n));
-        Ok((found, None))
-    };
-    search.forward.budget.stage = Stage::Search;
-    if left.is_none() || search.late() || !exact.is_whole() {
-        return late(exact, &room);
-    }
-    let asked = room.contains(&"scene_radiance");
-    let Some(objects) = in_time(if asked { search.undescribed(&exact) } else { Ok(None) })? else {
-        return late(exact, &room);
-    };
-    if objects.is_some() {
-        return Ok((exact, objects));
-    }
-    tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
-    search.begin_anew(room.clone());
-    let promises = in_time(search.may_be_the_description(&exact.fit.theta))?;
-    if promises != Some(true) {
-        search.end_as(&exact);
-        return if promises.is_none() { late(exact, &room) } else { Ok((exact, None)) };
-    }
-    search.begin_anew(room.clone());
-    let Some(free) = in_time(search.run(watch))? else {
-        search.end_as(&exact);
-        return late(exact, &room);
-    };
-    search.forward.budget.stage = Stage::End;
-    let questioned = free.set.iter().any(|name| super::description::is_description(name));
-    if questioned && (free.is_whole() || in_time(search.explains_more(&free, &exact))? == Some(true)) {
-        let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
-        return Ok((free, objects));
-    }
-    search.end_as(&exact);
-    let mut exact = exact;
-    if !free.is_whole() {
-        exact.leave_out(SEARCH);
-        room.iter().for_each(|n| exact.is_late(n));
-    }
-    Ok((exact, None))
-}
-
-/// What is said of a given camera with automatic exposure: frames are judged one by one and in parts, so that the control,
-/// which needs all frames before, is not run; a gain that changes from frame to frame stays in the gap.
-fn uncontrolled(given: &shutterbug::chain::Settings) -> Option<String> {
-    use shutterbug::chain::Effect as _;
-    (shutterbug::effects::AutoExposure.variant(given) != 0).then(|| {
-        "auto_exposure of the given camera is not simulated here (frames are judged one by one): all frames have \
-         exposure_gain alone, and what the control changed from frame to frame counts as gap"
-            .to_owned()
-    })
-}
-
-fn next_of_pair(report: &Report) -> Vec<NextStep> {
-    let undetermined = report.candidates.iter().filter(|c| c.state == CandidateState::Undetermined);
-    let mut steps: Vec<NextStep> = Vec::new();
-    for candidate in undetermined.filter(|c| !c.footage.is_empty()) {
-        let purpose = format!("decide {}: supply {}", candidate.name, candidate.footage);
-        if steps.len() < 3 {
-            let command = "shutterbug diagnose --sim SIM --real REAL --out DIR".to_owned();
-            steps.push(NextStep { purpose, command });
-        }
-    }
-    steps
-}
-
-fn next(report: &Report, capture: &Capture) -> Vec<NextStep> {
-    let root = capture.root.display();
-    let mut steps = Vec::new();
-    if !report.effects.is_empty() {
-        let corrected = report.effects.iter().any(|e| !e.camera);
-        let description = if corrected { " --description DIR" } else { "" };
-        steps.push(NextStep {
-            purpose: "simulate with the effects found (DIR is this report's folder)".to_owned(),
-            command: format!(
-                "shutterbug simulate {root} --camera DIR/camera.toml{description} --method exact --out FRAMES"
-            ),
-        });
-    }
-    if report.candidates.iter().any(|c| c.state == CandidateState::Undetermined) {
-        steps.push(NextStep {
-            purpose: "decide what is undetermined: record the footage that it names, and diagnose that"
-                .to_owned(),
-            command: "shutterbug diagnose NEW_CAPTURE --out DIR".to_owned(),
-        });
-    }
-    steps
-}
-
-/// Effects of the given camera that the simulation here leaves out.
-fn not_simulated(capture: &Capture) -> Vec<String> {
-    let known = &capture.camera.settings;
-    let left_out = shutterbug::effects::LIST.iter().filter(|e| {
-        let candidate = super::model::CANDIDATES.iter().any(|c| c.name == e.id());
-        known.has(e.id()) && !candidate && !known.is_neutral(e.id(), e.specs())
-    });
-    let said = |e: &&dyn shutterbug::chain::Effect| {
-        match e.id() {
-        "auto_exposure" => "camera.toml has [auto_exposure], which diagnose does not simulate: its gain changes from frame to \
-                            frame, and what it changes is part of the gap here. Record with the exposure locked, or take it \
-                            out of camera.toml and look at where.by_frame"
-            .to_owned(),
-        name => {
-            format!("camera.toml has [{name}], which diagnose does not simulate: what it does is part of the gap here")
-        }
-    }
-    };
-    left_out.map(said).collect()
-}
-
-pub(super) fn candidates(options: &DiagnoseOptions) -> Result<Vec<&'static str>> {
-    let all = all_names();
-    for name in &options.without {
-        if !all.contains(&name.as_str()) {
-            let path = std::path::Path::new("--without");
-            return Err(Error::unknown_name(path, None, "candidate", name, all));
-        }
-    }
-    Ok(all.into_iter().filter(|n| !options.without.iter().any(|w| w == n)).collect())
-}
-
 /// How far the fastest tenth of the picture moves over one frame period, px.
 fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
     let mut speeds: Vec<f32> = Vec::new();
@@ -552,23 +403,4 @@ fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {
     let at = speeds.len() * 9 / 10;
     let fast = *speeds.select_nth_unstable_by(at, f32::total_cmp).1;
     f64::from(fast) * forward.period_s
-}
-
-#[cfg(test)]
-mod tests {
-    use super::uncontrolled;
-    use shutterbug::chain::{Settings, Value};
-    use shutterbug::effects::AutoExposure;
-
-    #[test]
-    fn a_camera_with_automatic_exposure_is_said_to_be_simulated_without() {
-        let mut given = Settings::default();
-        assert_eq!(uncontrolled(&given), None);
-        given.set(&AutoExposure, "target", Value::Number(0.2)).expect("in range");
-        assert!(
-            uncontrolled(&given)
-                .expect("said")
-                .contains("auto_exposure of the given camera is not simulated")
-        );
-    }
 }

@@ -3,8 +3,8 @@
 //!
 //! Real values are whole numbers of DN. What a model predicts of each is a mean and a spread: noise, rounding, and what
 //! two correct simulations may differ by (see [`super::discrepancy`]). A model without noise is no special case: its
-//! spread is that of rounding and of the discrepancy. Every statistic is taken to be normal. Pixels count half, the other
-//! families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
+//! spread is that of rounding and of the discrepancy. Every statistic is taken to be normal. Pixels count half, the
+//! other families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::{Arc, LazyLock};
@@ -53,8 +53,8 @@ pub(super) struct FrameScore {
     pub families: [Option<Family>; 7],
     /// Blocks across the picture, where noise of rows makes those of a row one draw; else none.
     pub rows_of: Option<usize>,
-    /// By family: what each block of the picture, then each group of rows and of columns, adds to `score`, `expected` and
-    /// `bound`.
+    /// By family: what each block of the picture, then each group of rows and of columns, adds to `score`, `expected`
+    /// and `bound`.
     pub blocks: [Vec<[f32; 3]>; 7],
 }
 
@@ -80,8 +80,8 @@ pub(super) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Draws of how far another correct simulation is from this one, DN: behind a compression, and where the camera's path wanders
-    /// within the frame; nothing without either.
+    /// Draws of how far another correct simulation is from this one, DN: behind a compression, and where the camera's
+    /// path wanders within the frame; nothing without either.
     pub drawn: &'a [Arc<Plane<f32>>],
     /// Whether the draws say what edges may be off by: they do behind a compression.
     pub edges_drawn: bool,
@@ -105,7 +105,8 @@ pub(super) fn crps(error: f64, variance: f64) -> f64 {
     sigma * (table[i] * (1.0 - f) + table[i + 1] * f)
 }
 
-/// Standard deviations up to which the score is tabled, and entries of the table in one: read linearly it is within 2e-6.
+/// Standard deviations up to which the score is tabled, and entries of the table in one: read linearly it is within
+/// 2e-6.
 const DEVIATIONS: usize = 8;
 /// See [`DEVIATIONS`].
 const PER_DEVIATION: f64 = 256.0;
@@ -300,8 +301,8 @@ fn mean_square(drawn: &[Arc<Plane<f32>>], of: impl Fn(&Plane<f32>) -> f32) -> f3
     drawn.iter().map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32
 }
 
-/// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise and
-/// rounding, what correct simulations may differ by in single values and in colours.
+/// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise
+/// and rounding, what correct simulations may differ by in single values and in colours.
 type Pooled = [f64; 8];
 
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
@@ -368,8 +369,8 @@ fn pooled(at: impl Fn(usize) -> Pooled, w: usize, h: usize) -> Vec<Pooled> {
     out
 }
 
-/// Sums over a row or a column: error, variance, row variance, number, what single values and colours may be off by; and what each
-/// draw is off by.
+/// Sums over a row or a column: error, variance, row variance, number, what single values and colours may be off by;
+/// and what each draw is off by.
 #[derive(Clone, Copy, Default)]
 struct Line {
     sums: [f64; 6],

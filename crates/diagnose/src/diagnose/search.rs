@@ -30,8 +30,8 @@ use shutterbug::plane::Plane;
 const MOST_EFFECTS: usize = 6;
 /// Candidates that get a joint fit in each round after the first.
 const SHORTLIST: usize = 4;
-/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how bright a
-/// lamp was, whose frequency is not known yet.
+/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how
+/// bright a lamp was, whose frequency is not known yet.
 const BENT: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
 /// Candidates that promise less than this share of what the best one promises wait, if that one gains.
 const LITTLE: f64 = 0.25;
@@ -165,8 +165,8 @@ impl<'a> Search<'a> {
         let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let data = self.noise_data(theta, self.fit_frames())?;
         let noisy = self.noisy(&data, theta, &names);
-        // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise that
-        // compression has weakened: it is some only if the score says so.
+        // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise
+        // that compression has weakened: it is some only if the score says so.
         let silent = data.fit(theta, &self.base, &[]);
         let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
         if with?.mean() >= without?.mean() {
@@ -185,8 +185,9 @@ impl<'a> Search<'a> {
         let key = format!("{} {set:?} {theta:?}", candidate.name);
         let work = |search: &mut Self| {
             let mut fit = search.add_anew(candidate, set, theta)?;
-            // A compression that can be read from the frames is there from the start, and noise is seen through it. How much
-            // sharpening lifts it has changed with the rest of the set. What bends or mixes values does so to their noise.
+            // A compression that can be read from the frames is there from the start, and noise is seen through it. How
+            // much sharpening lifts it has changed with the rest of the set. What bends or mixes values does so to
+            // their noise.
             let lifted = set.contains(&"sharpening") && (moves(candidate) || candidate.name == "defocus");
             let is_noisy = Tone::new(theta).is_noisy();
             let mixes = mixes_pixels(candidate.name) || (is_noisy && !moves(candidate));
@@ -220,8 +221,8 @@ impl<'a> Search<'a> {
         };
         let last = schedule[schedule.len() - 1];
         let weighing = self.weighing(theta, &last)?;
-        // Values are looked for with the geometry held, whose renders are kept, but together with the set's other values:
-        // a gain beside a white balance helps only if both move.
+        // Values are looked for with the geometry held, whose renders are kept, but together with the set's other
+        // values: a gain beside a white balance helps only if both move.
         let who: Vec<_> =
             joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
         let mut best: Option<(f64, Theta)> = None;
@@ -355,8 +356,8 @@ impl<'a> Search<'a> {
         self.judge.kind = found.fit.theta.room.kind();
     }
 
-    /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of what
-    /// the best of them closes; the best first.
+    /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of
+    /// what the best of them closes; the best first.
     pub(super) fn promising(&mut self, watch: &mut dyn Watch, share: f64) -> Result<Vec<Theta>> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         let start = self.with_noise(&self.base.clone())?;
@@ -552,14 +553,14 @@ pub(super) fn last_of(free: &[P]) -> Schedule {
     if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
 }
 
-/// How well frames are rendered where sets are told apart that differ by little: what sixteen samples of a long exposure miss
-/// may be more than a filter changes.
+/// How well frames are rendered where sets are told apart that differ by little: what sixteen samples of a long
+/// exposure miss may be more than a filter changes.
 pub(super) fn finest_of(theta: &Theta) -> Quality {
     if theta.is_on(P::Exposure) { Quality::Finest } else { Quality::Fine }
 }
 
-/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset may be
-/// nothing but the delay of an exposure, which promises about as much.
+/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
+/// may be nothing but the delay of an exposure, which promises about as much.
 fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
     let Some((name, fit, scores)) = first else { return false };
     // What is left may have been taken for noise, which no model is then far from.
@@ -570,7 +571,8 @@ fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
     *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
 }
 
-/// Whether fits that began at different places have come to the same one, within a part of the steps of their derivatives.
+/// Whether fits that began at different places have come to the same one, within a part of the steps of their
+/// derivatives.
 fn is_near(a: &Theta, b: &Theta, free: &[P]) -> bool {
     a.scan_order == b.scan_order && free.iter().all(|&p| (a.get(p) - b.get(p)).abs() < 0.25 * p.spec().step)
 }

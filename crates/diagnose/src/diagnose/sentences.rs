@@ -83,7 +83,8 @@ fn edges(frames: &[Compared<'_>], total: f64) -> Said {
     let quick = limit >= 20.0 && fast_share / fast_area.max(1e-9) > 1.5 * slow_gap / slow_area.max(1e-9);
     let text = if quick && fast_share > 0.6 * share {
         format!(
-            "{:.0} % of the gap lies on edges that move faster than {limit:.0} px/s, which cover {:.0} % of the picture.",
+            "{:.0} % of the gap lies on edges that move faster than {limit:.0} px/s, which cover {:.0} % of the \
+             picture.",
             100.0 * fast_share,
             100.0 * fast_area
         )

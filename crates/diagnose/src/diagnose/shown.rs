@@ -1,4 +1,5 @@
-//! What the real frames show by themselves, whatever the simulation: it is there from the start, and all else is seen through it.
+//! What the real frames show by themselves, whatever the simulation: it is there from the start, and all else is seen
+//! through it.
 
 use super::evidence::Evidence;
 use super::model::{P, Theta};
@@ -9,8 +10,8 @@ use super::{comb, levels, pairs};
 pub(super) struct Shown(Vec<(P, f64)>);
 
 impl Shown {
-    /// Looks for those of the candidates `names` that the given camera does not have. What is compressed shows nothing of what was
-    /// before.
+    /// Looks for those of the candidates `names` that the given camera does not have. What is compressed shows nothing
+    /// of what was before.
     pub(super) fn in_frames(evidence: &Evidence, names: &[&str], base: &Theta) -> Self {
         let asked = |p: &P| names.contains(&p.spec().effect) && !base.is_on(*p);
         let quality = || comb::quality(evidence, &evidence.fit);

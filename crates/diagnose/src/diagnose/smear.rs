@@ -1,8 +1,9 @@
-//! Whether what is left is smeared along the motion: the sign of an exposure that is missing or of a wrong length. Beside a
-//! large gap it is too little to count as a share of it.
+//! Whether what is left is smeared along the motion: the sign of an exposure that is missing or of a wrong length.
+//! Beside a large gap it is too little to count as a share of it.
 //!
-//! Slopes of the real picture are compared with those of the simulated one, once along the motion and once across it, by the
-//! factor that takes the latter to the former. Noise does not move such a factor, and another pixel filter moves both alike.
+//! Slopes of the real picture are compared with those of the simulated one, once along the motion and once across it,
+//! by the factor that takes the latter to the former. Noise does not move such a factor, and another pixel filter moves
+//! both alike.
 
 use super::evidence::Evidence;
 use super::model::{Theta, candidate_of};
@@ -18,7 +19,8 @@ const FEWEST: usize = 12;
 
 /// Share of the slopes that may lack along the motion.
 ///
-/// Measured: 0.0001 to 0.0042 on nine captures of another renderer, five of them explained; a blur of half a px makes 0.025.
+/// Measured: 0.0001 to 0.0042 on nine captures of another renderer, five of them explained; a blur of half a px
+/// makes 0.025.
 const MOST_SMEAR: f64 = 0.015;
 /// Standard errors beyond which that is no chance.
 const SMEAR_ERRORS: f64 = 4.0;
@@ -50,7 +52,8 @@ impl Search<'_> {
 /// Sums of one block: real times simulated slope and square of the simulated slope, along the motion and across it.
 type Sums = [f64; 4];
 
-/// See [`Smear`]; the error is the jackknife's over blocks. `velocity`: of the content, by frame, px/s; nothing where too little can be seen.
+/// See [`Smear`]; the error is the jackknife's over blocks. `velocity`: of the content, by frame, px/s; nothing where
+/// too little can be seen.
 pub(super) fn smear(
     evidence: &Evidence,
     frames: &[usize],

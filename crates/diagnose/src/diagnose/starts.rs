@@ -62,8 +62,8 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
     }
 }
 
-/// The exposure delays the middle of every line by half of it: what another effect about time has taken for that is given
-/// back.
+/// The exposure delays the middle of every line by half of it: what another effect about time has taken for that is
+/// given back.
 fn beside_time(theta: &Theta, at: Theta, period_s: f64) -> Vec<Theta> {
     let mut all = Vec::new();
     let exposure_s = at.get(P::Exposure);
@@ -77,8 +77,9 @@ fn beside_time(theta: &Theta, at: Theta, period_s: f64) -> Vec<Theta> {
     all
 }
 
-/// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it. Recorded
-/// motion shakes, and where the camera was some ms earlier its speed was another; a lamp's brightness depends on its frequency.
+/// Whether a start lowers the cost at a coarse size: of what is bent so much that slopes at `theta` tell nothing of it.
+/// Recorded motion shakes, and where the camera was some ms earlier its speed was another; a lamp's brightness depends
+/// on its frequency.
 pub(super) fn is_hopeful(
     forward: &mut Forward,
     target: Target<'_>,

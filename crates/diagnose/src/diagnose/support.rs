@@ -37,8 +37,8 @@ impl Search<'_> {
         Ok(as_good.into_iter().min_by(|a, b| size(a.0).cmp(&size(b.0)).then(gained(b).total_cmp(&gained(a)))))
     }
 
-    /// A candidate that tells only beside another, and the set with that one: what each of two effects leaves may hide the other.
-    /// Asked where no single candidate counts although something is left.
+    /// A candidate that tells only beside another, and the set with that one: what each of two effects leaves may hide
+    /// the other. Asked where no single candidate counts although something is left.
     pub(super) fn by_way_of_another(
         &mut self,
         watch: &mut dyn Watch,
@@ -64,8 +64,9 @@ impl Search<'_> {
         Ok((set, both.into_iter().max_by(|a, b| gained(&seen, a).total_cmp(&gained(&seen, b)))))
     }
 
-    /// Whether `better` puts more of what photographs by a camera at rest show in its place than `worse`, beyond chance. Each of them
-    /// has light of its own, and from the few there are the score alone hardly tells a lens from a focal length.
+    /// Whether `better` puts more of what photographs by a camera at rest show in its place than `worse`, beyond
+    /// chance. Each of them has light of its own, and from the few there are the score alone hardly tells a lens from a
+    /// focal length.
     pub(super) fn places_better(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
         if !self.forward.static_camera {
             return Ok(false);
@@ -106,8 +107,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The set without one effect, the others fitted anew, and the noise too where the effect changes how noise is seen: what
-    /// a compression has left of it is all there is to a model without one.
+    /// The set without one effect, the others fitted anew, and the noise too where the effect changes how noise is
+    /// seen: what a compression has left of it is all there is to a model without one.
     pub(super) fn pruned(&mut self, set: &[&'static str], i: usize, theta: &Theta) -> Result<(Fit, Scores)> {
         let mut start = restored(theta, &self.base, candidate_of(set[i]));
         if mixes_pixels(set[i]) {
@@ -153,8 +154,8 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
     out
 }
 
-/// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must be to
-/// make the spread that is seen.
+/// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must
+/// be to make the spread that is seen.
 pub(super) fn mixes_pixels(name: &str) -> bool {
     matches!(name, "bayer_mosaic" | "sharpening" | "chroma_subsampling" | "jpeg")
 }

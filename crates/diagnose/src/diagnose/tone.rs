@@ -66,8 +66,8 @@ pub(super) fn shared(theta: &Theta) -> Option<[[f32; 3]; 3]> {
     mixing(theta).shared
 }
 
-/// What the mean of a row keeps of noise that is new in every value, over what as many independent values would: the mean over
-/// its colours.
+/// What the mean of a row keeps of noise that is new in every value, over what as many independent values would: the
+/// mean over its colours.
 pub(super) fn row_kept(theta: &Theta) -> f64 {
     mixing(theta).left.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0
 }

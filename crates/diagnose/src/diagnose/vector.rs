@@ -71,7 +71,8 @@ const COUNT: usize = {
     count
 };
 
-/// What stands at each place of the vector: every parameter of the list of effects that has a `fit` line, in the list's order.
+/// What stands at each place of the vector: every parameter of the list of effects that has a `fit` line, in the list's
+/// order.
 pub(super) const PARAMETERS: &[ParameterSpec; COUNT] = &{
     let nothing = described("", &ParamSpec::number("", "", (0.0, 0.0), 0.0, ""), Fit::by(0.0), 0);
     let (mut all, mut count, mut effect) = ([nothing; COUNT], 0, 0);

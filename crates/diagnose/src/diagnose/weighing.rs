@@ -1,5 +1,6 @@
 //! How much a difference counts in a fit: by the inverse of the variance that noise and renderers give it, and beyond a
-//! threshold no more than its size. Noise behind an encoding is skewed: a threshold within it would shift what is fitted.
+//! threshold no more than its size. Noise behind an encoding is skewed: a threshold within it would shift what is
+//! fitted.
 
 use std::borrow::Borrow;
 
@@ -11,7 +12,8 @@ use shutterbug::plane::Plane;
 
 /// Standard deviations of noise within which a difference is not clipped.
 const WITHIN: f32 = 3.0;
-/// Mean excess of the absolute value of a normal variable over its own mean absolute value, times the standard deviation.
+/// Mean excess of the absolute value of a normal variable over its own mean absolute value, times the standard
+/// deviation.
 const MEAN_ABSOLUTE: f32 = 0.8;
 /// Least threshold, DN: rounding alone makes half a DN.
 const LEAST_DN: f64 = 0.7;

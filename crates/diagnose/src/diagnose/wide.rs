@@ -1,6 +1,6 @@
-//! Frames through a lens, for fits: a larger picture without the lens, at twice the resolution, is read where the lens looks.
-//! The engine draws through lenses itself, but cuts its triangles anew for each; a fit changes the lens at every step, and as
-//! long as it changes nothing else the larger picture is the same.
+//! Frames through a lens, for fits: a larger picture without the lens, at twice the resolution, is read where the lens
+//! looks. The engine draws through lenses itself, but cuts its triangles anew for each; a fit changes the lens at every
+//! step, and as long as it changes nothing else the larger picture is the same.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,8 +15,8 @@ use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
-/// Rendered px a px along each axis. Bicubic reading at twice the size blurs by less than 0.1 px; where a valley is looked for
-/// in means over blocks of 4 px and more, what reading at the same size blurs is nothing.
+/// Rendered px a px along each axis. Bicubic reading at twice the size blurs by less than 0.1 px; where a valley is
+/// looked for in means over blocks of 4 px and more, what reading at the same size blurs is nothing.
 fn finer(quality: Quality) -> u32 {
     if quality == Quality::Coarse { 1 } else { 2 }
 }
@@ -161,8 +161,8 @@ impl Forward {
         request
     }
 
-    /// Reads the larger picture where the lens looks. A line of the sensor that is not the line of the place it reads has
-    /// another time: the place follows the content over the difference.
+    /// Reads the larger picture where the lens looks. A line of the sensor that is not the line of the place it reads
+    /// has another time: the place follows the content over the difference.
     pub(super) fn through_lens(
         &self,
         wide: &Plane<f32>,

@@ -18,8 +18,8 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 /// Path as errors show it, and SHA-256, of every file that was read since [`record_reads`].
 static READ: Mutex<Option<BTreeMap<PathBuf, String>>> = Mutex::new(None);
 
-/// From now on, every file that this process reads is noted with its hash: what a run was made from is what it read, not a
-/// list that must be kept in step with the readers. For a program with one task; a library's host has several.
+/// From now on, every file that this process reads is noted with its hash: what a run was made from is what it read,
+/// not a list that must be kept in step with the readers. For a program with one task; a library's host has several.
 pub fn record_reads() {
     *READ.lock().unwrap_or_else(|e| e.into_inner()) = Some(BTreeMap::new());
     keep();

@@ -9,8 +9,8 @@ use shutterbug::error::{Error, Result};
 /// Name of the file in the folder.
 pub(super) const LOCK_FILE: &str = ".shutterbug.lock";
 
-/// A folder that this process holds. The system drops the lock with the process, however that ends, so a file that a killed
-/// one has left stops nobody.
+/// A folder that this process holds. The system drops the lock with the process, however that ends, so a file that a
+/// killed one has left stops nobody.
 #[derive(Debug)]
 pub(super) struct Lock {
     path: PathBuf,

@@ -1,5 +1,5 @@
-//! What this program made in a folder: `manifest.jsonl`, a line a file, appended before the file appears under its name. A file
-//! that stands there and is in no line, or is not as its line says, was not made there by a run.
+//! What this program made in a folder: `manifest.jsonl`, a line a file, appended before the file appears under its
+//! name. A file that stands there and is in no line, or is not as its line says, was not made there by a run.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
@@ -35,8 +35,8 @@ enum Line {
 pub(super) struct Manifest {
     /// The command that made it; empty for a folder without a manifest.
     pub(super) command: String,
-    /// Bytes and hash by name. The last line of a name counts, and the one before it: between line and file a run can be
-    /// killed.
+    /// Bytes and hash by name. The last line of a name counts, and the one before it: between line and file a run can
+    /// be killed.
     files: BTreeMap<String, Vec<(u64, String)>>,
     working: BTreeSet<String>,
     folders: BTreeSet<String>,
@@ -142,8 +142,8 @@ impl Manifest {
     }
 }
 
-/// Where a name of the manifest lies: below the folder and through no link, or nowhere. A manifest may be a stranger's, and what it
-/// names is removed by the next run.
+/// Where a name of the manifest lies: below the folder and through no link, or nowhere. A manifest may be a stranger's,
+/// and what it names is removed by the next run.
 fn place(folder: &Path, name: &str) -> Option<PathBuf> {
     let plain = !name.is_empty() && Path::new(name).components().all(|c| matches!(c, Component::Normal(_)));
     let path = folder.join(name);
@@ -152,8 +152,8 @@ fn place(folder: &Path, name: &str) -> Option<PathBuf> {
     (plain && !through_link).then_some(path)
 }
 
-/// Names of files are on the disk when their folder is: lines that are appended to a manifest whose own name is lost in a power cut
-/// are lost with it, and the files that they name would be nobody's.
+/// Names of files are on the disk when their folder is: lines that are appended to a manifest whose own name is lost in
+/// a power cut are lost with it, and the files that they name would be nobody's.
 #[cfg(unix)]
 pub(super) fn sync_names(folder: &Path) -> std::io::Result<()> {
     match File::open(folder)?.sync_all() {

@@ -1,5 +1,5 @@
-//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest says what of
-//! ([`recorded_reads`]).
+//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest says what
+//! of ([`recorded_reads`]).
 
 mod account;
 mod lock;
@@ -34,9 +34,9 @@ pub struct OutRules<'a> {
     pub goes_on: bool,
 }
 
-/// A folder that holds only what this program made there, and is held by one process. Nothing in it is touched by opening:
-/// [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on [`shutterbug::files::write_atomic`] names
-/// every file below the folder in the manifest.
+/// A folder that holds only what this program made there, and is held by one process. Nothing in it is touched by
+/// opening: [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on
+/// [`shutterbug::files::write_atomic`] names every file below the folder in the manifest.
 #[derive(Debug)]
 pub struct Out(Arc<Held>);
 
@@ -94,8 +94,8 @@ impl Out {
         }
     }
 
-    /// Removes what an earlier run made and is as it was; the manifest is this run's. To be called when nothing but writing
-    /// is left that could fail.
+    /// Removes what an earlier run made and is as it was; the manifest is this run's. To be called when nothing but
+    /// writing is left that could fail.
     ///
     /// # Errors
     /// Files that cannot be removed or written.

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use shutterbug::error::{Error, Result};
 
-/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed; neither needs to
-/// exist.
+/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed; neither
+/// needs to exist.
 ///
 /// # Errors
 /// The first input that the folder overlaps.

@@ -1,4 +1,5 @@
-//! Coordinates of charts: data to places in a box of px, with round ticks. What is drawn there is the template's business.
+//! Coordinates of charts: data to places in a box of px, with round ticks. What is drawn there is the template's
+//! business.
 
 use serde::Serialize;
 

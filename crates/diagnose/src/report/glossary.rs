@@ -1,5 +1,5 @@
-//! The page's words that a newcomer does not know: what they mean is shown over them, and stands in a list at the end for
-//! paper and for screen readers. The texts are those of `docs/concepts/glossary.md`; a test compares them.
+//! The page's words that a newcomer does not know: what they mean is shown over them, and stands in a list at the end
+//! for paper and for screen readers. The texts are those of `docs/concepts/glossary.md`; a test compares them.
 
 use minijinja::Value;
 
@@ -33,8 +33,8 @@ pub(super) const TERMS: &[Term] = &[
     term(
         "crps",
         "CRPS",
-        "Continuous ranked probability score: a proper score of a predicted distribution against an observed value. It is \
-         in the unit of the value, and equals the absolute error where the prediction has no spread.",
+        "Continuous ranked probability score: a proper score of a predicted distribution against an observed value. \
+         It is in the unit of the value, and equals the absolute error where the prediction has no spread.",
     ),
     term(
         "margin",

@@ -1,7 +1,8 @@
 //! `report.html`: the page about a diagnosis, one file that works offline by double click.
 //!
-//! It only formats: every figure on it is one of [`crate::diagnose::Report`], the struct that `report.json` is written from.
-//! Pictures are embedded; text is escaped by the template engine, as names of files and objects come from strangers.
+//! It only formats: every figure on it is one of [`crate::diagnose::Report`], the struct that `report.json` is written
+//! from. Pictures are embedded; text is escaped by the template engine, as names of files and objects come from
+//! strangers.
 //!
 //! Charts are SVG written by the template from the coordinates of `chart.rs`. A plotting library was weighed and left
 //! out: its SVG carries fixed colours and positions without names, so the page could neither follow paper and dark
@@ -51,7 +52,8 @@ pub fn render_html(report: &Report, folder: &Path) -> Result<String> {
     ))
 }
 
-/// The text of a file, or nothing where there is no such file. Bytes that are not UTF-8 are replaced: they are shown only.
+/// The text of a file, or nothing where there is no such file. Bytes that are not UTF-8 are replaced: they are shown
+/// only.
 fn read_if_there(path: &Path) -> Result<String> {
     let bytes = files::read_if_there(path, Limit::SETTINGS)?.unwrap_or_default();
     Ok(String::from_utf8_lossy(&bytes).into_owned())

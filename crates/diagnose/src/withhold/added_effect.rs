@@ -1,5 +1,5 @@
-//! An effect that is added by the list of `docs/add-an-effect.md` is hidden and diagnosed like any other, though nothing in
-//! `diagnose` or here has heard of it.
+//! An effect that is added by the list of `docs/add-an-effect.md` is hidden and diagnosed like any other, though
+//! nothing in `diagnose` or here has heard of it.
 
 use std::path::Path;
 

@@ -1,13 +1,13 @@
-//! Detection over strength: captures with one hidden effect at graded strengths, and how often it is named. The scene, the
-//! motion and the noise of a repetition are the same for every effect and every strength, so a curve shows the strength alone.
+//! Detection over strength: captures with one hidden effect at graded strengths, and how often it is named. The scene,
+//! the motion and the noise of a repetition are the same for every effect and every strength, so a curve shows the
+//! strength alone.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
+use super::curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 use super::hidden::{Grade, grade, graded};
 use super::make::Case;
 use super::{WithholdOptions, begin, diagnose};
@@ -26,70 +26,9 @@ pub struct CurveOptions {
     pub repeats: usize,
 }
 
-/// One diagnosed capture.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct CurveCase {
-    /// The effect that was hidden.
-    pub effect: String,
-    /// How strong it was, in the unit of its curve.
-    pub strength: f64,
-    /// Number of the scene.
-    pub repeat: usize,
-    /// What was named.
-    pub found: Vec<String>,
-    /// The verdict.
-    pub verdict: String,
-    /// Gap that it makes, DN.
-    pub gap_dn: f64,
-    /// Time of the diagnosis, s.
-    pub seconds: f64,
-}
-
-/// One strength of a curve.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CurvePoint {
-    /// In the unit of the curve.
-    pub strength: f64,
-    /// Captures.
-    pub cases: usize,
-    /// In so many the effect was among those named.
-    pub detected: usize,
-    /// In so many it was the only one.
-    pub alone: usize,
-    /// Share that was detected.
-    pub rate: f64,
-    /// 95 % interval of the share (Wilson's).
-    pub rate_ci95: [f64; 2],
-    /// Median gap that the effect makes, DN.
-    pub gap_dn: f64,
-}
-
-/// One effect.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Curve {
-    /// Its name.
-    pub effect: String,
-    /// What is graded: "readout_time_s".
-    pub measure: String,
-    /// Weakest first.
-    pub points: Vec<CurvePoint>,
-    /// Strength at which half are detected, between the points on either side; nothing where the curve does not cross it.
-    pub half_detected: Option<f64>,
-}
-
-/// All curves, as in `curves.json`.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct CurveResult {
-    /// Everything that the captures depend on.
-    pub options: serde_json::Value,
-    /// By effect.
-    pub curves: Vec<Curve>,
-    /// Every capture.
-    pub cases: Vec<CurveCase>,
-}
-
-/// Makes, diagnoses and counts; writes `curves.json` and `curves.png` after each capture, `curves.html` at the end. A run
-/// that was stopped goes on: what has a `score.json` is done. More effects, points or repetitions may be asked for later.
+/// Makes, diagnoses and counts; writes `curves.json` and `curves.png` after each capture, `curves.html` at the end. A
+/// run that was stopped goes on: what has a `score.json` is done. More effects, points or repetitions may be asked for
+/// later.
 ///
 /// # Errors
 /// Names of no effect that has grades; a folder of a run with other options; files that cannot be read or written;

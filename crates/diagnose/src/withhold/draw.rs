@@ -1,4 +1,5 @@
-//! Random numbers for making captures: a stream per purpose, so that one more draw in a scene does not change the motion.
+//! Random numbers for making captures: a stream per purpose, so that one more draw in a scene does not change the
+//! motion.
 
 /// SplitMix64 (Steele, Lea, Flood 2014): small, and good enough for choosing scenes.
 pub(super) struct Draw(u64);

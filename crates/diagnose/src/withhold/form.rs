@@ -1,6 +1,8 @@
-//! Trials of the forms of input that have no scene: the same hidden cameras, but the diagnosis is given the frames of a simulator.
+//! Trials of the forms of input that have no scene: the same hidden cameras, but the diagnosis is given the frames of a
+//! simulator.
 //!
-//! Simulated frames come from `shutterbug simulate` with an ideal camera; real ones, as always, from the reference on the CPU.
+//! Simulated frames come from `shutterbug simulate` with an ideal camera; real ones, as always, from the reference on
+//! the CPU.
 
 use std::fmt::Write as _;
 use std::fs;

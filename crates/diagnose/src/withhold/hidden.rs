@@ -49,8 +49,8 @@ pub(super) fn available(candidates: &[&str]) -> Vec<&'static str> {
 }
 
 /// Effects that other candidates express exactly, so that no picture tells whether they were left out: glare is a gain
-/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0, and a white balance is a
-/// diagonal matrix of colours. Leaving these out asks nothing.
+/// below 1 with a black level, a black level is glare of level 1, a gain below 1 is glare of level 0, and a white
+/// balance is a diagonal matrix of colours. Leaving these out asks nothing.
 const EXPRESSIBLE: [&str; 4] = ["glare", "exposure_gain", "black_level", "white_balance"];
 
 /// Whether steps of `a` come to every place of a ring of `b`.
@@ -116,7 +116,8 @@ fn blind(trial: Trial, draw: &mut Draw) -> f64 {
     }
 }
 
-/// Sets a parameter to what a strength is; returns how far that is off neutral. `before`: the same of the parameter before it.
+/// Sets a parameter to what a strength is; returns how far that is off neutral. `before`: the same of the parameter
+/// before it.
 fn put(
     settings: &mut Settings,
     effect: &dyn Effect,

@@ -29,8 +29,8 @@ const MARGIN_S: f64 = 0.3;
 const STEP_PX: f64 = 0.2;
 /// Most renders of a frame.
 const MOST_RENDERS: u32 = 400;
-/// Fewest renders of an exposure: n steps make it look longer by 1 / n^2 (with steps of 0.5 px, 3 to 9 of them, the hidden
-/// exposures were 1 to 9 % longer than they said).
+/// Fewest renders of an exposure: n steps make it look longer by 1 / n^2 (with steps of 0.5 px, 3 to 9 of them, the
+/// hidden exposures were 1 to 9 % longer than they said).
 const LEAST_RENDERS: u32 = 25;
 /// Timestamp of the first frame, s.
 const START_S: f64 = 10.0;

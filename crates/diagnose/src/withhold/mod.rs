@@ -2,8 +2,9 @@
 //! then are the answers opened and scored.
 //!
 //! * Frames come from the accumulation reference and the CPU chain, never from the engine that the fits use.
-//! * An answer is sealed by its SHA-256, printed and written to `seals.txt` before the diagnosis starts. The answer itself
-//!   is on no disk until the diagnosis has ended: it is drawn again from the seed, and must have the sealed hash.
+//! * An answer is sealed by its SHA-256, printed and written to `seals.txt` before the diagnosis starts. The answer
+//!   itself is on no disk until the diagnosis has ended: it is drawn again from the seed, and must have the sealed
+//!   hash.
 //! * The diagnosis is a process of its own that is given the capture's folder, and the name of an effect only where the
 //!   question is what it says without that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
@@ -12,6 +13,7 @@
 mod added_effect;
 mod curve;
 mod curve_page;
+mod curve_result;
 mod draw;
 mod falsify;
 mod form;
@@ -28,7 +30,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
+pub use curve::{CurveOptions, curves, graded_effects};
+pub use curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 pub use falsify::Falsified;
 pub use form::Form;
 pub use hidden::Kind;
@@ -89,7 +92,8 @@ pub struct WithholdResult {
 /// a line at a time; when `stop` says so, the run ends after what it is at.
 ///
 /// # Errors
-/// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails; [`Error::Interrupted`].
+/// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails;
+/// [`Error::Interrupted`].
 pub fn withhold(
     options: &WithholdOptions,
     say: &mut dyn FnMut(&str),
@@ -193,8 +197,8 @@ fn one_case(
     Ok(score)
 }
 
-/// Runs `diagnose` in a process of its own. One that fails (no device, no memory, frames that cannot be used) says nothing about
-/// what was hidden: it is an error, no wrong answer, and the case is not done.
+/// Runs `diagnose` in a process of its own. One that fails (no device, no memory, frames that cannot be used) says
+/// nothing about what was hidden: it is an error, no wrong answer, and the case is not done.
 fn diagnose(
     options: &WithholdOptions,
     capture: &Path,
@@ -250,7 +254,8 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
         .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
         .collect();
     let mut manifest = serde_json::json!({
-        "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed, "size_px": options.size_px,
+        "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed,
+        "size_px": options.size_px,
         "frames": options.frames, "recordings": recordings,
     });
     if !options.falsified.is_empty() {

@@ -99,7 +99,8 @@ fn hand(draw: &mut Draw, count: usize) -> Motion {
     Motion { name: "hand".to_owned(), poses: (0..count).map(pose).collect() }
 }
 
-/// A robot: it drives on an arc, turns its head from one direction to the next and stops there, and trembles as it goes.
+/// A robot: it drives on an arc, turns its head from one direction to the next and stops there, and trembles as it
+/// goes.
 fn robot(draw: &mut Draw, count: usize) -> Motion {
     let heading = draw.between(0.0, TAU);
     let (sweep, period_s) = (draw.between(0.4, 1.3), draw.between(0.5, 1.4));

@@ -1,7 +1,8 @@
 use super::*;
 use std::path::Path;
 
-/// A slanted edge as the chain makes it: pixels are means over 8x8 points, then a Gaussian, the encoding, and an unsharp mask.
+/// A slanted edge as the chain makes it: pixels are means over 8x8 points, then a Gaussian, the encoding, and an
+/// unsharp mask.
 fn picture(sigma: f64, mask: Option<[f64; 2]>, slant: f64) -> Plane<f32> {
     let n = 96;
     let light = Plane::from_fn(n, n, |x, y| {

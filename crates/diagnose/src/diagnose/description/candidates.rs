@@ -1,5 +1,5 @@
-//! The description among the candidates of a search: tried where the frames show more than the camera explains, and asked
-//! the same question as every other candidate.
+//! The description among the candidates of a search: tried where the frames show more than the camera explains, and
+//! asked the same question as every other candidate.
 
 use std::collections::BTreeMap;
 
@@ -11,8 +11,8 @@ use super::super::search::{Search, Tried, Watch, is_discrete, moves};
 use super::is_description;
 use shutterbug::error::Result;
 
-/// Share of what a camera leaves that the description must be able to explain beside it, for a search of both: most of it, as for
-/// objects. Measured: 94 and 74 % on d10 and d13, whose descriptions are wrong; 12 % on the ghosts of d07.
+/// Share of what a camera leaves that the description must be able to explain beside it, for a search of both: most of
+/// it, as for objects. Measured: 94 and 74 % on d10 and d13, whose descriptions are wrong; 12 % on the ghosts of d07.
 const MOST_OF_IT: f64 = 0.5;
 
 /// How many numbers a member of a set has, to tell which of two is simpler: the description has more than any camera.
@@ -20,8 +20,8 @@ pub(in crate::diagnose) fn size(name: &str) -> usize {
     if is_description(name) { usize::from(u16::MAX) } else { candidate_of(name).parameters.len() }
 }
 
-/// Errors of poses move the picture of each frame by itself, and so do in part what any delay, lens or offset does with a few
-/// numbers: they wait until no such candidate counts.
+/// Errors of poses move the picture of each frame by itself, and so do in part what any delay, lens or offset does with
+/// a few numbers: they wait until no such candidate counts.
 pub(in crate::diagnose) fn after_what_moves(counted: &mut Vec<Tried>) {
     if counted.iter().any(|o| moves(candidate_of(o.0))) {
         counted.retain(|o| o.0 != "pose_error");
@@ -29,8 +29,8 @@ pub(in crate::diagnose) fn after_what_moves(counted: &mut Vec<Tried>) {
 }
 
 impl Search<'_> {
-    /// Whether errors of poses are smaller beside the parameters that `better` has more, beyond chance: poses that are free may
-    /// follow a delay or an offset, but are then all off by what it does (likelihood ratio of their spread).
+    /// Whether errors of poses are smaller beside the parameters that `better` has more, beyond chance: poses that are
+    /// free may follow a delay or an offset, but are then all off by what it does (likelihood ratio of their spread).
     pub(in crate::diagnose) fn poses_shrink(&self, worse: &Theta, better: &Theta) -> bool {
         if worse.room.poses.is_empty() || better.room.poses.is_empty() {
             return false;
@@ -83,9 +83,10 @@ impl Search<'_> {
         Ok(out)
     }
 
-    /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found with the
-    /// description as it stands, does it take away more than half of what that leaves? A search takes minutes with it, and what
-    /// is on no list (a ghost, a filter) leaves errors that factors and poses follow a little, and never for the most part.
+    /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found
+    /// with the description as it stands, does it take away more than half of what that leaves? A search takes minutes
+    /// with it, and what is on no list (a ghost, a filter) leaves errors that factors and poses follow a little, and
+    /// never for the most part.
     pub(in crate::diagnose) fn may_be_the_description(&mut self, exact: &Theta) -> Result<bool> {
         let room = self.room.clone();
         let (asked, tracked) = (room.contains(&"scene_radiance"), room.contains(&"pose_error"));
@@ -152,8 +153,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Whether factors of surfaces do more than one curve for all values and a darker border: a gamma, a gain or a veil change
-    /// the radiance of every surface too, with a few numbers.
+    /// Whether factors of surfaces do more than one curve for all values and a darker border: a gamma, a gain or a veil
+    /// change the radiance of every surface too, with a few numbers.
     fn is_no_curve(&mut self, set: &[&'static str], theta: &Theta, factors: &Theta) -> Result<bool> {
         if self.forward.description.no_curve {
             return Ok(true);

@@ -1,5 +1,5 @@
-//! Where frames are compared once the description may be wrong: where other frames say how bright a surface is, and, of a frame
-//! whose pose was estimated from half of its tiles, in the other half.
+//! Where frames are compared once the description may be wrong: where other frames say how bright a surface is, and, of
+//! a frame whose pose was estimated from half of its tiles, in the other half.
 
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -1,10 +1,10 @@
 //! What may be wrong with the description and not with the camera: how bright surfaces are, and where the camera was.
 //!
-//! Neither is a number that a search could try. Both are worked out anew for every camera that is considered, from frames
-//! that it is not judged by: factors on the radiance from the frames that fits see, the pose of a judged frame from half of its
-//! tiles, while the other half is scored. What a camera leaves beside the best description that goes with it is what it is
-//! judged by, so a camera's effect cannot hide in the description, nor the description in an effect, where frames tell them
-//! apart.
+//! Neither is a number that a search could try. Both are worked out anew for every camera that is considered, from
+//! frames that it is not judged by: factors on the radiance from the frames that fits see, the pose of a judged frame
+//! from half of its tiles, while the other half is scored. What a camera leaves beside the best description that goes
+//! with it is what it is judged by, so a camera's effect cannot hide in the description, nor the description in an
+//! effect, where frames tell them apart.
 
 mod candidates;
 mod entries;
@@ -43,8 +43,8 @@ use surface::{CELL, Grid, Surface};
 
 /// Most bytes of surfaces that are kept.
 const KEPT_BYTES: usize = 256 << 20;
-/// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is simulated are
-/// where they are all the same.
+/// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is
+/// simulated are where they are all the same.
 const NEARBY_PX: f64 = 0.06;
 
 /// The names of what may be wrong with the description, in the order in which it is tried.
@@ -72,8 +72,8 @@ pub(super) fn is_of_surfaces(name: &str) -> bool {
 pub(super) struct Room {
     /// Whether surfaces have factors of their own.
     pub radiance: bool,
-    /// By place: how far the camera is from its pose, in its own frame: rotation vector (rad), then position (m). Empty where
-    /// the poses are right.
+    /// By place: how far the camera is from its pose, in its own frame: rotation vector (rad), then position (m). Empty
+    /// where the poses are right.
     pub poses: Vec<[f64; 6]>,
 }
 
@@ -126,8 +126,8 @@ impl Description {
 }
 
 impl Forward {
-    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), with the description
-    /// as `theta` has it.
+    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), with the
+    /// description as `theta` has it.
     pub(super) fn radiance(
         &mut self,
         frames: &[usize],

@@ -1,9 +1,9 @@
 //! `undescribed_object`: something moves otherwise than the scene says, or is not in the scene. No parameter of a camera or of
 //! a surface makes a picture of it, so its places are found and left out, as long as they are the smaller part.
 //!
-//! A block of a frame shows something else if what is left of it is better explained as the difference of two pictures that
-//! have nothing in common than as what is left elsewhere. What is fixed to the lens or the sensor is no object, and nothing is
-//! one that leaves the rest of the picture unexplained.
+//! A block of a frame shows something else if what is left of it is better explained as the difference of two pictures
+//! that have nothing in common than as what is left elsewhere. What is fixed to the lens or the sensor is no object,
+//! and nothing is one that leaves the rest of the picture unexplained.
 
 use super::super::forward::Quality;
 use super::super::found::Found;
@@ -18,8 +18,8 @@ use shutterbug::plane::Plane;
 const ACROSS: usize = 40;
 /// Most of the pictures that objects may cover.
 const MOST: f64 = 0.25;
-/// Share of the gap that must be closed elsewhere for another search there to be worth its time: as for names beside what is
-/// unknown.
+/// Share of the gap that must be closed elsewhere for another search there to be worth its time: as for names beside
+/// what is unknown.
 const REST: f64 = super::super::decide::NAMED[0];
 /// Blocks that an object covers at least, in a frame: two by two, or it is an edge.
 const FEWEST: usize = 4;
@@ -37,7 +37,8 @@ pub(in crate::diagnose) struct Objects {
 /// What is left of one block.
 #[derive(Clone, Copy, Default)]
 struct Block {
-    /// Mean square of what is left, what of it the noise makes, and mean square of the slopes of what is simulated, DN^2.
+    /// Mean square of what is left, what of it the noise makes, and mean square of the slopes of what is simulated,
+    /// DN^2.
     left: f64,
     noise: f64,
     slopes: f64,
@@ -147,9 +148,9 @@ fn patches(set: &[bool], across: usize) -> Vec<bool> {
     out
 }
 
-/// Whether what blocks show stays in its place in the picture while the content moves: of the two frames between which that
-/// has gone farthest, by how much they overlap as they are and when one follows the content. `way`: how far the content has
-/// gone by each frame, blocks. Content that goes less than a block does not tell.
+/// Whether what blocks show stays in its place in the picture while the content moves: of the two frames between which
+/// that has gone farthest, by how much they overlap as they are and when one follows the content. `way`: how far the
+/// content has gone by each frame, blocks. Content that goes less than a block does not tell.
 fn is_fixed(frames: &[Vec<bool>], across: usize, way: &[[f64; 2]]) -> bool {
     let shows = |f: &usize| frames[*f].iter().any(|b| *b);
     let seen: Vec<usize> = (0..frames.len()).filter(shows).collect();
@@ -162,7 +163,8 @@ fn is_fixed(frames: &[Vec<bool>], across: usize, way: &[[f64; 2]]) -> bool {
         && overlap(&frames[a], &frames[b], across, [0; 2]) > overlap(&frames[a], &frames[b], across, by)
 }
 
-/// Blocks that are in both of two sets when one moves by so many blocks, over those of the first that stay in the picture.
+/// Blocks that are in both of two sets when one moves by so many blocks, over those of the first that stay in the
+/// picture.
 fn overlap(a: &[bool], b: &[bool], across: usize, by: [isize; 2]) -> f64 {
     let down = a.len() / across;
     let (mut both, mut all) = (0.0, 0.0f64);
@@ -229,8 +231,9 @@ impl Search<'_> {
         way
     }
 
-    /// Whether it is these places that a model fails at: what is compared elsewhere is explained, and most of what was left
-    /// beyond the discrepancy is gone with them. What is left everywhere has the largest blocks too, and they are no objects.
+    /// Whether it is these places that a model fails at: what is compared elsewhere is explained, and most of what was
+    /// left beyond the discrepancy is gone with them. What is left everywhere has the largest blocks too, and they are
+    /// no objects.
     fn objects_explain(&mut self, theta: &Theta, left: &Scores, masks: &[Plane<f32>]) -> Result<bool> {
         let mut judge = Judge::new(self.evidence, Some(masks), self.judge.seed, self.judge.hot.clone());
         (judge.quality, judge.kind) = (self.judge.quality, theta.room.kind());

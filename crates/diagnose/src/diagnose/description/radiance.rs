@@ -1,9 +1,9 @@
 //! `scene_radiance`: a constant factor on the radiance of every surface point, estimated from the frames themselves.
 //!
-//! The factor is no parameter of a fit: for every camera it is worked out anew from the frames that fits see, so that what
-//! a camera cannot explain in all of them alike is left. Its logarithm is linear between the corners of the cells of a
-//! [`Grid`], and solved for by simultaneous iterative reconstruction (each corner moves by the weighed mean of what is left
-//! around it), which needs no matrix.
+//! The factor is no parameter of a fit: for every camera it is worked out anew from the frames that fits see, so that
+//! what a camera cannot explain in all of them alike is left. Its logarithm is linear between the corners of the cells
+//! of a [`Grid`], and solved for by simultaneous iterative reconstruction (each corner moves by the weighed mean of
+//! what is left around it), which needs no matrix.
 
 use std::collections::HashMap;
 
@@ -178,8 +178,8 @@ fn samples(lesson: &Lesson<'_>) -> Vec<Sample> {
     places.filter_map(one).collect()
 }
 
-/// What of some pictures (values that a factor's logarithm moves by `slope` each) a factor could take over, taken out of
-/// them. `surfaces` are at the size of the pictures.
+/// What of some pictures (values that a factor's logarithm moves by `slope` each) a factor could take over, taken out
+/// of them. `surfaces` are at the size of the pictures.
 pub(super) fn without_factor(
     grid: &Grid,
     seen: &[(Vec<u32>, Vec<[f32; 3]>)],

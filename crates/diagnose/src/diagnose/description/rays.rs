@@ -18,8 +18,8 @@ struct Triangle {
     surface: u32,
 }
 
-/// A box around triangles: of two boxes (`count` 0; the first is the next in the list, `start` the second), or of a run of
-/// triangles.
+/// A box around triangles: of two boxes (`count` 0; the first is the next in the list, `start` the second), or of a run
+/// of triangles.
 #[derive(Clone, Copy)]
 struct Node {
     low: Vec3A,

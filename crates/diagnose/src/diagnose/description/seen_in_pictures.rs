@@ -1,5 +1,5 @@
-//! What the pixels of a frame see where there is no scene: the points that depth and poses of the simulated frames put there.
-//! Which object or material a point belongs to is not known; the direction that it faces is.
+//! What the pixels of a frame see where there is no scene: the points that depth and poses of the simulated frames put
+//! there. Which object or material a point belongs to is not known; the direction that it faces is.
 
 use glam::{DVec2, Vec3};
 

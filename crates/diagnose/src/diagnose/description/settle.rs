@@ -1,5 +1,5 @@
-//! Where the camera was in each frame, for a given camera: the pose of a frame that is judged from half of its tiles, of one that
-//! fits see from all of them; and how fits see what the description could do.
+//! Where the camera was in each frame, for a given camera: the pose of a frame that is judged from half of its tiles,
+//! of one that fits see from all of them; and how fits see what the description could do.
 
 use std::borrow::Cow;
 use std::sync::Arc;

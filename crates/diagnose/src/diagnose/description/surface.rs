@@ -1,9 +1,9 @@
-//! The places of a scene that may be brighter or darker than described: a grid of cells on every surface, and which cell each
-//! pixel of a picture sees.
+//! The places of a scene that may be brighter or darker than described: a grid of cells on every surface, and which
+//! cell each pixel of a picture sees.
 //!
-//! A cell belongs to one object, one material and one direction that a surface faces: paint ends where a material does, and
-//! light where a surface turns. Within these a factor is linear between the corners of its cells. A pixel at a border sees
-//! several, each with its share of the light.
+//! A cell belongs to one object, one material and one direction that a surface faces: paint ends where a material does,
+//! and light where a surface turns. Within these a factor is linear between the corners of its cells. A pixel at a
+//! border sees several, each with its share of the light.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -141,7 +141,8 @@ fn place(hit: Option<(usize, Hit)>) -> Option<Place> {
     hit.map(|(body, hit)| (body, hit.triangle[0]))
 }
 
-/// A ray from the camera in the coordinates of a body, in which the camera has this pose: where it begins, and its direction.
+/// A ray from the camera in the coordinates of a body, in which the camera has this pose: where it begins, and its
+/// direction.
 fn in_body(ray: DVec3, pose: &Pose) -> (Vec3, Vec3) {
     (pose.translation_m.as_vec3(), (pose.rotation * ray).as_vec3())
 }
@@ -211,8 +212,8 @@ impl<'a> Sight<'a> {
         nearest.or_else(|| self.meet(ray, poses, None))
     }
 
-    /// What the middle of each pixel sees. A pixel whose neighbours on every second row and column all see one triangle sees
-    /// that: what is narrower than a pixel may be missed.
+    /// What the middle of each pixel sees. A pixel whose neighbours on every second row and column all see one triangle
+    /// sees that: what is narrower than a pixel may be missed.
     fn middles(&self) -> Vec<Option<(usize, Hit)>> {
         let (w, h) = (self.forward.intrinsics.width as usize, self.forward.intrinsics.height as usize);
         let ray = |x: usize, y: usize| self.ray(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));

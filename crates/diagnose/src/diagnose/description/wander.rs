@@ -1,6 +1,6 @@
-//! What a pose a frame leaves open where lines are read one after another: the path errs otherwise at the first line than at the
-//! last. How fast it does is seen from frame to frame; what that makes of a frame is drawn, as whatever else two correct
-//! simulations differ by.
+//! What a pose a frame leaves open where lines are read one after another: the path errs otherwise at the first line
+//! than at the last. How fast it does is seen from frame to frame; what that makes of a frame is drawn, as whatever
+//! else two correct simulations differ by.
 
 use std::sync::Arc;
 
@@ -19,8 +19,8 @@ const STREAM_WALK: u32 = 0x5741;
 /// How far the camera is from its pose, by line; see [`super::Room::poses`].
 type Walk = Vec<[f64; 6]>;
 
-/// Variance by which rotations (rad^2) and positions (m^2) change in a second, a axis, if they walk at random: from what they do
-/// from each frame to the next.
+/// Variance by which rotations (rad^2) and positions (m^2) change in a second, a axis, if they walk at random: from
+/// what they do from each frame to the next.
 fn rates(poses: &[[f64; 6]], starts_s: &[f64]) -> [f64; 2] {
     let mut order: Vec<usize> = (0..poses.len().min(starts_s.len())).collect();
     order.sort_by(|&a, &b| starts_s[a].total_cmp(&starts_s[b]));
@@ -53,8 +53,9 @@ fn walk(rates: [f64; 2], readout_s: f64, lines: usize, frame: usize, draw: usize
 }
 
 impl Forward {
-    /// By frame (place): differences, DN, between pictures from a path that errs within the frame as it does from frame to frame, and
-    /// those from one pose a frame, one a draw. `pictures` are those. Nothing where poses are right or all lines are read at once.
+    /// By frame (place): differences, DN, between pictures from a path that errs within the frame as it does from frame
+    /// to frame, and those from one pose a frame, one a draw. `pictures` are those. Nothing where poses are right or
+    /// all lines are read at once.
     pub(in crate::diagnose) fn wandered(
         &self,
         frames: &[usize],

@@ -97,8 +97,9 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
         })
     }
 
-    /// The same of a pixel's brightness. Where pixels share their chroma each still has its own brightness: that has the noise
-    /// of the three colours, each by its slope, and stands for a colour as bright as they are on such a mean. Noise of rows is
+    /// The same of a pixel's brightness. Where pixels share their chroma each still has its own brightness: that has
+    /// the noise of the three colours, each by its slope, and stands for a colour as bright as they are on such a mean.
+    /// Noise of rows is
     /// `common` to the three.
     fn brightness(&self, f: usize, i: usize, common: bool) -> Option<[f32; 2]> {
         let (mut sum, mut slope2, mut slope, mut linear) = (0.0, 0.0, 0.0, 0.0);
@@ -207,8 +208,8 @@ struct Values {
     total: Vec<Vec<f32>>,
     /// Sum of the simulated values, DN.
     dn: Vec<f64>,
-    /// Sum and difference of the means of one value over two halves of the frames in which it is about as bright, and the mean
-    /// linear value.
+    /// Sum and difference of the means of one value over two halves of the frames in which it is about as bright, and
+    /// the mean linear value.
     fixed: Vec<Vec<[f32; 3]>>,
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
@@ -279,9 +280,9 @@ impl Values {
             self.total[bin(*m)].push(*e);
             self.dn[bin(*m)] += f64::from(*m);
         }
-        // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light: only
-        // frames in which it is about as bright are put together. (In the dark errors are clipped: together with those a mean
-        // had a spread of its own, and a prnu of 4.5 % was measured as 5.9.)
+        // What a pixel sees changes as the camera moves, and with it the part of its pattern that grows with the light:
+        // only frames in which it is about as bright are put together. (In the dark errors are clipped: together with
+        // those a mean had a spread of its own, and a prnu of 4.5 % was measured as 5.9.)
         seen.sort_by(|a, b| a[1].total_cmp(&b[1]));
         let mut rest = &*seen;
         while let Some(first) = rest.first() {
@@ -355,8 +356,9 @@ impl Values {
         let known = |bin: &usize| whole[*bin] < MOST_REMOVED;
         for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
             let linear = v.iter().map(|v| f64::from(v[2])).sum::<f64>() / v.len() as f64;
-            // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone, twice.
-            // Behind a coarse converter most of either is nothing: the rest counts, up to what is far off for all kinds of noise.
+            // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone,
+            // twice. Behind a coarse converter most of either is nothing: the rest counts, up to what is far off for
+            // all kinds of noise.
             let stepped = !self.steps[bin].is_empty();
             let most = if stepped { 4.0 * tone.step_linear(1) } else { 0.0 };
             let spread = |i: usize| {
@@ -392,7 +394,8 @@ impl Values {
     }
 }
 
-/// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours behind it.
+/// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
+/// behind it.
 pub(in super::super) fn shows_steps(theta: &Theta) -> bool {
     let tone = Tone::new(theta);
     tone.step_linear(1) > 0.0 && !theta.is_on(P::Quality) && tone.keeps_steps()
@@ -414,8 +417,8 @@ fn kept(shared: [[f32; 3]; 3]) -> f32 {
     shared.iter().flatten().sum::<f32>() / 3.0
 }
 
-/// Half a DN to either side, by value and frame: between whole values quantiles would jump. Where a scene has solid colours, whose
-/// values all share their fraction, a variance of 5 DN^2 came out up to 30 % off without it.
+/// Half a DN to either side, by value and frame: between whole values quantiles would jump. Where a scene has solid
+/// colours, whose values all share their fraction, a variance of 5 DN^2 came out up to 30 % off without it.
 fn dither(frame: usize, value: usize) -> f32 {
     let mut bits = (value as u32).wrapping_mul(0x9E37_79B1) ^ (frame as u32).wrapping_mul(0x85EB_CA77);
     for factor in [0x7FEB_352D_u32, 0x846C_A68B] {

@@ -1,7 +1,7 @@
 //! The spread of the real values about the simulated ones: which noise the sensor has.
 //!
-//! Differences are high-passed over [`APART`] px along the row, so that a mean that is a little wrong counts little, and a
-//! row's common value not at all; what a pixel keeps over the frames is told from what is new in each.
+//! Differences are high-passed over [`APART`] px along the row, so that a mean that is a little wrong counts little,
+//! and a row's common value not at all; what a pixel keeps over the frames is told from what is new in each.
 
 use std::collections::BTreeMap;
 
@@ -36,8 +36,8 @@ pub(super) struct NoiseData {
 }
 
 impl NoiseData {
-    /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of the
-    /// others are as in `base`.
+    /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of
+    /// the others are as in `base`.
     pub(super) fn fit(&self, theta: &Theta, base: &Theta, names: &[&str]) -> Theta {
         let on = |name: &str| names.contains(&name);
         let mut theta = theta.clone();
@@ -49,8 +49,8 @@ impl NoiseData {
         }
         if on("fixed_pattern_noise") {
             let [dsnu2, prnu2] = line(&self.unclipped_fixed(), PATTERN).0;
-            // A pattern is a part of the spread: where single frames have none, it is what renderers differ by at places that
-            // stay in sight.
+            // A pattern is a part of the spread: where single frames have none, it is what renderers differ by at
+            // places that stay in sight.
             if theta.is_on(P::Quality) || self.holds(|l| dsnu2 + prnu2 * l * l) {
                 theta.set(P::Dsnu, dsnu2.sqrt());
                 theta.set(P::Prnu, prnu2.sqrt());

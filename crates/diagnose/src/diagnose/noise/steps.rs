@@ -1,6 +1,6 @@
-//! Noise ahead of a coarse converter. Behind it most values are the nearest step, and quartiles of differences are zero whatever
-//! the noise. What tells its width is how often a value goes to another step, given how near the threshold it lies: the
-//! likelihood of the steps that are seen, given the simulated place between two of them.
+//! Noise ahead of a coarse converter. Behind it most values are the nearest step, and quartiles of differences are zero
+//! whatever the noise. What tells its width is how often a value goes to another step, given how near the threshold it
+//! lies: the likelihood of the steps that are seen, given the simulated place between two of them.
 
 use shutterbug::plane::stats::erf;
 

@@ -1,5 +1,6 @@
-//! How real and simulated frames lie on each other, measured before anything is compared: displacements of a grid of windows,
-//! each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to window.
+//! How real and simulated frames lie on each other, measured before anything is compared: displacements of a grid of
+//! windows, each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to
+//! window.
 
 use rayon::prelude::*;
 
@@ -292,8 +293,8 @@ fn displacements(real: &Grey, sim: &Grey) -> (Field, Vec<Window>, Field) {
     (field, seen, left)
 }
 
-/// Windows of two pictures that lie on each other but for little: middle (px), and the normal equations of how the second lies
-/// beside the first.
+/// Windows of two pictures that lie on each other but for little: middle (px), and the normal equations of how the
+/// second lies beside the first.
 pub(in crate::diagnose) fn slopes_to(a: &Plane<f32>, b: &Plane<f32>) -> Vec<([f64; 2], [f64; 3], [f64; 2])> {
     let (a, b) = (Grey::of(a).soft(), Grey::of(b).soft());
     let field = Field::zero(a.w, a.h);
@@ -320,8 +321,8 @@ fn whole_shift(a: &Grey, b: &Grey) -> [f64; 2] {
     best.map_or([0.0; 2], |(_, x, y)| [x as f64, y as f64])
 }
 
-/// Root mean square over windows of how far two pictures that are compared lie beside each other, px; nothing where they have
-/// nothing in common.
+/// Root mean square over windows of how far two pictures that are compared lie beside each other, px; nothing where
+/// they have nothing in common.
 pub(in crate::diagnose) fn residual_px(real: &Plane<f32>, sim: &Plane<f32>) -> Option<f64> {
     let (a, b) = (Grey::of(real).soft(), Grey::of(sim).soft());
     let mut field = Field::zero(a.w, a.h);

@@ -1,8 +1,8 @@
 //! Frames of any simulator beside real ones (CAPTURE contract, section 2): two folders of pictures instead of a scene.
 //!
-//! The simulated frames are the scene. With depth and the camera's path, or with motion, they say what each line of a sensor
-//! would have seen (see [`warp`]), so that effects of geometry are candidates as they are in a capture. Without either, effects
-//! on values, noise and sharpness are; the rest is `undetermined`.
+//! The simulated frames are the scene. With depth and the camera's path, or with motion, they say what each line of a
+//! sensor would have seen (see [`warp`]), so that effects of geometry are candidates as they are in a capture. Without
+//! either, effects on values, noise and sharpness are; the rest is `undetermined`.
 
 mod align;
 mod matched;
@@ -90,12 +90,12 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Reads and matches the frames of two folders. `matches` is a file with lines `sim,real`; `camera` replaces the sim folder's
-    /// `camera.toml`.
+    /// Reads and matches the frames of two folders. `matches` is a file with lines `sim,real`; `camera` replaces the
+    /// sim folder's `camera.toml`.
     ///
     /// # Errors
-    /// Folders that are empty, names that do not match, pictures of different sizes, planes of another size, files that cannot be
-    /// read; with the file and what was expected.
+    /// Folders that are empty, names that do not match, pictures of different sizes, planes of another size, files that
+    /// cannot be read; with the file and what was expected.
     pub fn read(sim: &Path, real: &Path, matches: Option<&Path>, camera: Option<&Path>) -> Result<Self> {
         let matched = matched::matched(sim, real, matches)?;
         let first = sim.join(&matched[0].sim);
@@ -143,8 +143,8 @@ impl Pair {
         Ok(Self { capture, real: real.to_owned(), sim: Arc::new(sim_frames), stills: parts > 1, notes })
     }
 
-    /// Whether real and simulated frames show the same place, so that they can be compared as pairs. Depth or motion beside the
-    /// simulated frames says that they are meant to.
+    /// Whether real and simulated frames show the same place, so that they can be compared as pairs. Depth or motion
+    /// beside the simulated frames says that they are meant to.
     ///
     /// # Errors
     /// Real frames that cannot be read.
@@ -189,7 +189,8 @@ impl Pair {
             }
             if camera.settings.iter().next().is_some() {
                 notes.push(format!(
-                    "the simulated frames are taken to show the effects of {} already: what is found comes on top of them",
+                    "the simulated frames are taken to show the effects of {} already: what is found comes on top of \
+                     them",
                     path.display()
                 ));
             }
@@ -197,8 +198,8 @@ impl Pair {
             return Ok(camera);
         }
         notes.push(format!(
-            "{} is not there: a field of view of 53 degrees about the middle and {:.0} frames a second are taken; give a camera.toml \
-             for readout times in s and for lenses",
+            "{} is not there: a field of view of 53 degrees about the middle and {:.0} frames a second are taken; \
+             give a camera.toml for readout times in s and for lenses",
             path.display(),
             1.0 / ASSUMED_PERIOD_S
         ));
@@ -232,8 +233,8 @@ impl SimFrames {
         if depth && motion {
             if let Some(tracked) = track::track(self, k) {
                 notes.push(format!(
-                    "the camera's path was worked out from depth and motion (it leaves {:.2} px): give trajectory.tum for what it \
-                     does between frames",
+                    "the camera's path was worked out from depth and motion (it leaves {:.2} px): give \
+                     trajectory.tum for what it does between frames",
                     tracked.left_px
                 ));
                 self.geometry = Geometry::Depth;
@@ -340,8 +341,8 @@ impl Aligned {
     }
 }
 
-/// Measures how the frames lie on each other. Where the simulator says nothing of geometry and they do not lie on each other,
-/// each simulated frame is warped to its real one, and what does not fit then is closed.
+/// Measures how the frames lie on each other. Where the simulator says nothing of geometry and they do not lie on each
+/// other, each simulated frame is warped to its real one, and what does not fit then is closed.
 pub(super) fn align(forward: &mut Forward, evidence: &Evidence) -> Result<Aligned> {
     let outside = forward.outside.clone().expect("a pair has simulated frames");
     let method = match outside.sim.geometry {

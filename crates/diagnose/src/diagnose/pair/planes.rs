@@ -52,7 +52,8 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
     Ok(SimFrame { radiance: Arc::new(radiance), depth, motion: [motion, None], own: None, open, jumps: None })
 }
 
-/// Where the frame may be compared: where its mask is not 0, and where it is not clipped, so that its radiance is known.
+/// Where the frame may be compared: where its mask is not 0, and where it is not clipped, so that its radiance is
+/// known.
 fn open(sim: &Path, stem: &str, [w, h]: [usize; 2], radiance: &Plane<f32>) -> Result<Plane<f32>> {
     let path = sim.join("mask").join(format!("{stem}.png"));
     let mask = if path.is_file() { Some(read_rgb8(&path)?) } else { None };

@@ -1,5 +1,5 @@
-//! A few stills: too few to fit some and judge by others. Each is then taken several times, every time with other parts of the
-//! picture open, so that no part that is judged has been fitted.
+//! A few stills: too few to fit some and judge by others. Each is then taken several times, every time with other parts
+//! of the picture open, so that no part that is judged has been fitted.
 
 use super::SimFrame;
 use shutterbug::plane::Plane;
@@ -8,7 +8,8 @@ use shutterbug::plane::Plane;
 const ENOUGH: usize = 4;
 /// Parts that there are to be, of all stills together.
 const PARTS: usize = 6;
-/// Tiles along the shorter side of a picture: small enough that each part sees all of it, large beside what mixes pixels.
+/// Tiles along the shorter side of a picture: small enough that each part sees all of it, large beside what mixes
+/// pixels.
 const TILES: usize = 8;
 /// Least side of a tile, px.
 const LEAST_TILE_PX: usize = 16;

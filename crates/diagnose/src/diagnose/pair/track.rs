@@ -1,4 +1,5 @@
-//! The camera's path from depth and motion: the turn and the step from each frame to the next that explain how its content moves.
+//! The camera's path from depth and motion: the turn and the step from each frame to the next that explain how its
+//! content moves.
 
 use glam::{DQuat, DVec2, DVec3};
 
@@ -23,8 +24,8 @@ pub(super) struct Tracked {
     pub left_px: f64,
 }
 
-/// The path through the instants of all frames and one period behind the last; nothing where frames do not follow each other or
-/// the planes disagree. What the camera's motion does not explain is put down as content's own.
+/// The path through the instants of all frames and one period behind the last; nothing where frames do not follow each
+/// other or the planes disagree. What the camera's motion does not explain is put down as content's own.
 pub(super) fn track(sim: &mut SimFrames, k: &Intrinsics) -> Option<Tracked> {
     let mut poses = vec![Pose::IDENTITY];
     let mut times_s = vec![sim.times_s[0]];

@@ -1,10 +1,12 @@
-//! The forward model of a pair: each pixel reads the simulated frame at the place whose content it shows at the time of its line.
+//! The forward model of a pair: each pixel reads the simulated frame at the place whose content it shows at the time of
+//! its line.
 //!
-//! For a pixel of a line at time t, the lens says which ray it sees. The place s in a simulated frame (at time t0) is the one whose
-//! content lies on that ray at t: `to(s, t - t0) = ray`, solved by fixed-point steps. With depth and a path `to` moves the point
-//! behind s by the camera's motion; with motion alone it is a parabola through where the content is one period before, at, and
-//! one period after. An exposure is the mean over places between its begin, middle and end. Of neighbouring frames the nearest in
-//! time that shows the place is read, so that what one does not see another may.
+//! For a pixel of a line at time t, the lens says which ray it sees. The place s in a simulated frame (at time t0) is
+//! the one whose content lies on that ray at t: `to(s, t - t0) = ray`, solved by fixed-point steps. With depth and a
+//! path `to` moves the point behind s by the camera's motion; with motion alone it is a parabola through where the
+//! content is one period before, at, and one period after. An exposure is the mean over places between its begin,
+//! middle and end. Of neighbouring frames the nearest in time that shows the place is read, so that what one does not
+//! see another may.
 
 use std::sync::Arc;
 
@@ -34,8 +36,8 @@ const MOST_PARTS: f32 = 48.0;
 const SEEN_PX: f32 = 0.25;
 /// Furthest from an edge that is looked at, px.
 const MOST_EDGE_PX: f32 = 12.0;
-/// Error of a value read half way between two pixels, over the slope there, px: root mean square of what the cubic misses of a
-/// step that lies anywhere in a pixel (0.285; 0.205 a quarter of the way, 0 on a pixel).
+/// Error of a value read half way between two pixels, over the slope there, px: root mean square of what the cubic
+/// misses of a step that lies anywhere in a pixel (0.285; 0.205 a quarter of the way, 0 on a pixel).
 const BETWEEN_PX: f32 = 0.285;
 
 /// The simulator's frames as a forward model reads them.
@@ -171,7 +173,8 @@ impl Forward {
         Reader::new(self, outside, at, theta, &rays, Quality::Coarse).open(open)
     }
 
-    /// Which simulated frame each pixel reads, where at the middle of its exposure (px), and whether that place was found.
+    /// Which simulated frame each pixel reads, where at the middle of its exposure (px), and whether that place was
+    /// found.
     pub(in crate::diagnose) fn sights(
         &self,
         outside: &Outside,
@@ -187,8 +190,9 @@ impl Forward {
         (0..reader.size()[0] * reader.size()[1]).into_par_iter().map(one).collect()
     }
 
-    /// Variance of the values of some frames because pictures, not a scene, are read, DN^2: they were rounded once, a value
-    /// between pixels is not known from its neighbours, and what was warped lies a little off. Nothing for a scene.
+    /// Variance of the values of some frames because pictures, not a scene, are read, DN^2: they were rounded once, a
+    /// value between pixels is not known from its neighbours, and what was warped lies a little off. Nothing for a
+    /// scene.
     pub(in crate::diagnose) fn given_variances(
         &self,
         frames: &[usize],
@@ -434,7 +438,8 @@ impl<'a> Reader<'a> {
         Plane { width, height, channels: 1, data }
     }
 
-    /// Whether a place lies so near the edge of something that what is behind it may have come into sight, or gone out of it.
+    /// Whether a place lies so near the edge of something that what is behind it may have come into sight, or gone out
+    /// of it.
     fn is_uncovered(&self, j: usize, mover: &Mover, s: Vec2) -> bool {
         let frame = &self.outside.sim.frames[j];
         // Px by which a jump of one unit parts the two sides of an edge.

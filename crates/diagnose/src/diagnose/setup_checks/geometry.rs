@@ -45,8 +45,9 @@ pub(super) fn zoomed(pairs: &Pairs) -> Option<String> {
     }
     let how = if scale > 1.0 { "cut and enlarged" } else { "scaled down" };
     Some(format!(
-        "the real frames look {how}: the simulation resembles them when it is scaled by about {scale:.2} about its middle, so \
-         the size, the focal length or the principal point of camera.toml may be those of another mode of the camera"
+        "the real frames look {how}: the simulation resembles them when it is scaled by about {scale:.2} about its \
+         middle, so the size, the focal length or the principal point of camera.toml may be those of another mode of \
+         the camera"
     ))
 }
 

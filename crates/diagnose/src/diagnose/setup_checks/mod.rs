@@ -1,6 +1,6 @@
-//! What is wrong with a capture rather than with its camera: frames that are mirrored, in another order, linear, of another
-//! scene. No effect is any of that, yet a search finds effects that do a part of it, so these are looked for before, on small
-//! pictures of every real frame and of its simulation, and said first.
+//! What is wrong with a capture rather than with its camera: frames that are mirrored, in another order, linear, of
+//! another scene. No effect is any of that, yet a search finds effects that do a part of it, so these are looked for
+//! before, on small pictures of every real frame and of its simulation, and said first.
 
 mod geometry;
 mod order;
@@ -37,8 +37,8 @@ impl Pairs {
     }
 }
 
-/// Looks at every frame of the evidence; `simulated` are the same frames as the given camera makes them, DN. A sentence for
-/// each thing that is wrong.
+/// Looks at every frame of the evidence; `simulated` are the same frames as the given camera makes them, DN. A sentence
+/// for each thing that is wrong.
 fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
     let small = |planes: Vec<&Plane<f32>>| planes.into_iter().map(Thumb::of).collect();
     let pairs = Pairs {
@@ -68,8 +68,8 @@ pub(super) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) ->
     Ok(set_up(evidence, &forward.simulate(&all, given, Quality::Coarse)?))
 }
 
-/// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for which no
-/// time was left.
+/// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for
+/// which no time was left.
 pub(super) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, found: &Found) {
     if !found.is_whole() && (report.verdict != Verdict::NoGap || !found.is_checked()) {
         (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, &found.late));
@@ -100,8 +100,8 @@ fn cut_short(report: &Report, late: &[&str]) -> String {
         _ => format!(" {names} were not looked at, and nothing is said of them."),
     };
     format!(
-        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far}{unseen} Run again with a \
-         longer --time-limit-s.",
+        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far}{unseen} Run \
+         again with a longer --time-limit-s.",
         report.gap.before
     )
 }
@@ -116,8 +116,8 @@ fn unseen(evidence: &Evidence) -> Option<String> {
     }
     let names = order::listed(places.iter().map(|&at| evidence.frames[at].index));
     Some(format!(
-        "frames {names} were only compared at a small size, to see whether they show this scene at their time: fits and figures \
-         are of {} others",
+        "frames {names} were only compared at a small size, to see whether they show this scene at their time: fits \
+         and figures are of {} others",
         evidence.frames.len() - places.len()
     ))
 }

@@ -70,8 +70,8 @@ pub(super) fn order(pairs: &Pairs) -> Option<String> {
     })
 }
 
-/// Whether frames fit so many frames later (or earlier) so much better than one frame beside that, that they are late by a whole
-/// number: the unlikeness grows with the square of what is missing, so 0.03 is 0.15 of a frame.
+/// Whether frames fit so many frames later (or earlier) so much better than one frame beside that, that they are late
+/// by a whole number: the unlikeness grows with the square of what is missing, so 0.03 is 0.15 of a frame.
 fn whole(pairs: &Pairs, late: usize, ahead: bool) -> bool {
     let count = pairs.real.len();
     let left = |late: usize| {
@@ -87,8 +87,8 @@ fn shifted(late: usize, ahead: bool) -> String {
     let (is, before) = if ahead { ("later", "dropped") } else { ("earlier", "put in") };
     let (frames, were) = if late == 1 { ("frame", "was") } else { ("frames", "were") };
     format!(
-        "each real frame is the one that the simulation shows {late} {frames} {is}: frames.csv and real/ are shifted, {late} \
-         {frames} {were} {before} at the start, or the clocks are off by a whole number of frames"
+        "each real frame is the one that the simulation shows {late} {frames} {is}: frames.csv and real/ are \
+         shifted, {late} {frames} {were} {before} at the start, or the clocks are off by a whole number of frames"
     )
 }
 

@@ -1,11 +1,12 @@
-//! How strong an effect would have to be for the marks of these folders to show it: what is not found below that is not denied.
+//! How strong an effect would have to be for the marks of these folders to show it: what is not found below that is not
+//! denied.
 
 use std::collections::BTreeMap;
 
-use super::choose::{EDGES_TELL, NAMES, Simulated, parameters};
 use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, squares};
 use super::marks::EDGES;
+use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
 use crate::diagnose::judge::quantile_of_length;
 use crate::diagnose::model::{P, Theta, candidate_of};
 use shutterbug::chain::{Law, Value};
@@ -24,7 +25,8 @@ pub(super) enum ShowsFrom {
     Nowhere,
 }
 
-/// The same for all candidates among `names` that were not found and that there is time for, with what was found on; `made` are the marks then.
+/// The same for all candidates among `names` that were not found and that there is time for, with what was found on;
+/// `made` are the marks then.
 pub(super) fn shows_from(
     (real, (simulated, made), clock): (&Fingerprint, (&Simulated, &Fingerprint), &Clock),
     theta: &Theta,

@@ -1,5 +1,5 @@
-//! The time that a comparison of two folders has. All that takes time is measuring the marks of one folder, again and again, so
-//! what that took tells what there is still time for.
+//! The time that a comparison of two folders has. All that takes time is measuring the marks of one folder, again and
+//! again, so what that took tells what there is still time for.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,8 +8,8 @@ use std::time::Duration;
 use crate::diagnose::budget::{Budget, Stage};
 use shutterbug::error::Result;
 
-/// How often marks are measured for a report, besides once for each effect found: before, after, and those of the real frames;
-/// and as long again for pictures.
+/// How often marks are measured for a report, besides once for each effect found: before, after, and those of the real
+/// frames; and as long again for pictures.
 const FOR_REPORT: usize = 6;
 
 /// See the module.

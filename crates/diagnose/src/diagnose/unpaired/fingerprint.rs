@@ -11,14 +11,14 @@ use super::marks::{
 use crate::diagnose::hot::steady_spots;
 use shutterbug::plane::{Plane, srgb_decode};
 
-/// What the sharpest edges of two rooms differ by, as a part of their width: five rooms of one renderer, nothing hidden, had 5 to
-/// 24 % between them.
+/// What the sharpest edges of two rooms differ by, as a part of their width: five rooms of one renderer, nothing
+/// hidden, had 5 to 24 % between them.
 const EDGE_ERROR: f64 = 0.15;
-/// What two rooms differ by in the magnification of colours: things have colours of their own on either side. The same rooms:
-/// 2.5e-4.
+/// What two rooms differ by in the magnification of colours: things have colours of their own on either side. The same
+/// rooms: 2.5e-4.
 const LATERAL_ERROR: f64 = 5e-4;
-/// How well a variance of noise is known at best, as a part of it, in either folder: content that looks like noise, bins of some
-/// width. Together 5 %.
+/// How well a variance of noise is known at best, as a part of it, in either folder: content that looks like noise,
+/// bins of some width. Together 5 %.
 const VARIANCE_ERROR: f64 = 0.035;
 /// What fine texture makes of the noise of neighbours: the same room with and without motion blur differed by as much.
 const NEIGHBOUR_ERROR: f64 = 0.03;
@@ -41,7 +41,8 @@ pub(super) struct Known {
 }
 
 impl Fingerprint {
-    /// Of some pictures (DN, shape `[height, width, 3]`). `packed_dn2`: variance that a compression may leave or take, DN^2.
+    /// Of some pictures (DN, shape `[height, width, 3]`). `packed_dn2`: variance that a compression may leave or take,
+    /// DN^2.
     pub(super) fn of(frames: &[impl Borrow<Plane<f32>> + Sync], packed_dn2: f64) -> Self {
         let all: Vec<Vec<Block>> = frames.par_iter().map(|f| blocks(f.borrow())).collect();
         let flat: Vec<Vec<&Block>> = all

@@ -1,5 +1,5 @@
-//! What a comparison of two folders says: distance of their marks before and after, effects with shares, and what such frames
-//! cannot tell.
+//! What a comparison of two folders says: distance of their marks before and after, effects with shares, and what such
+//! frames cannot tell.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,16 +8,16 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::bounds::ShowsFrom;
-use super::choose::packed_dn2;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
+use super::simulated::packed_dn2;
 use super::{Chosen, Folder, Frames, Unpaired};
 use crate::diagnose::describe::{listed, undetermined, without_time};
 use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
+use crate::diagnose::options::changes_places;
 use crate::diagnose::output::bytes;
 use crate::diagnose::report::*;
-use crate::diagnose::run::changes_places;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::stats::luma;
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
@@ -43,7 +43,8 @@ const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "re
 const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
 
 /// Why noise that was found is not named.
-const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from neighbour to neighbour fits";
+const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from \
+    neighbour to neighbour fits";
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
@@ -96,21 +97,6 @@ pub(super) fn report(
         (true, false) => Verdict::UnknownEffect,
     };
     let effects = effects(what, &real, &gap);
-    let [first, ..] = &what.held.real[..] else { unreachable!("three frames at least are held out") };
-    let input = Input {
-        kind: "unpaired".to_owned(),
-        width: first.width as u32,
-        height: first.height as u32,
-        frames_listed: folders.1.names.len(),
-        fit_frames: folders.1.fit.clone(),
-        held_out_frames: folders.1.held.clone(),
-        compared_share: 1.0,
-        device: "none: frames are given".to_owned(),
-        method: "marks of frames that are not paired".to_owned(),
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
-        ..Input::default()
-    };
     let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
     let mut notes = notes;
     if !what.noise_seen {
@@ -127,7 +113,7 @@ pub(super) fn report(
         frames: Vec::new(),
         maps: Maps::default(),
         description: DescriptionShown::default(),
-        input,
+        input: input(what.held, folders.1),
         bootstrap: Bootstrap::default(),
         warnings: notes,
         next: Vec::new(),
@@ -135,6 +121,25 @@ pub(super) fn report(
         gap,
     };
     (report, shown)
+}
+
+/// Which of the real frames were compared.
+fn input(held: &Frames, real: &Folder) -> Input {
+    let [first, ..] = &held.real[..] else { unreachable!("three frames at least are held out") };
+    Input {
+        kind: "unpaired".to_owned(),
+        width: first.width as u32,
+        height: first.height as u32,
+        frames_listed: real.names.len(),
+        fit_frames: real.fit.clone(),
+        held_out_frames: real.held.clone(),
+        compared_share: 1.0,
+        device: "none: frames are given".to_owned(),
+        method: "marks of frames that are not paired".to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        alignment: Some(Alignment { kind: "none".to_owned(), rms_px: None }),
+        ..Input::default()
+    }
 }
 
 fn gap(before: &[Option<f64>], after: &[Option<f64>], held_out_frames: usize) -> Gap {
@@ -312,14 +317,19 @@ fn sentence(
     let names = listed(&names);
     let rest = listed(left);
     match verdict {
-        Verdict::NoGap => "The traces that the camera leaves in every picture are alike in both folders; what needs pairs is not known."
-            .to_owned(),
+        Verdict::NoGap => {
+            "The traces that the camera leaves in every picture are alike in both folders; what needs \
+            pairs is not known."
+                .to_owned()
+        }
         Verdict::Explained => format!(
-            "The simulation lacks {names}: with that the traces in both folders are {:.1} standard errors apart, before {:.1}.",
+            "The simulation lacks {names}: with that the traces in both folders are {:.1} standard errors apart, \
+             before {:.1}.",
             gap.after, gap.before
         ),
         Verdict::PartlyExplained => format!(
-            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in {rest}.",
+            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in \
+             {rest}.",
             gap.after, gap.before
         ),
         Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
@@ -333,8 +343,8 @@ fn sentence(
             };
             let late = listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>());
             format!(
-                "{so_far}, and the time limit came before the search had ended: {late} were not looked at, and nothing is \
-                 said of them. Run again with a longer --time-limit-s."
+                "{so_far}, and the time limit came before the search had ended: {late} were not looked at, and \
+                 nothing is said of them. Run again with a longer --time-limit-s."
             )
         }
     }
@@ -374,7 +384,8 @@ fn grain(dn: &Plane<f32>) -> Plane<f32> {
 }
 
 impl Unpaired {
-    /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures' paths.
+    /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures'
+    /// paths.
     ///
     /// # Errors
     /// Files that cannot be written.

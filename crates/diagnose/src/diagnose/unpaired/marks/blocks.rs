@@ -21,8 +21,8 @@ const CELLS: usize = (BLOCK_PX / CELL_PX) * (BLOCK_PX / CELL_PX);
 /// Distance of these, px: noise that neighbours share counts whole.
 pub(super) const APART: usize = 2;
 
-/// What one block shows. Noise of brightness is made linear: over the sum of the squares of the slopes by which the three colours
-/// make it, so that noise of a colour is that of a grey as bright.
+/// What one block shows. Noise of brightness is made linear: over the sum of the squares of the slopes by which the
+/// three colours make it, so that noise of a colour is that of a grey as bright.
 pub(in super::super) struct Block {
     /// The sum of the squares of the slopes.
     pub(super) slopes2: f64,
@@ -71,7 +71,8 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
             f64::from(luma[i]) / CELL_PX.pow(2) as f64;
         bands[dy] += f64::from(luma[i]) / BLOCK_PX as f64;
     }
-    // Values at the end of their range have lost their noise: one in a while is nothing, and strong noise has some everywhere.
+    // Values at the end of their range have lost their noise: one in a while is nothing, and strong noise has some
+    // everywhere.
     if clipped > MOST_CLIPPED {
         return None;
     }
@@ -114,7 +115,8 @@ fn block(dn: &Plane<f32>, luma: &[f32], [x0, y0]: [usize; 2]) -> Option<Block> {
     Some(b)
 }
 
-/// Variance of the cells of a block about the mean of their row and a slope that all rows share: noise of rows is no texture.
+/// Variance of the cells of a block about the mean of their row and a slope that all rows share: noise of rows is no
+/// texture.
 fn about_rows(cells: &[f64; CELLS]) -> f64 {
     let side = BLOCK_PX / CELL_PX;
     let place = |x: usize| x as f64 - 0.5 * (side as f64 - 1.0);
@@ -136,8 +138,8 @@ fn about_a_line(bands: &[f64; BLOCK_PX]) -> f64 {
     (0..BLOCK_PX).map(|y| (bands[y] - mean - slope * place(y)).powi(2)).sum::<f64>() / (BLOCK_PX - 2) as f64
 }
 
-/// Of a colour (DN): sum of the squares of the slopes by which linear values make its brightness, sum of the slopes, and the sum of
-/// the squares times the values.
+/// Of a colour (DN): sum of the squares of the slopes by which linear values make its brightness, sum of the slopes,
+/// and the sum of the squares times the values.
 fn grey(mean: [f64; 3]) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (v, weight) in mean.iter().zip(LUMA) {

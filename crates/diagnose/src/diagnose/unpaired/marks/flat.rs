@@ -1,5 +1,5 @@
-//! Which blocks are flat, told by the means of their cells, so that choosing flat places does not choose quiet ones. Texture is
-//! stronger the coarser one looks, noise weaker: cells tell them apart.
+//! Which blocks are flat, told by the means of their cells, so that choosing flat places does not choose quiet ones.
+//! Texture is stronger the coarser one looks, noise weaker: cells tell them apart.
 
 use rayon::prelude::*;
 
@@ -21,7 +21,8 @@ const FEWEST: usize = 10;
 struct Varying {
     /// Linear variance, for one pixel.
     of: fn(&Block) -> f64,
-    /// Standard deviation of it where there is only noise, as a part of it: the root of two over the degrees of freedom.
+    /// Standard deviation of it where there is only noise, as a part of it: the root of two over the degrees of
+    /// freedom.
     scatter: f64,
 }
 
@@ -30,9 +31,9 @@ const ACROSS: Varying = Varying { of: |b| b.cells, scatter: 0.43 };
 /// Rows below each other: eight, less a line.
 const DOWN: Varying = Varying { of: |b| b.bands, scatter: 0.58 };
 
-/// Which blocks are flat: they vary no more than noise makes them, within rows and from row to row. Flat blocks are alike in that
-/// and textured ones are not: over brightness, in some proportion of a constant and a part that grows with it, they lie close
-/// together, with few above them. Rows have a noise of their own, so that the two are apart.
+/// Which blocks are flat: they vary no more than noise makes them, within rows and from row to row. Flat blocks are
+/// alike in that and textured ones are not: over brightness, in some proportion of a constant and a part that grows
+/// with it, they lie close together, with few above them. Rows have a noise of their own, so that the two are apart.
 pub(in super::super) fn flat(frames: &[Vec<Block>]) -> Vec<Vec<bool>> {
     let all: Vec<&Block> = frames.iter().flatten().collect();
     let across = ACROSS.noise(&all);

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use super::blocks::{BLOCK_PX, Block};
 use super::{FEWEST_BLOCKS, HIGH_PASS, LINEAR, LINES, Mark};
 
-/// Blocks of one line of blocks that do not overlap: sums of their values by line of pixels, of the squares, and their number.
+/// Blocks of one line of blocks that do not overlap: sums of their values by line of pixels, of the squares, and their
+/// number.
 #[derive(Clone, Copy, Default)]
 struct Band {
     sums: [f64; BLOCK_PX],
@@ -29,9 +30,9 @@ impl Band {
     }
 }
 
-/// Variance of what the pixels of a row, or of a column, have in common: products of flat blocks beside each other, so that the
-/// pixels' own noise has no part in it. All pairs of a band count: texture that goes on from one block to the next does not go on
-/// across the picture.
+/// Variance of what the pixels of a row, or of a column, have in common: products of flat blocks beside each other, so
+/// that the pixels' own noise has no part in it. All pairs of a band count: texture that goes on from one block to the
+/// next does not go on across the picture.
 pub(super) fn line_marks(flat: &[&Block], out: &mut [Mark]) {
     for k in 0..2 {
         let mut bands: HashMap<[usize; 2], Band> = HashMap::new();

@@ -1,5 +1,5 @@
-//! What demosaicking leaves: pixels that had the colour themselves differ more from their neighbours than those where it was
-//! filled in. Content does not know which pixels these are.
+//! What demosaicking leaves: pixels that had the colour themselves differ more from their neighbours than those where
+//! it was filled in. Content does not know which pixels these are.
 
 use super::{MOSAIC, Mark};
 use shutterbug::plane::Plane;
@@ -44,8 +44,8 @@ pub(super) fn mosaic_marks(dn: &Plane<f32>, out: &mut [Mark]) {
 mod tests {
     use super::*;
     use crate::diagnose::model::{P, Theta};
-    use crate::diagnose::unpaired::choose::Simulated;
     use crate::diagnose::unpaired::marks::MARKS;
+    use crate::diagnose::unpaired::simulated::Simulated;
     use shutterbug::chain::rng::random_normal;
     use shutterbug::plane::srgb_decode;
 

@@ -1,4 +1,5 @@
-//! The part of the noise that all frames share, pixel by pixel: a sensor's fixed pattern, where what the camera sees moves.
+//! The part of the noise that all frames share, pixel by pixel: a sensor's fixed pattern, where what the camera sees
+//! moves.
 
 use rayon::prelude::*;
 
@@ -15,8 +16,8 @@ const FEWEST_PX: f64 = 500.0;
 /// A pixel in a flat place: what it differs by from those beside it, linear, and how bright the place is.
 type Residue = Option<[f32; 2]>;
 
-/// By frame: the marks of dark and of bright places. A frame's residues times the mean of those of all others at the same pixels:
-/// what is new in each frame has no part in it.
+/// By frame: the marks of dark and of bright places. A frame's residues times the mean of those of all others at the
+/// same pixels: what is new in each frame has no part in it.
 pub(in super::super) fn pattern_marks(frames: &[&Plane<f32>], flat: &[Vec<&Block>]) -> Vec<[Mark; 2]> {
     let residues: Vec<Vec<Residue>> =
         frames.par_iter().zip(flat).map(|(dn, flat)| residues(dn, flat)).collect();
