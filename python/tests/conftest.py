@@ -26,6 +26,20 @@ def device():
 
 
 @pytest.fixture
+def handed(monkeypatch):
+    """What was handed to cameras since: (camera, picture, all else that is known of it), of each frame that was accepted."""
+    frames, own = [], shutterbug.Camera.submit
+
+    def submit(camera, rgb, **given):
+        made = own(camera, rgb, **given)
+        frames.append((camera, np.array(rgb, copy=True), given))
+        return made
+
+    monkeypatch.setattr(shutterbug.Camera, "submit", submit)
+    return frames
+
+
+@pytest.fixture
 def picture():
     """A smooth texture with edges, (96, 128, 3) of uint8."""
     y, x = np.mgrid[0:96, 0:128]
