@@ -6,6 +6,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import sysconfig
 import zipfile
 from pathlib import Path
 
@@ -69,11 +70,13 @@ def test_it_needs_no_loader(tmp_path):
 
 
 def test_import_is_quick():
-    """Under 150 ms of work with NumPy: time of the processor, because other programs run too."""
+    """Under 150 ms of work with NumPy: time of the processor, because other programs run too. NumPy alone takes longer than that on a
+    free-threaded Python.
+    """
     line = "import time; t = time.process_time(); import shutterbug; print(time.process_time() - t)"
     spent = [float(subprocess.run([sys.executable, "-c", line], capture_output=True, text=True).stdout) for _ in range(9)]
     print(f"import: best {min(spent):.3f} s, median {statistics.median(spent):.3f} s")
-    assert min(spent) < 0.15
+    assert min(spent) < (0.3 if sysconfig.get_config_var("Py_GIL_DISABLED") else 0.15)
 
 
 def test_statuses_are_those_of_the_library():
@@ -145,24 +148,55 @@ def test_the_sources_build(device, tmp_path):
     subprocess.run([python, "-c", script], **done)
 
 
+def rendered(text):
+    """A recipe as rattler-build, conda-forge's builder, understands it."""
+    from rattler_build.stage0 import Stage0Recipe
+
+    (variant,) = Stage0Recipe.from_yaml(text).render()
+    return variant.recipe.to_dict()
+
+
 def test_the_recipe_for_conda_says_what_the_package_says():
-    yaml = pytest.importorskip("ruamel.yaml", reason="ruamel.yaml is not installed")
+    pytest.importorskip("rattler_build", reason="py-rattler-build is not installed")
     import tomllib
 
-    recipe = yaml.YAML(typ="safe").load((SOURCES / "python/conda/recipe.yaml").read_text("utf-8"))
+    recipe = rendered((SOURCES / "python/conda/recipe.yaml").read_text("utf-8"))
     project = tomllib.loads((SOURCES / "python/pyproject.toml").read_text("utf-8"))
     own, needed = project["project"], recipe["requirements"]
-    assert recipe["context"]["version"] == own["version"] and recipe["about"]["license"] == own["license"]
+    assert recipe["package"]["version"] == own["version"] and recipe["about"]["license"] == own["license"]
     assert f"python {own['requires-python']}" in needed["run"] and "numpy >=1.26" in needed["run"]
     assert [d for d in own["dependencies"] if d.replace(">", " >", 1) in needed["run"]] == ["numpy>=1.26"]
     (script,) = recipe["build"]["python"]["entry_points"]
     assert script == f"shutterbug = {own['scripts']['shutterbug']}"
     for tool in project["build-system"]["requires"]:
         assert re.split("[><=]", tool)[0] in " ".join(map(str, needed["build"]))
+    for file in recipe["about"]["license_file"]:
+        # The one that tools/wheel writes is made of Cargo.lock.
+        assert (SOURCES / "python" / file).exists() or file.endswith("RUST-PACKAGES.txt")
+
+
+@pytest.mark.parametrize(
+    ("sound", "wrong"),
+    [
+        ("entry_points", "entry_point"),
+        ("run_constraints", "run_constraint"),
+        ("version: ${{ version }}", "version: ${{ versions }}"),
+        ("number: 0", "number: none"),
+        ("MIT OR Apache-2.0", "MIT OR Apache"),
+        ("numpy >=1.26", "numpy >=>1.26"),
+    ],
+)
+def test_a_wrong_recipe_for_conda_is_refused(sound, wrong):
+    """The control: what is read is held to conda's own rules."""
+    rattler_build = pytest.importorskip("rattler_build", reason="py-rattler-build is not installed")
+    text = (SOURCES / "python/conda/recipe.yaml").read_text("utf-8")
+    assert sound in text
+    with pytest.raises(rattler_build.RattlerBuildError):
+        rendered(text.replace(sound, wrong))
 
 
 def test_wheels_hold_their_licences():
-    wheels = sorted((SOURCES / "target/python/dist").glob("*.whl"))
+    wheels = sorted((SOURCES / "target/python/dist").rglob("*.whl"))
     if not wheels:
         pytest.skip("no wheels were made: tools/python-tests makes them")
     for wheel in wheels:
