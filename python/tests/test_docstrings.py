@@ -11,13 +11,13 @@ import pytest
 import shutterbug
 
 MODULES = ["", ".mujoco", ".gymnasium", ".newton", ".blender", ".transforms", ".bag", ".fleet", ".ray", ".errors"]
-NEEDS = {".mujoco": "mujoco", ".gymnasium": "gymnasium", ".newton": "newton", ".blender": "bpy", ".bag": "mcap_ros2", ".ray": "ray"}
+NEEDS = {".mujoco": "mujoco", ".gymnasium": "gymnasium mujoco", ".newton": "newton", ".blender": "bpy", ".bag": "mcap_ros2", ".ray": "ray"}
 
 
 def public_things():
     """Functions, classes, methods and properties that anyone may use, by their names."""
     for name in MODULES:
-        if name in NEEDS and not importlib.util.find_spec(NEEDS[name]):
+        if not all(map(importlib.util.find_spec, NEEDS.get(name, "").split())):
             continue
         module = importlib.import_module("shutterbug" + name)
         yield module.__name__, module
