@@ -2,8 +2,8 @@
 #SBATCH --job-name=shutterbug --array=0-15 --cpus-per-task=2 --mem=4G --requeue
 # A list of captures into one data set, as a Slurm array: every task takes its share of the list.
 #   sbatch examples/slurm/simulate.sh captures.txt /shared/dataset --seed 1 --format webdataset
-# The array's size above is the number of shares; `sbatch --array=0-63` changes it. A task that is requeued keeps what it had finished.
-# Needs `shutterbug` on PATH (pip install shutterbug). docs/python/machines.md says what the rest means.
+# The array's size above is the number of shares; `sbatch --array=0-63` changes it. A task that is requeued keeps what it
+# had finished. Needs `shutterbug` on PATH (pip install shutterbug). docs/python/machines.md says what the rest means.
 set -euo pipefail
 list=${1:?a list of captures, a folder a line, is expected} out=${2:?a folder that all machines see is expected}
 shift 2
