@@ -107,6 +107,32 @@ def test_types_are_sound_for_pyright():
     checked("pyright", "--pythonpath", sys.executable, "shutterbug")
 
 
+def against_the_compiled_part(stub, folder):
+    """What mypy's stubtest says of a stub of the compiled part: it imports it, and compares names, parameters and defaults."""
+    package = Path(shutterbug.__file__).parent
+    (folder / "shutterbug").mkdir()
+    for file in package.glob("*.py"):
+        (folder / "shutterbug" / file.name).symlink_to(file)
+    (folder / "shutterbug/py.typed").touch()
+    (folder / "shutterbug/_core.pyi").write_text(stub)
+    env = {**os.environ, "MYPYPATH": str(folder)}
+    words = [sys.executable, "-P", "-m", "mypy.stubtest", "shutterbug._core"]
+    run = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=env)
+    return run.stdout + run.stderr if run.returncode else ""
+
+
+def test_the_stub_is_what_the_compiled_part_has(tmp_path):
+    pytest.importorskip("mypy")
+    own = (SOURCES / "python/shutterbug/_core.pyi").read_text("utf-8")
+    (tmp_path / "own").mkdir()
+    assert against_the_compiled_part(own, tmp_path / "own") == ""
+    # The controls: another default, a parameter too many, a function that is not there.
+    wrong = own.replace("seed: int = 0", "seed: int = 1").replace("limit_s: float = -1.0)", "limit_s: float = -1.0, frame: int = 0)")
+    (tmp_path / "wrong").mkdir()
+    said = against_the_compiled_part(wrong + "\ndef nothing() -> None:\n    ...\n", tmp_path / "wrong")
+    assert "Engine.__new__" in said and "Frame.wait" in said and "_core.nothing" in said and said.count("error:") == 3, said
+
+
 def test_a_wrong_call_is_seen_by_mypy(tmp_path):
     """The control: types that say nothing would let this through."""
     pytest.importorskip("mypy")
