@@ -27,7 +27,10 @@ _ORDERS = {
 
 
 class Board:
-    """What `board` found: a camera, how well it fits, and a capture that `diagnose` takes. In a notebook it shows itself."""
+    """What `board` found: a camera, how well it fits, and a capture that `diagnose` takes. In a notebook it shows itself.
+
+    `folder`: the capture. `report`: board.json as a dictionary.
+    """
 
     def __init__(self, folder: PathLike) -> None:
         """Read `folder`, a capture that `board` wrote. OSError, ValueError: it holds no board.json."""

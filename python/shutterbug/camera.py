@@ -34,7 +34,7 @@ class Camera(Closing):
 
     A device is opened with the first frame. Any number of threads may use one camera: their calls take turns, with the interpreter
     let go while they wait. Several cameras are independent of each other. Copies that `fork` or `pickle` make open a device of
-    their own. A context manager, which closes the device at its end.
+    their own. A context manager, which closes the device at its end. `notes`: sentences on what was left out or assumed in reading it.
     """
 
     def __init__(

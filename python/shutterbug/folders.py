@@ -64,7 +64,7 @@ def simulate(
 
 
 class Diagnosis:
-    """What `diagnose` found. In a notebook it shows itself."""
+    """What `diagnose` found. In a notebook it shows itself. `folder`: where it lies. `report`: report.json as a dictionary."""
 
     def __init__(self, folder: PathLike, capture: PathLike | None = None, keep: Any = None) -> None:
         """Read `folder`, which `diagnose` wrote. `capture`: what was diagnosed, for `simulate`. `keep`: held as long as this.

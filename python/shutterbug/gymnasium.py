@@ -104,6 +104,7 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     An observation that is no dictionary becomes ``{"state": it, key: picture}``. The picture, (height, width, 3) of uint8 or what
     `output` names, is the frame whose last line closes when the observation is made. Same seed at `reset` and same actions, same bits.
+    `observation_space` is the environment's with the picture: its shape, type and bounds.
     """
 
     def __init__(
@@ -164,7 +165,8 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
 class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
     """The same for `gymnasium.vector.SyncVectorEnv`: one device for all, with several frames in flight.
 
-    The device works on one environment's frame while the next one is drawn.
+    The device works on one environment's frame while the next one is drawn. `single_observation_space` and `observation_space` are the
+    environments' with the pictures.
     """
 
     def __init__(

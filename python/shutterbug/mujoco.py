@@ -43,7 +43,8 @@ class Renderer(Closing):
     The picture of `render` is the frame whose last line has just closed: it ends at the time of `update_scene`, and begins
     a readout and an exposure before (`frame_time_s`). So it needs the states of the steps before: advance with `step`, or call `record`
     after each `mujoco.mj_step`. Where neither is done, motion is a straight line between calls of `update_scene`. Before the first
-    state, and after a reset, the world is taken to have rested.
+    state, and after a reset, the world is taken to have rested. `next_frame`: number of the next frame, for which noise is drawn, 0 to
+    2**32 - 1; may be set.
     """
 
     def __init__(

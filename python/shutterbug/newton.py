@@ -37,7 +37,8 @@ class SensorCamera(Closing):
     """A camera of Newton that delivers what a real one would have.
 
     The picture of `render` is the frame whose last line has just closed: it ends at the time of the last `record`, and begins a readout
-    and an exposure before. Before the first state the world is taken to have rested. One world is seen, the model's first.
+    and an exposure before. Before the first state the world is taken to have rested. One world is seen, the model's first. `next_frame`:
+    number of the next frame, for which noise is drawn, 0 to 2**32 - 1; may be set.
     """
 
     def __init__(

@@ -128,6 +128,17 @@ def _unsaid_of_result(name, thing, told):
     ]
 
 
+def attributes_unsaid(name, thing):
+    """Sentences on public attributes that a class sets on itself and its docstring does not name."""
+    if not inspect.isclass(thing) or not thing.__module__.startswith("shutterbug"):
+        return []
+    tree = ast.parse(textwrap.dedent(inspect.getsource(thing)))
+    stored = [n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)]
+    own = {n.attr for n in stored if isinstance(n.value, ast.Name) and n.value.id == "self" and not n.attr.startswith("_")}
+    told = text_of(thing)
+    return [f"{name}.{a}: an attribute that is not told" for a in sorted(own) if f"`{a}`" not in told]
+
+
 # ---- Errors --------------------------------------------------------------------------------------------------------------
 
 # Methods of Python's own that bear the same names as ours.

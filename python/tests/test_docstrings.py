@@ -62,6 +62,16 @@ def test_parameters_and_results_have_units_shapes_and_types(public, told):
     assert silent == [], "\n".join(silent)
 
 
+def test_attributes_are_told(public, tmp_path, monkeypatch):
+    assert [s for n, t in public.items() for s in docstrings.attributes_unsaid(n, t)] == []
+    # The control.
+    source = 'class Silent:\n    """Has `told`."""\n\n    def __init__(self):\n        self.told, self.untold, self._inner = 1, 2, 3\n'
+    (tmp_path / "shutterbug_silent.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    silent = importlib.import_module("shutterbug_silent").Silent
+    assert docstrings.attributes_unsaid("Silent", silent) == ["Silent.untold: an attribute that is not told"]
+
+
 def test_what_can_raise_says_so(public, raises, told):
     silent = [s for n, t in public.items() for s in docstrings.errors_unsaid(n, t, raises, told)]
     assert silent == [], "\n".join(silent)
