@@ -76,10 +76,10 @@ class _Eye:
 
 def _one(output: Any, size: tuple[int, int]) -> str:
     """The name of the output that goes into observations. ArgumentError: several, no such one, or a width that it cannot pack."""
-    names = checked(output, size[1], size[0]) or ("uint8",)
+    names = checked(output, size[1], size[0])
     if len(names) > 1:
         raise ArgumentError(f"output is {', '.join(names)}: an observation holds one of them")
-    return names[0]
+    return next(iter(names), "uint8")
 
 
 def _box(output: str, size: tuple[int, int]) -> spaces.Box:
