@@ -27,7 +27,10 @@ _ORDERS = {
 
 
 class Board:
-    """What `board` found: a camera, how well it fits, and a capture that `diagnose` takes. In a notebook it shows itself."""
+    """What `board` found: a camera, how well it fits, and a capture that `diagnose` takes. In a notebook it shows itself.
+
+    `folder`: the capture. `report`: board.json as a dictionary.
+    """
 
     def __init__(self, folder: PathLike) -> None:
         """Read `folder`, a capture that `board` wrote. OSError, ValueError: it holds no board.json."""
@@ -84,7 +87,8 @@ class Board:
     def camera(self) -> Camera:
         """The camera that was fitted, of the pictures' full size: pinhole, lens, and rolling shutter where frames followed each other.
 
-        The capture's own camera.toml is the pinhole alone: what it lacks is what `diagnose` is to find.
+        The capture's own camera.toml is the pinhole alone: what it lacks is what `diagnose` is to find. OSError: the folder is there no
+        more.
         """
         pinhole = Camera.from_toml(self.folder / "camera.toml")
         effects: dict[str, dict[str, Any]] = {}
@@ -160,7 +164,8 @@ def board(
     `size`: columns and rows, inner corners of a checkerboard (9, 6), squares of a ChArUco board. `square_m`: side of a square, m
     (None: 1, squares are the unit of length). `pattern`: ``"checkerboard"`` (None) or ``"charuco"``. `target`: Kalibr's target.yaml
     in place of the three. `corners`: those that another tool found, a file of lines ``file,col,row,u_px,v_px``, or ``{file name:
-    array}`` with arrays of the shape (rows, columns, 2), u and v in px and nan where nothing was seen, or (n, 4): col, row, u, v.
+    array}`` with arrays of floats of the shape (rows, columns, 2), u and v in px and nan where nothing was seen, or (n, 4): col, row,
+    u, v.
     `fps`: frames that follow each other, Hz; then a readout time is fitted too. `progress` and `options` (``marker_share``,
     ``dictionary``, ``shrink``, ``overwrite``) as of `simulate`: those of ``shutterbug board --help``.
 

@@ -1,12 +1,29 @@
 """The compiled part: the C ABI as objects. `shutterbug` is what to use; this has no promise of staying as it is."""
 
-from typing import Any, SupportsIndex
+from typing import Any, SupportsIndex, final
 
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "VERSION",
+    "Engine",
+    "Frame",
+    "Poses",
+    "check_camera",
+    "check_conventions",
+    "devices",
+    "import_camera",
+    "motion_preset",
+    "preset_text",
+    "presets",
+    "run_command_line",
+    "statuses",
+]
+
 VERSION: str
 
+@final
 class Poses:
     """Poses over time in the library's own convention."""
 
@@ -27,6 +44,7 @@ class Poses:
     def __len__(self) -> int:
         """How many poses."""
 
+@final
 class Engine:
     """A device with a camera."""
 
@@ -64,6 +82,7 @@ class Engine:
     def close(self) -> None:
         """Wait for what is in flight and free all."""
 
+@final
 class Frame:
     """A frame on its way, or delivered."""
 

@@ -65,7 +65,8 @@ def devices() -> list[dict[str, Any]]:
     Each is a dictionary: ``index``, ``name``, ``driver``, ``uuid``, ``kind`` (``"discrete GPU"``, ``"integrated GPU"``,
     ``"virtual GPU"``, ``"other"`` or ``"software"``), ``missing`` (what is needed and not there; empty: it can be used), ``chosen``
     (whether a camera without ``device=`` takes it) and ``why``. The driver of the package shutterbug-driver comes last.
-    An empty list: the machine has neither a Vulkan loader with a driver nor that package. Raises nothing for that.
+    An empty list: the machine has neither a Vulkan loader with a driver nor that package. That
+    raises nothing; DeviceLostError, VulkanError and the like: a driver fails.
     """
     try:
         found = _core.devices()

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import ArgumentError
+
+if TYPE_CHECKING:
+    from ._arrays import Array
+    from .frame import Frame
 
 # Planes, flags and formats of include/shutterbug.h.
 PICTURE, RADIANCE, RAW = 1, 5, 6
@@ -57,6 +61,35 @@ def flags_of(outputs: Sequence[str]) -> int:
     fine = any(name in ("uint16", "float32") for name in outputs)
     raw = any(name in _WORDS or name in _GROUPS for name in outputs)
     return _FINE_FLAG * fine | _RAW_FLAG * raw
+
+
+def checked(output: Any, width: int, height: int) -> tuple[str, ...]:
+    """Give the names of `outputs_of`, for what delivers frames of one size. ArgumentError too where the width cannot be packed."""
+    names = outputs_of(output)
+    for name in names:
+        layout_of(name, (height, width, 3))
+    return names
+
+
+def highest_of(output: str) -> float:
+    """Give the largest number that an output can hold, in its own units: 255, 65535, 1 (white), or all bits of the converter."""
+    name = _name(output)
+    if name in _WORDS:
+        return float(2 ** int(name[-2:]) - 1)
+    return {"uint16": 65535.0, "float32": 1.0}.get(name, 255.0)
+
+
+def read_of(frame: Frame, names: tuple[str, ...], out: Array | None = None) -> Array:
+    """Give the first output of a frame in numpy, 8 bits of sRGB where none is named; written into `out`, converted, where that is given."""
+    size = frame._size
+    name = names[0] if names else "uint8"
+    layout = layout_of(name, size)
+    fits = out is not None and out.dtype == layout.dtype and out.shape == layout.shape and out.flags.c_contiguous
+    plane: Array = frame.read(name, out if fits else None)
+    if out is None or plane is out:
+        return plane
+    np.copyto(out, plane, casting="unsafe")
+    return out
 
 
 def layout_of(output: str, size: tuple[int, int, int]) -> Layout:

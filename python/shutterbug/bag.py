@@ -36,7 +36,7 @@ _SAME_S = 1e-3
 
 @dataclass
 class Rewritten:
-    """What `rewrite` did: `frames` that were rewritten, and `left_out` with the reason of each."""
+    """What `rewrite` did: `frames`, the number of those that were rewritten, and `left_out` with the reason of each."""
 
     frames: int = 0
     left_out: list[str] = field(default_factory=list)
@@ -61,7 +61,8 @@ def rewrite(
 
     A stamp is taken for the instant that the picture shows, and becomes the middle of the frame. Nothing is known of what lies beyond the
     picture: its border is repeated there. Frames without depth, or that tf does not cover, are left out, and `Rewritten` says why.
-    InputError: a topic is missing or holds something else. OSError where a file cannot be read or written; a failed run leaves no file.
+    ArgumentError: `source` and `target` are one file. InputError: a topic is missing or holds something else. OSError where a file cannot
+    be read or written; a failed run leaves no file.
     """
     target = Path(target)
     if target.exists() and os.path.samefile(source, target):
@@ -224,8 +225,8 @@ def _deliver(message: Any, camera: Camera, known: _Known, number: int, frames: t
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run ``shutterbug bag`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at fault, 2
-    usage.
+    """Run ``shutterbug bag`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at fault
+    (with a sentence on stderr). SystemExit with the code 2: usage.
     """
     parser = argparse.ArgumentParser(
         "shutterbug bag", description="Rewrites the images of a ROS 2 bag (MCAP) as a camera would deliver them."

@@ -21,6 +21,7 @@ from ._arrays import Array
 from ._closing import Closing
 from ._exr import read_exr
 from ._margins import needed
+from ._outputs import checked, read_of
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
 from .frame import Frame
@@ -41,12 +42,14 @@ class Renderer(Closing):
     settings are put back after each frame.
     """
 
-    def __init__(self, scene: Any, camera: Camera, *, pictures: int = 1, poses: int = 9) -> None:
+    def __init__(self, scene: Any, camera: Camera, *, pictures: int = 1, poses: int = 9, output: Any = None) -> None:
         """Make a renderer.
 
         `scene`: bpy.types.Scene with a perspective camera; its resolution is the picture's. `camera`: its effects and times. `pictures`:
-        renders a frame, 1 to 8. `poses`: how many instants the animation is asked for over a frame, 2 or more. ArgumentError: a number
-        outside its range, or no such camera.
+        renders a frame, 1 to 8. `poses`: how many instants the animation is asked for over a frame, 2 or more. `output`: what `render`
+        gives in place of 8 bits, as of `shutterbug.Given`: ``"uint16"``, ``"float32"`` (linear), ``"raw12"`` and so on; of several the
+        first, the others by `submit` and `Frame.read`. ArgumentError: a number outside its range, no such camera or output, or a width
+        that it cannot pack.
         """
         if not 1 <= pictures <= 8 or poses < 2:
             raise ArgumentError(f"pictures is {pictures}, poses {poses}: 1 to 8, and 2 or more are expected")
@@ -56,6 +59,7 @@ class Renderer(Closing):
         self._scene, self._pictures, self._poses = scene, pictures, poses
         render = scene.render
         self._size = (render.resolution_x * render.resolution_percentage // 100, render.resolution_y * render.resolution_percentage // 100)
+        self._outputs = checked(output, *self._size)
         self._camera = self._fitted(camera)
         self._margin = (0, 0)
 
@@ -65,15 +69,18 @@ class Renderer(Closing):
         return self._camera
 
     def render(self, time_s: float, frame: int = 0) -> Array:
-        """Give the frame whose first line opens at `time_s`, s from the scene's frame 0: (height, width, 3) of uint8, sRGB.
+        """Give the frame whose first line opens at `time_s`, s from the scene's frame 0: (height, width, 3) of uint8, sRGB, or what
+        `output` names.
 
         `frame`: number for which noise is drawn. Errors of `Camera.submit`, and RuntimeError where Blender cannot render.
         """
         with self.submit(time_s, frame) as made:
-            return made.picture()
+            return read_of(made, self._outputs)
 
     def submit(self, time_s: float, frame: int = 0) -> Frame:
-        """Render, hand the frame to the device and return; `Frame.picture` is what `render` gives. Errors as of `render`, and FullError."""
+        """Render, hand the frame to the device and return; `Frame.picture` and `Frame.read` give it. Arguments and errors as of `render`;
+        and FullError.
+        """
         with self._settings():
             while True:
                 try:
@@ -162,6 +169,7 @@ class Renderer(Closing):
             color_time=when,
             frame=frame,
             nearest_m=nearest_m,
+            output=self._outputs,
         )
 
     def _motion(self, times: Array) -> tuple[Array, dict[int, Array]]:

@@ -34,7 +34,7 @@ class Camera(Closing):
 
     A device is opened with the first frame. Any number of threads may use one camera: their calls take turns, with the interpreter
     let go while they wait. Several cameras are independent of each other. Copies that `fork` or `pickle` make open a device of
-    their own. A context manager, which closes the device at its end.
+    their own. A context manager, which closes the device at its end. `notes`: sentences on what was left out or assumed in reading it.
     """
 
     def __init__(
@@ -56,11 +56,12 @@ class Camera(Closing):
     ) -> None:
         """Make a camera.
 
-        `width`, `height`: px. `fovy`: field of view from top to bottom in degrees, as in MuJoCo; or `fx`, `fy` (None: as `fx`), px.
-        `cx`, `cy`: px, the middle unless given; the top left pixel's centre is at (0.5, 0.5). `frame_period_s`: from frame to frame, s.
-        `readout_time_s`: number of lines times the delay from line to line, s; 0 is a global shutter. `exposure_time_s`: of each line,
-        s; 0 is an instant. `scan_order`: ``"top_to_bottom"``, ``"bottom_to_top"``, ``"left_to_right"`` or ``"right_to_left"``.
-        `effects`: further tables of a camera.toml, such as ``{"read_noise": {"sigma": 0.01}}``; ``shutterbug effects`` lists them.
+        `width`, `height`: px. `fovy`: field of view from top to bottom in degrees, as in MuJoCo; or `fx` and `fy` in px, `fy` being `fx`
+        where it is None. `cx`, `cy`: px, the middle unless given; the top left pixel's centre is at (0.5, 0.5). `frame_period_s`: from
+        frame to frame, s. `readout_time_s`: number of lines times the delay from line to line, s; 0 is a global shutter.
+        `exposure_time_s`: of each line, s; 0 is an instant. `scan_order`: ``"top_to_bottom"``, ``"bottom_to_top"``, ``"left_to_right"``
+        or ``"right_to_left"``. `effects`: further tables of a camera.toml, such as ``{"read_noise": {"sigma": 0.01}}``; ``shutterbug
+        effects`` lists them.
 
         `options`, as of all constructors: `device` (index, UUID, part of the name, or ``"bundled"``; None: the best), `seed` of all
         noise (same seed and frame, same bits), `frames_in_flight` (1 to 8, default 2), `method` (``"default"``, ``"fast"`` or
@@ -147,10 +148,11 @@ class Camera(Closing):
     ) -> Camera:
         """Read ROS `camera_info`: a file (also Kalibr's camchain or EuRoC's sensor.yaml), a dictionary, or a message of ROS 1 or 2.
 
-        `camera` chooses one of several of a camchain. `rate_hz`: frames a second, Hz, where the file does not say. `effects`: tables
-        that it cannot hold, such as ``{"rolling_shutter": {"readout_time_s": 0.02, "scan_order": "top_to_bottom"}}``. `notes` of the
-        camera says what has no place in a camera.toml. Pixel centres are converted (theirs are whole numbers). InputError: it holds
-        something that cannot be used.
+        `info`: the path of the file, the dictionary or the message. `camera` chooses one of several of a camchain. `rate_hz`: frames a
+        second, Hz, where the file does not say. `effects`: tables that it cannot hold, such as ``{"rolling_shutter": {"readout_time_s":
+        0.02, "scan_order": "top_to_bottom"}}``. `notes` of the camera says what has no place in a camera.toml. Pixel centres are
+        converted (theirs are whole numbers). InputError: it holds something that cannot be used. FileNotFoundError and the like: a file
+        cannot be read. `options` as of `Camera`.
         """
         if isinstance(info, str | os.PathLike):
             text, name = Path(info).read_text("utf-8"), os.fspath(info)
@@ -162,10 +164,11 @@ class Camera(Closing):
 
     @classmethod
     def from_gyroflow(cls, profile: str | os.PathLike[str], *, rate_hz: float = 30.0, **options: Any) -> Camera:
-        """Read a lens profile of Gyroflow (JSON): size, lens (fisheye or OpenCV's standard model), frame rate, readout time.
+        """Read `profile`, a lens profile of Gyroflow (JSON): size, lens (fisheye or OpenCV's standard model), frame rate, readout time.
 
         `rate_hz`: frames a second, Hz, where the profile does not say. `notes` of the camera says what was left out, and what was assumed.
         The same reader as of ``shutterbug camera convert``. InputError: it is no lens profile, or holds something that cannot be used.
+        OSError: it cannot be read. `options` as of `Camera`.
         """
         name = os.fspath(profile)
         toml, notes = _core.import_camera(Path(profile).read_text("utf-8"), name, "gyroflow", None, rate_hz)
@@ -183,8 +186,11 @@ class Camera(Closing):
         cy: float | None = None,
         **options: Any,
     ) -> Camera:
-        """Give a camera with the same effects and another size and pinhole (units as of `Camera`; without `fovy` and `fx` the field of
-        view from left to right stays). Lengths in px, such as ``defocus.sigma_px``, stay as they are. `options` replace its own.
+        """Give a camera with the same effects and another size, `width` and `height` in px, and pinhole.
+
+        `fovy`: field of view from top to bottom, degrees; or `fx`, `fy`, px (`fy` None: as `fx`); with neither of them the field of view
+        from left to right stays. `cx`, `cy`: px, the middle unless given. Lengths in px, such as ``defocus.sigma_px``, stay as they are.
+        `options`, as of `Camera`, replace its own. ArgumentError, InputError: a value outside its range. TypeError: an unknown option.
         """
         scale = width / self.width
         if fx is None and fovy is None:
@@ -195,9 +201,8 @@ class Camera(Closing):
         return self._of_text(_toml.dumps(bare._description | kept), "camera", self._options | options, self.notes)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, Any] | None], **options: Any) -> Camera:
-        """Give a camera with the tables of `effects` in place of its own of the same names; None takes one away. `options` replace its own.
-
-        InputError as of `Camera`.
+        """Give a camera with the tables of `effects` in place of its own of the same names; None takes one away. `options`, as of `Camera`,
+        replace its own. InputError, TypeError as of `Camera`.
         """
         tables = dict(self._description)
         for name, values in effects.items():
@@ -208,7 +213,8 @@ class Camera(Closing):
         return self._of_text(_toml.dumps(tables), "camera", self._options | options)
 
     def become(self, other: Camera) -> None:
-        """Take the size, pinhole and effects of another camera and keep the device, where opening one would take a tenth of a second.
+        """Take the size, pinhole and effects of `other`, another camera, and keep the device, where opening one would take a tenth of a
+        second.
 
         StateError: frames are in flight, and size or pinhole change; then nothing has changed.
         """
@@ -262,7 +268,7 @@ class Camera(Closing):
 
     @property
     def seed(self) -> int:
-        """Seed of all noise."""
+        """Seed of all noise, a whole number from 0 on."""
         return int(self._options["seed"])
 
     @property
@@ -280,7 +286,7 @@ class Camera(Closing):
         return start, start + self.readout_time_s + self.exposure_time_s
 
     def middle(self, time: float = 0.0) -> float:
-        """Give the time half way through a frame, s: what is rendered then needs the least warping."""
+        """Give the time half way through a frame that starts at `time`, both in s: what is rendered then needs the least warping."""
         return 0.5 * sum(self.span(time))
 
     def __repr__(self) -> str:
@@ -290,8 +296,9 @@ class Camera(Closing):
     # ---- Frames ----------------------------------------------------------------------------------------------------------
 
     def __call__(self, rgb: Any, *, out: Array | None = None, **given: Unpack[Given]) -> Any:
-        """Give what the camera would have delivered. Arguments and errors as of `submit`, `out` and the result as of `Frame.result`:
-        8 bits of the kind that came in, or what `output` names: 16 bits, floats, raw numbers behind the Bayer filter.
+        """Give what the camera would have delivered. Arguments and errors as of `submit`; `out` and the result as of `Frame.result`:
+        (height, width, channels) of uint8 or of the kind that came in, or what `output` names: 16 bits, floats, raw numbers behind the
+        Bayer filter.
         """
         with self._held():
             free = self._free
@@ -310,7 +317,8 @@ class Camera(Closing):
         Errors: MissingMotionError (shutter or blur, and none of the three), TooSmallError (the margin, and how large it has to be),
         TimeRangeError (the poses do not reach far enough), ArgumentError (shapes, types, names), InputError (raw outputs without
         ``bayer_mosaic``), UnsupportedError (lens effects with motion; more than 8 bits with ``jpeg``), FullError (`frames_in_flight`
-        frames have not been waited for), NoDeviceError, and those of the device.
+        frames have not been waited for), NoDeviceError, and those of the device: OutOfMemoryError, DeviceLostError, VulkanError.
+        TypeError: an argument that `shutterbug.Given` does not know.
         """
         made = to_numpy(rgb, "rgb")
         outside, outputs = outside_of(self, made, given), outputs_of(given.get("output"))
@@ -338,7 +346,7 @@ class Camera(Closing):
         return self._open(None).margin(turn_rate_rad_s, speed_m_s, nearest_m, delay)
 
     def reset_exposure(self) -> None:
-        """Let automatic exposure begin anew with the next frame."""
+        """Let automatic exposure begin anew with the next frame. Opens the device; NoDeviceError: none."""
         self._open(None).reset_exposure()
 
     @property

@@ -55,10 +55,10 @@ def check_conventions(
 ) -> Agreement:
     """Say whether two frames of a scene at rest agree with their depth and poses, or would in another convention.
 
-    `first`, `second`: rgb (height, width, 3 or 4), depth (height, width; m along the optical axis), pose (4x4, or x y z and quaternion),
-    of the camera's size, without margin. `axes`, `direction`, `quaternion` as of `Given`. The camera should move and turn by a few degrees
-    about more than one axis between them. Takes milliseconds and no device. ArgumentError, FormatError: shapes and types. Wrong conventions
-    give plausible pictures: check once.
+    `camera`: its size and pinhole. `first`, `second`: rgb (height, width, 3 or 4) of uint8 or floats, depth (height, width) of float32, m
+    along the optical axis, pose (4x4, or x y z and quaternion), of the camera's size, without margin. `axes`, `direction`, `quaternion`
+    as of `Given`. The camera should move and turn by a few degrees about more than one axis between them. Takes milliseconds and no
+    device. ArgumentError, FormatError: shapes and types. Wrong conventions give plausible pictures: check once.
     """
     colors: list[Array] = []
     depths: list[Array] = []

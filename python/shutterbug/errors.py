@@ -159,7 +159,7 @@ class ProgramError(ShutterbugError, RuntimeError):
     status = "INPUT"
 
     def __init__(self, sentence: str, code: int = 1) -> None:
-        """Keep the sentence and the exit code."""
+        """Keep `sentence` and `code`, the exit code: 1 input or machine at fault, 2 usage."""
         super().__init__(sentence)
         self.code = code
 

@@ -31,8 +31,8 @@ __all__ = ["Task", "join", "main", "make", "read_list", "tasks_of"]
 
 @dataclass(frozen=True)
 class Task:
-    """One capture to be simulated. `name`: of its shard, unique in the data set. `seed`: of its noise. `camera`: a file, or None: its own.
-    `method`: as of `shutterbug.simulate`, or None.
+    """One capture to be simulated. `name`: of its shard, unique in the data set. `capture`: its folder. `seed`: of its noise, below
+    2**48. `camera`: a file, or None: its own. `method`: as of `shutterbug.simulate`, or None.
     """
 
     name: str
@@ -50,9 +50,10 @@ def seed_of(seed: int, name: str) -> int:
 def tasks_of(
     captures: Sequence[str | os.PathLike[str]], *, seed: int = 0, camera: str | os.PathLike[str] | None = None, method: str | None = None
 ) -> list[Task]:
-    """Give the work of a data set in the order of its names: those of the captures' folders.
+    """Give the work of a data set in the order of its names: those of the folders `captures`.
 
-    `seed`: of the data set. `camera`, `method`: of every capture, as of `Task`. ArgumentError: two have one name.
+    `seed`: of the data set, a whole number; each capture's is drawn from it and its name. `camera`, `method`: of every capture, as of
+    `Task`. ArgumentError: two have one name.
     """
     found: dict[str, Task] = {}
     for capture in map(Path, captures):
@@ -66,7 +67,7 @@ def tasks_of(
 
 def read_list(file: str | os.PathLike[str]) -> list[Path]:
     """Read `file`, a list of captures: a folder a line, beside the list unless absolute; empty lines and those that begin with # mean
-    nothing.
+    nothing. OSError: it cannot be read.
     """
     lines = [line.strip() for line in Path(file).read_text("utf-8").splitlines()]
     return [Path(file).parent / line for line in lines if line and not line.startswith("#")]
@@ -154,7 +155,7 @@ def _write(file: Path, text: str) -> None:
 
 
 def join(out: str | os.PathLike[str], names: Iterable[str]) -> list[dict[str, Any]]:
-    """Write `out`/manifest.jsonl from the rows of finished shards, in the order of their names, and give it. KeyError: one is missing.
+    """Write `out`/manifest.jsonl from the rows of finished shards, in the order of `names`, sorted, and give it. KeyError: one is missing.
 
     What workers that were killed have left behind is removed: by then every shard is there.
     """
@@ -182,7 +183,7 @@ def _share(text: str) -> tuple[int, int]:
 
 def main(words: list[str] | None = None) -> int:
     """Run ``shutterbug simulate LIST`` with `words` (None: the process' own); exit codes as of all commands: 0 done, 1 input or machine at
-    fault, 2 usage.
+    fault (with a sentence on stderr). SystemExit with the code 2: usage.
     """
     parser = argparse.ArgumentParser("shutterbug simulate", description="Simulates the captures of a list, or a share of them.")
     parser.add_argument("list", help="a file with a capture's folder a line")

@@ -64,7 +64,7 @@ def simulate(
 
 
 class Diagnosis:
-    """What `diagnose` found. In a notebook it shows itself."""
+    """What `diagnose` found. In a notebook it shows itself. `folder`: where it lies. `report`: report.json as a dictionary."""
 
     def __init__(self, folder: PathLike, capture: PathLike | None = None, keep: Any = None) -> None:
         """Read `folder`, which `diagnose` wrote. `capture`: what was diagnosed, for `simulate`. `keep`: held as long as this.
@@ -102,7 +102,7 @@ class Diagnosis:
 
     @property
     def camera(self) -> Camera:
-        """The camera that was given with the effects found."""
+        """The camera that was given with the effects found. OSError: the folder is there no more."""
         return Camera.from_toml(self.folder / "camera.toml")
 
     @property
@@ -111,8 +111,8 @@ class Diagnosis:
         return self.folder / "report.html"
 
     def simulate(self, out: PathLike, capture: PathLike | None = None, **options: Any) -> list[Path]:
-        """Render a capture (the one that was diagnosed, unless another is given) with the camera found into `out`; as
-        `shutterbug.simulate`.
+        """Render `capture` (None: the one that was diagnosed) with the camera found into `out`; `options` and errors as of
+        `shutterbug.simulate`. ArgumentError: there is no capture, because two folders of frames were diagnosed.
         """
         capture = capture or self._capture
         if capture is None:

@@ -48,7 +48,8 @@ class Frame(Closing):
 
         uint8 is sRGB, unless the colour was given as ``encoding="linear"``. Floats are 0 to 1 in steps of 8 bits (``output="float32"``
         is not rounded), linear unless the colour was given as ``encoding="srgb"``. With `out`, a C-contiguous uint8 array of that
-        shape, the picture is written there, and `out` returned. Errors as of `wait`; ArgumentError and ValueError where `out` does not fit.
+        shape, the picture is written there, and `out` returned. `timeout_s` as of `wait`. Errors as of `wait`; ArgumentError and ValueError
+        where `out` does not fit.
         """
         if self._outputs:
             return self.read(self._outputs[0], out, timeout_s)
@@ -63,7 +64,8 @@ class Frame(Closing):
 
         Names, shapes and types as of `Given`'s ``output``. What is delivered is the same, rounded otherwise. With `out`, a C-contiguous
         array of that shape and type (of ``"float32"`` one of four channels, linear), it is written there, and `out` returned.
-        StateError: it was not submitted for that output; ArgumentError: no such output, or `out` does not fit; errors as of `wait`.
+        StateError: it was not submitted for that output; ArgumentError: no such output, or `out` does not fit. `timeout_s` and errors as of
+        `wait`.
         """
         layout = layout_of(output, self._size)
         plane = self._filled(layout, out, timeout_s)
@@ -76,12 +78,14 @@ class Frame(Closing):
         return self._like(plane)
 
     def picture(self, timeout_s: float | None = None) -> Array:
-        """Give the delivered picture as it left the camera, uint8 and sRGB, in numpy, whatever came in. Errors as of `wait`."""
+        """Give the delivered picture as it left the camera, (height, width, channels) of uint8, sRGB, in numpy, whatever came in.
+        `timeout_s` and errors as of `wait`.
+        """
         return self._filled(layout_of("uint8", self._size), None, timeout_s)
 
     def radiance(self, timeout_s: float | None = None) -> Any:
         """Give what reached the sensor: linear, 1 = white, float32 (height, width, 3), with lens, shutter and blur, before noise and
-        encoding. Only of frames submitted with ``radiance=True`` (else StateError). Errors as of `wait`.
+        encoding. Only of frames submitted with ``radiance=True`` (else StateError). `timeout_s` and errors as of `wait`.
         """
         plane = self._filled(Layout(RADIANCE, RGBA32F, (*self._size[:2], 4), np.float32), None, timeout_s)
         return self._like(np.ascontiguousarray(plane[..., :3]))

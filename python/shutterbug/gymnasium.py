@@ -19,6 +19,7 @@ import numpy as np
 from gymnasium import spaces
 
 from ._arrays import Array
+from ._outputs import checked, highest_of, layout_of
 from .camera import Camera
 from .errors import ArgumentError
 from .frame import Frame
@@ -39,12 +40,12 @@ def _first_frame(seed: int | None, place: int = 0) -> int:
 class _Eye:
     """A renderer of one environment that hears of each of its physics steps."""
 
-    def __init__(self, env: Any, camera: Camera, view: Any, size: tuple[int, int], pictures: int) -> None:
+    def __init__(self, env: Any, camera: Camera, view: Any, size: tuple[int, int], pictures: int, output: str) -> None:
         base = env.unwrapped
         if not isinstance(getattr(base, "model", None), mujoco.MjModel) or not hasattr(base, "data"):
             raise ArgumentError(f"{base} has no `model` and `data` of MuJoCo: use Camera itself with what your environment renders")
         self.base, self.view = base, view
-        self.renderer = Renderer(base.model, *size, camera=camera, pictures=pictures)
+        self.renderer = Renderer(base.model, *size, camera=camera, pictures=pictures, output=output)
         self._before: Callable[[Any, int], None] | None = getattr(base, "_step_mujoco_simulation", None)
         if self._before is not None:
             base._step_mujoco_simulation = self._step
@@ -73,6 +74,21 @@ class _Eye:
         self.renderer.close()
 
 
+def _one(output: Any, size: tuple[int, int]) -> str:
+    """The name of the output that goes into observations. ArgumentError: several, no such one, or a width that it cannot pack."""
+    names = checked(output, size[1], size[0])
+    if len(names) > 1:
+        raise ArgumentError(f"output is {', '.join(names)}: an observation holds one of them")
+    return next(iter(names), "uint8")
+
+
+def _box(output: str, size: tuple[int, int]) -> spaces.Box:
+    layout = layout_of(output, (*size, 3))
+    # Of floats four channels are read, and the picture has three.
+    shape = (*size, 3) if output == "float32" else layout.shape
+    return spaces.Box(0, highest_of(output), shape, layout.dtype)  # type: ignore[arg-type]
+
+
 def _with_pixels(space: spaces.Space[Any], key: str, pixels: spaces.Box) -> spaces.Dict:
     if isinstance(space, spaces.Dict):
         return spaces.Dict({**space.spaces, key: pixels})
@@ -86,8 +102,9 @@ def _joined(observation: Any, key: str, picture: Array) -> dict[str, Any]:
 class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Adds what the camera delivers to the observations of an environment of MuJoCo.
 
-    An observation that is no dictionary becomes ``{"state": it, key: picture}``. The picture, (height, width, 3) of uint8, is
-    the frame whose last line closes when the observation is made. Same seed at `reset` and same actions, same bits.
+    An observation that is no dictionary becomes ``{"state": it, key: picture}``. The picture, (height, width, 3) of uint8 or what
+    `output` names, is the frame whose last line closes when the observation is made. Same seed at `reset` and same actions, same bits.
+    `observation_space` is the environment's with the picture: its shape, type and bounds.
     """
 
     def __init__(
@@ -100,19 +117,20 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
         height: int | None = None,
         width: int | None = None,
         pictures: int = 1,
+        output: Any = None,
     ) -> None:
-        """Wrap an environment.
+        """Wrap `env`, an environment of MuJoCo.
 
         `cam`: its effects and times are used, its size where none is given. `key`: of the picture in the observation. `view`: MuJoCo's
-        camera (name, number, MjvCamera). `height`, `width`: px. `pictures` as of `shutterbug.mujoco.Renderer`. ArgumentError: it is no
-        environment of MuJoCo.
+        camera (name, number, MjvCamera). `height`, `width`: px. `pictures` as of `shutterbug.mujoco.Renderer`. `output`: one of
+        `shutterbug.Given`'s, such as ``"uint16"``, ``"float32"`` (linear, 0 to 1) or ``"raw12"``; None: uint8, sRGB. ArgumentError: it
+        is no environment of MuJoCo, no such output, or several.
         """
         super().__init__(env)
         size = (height or cam.height, width or cam.width)
-        self._key = key
-        self._eye = _Eye(env, cam, view, size, pictures)
-        pixels = spaces.Box(0, 255, (*size, 3), np.uint8)
-        self.observation_space = _with_pixels(env.observation_space, key, pixels)
+        self._key, name = key, _one(output, size)
+        self._eye = _Eye(env, cam, view, size, pictures, name)
+        self.observation_space = _with_pixels(env.observation_space, key, _box(name, size))
 
     @property
     def renderer(self) -> Renderer:
@@ -120,13 +138,17 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self._eye.renderer
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        """As of the environment, with the picture. The noise is drawn for `seed` too: same seed, same bits."""
+        """As of the environment, which gets `options`, with the picture. The noise is drawn for `seed`, a whole number, too: same seed,
+        same bits. Errors as of `shutterbug.mujoco.Renderer.render`, and the environment's own.
+        """
         observation, info = self.env.reset(seed=seed, options=options)
         self._eye.begin(seed)
         return self._seen(observation), info
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:
-        """Take `action` as of the environment, and give what that gives, with the picture."""
+        """Take `action` as of the environment, and give what that gives, with the picture. Errors as of
+        `shutterbug.mujoco.Renderer.render`.
+        """
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), reward, terminated, truncated, info
 
@@ -143,7 +165,8 @@ class CameraWrapper(gymnasium.Wrapper[Any, Any, Any, Any]):
 class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
     """The same for `gymnasium.vector.SyncVectorEnv`: one device for all, with several frames in flight.
 
-    The device works on one environment's frame while the next one is drawn.
+    The device works on one environment's frame while the next one is drawn. `single_observation_space` and `observation_space` are the
+    environments' with the pictures.
     """
 
     def __init__(
@@ -156,6 +179,7 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         height: int | None = None,
         width: int | None = None,
         pictures: int = 1,
+        output: Any = None,
     ) -> None:
         """Wrap environments; arguments as of `CameraWrapper`. ArgumentError: not of MuJoCo, not synchronous, or a camera with
         auto_exposure, which counts an engine's frames.
@@ -166,21 +190,22 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         if "auto_exposure" in cam.effects:
             raise ArgumentError("auto_exposure counts a device's frames: wrap each environment in a CameraWrapper")
         size = (height or cam.height, width or cam.width)
-        self._key, self._flight = key, 4
+        self._key, self._flight, name = key, 4, _one(output, size)
         # The pinhole is that of the environments: found once, then all share one camera and its device.
-        first = _Eye(env.envs[0], cam, view, size, pictures)
+        first = _Eye(env.envs[0], cam, view, size, pictures, name)
         first.renderer.update_scene(first.base.data, view)
         k = first.renderer.camera.matrix
         pinhole = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2]}
         self._camera = cam.with_pinhole(size[1], size[0], frames_in_flight=self._flight, **pinhole)
         first.close()
-        self._eyes = [_Eye(e, self._camera, view, size, pictures) for e in env.envs]
-        pixels = spaces.Box(0, 255, (*size, 3), np.uint8)
-        self.single_observation_space = _with_pixels(env.single_observation_space, key, pixels)
+        self._eyes = [_Eye(e, self._camera, view, size, pictures, name) for e in env.envs]
+        self.single_observation_space = _with_pixels(env.single_observation_space, key, _box(name, size))
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, env.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-        """As of the environments, with the pictures, (number, height, width, 3) of uint8. `seed`: one for all, or a list of one each."""
+        """As of the environments, with the pictures, (number, height, width, 3) of uint8 or what `output` names. `seed`: one for all, or a
+        list of one each. `options`: of the environments. Errors as of `shutterbug.mujoco.Renderer.render`.
+        """
         observations, infos = self.env.reset(seed=seed, options=options)
         seeds = seed if isinstance(seed, list | tuple) else [seed] * len(self._eyes)
         for place, (eye, own) in enumerate(zip(self._eyes, seeds, strict=True)):
@@ -188,7 +213,9 @@ class CameraVectorWrapper(gymnasium.vector.VectorWrapper):
         return self._seen(observations), infos
 
     def step(self, actions: Any) -> tuple[dict[str, Any], Any, Any, Any, dict[str, Any]]:
-        """Take `actions` as of the environments, and give what that gives, with the pictures, (number, height, width, 3) of uint8."""
+        """Take `actions` as of the environments, and give what that gives, with the pictures as of `reset`. Errors as of
+        `shutterbug.mujoco.Renderer.render`.
+        """
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         return self._seen(observations), rewards, terminations, truncations, infos
 

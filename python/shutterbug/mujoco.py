@@ -21,6 +21,7 @@ from ._arrays import Array
 from ._closing import Closing
 from ._margins import needed
 from ._mujoco_states import History, SeenCamera, widen
+from ._outputs import checked, read_of
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
 from .frame import Frame
@@ -42,7 +43,8 @@ class Renderer(Closing):
     The picture of `render` is the frame whose last line has just closed: it ends at the time of `update_scene`, and begins
     a readout and an exposure before (`frame_time_s`). So it needs the states of the steps before: advance with `step`, or call `record`
     after each `mujoco.mj_step`. Where neither is done, motion is a straight line between calls of `update_scene`. Before the first
-    state, and after a reset, the world is taken to have rested.
+    state, and after a reset, the world is taken to have rested. `next_frame`: number of the next frame, for which noise is drawn, 0 to
+    2**32 - 1; may be set.
     """
 
     def __init__(
@@ -55,19 +57,23 @@ class Renderer(Closing):
         camera: Camera,
         pictures: int = 1,
         on_scene: Callable[[Any], None] | None = None,
+        output: Any = None,
     ) -> None:
         """Make a renderer.
 
         `model`: MjModel. `height`, `width`: px. `max_geom` as in MuJoCo. `camera`: its effects and times are used; size and pinhole
         become those of the picture and of MuJoCo's camera. `pictures`: renders a frame at different instants, 1 to 8: more of them
         show what one cannot see. `on_scene`: called with each MjvScene after it was updated and before it is drawn, for geoms of your
-        own.
+        own. `output`: what `render` gives in place of 8 bits, as of `shutterbug.Given`: ``"uint16"``, ``"float32"`` (linear),
+        ``"raw12"`` and so on; of several the first, the others by `submit` and `Frame.read`.
 
-        ArgumentError: a number outside its range. NoDeviceError and MuJoCo's own errors where nothing can be drawn.
+        ArgumentError: a number outside its range, no such output, or a width that it cannot pack. NoDeviceError and MuJoCo's own errors
+        where nothing can be drawn.
         """
         if not 1 <= pictures <= 8:
             raise ArgumentError(f"pictures is {pictures}: 1 to 8 are expected")
         self._model, self._size, self._max_geom = model, (int(height), int(width)), max_geom
+        self._outputs = checked(output, *self._size[::-1])
         self._wanted, self._pictures, self._on_scene = camera, pictures, on_scene
         self._camera: Camera | None = None
         self._pinhole: tuple[float, ...] | None = None
@@ -136,19 +142,15 @@ class Renderer(Closing):
         self._option = scene_option
 
     def render(self, *, out: Array | None = None) -> Array:
-        """Give the picture, (height, width, 3) of uint8; into `out` where that is given. Depth or segmentation where they are enabled.
+        """Give the picture, (height, width, 3) of uint8, sRGB, or what `output` names; into `out`, where that is given, an array of the
+        same shape, of that type or one that takes its numbers (float64). Depth or segmentation where they are enabled.
 
         RuntimeError: after `close`, or before `update_scene`. Else errors of `Camera.submit`.
         """
         if self._mode != "color" and self._inner is not None and self._view is not None:
             return self._plain(out)
-        fits = out if out is not None and out.dtype == np.uint8 and out.flags.c_contiguous else None
         with self.submit() as frame:
-            picture: Array = frame.result(fits)
-        if out is None or picture is out:
-            return picture
-        np.copyto(out, picture, casting="unsafe")
-        return out
+            return read_of(frame, self._outputs, out)
 
     def submit(self) -> Frame:
         """Draw, hand the frame to the device and return: its `result` is what `render` gives. Errors as of `render`, and FullError."""
@@ -190,7 +192,7 @@ class Renderer(Closing):
         self._history.add(data)
 
     def forget(self) -> None:
-        """Forget all states: the world has rested until the next one. Automatic exposure begins anew."""
+        """Forget all states: the world has rested until the next one. Automatic exposure begins anew. NoDeviceError: its device is gone."""
         self._history.clear()
         if self._camera is not None and "auto_exposure" in self._camera.effects:
             self._camera.reset_exposure()
@@ -323,6 +325,7 @@ class Renderer(Closing):
             color_time=when,
             frame=self.next_frame,
             nearest_m=nearest_m,
+            output=self._outputs,
         )
 
     def _motion(self, states: list[float], seen: set[int]) -> tuple[Any, dict[int, Any]]:

@@ -17,6 +17,7 @@ import numpy as np
 from ._arrays import Array
 from ._closing import Closing
 from ._margins import needed
+from ._outputs import checked, read_of
 from .camera import Camera
 from .errors import ArgumentError, TooSmallError
 from .frame import Frame
@@ -36,7 +37,8 @@ class SensorCamera(Closing):
     """A camera of Newton that delivers what a real one would have.
 
     The picture of `render` is the frame whose last line has just closed: it ends at the time of the last `record`, and begins a readout
-    and an exposure before. Before the first state the world is taken to have rested. One world is seen, the model's first.
+    and an exposure before. Before the first state the world is taken to have rested. One world is seen, the model's first. `next_frame`:
+    number of the next frame, for which noise is drawn, 0 to 2**32 - 1; may be set.
     """
 
     def __init__(
@@ -50,17 +52,21 @@ class SensorCamera(Closing):
         samples: int = 1,
         render_config: Any = None,
         sensor: Any = None,
+        output: Any = None,
     ) -> None:
         """Make a camera.
 
         `model`: newton.Model. `camera`: size, pinhole, effects. `body`: number of the body that it sits on, -1 the world. `place`: body
         from camera, 4x4, with x right, y up, z backward as in Newton (None: where the body is); or a function of the time in s that gives
         world from camera. `pictures`: renders a frame, 1 to 8. `samples`: rays a pixel, a square number. `render_config`, `sensor`:
-        Newton's own, where other than its defaults are wanted. ArgumentError: a number outside its range.
+        Newton's own, where other than its defaults are wanted. `output`: what `render` gives in place of 8 bits, as of `shutterbug.Given`:
+        ``"uint16"``, ``"float32"`` (linear), ``"raw12"`` and so on; of several the first, the others by `submit` and `Frame.read`.
+        ArgumentError: a number outside its range, no such output, or a width that it cannot pack.
         """
         if not 1 <= pictures <= 8 or not -1 <= body < model.body_count or round(samples**0.5) ** 2 != samples:
             raise ArgumentError(f"pictures {pictures} is 1 to 8, body {body} -1 to {model.body_count - 1}, samples {samples} a square")
         self._model, self._camera, self._pictures, self._side = model, camera, pictures, round(samples**0.5)
+        self._outputs = checked(output, camera.width, camera.height)
         self._body, self._place = body, place if callable(place) else np.eye(4) if place is None else np.asarray(place, float)
         self._sensor = sensor or _sensors.SensorCamera(model)
         # Newton's own default is the sensor's.
@@ -107,12 +113,14 @@ class SensorCamera(Closing):
     # ---- Frames ----------------------------------------------------------------------------------------------------------
 
     def render(self) -> Array:
-        """Give the picture, (height, width, 3) of uint8, sRGB. RuntimeError: before `record`. Else errors of `Camera.submit`."""
+        """Give the picture, (height, width, 3) of uint8, sRGB, or what `output` names. RuntimeError: before `record`. Else errors of
+        `Camera.submit`.
+        """
         with self.submit() as frame:
-            return frame.picture()
+            return read_of(frame, self._outputs)
 
     def submit(self) -> Frame:
-        """Draw, hand the frame to the device and return; `Frame.picture` is what `render` gives. Errors as of `render`, and FullError."""
+        """Draw, hand the frame to the device and return; `Frame.picture` and `Frame.read` give it. Errors as of `render`, and FullError."""
         if not self._times:
             raise RuntimeError("nothing was seen yet: call record first")
         time_s = self.frame_time_s
@@ -163,6 +171,7 @@ class SensorCamera(Closing):
             color_time=when,
             frame=self.next_frame,
             nearest_m=nearest_m,
+            output=self._outputs,
         )
 
     def _over(self, begin: float, end: float) -> list[float]:

@@ -103,6 +103,7 @@ def diagnose(
     """Diagnose captures, each into a folder of `out` by its name, and give those folders: `shutterbug.Diagnosis(folder)` reads one.
 
     `options` as of `shutterbug.diagnose`; all else as of `simulate`. Reports that are there already are kept.
+    Errors as of `simulate`.
     """
     tasks = tasks_of([Path(c).resolve() for c in captures])
     to = Path(out).resolve()

@@ -48,7 +48,7 @@ class Ranges:
 
     @classmethod
     def around(cls, camera: _Camera, spread: float = 0.2) -> Ranges:
-        """Give ranges of every number of a camera's effects, from ``1 - spread`` to ``1 + spread`` times its value.
+        """Give ranges of every number of the effects of `camera`, from ``1 - spread`` to ``1 + spread`` times its value; `spread`: 0 to 1.
 
         For a preset: cameras of its kind differ so. Values of 0 and whole numbers stay.
         """
@@ -62,13 +62,15 @@ class Ranges:
 
     @classmethod
     def of_diagnosis(cls, diagnosis: Diagnosis) -> Ranges:
-        """Give the intervals of 95 % that a diagnosis found: train on the camera that you measured."""
+        """Give the intervals of 95 % that `diagnosis` found: train on the camera that you measured. OSError: its folder is there no
+        more.
+        """
         rows = [r for r in diagnosis.effects if r["low"] is not None and r["high"] is not None]
         names = diagnosis.camera.effects
         return cls({f"{r['effect']}.{r['parameter']}": (r["low"], r["high"]) for r in rows if r["effect"] in names})
 
     def draw(self, generator: np.random.Generator) -> dict[str, dict[str, Any]]:
-        """Give tables of effects with values drawn by `generator`."""
+        """Give tables of effects with values drawn by `generator`, one of numpy's."""
         tables: dict[str, dict[str, Any]] = {}
         for name, choice in self.values.items():
             effect, parameter = name.split(".")
@@ -98,7 +100,7 @@ class Camera:
     ) -> None:
         """Make a transform. `camera`: its size becomes the image's. `p`: chance, 0 to 1. `ranges`: drawn for each sample. `seed`: samples
         are drawn by seed and count, or by the sample's own ``"index"`` where it has one: then the same bits in any order and in any
-        number of workers.
+        number of workers. `key`: the image's in a dictionary. ArgumentError: `p` is no chance.
         """
         if not 0 <= p <= 1:
             raise ArgumentError(f"p is {p}: 0 to 1 is expected")

@@ -31,7 +31,8 @@ impl Engine {
     /// Opens a device: `device` is an index, UUID or part of a name; `driver` is the file of a Vulkan driver that is
     /// asked without a loader; `limits` are frames in flight, the number of the method, and blur samples at most.
     #[new]
-    #[pyo3(signature = (device=None, driver=None, seed=0, limits=(2, 0, 0), time_limit_s=0.0))]
+    #[pyo3(signature = (device=None, driver=None, seed=0, limits=(2, 0, 0), time_limit_s=0.0),
+        text_signature = "(device=None, driver=None, seed=0, limits=(2, 0, 0), time_limit_s=0.0)")]
     fn new(
         py: Python<'_>,
         device: Option<&str>,

@@ -44,7 +44,7 @@ impl Frame {
 impl Frame {
     /// Waits at most `limit_s` seconds (below 0: ten minutes) and takes the frame from the device. Ctrl-C ends the
     /// wait; the frame can be waited for again.
-    #[pyo3(signature = (limit_s=-1.0))]
+    #[pyo3(signature = (limit_s=-1.0), text_signature = "($self, limit_s=-1.0)")]
     fn wait(&self, py: Python<'_>, limit_s: f64) -> PyResult<()> {
         let limit_s = if limit_s < 0.0 { NO_LIMIT_S } else { limit_s.min(NO_LIMIT_S) };
         let end = Instant::now() + Duration::from_secs_f64(if limit_s.is_nan() { 0.0 } else { limit_s });

@@ -1,5 +1,7 @@
 """What all tests share. A Vulkan device is required where SHUTTERBUG_REQUIRE_DEVICE is set, as in the project's own tests."""
 
+import contextlib
+import importlib
 import os
 
 import numpy as np
@@ -9,6 +11,11 @@ import shutterbug
 
 # Without a window: llvmpipe draws MuJoCo where there is no GPU.
 os.environ.setdefault("MUJOCO_GL", "egl")
+
+# PyTorch's compiler and Mesa's OpenGL each bring an LLVM. Loaded after MuJoCo has drawn with Mesa, triton ends the process with a
+# segmentation fault, also without any of our code; loaded before, both work.
+with contextlib.suppress(ImportError):
+    importlib.import_module("triton")
 
 
 def pytest_configure(config):
@@ -23,6 +30,20 @@ def device():
             pytest.fail("no Vulkan device, and SHUTTERBUG_REQUIRE_DEVICE is set")
         pytest.skip("no Vulkan device")
     return found[0]
+
+
+@pytest.fixture
+def handed(monkeypatch):
+    """What was handed to cameras since: (camera, picture, all else that is known of it), of each frame that was accepted."""
+    frames, own = [], shutterbug.Camera.submit
+
+    def submit(camera, rgb, **given):
+        made = own(camera, rgb, **given)
+        frames.append((camera, np.array(rgb, copy=True), given))
+        return made
+
+    monkeypatch.setattr(shutterbug.Camera, "submit", submit)
+    return frames
 
 
 @pytest.fixture

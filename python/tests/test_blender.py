@@ -112,6 +112,21 @@ def test_rolling_shutter_is_that_of_rows_rendered_one_by_one(name):
     assert one >= goal and own < one - 6
 
 
+@pytest.mark.parametrize(("output", "dtype"), [("uint16", np.uint16), ("float32", np.float32), ("raw12", np.uint16)])
+def test_an_output_has_the_bits_of_the_camera_called_directly(handed, output, dtype):
+    scene = scene_of(*MOTIONS["pan"][:2])
+    scene.cycles.samples = 4
+    effects = {"bayer_mosaic": {"pattern": "RGGB"}, "quantization": {"bits": 12}, "read_noise": {"sigma": 0.01}}
+    cam = Camera(8, 8, fovy=50, readout_time_s=READOUT, seed=5, effects=effects)
+    with sb.Renderer(scene, cam, output=output) as eye:
+        seen = eye.render(START)
+    used, rgb, given = handed[-1]
+    alone = used.with_effects({})
+    assert seen.dtype == dtype and seen.shape[:2] == (HEIGHT, WIDTH)
+    assert seen.tobytes() == alone(rgb, **{**given, "output": output}).tobytes()
+    assert seen.tobytes() != alone(rgb, **{**given, "output": output, "frame": 7}).tobytes(), "control: other noise"
+
+
 def test_wrong_use_is_refused(tmp_path):
     scene = scene_of(eye_at_rest, cube_at_rest)
     for options in ({"pictures": 9}, {"poses": 1}):

@@ -72,6 +72,44 @@ def test_shares_make_the_same_bytes(captures, expected, tmp_path):
     assert other["sha256"] != expected[0]["sha256"]
 
 
+EXAMPLES = Path(os.environ.get("SHUTTERBUG_SOURCES", Path(__file__).parents[2])) / "examples"
+
+
+def found_program():
+    """The environment of a task on a machine where the package is installed."""
+    return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+def test_the_example_for_slurm_makes_the_same_bytes(captures, expected, tmp_path):
+    words = ["bash", EXAMPLES / "slurm/simulate.sh", captures / "list.txt", tmp_path, "--seed", "7"]
+    for task in ("1", "0"):
+        own = {"SLURM_ARRAY_TASK_ID": task, "SLURM_ARRAY_TASK_COUNT": "2", "SLURM_CPUS_PER_TASK": "1"}
+        run = subprocess.run(words, env={**found_program(), **own}, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        # The control: half of the list is no data set yet.
+        assert (tmp_path / "manifest.jsonl").exists() == (task == "0")
+    assert manifest(tmp_path) == expected
+    without = subprocess.run(words, env=found_program(), capture_output=True, text=True)
+    assert without.returncode != 0 and "sbatch" in without.stderr
+
+
+def test_the_example_for_kubernetes_makes_the_same_bytes(captures, expected, tmp_path):
+    yaml = pytest.importorskip("ruamel.yaml", reason="ruamel.yaml is not installed")
+    job = yaml.YAML(typ="safe").load((EXAMPLES / "kubernetes/job.yaml").read_text("utf-8"))["spec"]
+    (container,) = job["template"]["spec"]["containers"]
+    told = {e["name"]: e["value"] for e in container["env"]}
+    assert job["completionMode"] == "Indexed" and job["completions"] == int(told["SHARES"])
+    assert container["resources"]["requests"]["cpu"] == int(told["LP_NUM_THREADS"])
+    ours = told | {"LIST": str(captures / "list.txt"), "OUT": str(tmp_path), "SHARES": "2", "LP_NUM_THREADS": "1"}
+    # The example has seed 1, and `expected` seed 7.
+    command = [word.replace("--seed 1", "--seed 7") for word in container["command"]]
+    assert command != container["command"]
+    for index in ("1", "0"):
+        run = subprocess.run(command, env={**found_program(), **ours, "JOB_COMPLETION_INDEX": index}, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+    assert manifest(tmp_path) == expected
+
+
 def test_a_killed_run_is_resumed(captures, expected, tmp_path):
     words = [sys.executable, "-m", "shutterbug", "simulate", captures / "list.txt", "--out", tmp_path, "--seed", "7"]
     run = subprocess.Popen([*words], stderr=subprocess.PIPE, text=True, start_new_session=True)

@@ -77,6 +77,37 @@ def test_vectors_share_a_device_and_see_what_each_alone_sees():
     env.close()
 
 
+RAW = Camera(96, 72, fovy=45, readout_time_s=0.02, effects={"bayer_mosaic": {"pattern": "RGGB"}, "quantization": {"bits": 12}})
+
+
+@pytest.mark.parametrize("output", ["uint8", "uint16", "float32", "raw12", "mipi12"])
+def test_an_output_is_in_the_observation_and_its_space(handed, output):
+    env = sg.CameraWrapper(gymnasium.make("Ant-v5"), RAW, **SIZE, output=output)
+    observation, _ = env.reset(seed=1)
+    observation, *_ = env.step(env.action_space.sample())
+    pixels, box = observation["pixels"], env.observation_space["pixels"]
+    assert env.observation_space.contains(observation) and (pixels.dtype, pixels.shape) == (box.dtype, box.shape)
+    highest = {"uint16": 65535, "float32": 1, "raw12": 4095}.get(output, 255)
+    assert (box.low == 0).all() and (box.high == highest).all()
+    used, rgb, given = handed[-1]
+    alone = used.with_effects({})
+    assert pixels.tobytes() == alone(rgb, **{**given, "output": output}).tobytes()
+    # The control: a picture with white in it reaches the bound of the space, so that a lower one would refuse it.
+    white = alone(np.full_like(rgb, 255), **{**given, "output": output})
+    assert white.max() == highest and box.contains(white) and not box.contains(pixels.astype(np.float64))
+    env.close()
+
+
+def test_outputs_of_vectors():
+    env = sg.CameraVectorWrapper(gymnasium.vector.SyncVectorEnv([lambda: gymnasium.make("Ant-v5")] * 3), RAW, **SIZE, output="raw12")
+    observation, _ = env.reset(seed=[1, 2, 3])
+    assert observation["pixels"].shape == (3, 72, 96) and observation["pixels"].dtype == np.uint16
+    assert env.observation_space.contains(observation) and observation["pixels"].max() > 255
+    env.close()
+
+
 def test_others_are_refused():
+    with pytest.raises(errors.ArgumentError, match="one of them"):
+        sg.CameraWrapper(gymnasium.make("Ant-v5"), RAW, output=("uint8", "raw12"))
     with pytest.raises(errors.ArgumentError, match="MuJoCo"):
         sg.CameraWrapper(gymnasium.make("CartPole-v1"), CAM)

@@ -99,6 +99,54 @@ def own_picture(own, data):
     return own.render()
 
 
+RAW = {"bayer_mosaic": {"pattern": "RGGB"}, "quantization": {"bits": 12}, "read_noise": {"sigma": 0.01}}
+LAYOUTS = {
+    "uint8": ((96, 128, 3), np.uint8),
+    "uint16": ((96, 128, 3), np.uint16),
+    "float32": ((96, 128, 3), np.float32),
+    "raw12": ((96, 128), np.uint16),
+    "mipi12": ((96, 192), np.uint8),
+}
+
+
+@pytest.mark.parametrize("output", LAYOUTS)
+def test_an_output_has_the_bits_of_the_camera_called_directly(model, handed, output):
+    data, cam = mujoco.MjData(model), Camera(128, 96, fovy=50, readout_time_s=0.02, seed=5, effects=RAW)
+    truth.place(model, data, truth.pan, 0.1)
+    shape, dtype = LAYOUTS[output]
+    with sm.Renderer(model, 96, 128, camera=cam, output=output) as renderer:
+        renderer.update_scene(data, "eye")
+        seen = renderer.render()
+        ((used, rgb, given),) = handed
+        alone = Camera._of_text(used.toml, "camera", {"seed": 5})
+        assert (seen.shape, seen.dtype) == (shape, dtype)
+        assert seen.tobytes() == alone(rgb, **{**given, "output": output}).tobytes()
+        # Controls: the next frame has other noise, and the camera another seed.
+        assert seen.tobytes() != renderer.render().tobytes()
+        assert seen.tobytes() != alone(rgb, **{**given, "output": output, "seed": 6}).tobytes()
+
+
+def test_outputs_are_written_where_one_wants_them(model):
+    data, cam = mujoco.MjData(model), Camera(128, 96, fovy=50, effects=RAW, seed=5)
+    truth.place(model, data, truth.pan, 0.1)
+    with sm.Renderer(model, 96, 128, camera=cam, output=(np.uint16, "raw12")) as renderer:
+        renderer.update_scene(data, "eye")
+        with renderer.submit() as frame:
+            wide, raw = frame.result(), frame.read("raw12")
+        assert wide.shape == (96, 128, 3) and raw.shape == (96, 128) and raw.max() <= 4095
+        for kind in (np.uint16, np.float64):
+            renderer.next_frame, out = 0, np.zeros((96, 128, 3), kind)
+            assert renderer.render(out=out) is out and np.array_equal(out, wide)
+    with pytest.raises(errors.ArgumentError, match="raw11"):
+        sm.Renderer(model, 96, 128, camera=cam, output="raw11")
+    with pytest.raises(errors.ArgumentError, match="126"):
+        sm.Renderer(model, 96, 126, camera=cam, output="mipi10")
+    with sm.Renderer(model, 96, 128, camera=camera(), output="raw10") as renderer:
+        renderer.update_scene(data, "eye")
+        with pytest.raises(errors.InputError, match="bayer_mosaic"):
+            renderer.render()
+
+
 FALLING = """<mujoco><option timestep="0.001"/><visual><quality shadowsize="0"/></visual><worldbody><light pos="0 0 4"/>
 <geom type="plane" size="5 5 .1"/><camera name="eye" pos="0 -3 1" xyaxes="1 0 0 0 .2 1"/>
 <body pos="0 0 1.2"><freejoint/><geom type="box" size=".3 .3 .3" rgba="1 .5 .2 1"/></body></worldbody></mujoco>"""

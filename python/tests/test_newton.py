@@ -140,11 +140,27 @@ def test_a_camera_on_a_body_is_where_the_body_is(world):
         assert np.array_equal(free.render(), mounted)
 
 
+@pytest.mark.parametrize(("output", "dtype"), [("uint8", np.uint8), ("uint16", np.uint16), ("float32", np.float32), ("raw12", np.uint16)])
+def test_an_output_has_the_bits_of_the_camera_called_directly(world, handed, output, dtype):
+    effects = {"bayer_mosaic": {"pattern": "RGGB"}, "quantization": {"bits": 12}, "read_noise": {"sigma": 0.01}}
+    cam = Camera(64, 48, fovy=50, readout_time_s=READOUT, seed=5, effects=effects)
+    seen = delivered(world, lambda t: turned(3 * (t - 0.1)), rest, cam, output=output)
+    _, rgb, given = handed[-1]
+    assert seen.dtype == dtype and seen.shape == ((48, 64) if output == "raw12" else (48, 64, 3))
+    alone = cam.with_effects({})
+    assert seen.tobytes() == alone(rgb, **{**given, "output": output}).tobytes()
+    # The controls: other noise, and another instant.
+    assert seen.tobytes() != alone(rgb, **{**given, "output": output, "frame": 7}).tobytes()
+    assert seen.tobytes() != alone(rgb, **{**given, "output": output, "color_time": given["color_time"] + 0.005}).tobytes()
+
+
 def test_wrong_use_is_refused(world):
     model, _ = world
     cam = Camera(64, 48, fovy=50)
     for options in ({"pictures": 0}, {"body": 7}, {"samples": 3}):
         with pytest.raises(errors.ArgumentError, match="pictures"):
             sn.SensorCamera(model, cam, **options)
+    with pytest.raises(errors.ArgumentError, match="raw11"):
+        sn.SensorCamera(model, cam, output="raw11")
     with pytest.raises(RuntimeError, match="record"):
         sn.SensorCamera(model, cam).render()

@@ -1,5 +1,6 @@
-//! `undescribed_object`: something moves otherwise than the scene says, or is not in the scene. No parameter of a camera or of
-//! a surface makes a picture of it, so its places are found and left out, as long as they are the smaller part.
+//! `undescribed_object`: something moves otherwise than the scene says, or is not in the scene. No parameter of a
+//! camera or of a surface makes a picture of it, so its places are found and left out, as long as they are the
+//! smaller part.
 //!
 //! A block of a frame shows something else if what is left of it is better explained as the difference of two pictures
 //! that have nothing in common than as what is left elsewhere. What is fixed to the lens or the sensor is no object,
