@@ -4,6 +4,7 @@
 mod abuse;
 mod auto_exposure;
 mod board;
+mod board_april;
 mod calibrate_noise;
 mod diagnose_after;
 mod exposure;

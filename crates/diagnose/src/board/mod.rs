@@ -9,6 +9,7 @@
 //! Poses that are fitted with a pinhole alone bend so as to hide the lens, and the diagnosis then finds a remainder that no
 //! effect explains. So the lens (and, of a moving board, the readout) is fitted with them, and left out of what is written.
 
+mod april;
 mod bundle;
 mod charuco;
 mod corners;
