@@ -1,5 +1,5 @@
-//! `shutterbug board --pattern aprilgrid`: frames of a grid of tags, rendered by `simulate` through a lens and a readout that are
-//! known. The grid is drawn here by Kalibr's rules, not by the program.
+//! `shutterbug board --pattern aprilgrid`: frames of a grid of tags, rendered by `simulate` through a lens and a
+//! readout that are known. The grid is drawn here by Kalibr's rules, not by the program.
 #![allow(clippy::unwrap_used)]
 
 use std::fmt::Write as _;
@@ -11,8 +11,8 @@ use glam::{DQuat, DVec2, DVec3};
 use serde_json::Value;
 use shutterbug::capture::Capture;
 
-/// The first twelve codes of the family t36h11, as `kalibr_create_target_pdf` of ethz-asl/kalibr lists them: the highest bit is
-/// upper left, 1 is white.
+/// The first twelve codes of the family t36h11, as `kalibr_create_target_pdf` of ethz-asl/kalibr lists them: the
+/// highest bit is upper left, 1 is white.
 const CODES: [u64; 12] = [
     0xd5d628584,
     0xd97f18b49,
@@ -90,7 +90,8 @@ fn capture(folder: &Path, codes: &[u64]) {
     fs::write(folder.join("scene.mtl"), kd("paper", 0.62) + &kd("ink", 0.03) + &kd("wall", 0.2)).unwrap();
     let camera = format!(
         "width = 480\nheight = 360\nfx = 400.0\nfy = 400.0\ncx = 243.0\ncy = 178.0\nframe_period_s = 0.0333333333\n\
-         [lens_distortion]\nk1 = {K1}\nk2 = 0.04\n[rolling_shutter]\nreadout_time_s = {READOUT_S}\nscan_order = \"top_to_bottom\"\n"
+         [lens_distortion]\nk1 = {K1}\nk2 = 0.04\n[rolling_shutter]\nreadout_time_s = {READOUT_S}\n\
+         scan_order = \"top_to_bottom\"\n"
     );
     fs::write(folder.join("camera.toml"), camera).unwrap();
     let mut path = String::new();

@@ -1,8 +1,9 @@
-//! AprilGrids, laid out as by Kalibr: tags of the family t36h11 with a dark frame of two cells, squares between them that make every
-//! corner of a tag a crossing, numbers row by row from the lower left, places counted to the right and upwards.
+//! AprilGrids, laid out as by Kalibr: tags of the family t36h11 with a dark frame of two cells, squares between them
+//! that make every corner of a tag a crossing, numbers row by row from the lower left, places counted to the right
+//! and upwards.
 //!
-//! Corners and codes are found by `calib-targets`. What is here is which four crossings make up a tag: along the edges that leave a
-//! crossing, the next ones.
+//! Corners and codes are found by `calib-targets`. What is here is which four crossings make up a tag: along the
+//! edges that leave a crossing, the next ones.
 //!
 //! Layout: `GridCalibrationTargetAprilgrid.cpp` and `kalibr_create_target_pdf` of ethz-asl/kalibr.
 
@@ -26,14 +27,16 @@ const HALF_TURN: usize = 2;
 /// Cells of a tag's dark frame on each side, and of all along one side.
 const FRAME: usize = 2;
 const CELLS: usize = 10;
-/// How many bits of 36 may be wrong: codes differ in 11 at least, and by chance one of 40 000 windows is as near to one of them.
+/// How many bits of 36 may be wrong: codes differ in 11 at least, and by chance one of 40 000 windows is as near to
+/// one of them.
 const WRONG_BITS: u8 = 2;
-/// How far from an edge's direction the next crossing may lie, as a sine. The crossings inside of a tag are 14 degrees off at least.
+/// How far from an edge's direction the next crossing may lie, as a sine. The crossings inside of a tag are 14
+/// degrees off at least.
 const ASIDE: f64 = 0.16;
 /// Side of a tag as it is read, px of a rectified window.
 const READ_PX: f32 = 60.0;
-/// Share of the pictures' middle place error over the side of a tag, from which the tags lie otherwise than said: strong lenses stay
-/// well below, and numbers in other columns put a tag at least a tag off.
+/// Share of the pictures' middle place error over the side of a tag, from which the tags lie otherwise than said:
+/// strong lenses stay well below, and numbers in other columns put a tag at least a tag off.
 const MISPLACED: f64 = 0.35;
 
 /// What a picture shows of an AprilGrid.
@@ -47,8 +50,8 @@ pub(super) enum Found {
 }
 
 impl Target {
-    /// A grid of so many columns and rows of tags, `side_m` wide, with gaps between them of `spacing` times that; `None` if there are
-    /// not so many different tags.
+    /// A grid of so many columns and rows of tags, `side_m` wide, with gaps between them of `spacing` times that;
+    /// `None` if there are not so many different tags.
     pub fn aprilgrid(tags: [usize; 2], side_m: f64, spacing: f64) -> Option<Self> {
         let enough = dictionary().codes().len() >= tags[0] * tags[1];
         enough.then(|| Self {
@@ -126,7 +129,8 @@ fn sides(seen: &[Seen]) -> Vec<f64> {
     of.iter().filter_map(side).collect()
 }
 
-/// Gap between neighbouring tags over the mean of their sides, the middle over all: perspective makes one longer and the other shorter.
+/// Gap between neighbouring tags over the mean of their sides, the middle over all: perspective makes one longer and
+/// the other shorter.
 fn spacing(seen: &[Seen], target: &Target) -> Option<f64> {
     let of: BTreeMap<[usize; 2], DVec2> = seen.iter().map(|s| (s.point, s.px)).collect();
     let mut all = Vec::new();
@@ -150,8 +154,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Corners of all tags in a picture that was shrunk so many times, by number: upper left, upper right, lower right, lower left, px of
-/// the whole picture. A number that is there twice is left out: one of both is no tag of the board.
+/// Corners of all tags in a picture that was shrunk so many times, by number: upper left, upper right, lower right,
+/// lower left, px of the whole picture. A number that is there twice is left out: one of both is no tag of the board.
 fn tags_in(grey: &Plane<u8>, shrunk: usize) -> BTreeMap<usize, [DVec2; 4]> {
     let small = shrink(grey, shrunk);
     let view = GrayImageView { width: small.width, height: small.height, data: &small.data };
@@ -277,7 +281,8 @@ fn period(cell: usize) -> (usize, usize) {
 mod tests {
     use super::*;
 
-    /// The first three codes of the family as Kalibr's `kalibr_create_target_pdf` has them: the highest bit upper left, 1 is white.
+    /// The first three codes of the family as Kalibr's `kalibr_create_target_pdf` has them: the highest bit upper
+    /// left, 1 is white.
     const KALIBR: [u64; 3] = [0xd5d628584, 0xd97f18b49, 0xdd280910e];
 
     /// The sheet seen straight on, upwards, so many px a tag's side, with the lower left corner of tag 0 at a place.
