@@ -7,6 +7,7 @@ mod board;
 mod board_april;
 mod calibrate_noise;
 mod diagnose_after;
+mod distance;
 mod exposure;
 mod formats;
 mod gather_kernels;

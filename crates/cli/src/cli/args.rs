@@ -258,6 +258,10 @@ pub struct Diagnose {
     /// The folders show different moments: compare camera traces only
     #[arg(long, requires = "sim", conflicts_with = "matches")]
     pub unpaired: bool,
+    /// A distance of your own, before and after, as "fid {a} {b}": a command that is given two folders of pictures and prints a number
+    /// in its last line. It is split into words as by a shell, and run without one
+    #[arg(long, requires = "unpaired")]
+    pub distance: Option<String>,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,

@@ -90,6 +90,7 @@ fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
         begun: Some(begun),
         journal: Some(args.out.join(JOURNAL_FILE)),
+        distance: args.distance.clone(),
         stop: Some(Interrupt::listen().flag()),
     }
 }
