@@ -11,6 +11,7 @@ mod distance;
 mod exposure;
 mod formats;
 mod gather_kernels;
+mod gyro;
 mod import;
 mod import_folders;
 mod import_hostile;

@@ -243,14 +243,15 @@ pub struct Devices {
 #[derive(Debug, clap::Args)]
 pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
-    #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
+    #[arg(required_unless_present = "real", conflicts_with_all = ["sim", "real"])]
     pub capture: Option<PathBuf>,
     /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml, trajectory.tum,
     /// frames.csv
     #[arg(long, requires = "real")]
     pub sim: Option<PathBuf>,
-    /// Real frames, matched by name, by --match or by frames.csv in both folders
-    #[arg(long, requires = "sim")]
+    /// Real frames, matched by name, by --match or by frames.csv in both folders. Without --sim: footage of a far scene with
+    /// frames.csv, camera.toml and imu.csv, as `import` writes it; a gyro tells readout, exposure and the offset of the clocks
+    #[arg(long)]
     pub real: Option<PathBuf>,
     /// CSV file with lines `sim,real`
     #[arg(long = "match", requires = "sim")]

@@ -23,6 +23,7 @@ mod flicker;
 mod flow;
 mod forward;
 mod found;
+mod gyro;
 mod hot;
 mod intervals;
 mod journal;
@@ -63,6 +64,7 @@ mod wide;
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
 use shutterbug::effects::jpeg::{dct, flips, packing};
 
+pub use gyro::{Gyroed, diagnose_gyro};
 #[doc(hidden)]
 pub use journal::{example_of_a_journal, read_journal};
 pub use pair::Pair;

@@ -27,7 +27,8 @@ use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
 pub(super) use align::slopes_to;
-use align::{lies, residual_px};
+pub(super) use align::lies;
+use align::residual_px;
 pub use matched::Matched;
 pub(super) use matched::pictures;
 pub(super) use sample::{channel_at, depth_at};
