@@ -5,6 +5,7 @@
 //! on values, noise and sharpness are; the rest is `undetermined`.
 
 mod align;
+mod guess;
 mod matched;
 mod planes;
 mod sample;
@@ -26,9 +27,9 @@ use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
-pub(super) use align::slopes_to;
 pub(super) use align::lies;
 use align::residual_px;
+pub(super) use align::slopes_to;
 pub use matched::Matched;
 pub(super) use matched::pictures;
 pub(super) use sample::{channel_at, depth_at};
@@ -116,6 +117,10 @@ impl Pair {
         }
         let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes)?;
+        if sim_frames.geometry == Geometry::None && stills::parts(matched.len()) == 1 {
+            let real_of = |i: usize| read_rgb8(&real.join(&matched[i].real));
+            notes.extend(guess::motion(&mut sim_frames, &real_of)?);
+        }
         let parts = stills::parts(matched.len());
         if parts > 1 {
             let count = matched.len();
