@@ -185,6 +185,14 @@ fn a_gyro_tells_readout_exposure_and_clocks() {
     }
     let gap = |key: &str| all["gap"][key].as_f64().unwrap();
     assert!(gap("after") < 0.3 && gap("before") > 4.0 * gap("after"), "{}", all["gap"]);
+    // What cannot be told is said before what was found, and what to supply.
+    let asked = &all["asked"];
+    assert!(asked["cannot_tell"].as_array().unwrap().contains(&Value::from("lens_distortion")), "{asked}");
+    assert!(asked["can_tell"].as_array().unwrap().contains(&Value::from("rolling_shutter")), "{asked}");
+    assert!(asked["to_settle"][0]["film"].as_str().unwrap().contains("--sim"), "{asked}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("{text}"));
+    assert!(at("They cannot tell of") < at("<h1>"));
     // What was found goes into the camera.
     let camera = fs::read_to_string(out.join("camera.toml")).unwrap();
     assert!(camera.contains("[rolling_shutter]") && camera.contains("[motion_blur]"), "{camera}");

@@ -88,6 +88,9 @@ fn of_gyro(args: &Diagnose, begun: Instant, real: &Path) -> Result<()> {
 
 fn page(args: &Diagnose, report: &Report) -> Result<()> {
     shutterbug_diagnose::report::write_html(report, &args.out)?;
+    if let Some(line) = report.asked().line() {
+        say(line);
+    }
     say(&report.sentence);
     say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
     Ok(())
@@ -115,13 +118,10 @@ fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
 fn write(args: &Diagnose, out: &Out, diagnosis: Diagnosis, capture: &Capture) -> Result<()> {
     out.start()?;
     let report = diagnosis.write(&args.out, capture)?;
-    shutterbug_diagnose::report::write_html(&report, &args.out)?;
+    page(args, &report)?;
     // It is done: there is nothing to go on with.
     let journal = args.out.join(JOURNAL_FILE);
-    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))?;
-    say(&report.sentence);
-    say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
-    Ok(())
+    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))
 }
 
 /// Stage, candidate and time left: a bar on a terminal, lines in a log, at most one every two seconds.

@@ -6,6 +6,7 @@
 //! ```
 
 mod apart;
+mod asked;
 mod budget;
 mod choices;
 mod comb;
@@ -64,6 +65,7 @@ mod wide;
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
 use shutterbug::effects::jpeg::{dct, flips, packing};
 
+pub use asked::{Asked, Settles};
 pub use gyro::{Gyroed, diagnose_gyro};
 #[doc(hidden)]
 pub use journal::{example_of_a_journal, read_journal};

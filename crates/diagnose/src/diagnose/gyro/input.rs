@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
 use crate::diagnose::model::{P, Theta};
-use crate::diagnose::pair::pictures;
+use crate::diagnose::pair::{notes_of_kind, pictures};
 use crate::diagnose::settings::theta_of;
 use shutterbug::camera::Intrinsics;
 use shutterbug::capture::{CameraFile, parse_frames, read_text};
@@ -83,6 +83,7 @@ impl Footage {
             return Err(Error::input(&imu, None, found, expected));
         }
         let lens = theta_of(&camera.settings);
+        let notes = notes_of_kind(folder, &frames[0].name)?;
         Ok(Self {
             folder: folder.to_owned(),
             camera,
@@ -91,7 +92,7 @@ impl Footage {
             gyro,
             pairs,
             period_s,
-            notes: note.into_iter().collect(),
+            notes: notes.into_iter().chain(note).collect(),
         })
     }
 

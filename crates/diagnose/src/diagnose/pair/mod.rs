@@ -6,6 +6,7 @@
 
 mod align;
 mod guess;
+mod kinds;
 mod matched;
 mod planes;
 mod sample;
@@ -30,6 +31,7 @@ use shutterbug::scene::Scene;
 pub(super) use align::lies;
 use align::residual_px;
 pub(super) use align::slopes_to;
+pub(super) use kinds::notes as notes_of_kind;
 pub use matched::Matched;
 pub(super) use matched::pictures;
 pub(super) use sample::{channel_at, depth_at};
@@ -102,7 +104,8 @@ impl Pair {
         let matched = matched::matched(sim, real, matches)?;
         let first = sim.join(&matched[0].sim);
         let size = planes::size_of(&first)?;
-        let mut notes = Vec::new();
+        let mut notes = kinds::notes(sim, &matched[0].sim)?;
+        notes.extend(kinds::notes(real, &matched[0].real)?);
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
         let times_s = matched::times_s(sim, &matched, period_s)?;

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use super::budget::Budget;
 use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use super::model::Theta;
-use super::pair::{Pair, linear_of, pictures};
+use super::pair::{Pair, linear_of, notes_of_kind, pictures};
 use super::report::Report;
 use super::run::{DiagnoseOptions, Progress, candidates};
 use choose::{Chosen, Simulated, choose};
@@ -107,7 +107,8 @@ pub fn diagnose_unpaired(
     let names = candidates(options)?;
     let own = options.distance.as_deref().map(own::Own::parse).transpose()?;
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
-    let mut notes = Vec::new();
+    let mut notes = notes_of_kind(sim, &sims.names[0])?;
+    notes.extend(notes_of_kind(real, &reals.names[0])?);
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;
