@@ -4,11 +4,14 @@
 mod abuse;
 mod auto_exposure;
 mod board;
+mod board_april;
 mod calibrate_noise;
 mod diagnose_after;
+mod distance;
 mod exposure;
 mod formats;
 mod gather_kernels;
+mod gyro;
 mod import;
 mod import_folders;
 mod import_hostile;

@@ -66,6 +66,45 @@ fn depth_and_motion_are_enough_for_a_shutter_in_a_room_lit_otherwise() {
     assert_eq!(found["input"]["alignment"]["kind"], "exact");
 }
 
+/// The same without depth and motion: optical flow between the simulated frames stands for it, and says so.
+#[test]
+fn pictures_alone_tell_a_shutter_where_flow_is_good_enough() {
+    let Some(data) = shared() else { return };
+    let sim = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(data.join("p00/sim")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_file() {
+            std::fs::copy(&path, sim.path().join(path.file_name().unwrap())).unwrap();
+        }
+    }
+    let few =
+        "lens_distortion,chromatic_aberration,bayer_mosaic,jpeg,noise_reduction,sharpening,flicker,glare";
+    let found = report(sim.path(), &data.join("p00/real"), &["--without", few]);
+    near(parameter(&found, "rolling_shutter", "readout_time_s"), 0.017051);
+    near(parameter(&found, "read_noise", "sigma"), 0.00878);
+    assert!(
+        found["warnings"].to_string().contains("motion was estimated by optical flow"),
+        "{}",
+        found["warnings"]
+    );
+    assert!(found["candidates"].to_string().contains("motion_blur"));
+    // Control: simulated frames whose order is lost do not flow, and nothing is said of time.
+    let mixed = tempfile::tempdir().unwrap();
+    let order = [0, 4, 1, 6, 2, 7, 3, 5];
+    for (k, from) in order.into_iter().enumerate() {
+        let name = |i: usize| format!("{i:06}.png");
+        std::fs::copy(sim.path().join(name(from)), mixed.path().join(name(k))).unwrap();
+    }
+    let real = tempfile::tempdir().unwrap();
+    for (k, from) in order.into_iter().enumerate() {
+        let name = |i: usize| format!("{i:06}.png");
+        std::fs::copy(data.join("p00/real").join(name(from)), real.path().join(name(k))).unwrap();
+    }
+    let lost = report(mixed.path(), real.path(), &["--without", few]);
+    assert!(!names(&lost).contains(&"rolling_shutter"), "{:?}", names(&lost));
+    assert!(!lost["warnings"].to_string().contains("motion was estimated"), "{}", lost["warnings"]);
+}
+
 #[test]
 fn pictures_that_lie_roughly_on_each_other_tell_values_and_sharpness_and_no_geometry() {
     let Some(data) = shared() else { return };
@@ -125,6 +164,35 @@ fn two_stills_are_judged_in_parts() {
     // Control: the same stills beside themselves.
     let none = report(sim.path(), sim.path(), &[]);
     assert_eq!((names(&none).len(), &none["verdict"]), (0, &Value::from("no_gap")));
+}
+
+/// Pictures that are read as something else are named, paired or not; ordinary ones are not.
+#[test]
+fn grey_pictures_and_those_of_16_bits_are_named() {
+    let [plain, deep, grey] = [0; 3].map(|_| tempfile::tempdir().unwrap());
+    for k in 0..6u32 {
+        let value = |x: u32, y: u32| {
+            let tile = (x + 4 * k) / 9 * 7 + y / 7 * 13;
+            30 + (tile * tile % 190) as u8
+        };
+        let name = format!("{k}.png");
+        let shown = image::RgbImage::from_fn(96, 72, |x, y| image::Rgb([value(x, y); 3]));
+        shown.save(plain.path().join(&name)).unwrap();
+        let fine = |x, y| image::Rgb([u16::from(value(x, y)) * 257; 3]);
+        let fine = image::ImageBuffer::<image::Rgb<u16>, Vec<u16>>::from_fn(96, 72, fine);
+        fine.save(deep.path().join(&name)).unwrap();
+        let one = image::GrayImage::from_fn(96, 72, |x, y| image::Luma([value(x, y)]));
+        one.save(grey.path().join(&name)).unwrap();
+    }
+    let quick = "lens_distortion,chromatic_aberration,bayer_mosaic,jpeg,noise_reduction,sharpening,flicker,glare,\
+                 defocus";
+    for more in [&["--without", quick][..], &["--without", quick, "--unpaired"]] {
+        let warnings = |real: &Path| report(plain.path(), real, more)["warnings"].to_string();
+        assert!(warnings(deep.path()).contains("have 16 bits a channel and are read as 8"), "{more:?}");
+        assert!(warnings(grey.path()).contains("are grey"), "{more:?}");
+        let none = warnings(plain.path());
+        assert!(!none.contains("16 bits") && !none.contains("grey"), "control: {none}");
+    }
 }
 
 #[test]

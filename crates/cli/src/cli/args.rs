@@ -247,14 +247,16 @@ pub struct Devices {
 #[derive(Debug, clap::Args)]
 pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
-    #[arg(required_unless_present = "sim", conflicts_with_all = ["sim", "real"])]
+    #[arg(required_unless_present = "real", conflicts_with_all = ["sim", "real"])]
     pub capture: Option<PathBuf>,
     /// Frames of any simulator; optional in the folder: depth/, motion/, mask/ (NNNNNN.exr or .png), camera.toml,
     /// trajectory.tum, frames.csv
     #[arg(long, requires = "real")]
     pub sim: Option<PathBuf>,
-    /// Real frames, matched by name, by --match or by frames.csv in both folders
-    #[arg(long, requires = "sim")]
+    /// Real frames, matched by name, by --match or by frames.csv in both folders. Without --sim: footage of a far scene
+    /// with frames.csv, camera.toml and imu.csv, as `import` writes it; a gyro tells readout, exposure and the offset
+    /// of the clocks
+    #[arg(long)]
     pub real: Option<PathBuf>,
     /// CSV file with lines `sim,real`
     #[arg(long = "match", requires = "sim")]
@@ -262,6 +264,10 @@ pub struct Diagnose {
     /// The folders show different moments: compare camera traces only
     #[arg(long, requires = "sim", conflicts_with = "matches")]
     pub unpaired: bool,
+    /// A distance of your own, before and after, as "fid {a} {b}": a command that is given two folders of pictures and
+    /// prints a number in its last line. It is split into words as by a shell, and run without one
+    #[arg(long, requires = "unpaired")]
+    pub distance: Option<String>,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
     pub out: PathBuf,

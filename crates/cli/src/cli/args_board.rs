@@ -13,20 +13,25 @@ pub struct Board {
     /// What is printed on the board
     #[arg(long, value_enum, default_value_t)]
     pub pattern: PatternName,
-    /// Its columns and rows: inner corners of a checkerboard, squares of a ChArUco board (as OpenCV counts them)
+    /// Its columns and rows: inner corners of a checkerboard, squares of a ChArUco board (as OpenCV counts them), tags
+    /// of an AprilGrid
     #[arg(long, value_parser = size)]
     pub size: Option<[usize; 2]>,
-    /// Side of a square, m (1: squares are the unit of length)
+    /// Side of a square, of an AprilGrid of a tag (Kalibr's tagSize), m (1: squares are the unit of length)
     #[arg(long, default_value_t = 1.0, value_parser = side_m)]
     pub square_m: f64,
     /// ChArUco: side of a marker over that of a square
     #[arg(long, default_value_t = 0.75, value_parser = share)]
     pub marker_share: f64,
+    /// AprilGrid: gap between two tags over the side of one (Kalibr's tagSpacing)
+    #[arg(long, default_value_t = 0.3, value_parser = spacing)]
+    pub tag_spacing: f64,
     /// ChArUco: OpenCV's name of the dictionary
     #[arg(long, default_value = "DICT_5X5_100")]
     pub dictionary: String,
-    /// Kalibr's target.yaml of a checkerboard, in place of --pattern, --size and --square-m
-    #[arg(long, conflicts_with_all = ["size", "square_m", "pattern"])]
+    /// Kalibr's target.yaml of a checkerboard or an AprilGrid, in place of --pattern, --size, --square-m and
+    /// --tag-spacing
+    #[arg(long, conflicts_with_all = ["size", "square_m", "pattern", "tag_spacing"])]
     pub target: Option<PathBuf>,
     /// Corners that another tool has found, lines of file,col,row,u_px,v_px, instead of looking for them
     #[arg(long)]
@@ -55,6 +60,8 @@ pub enum PatternName {
     Checkerboard,
     /// A checkerboard with ArUco markers in its bright squares, laid out as by OpenCV since 4.6
     Charuco,
+    /// AprilTags of the family t36h11 with squares between them, laid out and numbered as by Kalibr
+    Aprilgrid,
 }
 
 fn size(text: &str) -> Result<[usize; 2], String> {
@@ -74,6 +81,13 @@ fn share(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if (0.2..=0.95).contains(&share) => Ok(share),
         _ => Err("a share of a square's side, 0.2 to 0.95".to_owned()),
+    }
+}
+
+fn spacing(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(spacing) if (0.05..=1.0).contains(&spacing) => Ok(spacing),
+        _ => Err("a share of a tag's side, 0.05 to 1".to_owned()),
     }
 }
 

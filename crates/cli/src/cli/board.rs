@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::args_board::{Board, PatternName};
 use super::terminal::{print, say};
-use crate::formats::read_target;
+use crate::formats::{KalibrTarget, read_target};
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug_diagnose::board::{
     BoardFit, Observed, Picture, Real, Seen, Source, Target, Timing, fit_board, measure_tone, observe,
@@ -79,8 +79,12 @@ pub fn run(args: &Board) -> Result<()> {
 
 fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<Target> {
     if let Some(path) = &args.target {
-        let t = read_target(path)?;
-        return Ok(Target::checkerboard(t.inner_corners, t.square_m));
+        return match read_target(path)? {
+            KalibrTarget::Checkerboard { inner_corners, square_m } => {
+                Ok(Target::checkerboard(inner_corners, square_m))
+            }
+            KalibrTarget::Aprilgrid { tags, side_m, spacing } => aprilgrid(path, tags, side_m, spacing),
+        };
     }
     let last = |axis: usize| table.and_then(|t| t.values().flatten().map(|s| s.point[axis] + 1).max());
     let usage = |found: String, expected: &str| Error::input(Path::new("--pattern"), None, found, expected);
@@ -91,6 +95,11 @@ fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<T
             let size = size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
             Ok(Target::checkerboard(size, [args.square_m; 2]))
         }
+        PatternName::Aprilgrid => {
+            let expected = "--size COLUMNSxROWS, the tags of the board, or --target";
+            let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
+            aprilgrid(Path::new("--size"), size, args.square_m, args.tag_spacing)
+        }
         PatternName::Charuco => {
             let expected = "--size COLUMNSxROWS, the squares of the board";
             let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
@@ -99,6 +108,14 @@ fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<T
                 .ok_or_else(|| usage(format!("the dictionary `{}`", args.dictionary), expected))
         }
     }
+}
+
+/// A grid of tags; `said` is what errors name.
+fn aprilgrid(said: &Path, tags: [usize; 2], side_m: f64, spacing: f64) -> Result<Target> {
+    Target::aprilgrid(tags, side_m, spacing).ok_or_else(|| {
+        let found = format!("{}x{} tags", tags[0], tags[1]);
+        Error::input(said, None, found, "at most as many as the family t36h11 has: 587")
+    })
 }
 
 /// An error that tells what the pictures show in place of the board.

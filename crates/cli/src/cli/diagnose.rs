@@ -13,7 +13,8 @@ use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug_diagnose::diagnose::{
-    DiagnoseOptions, Diagnosis, Pair, Progress, diagnose, diagnose_pair, diagnose_unpaired,
+    DiagnoseOptions, Diagnosis, Pair, Progress, Report, diagnose, diagnose_gyro, diagnose_pair,
+    diagnose_unpaired,
 };
 use shutterbug_diagnose::out::{Out, OutRules};
 
@@ -29,6 +30,7 @@ pub fn run(args: &Diagnose) -> Result<()> {
     match (&args.capture, &args.sim, &args.real) {
         (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, begun, sim, real),
         (_, Some(sim), Some(real)) => of_pair(args, begun, sim, real),
+        (_, None, Some(real)) => of_gyro(args, begun, real),
         (Some(capture), ..) => of_capture(args, begun, capture),
         _ => unreachable!("clap asks for a capture or for both folders"),
     }
@@ -70,7 +72,25 @@ fn of_unpaired(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Resu
     let found = found?;
     out.start()?;
     let report = found.write(&args.out)?;
-    shutterbug_diagnose::report::write_html(&report, &args.out)?;
+    page(args, &report)
+}
+
+fn of_gyro(args: &Diagnose, begun: Instant, real: &Path) -> Result<()> {
+    let out = open(args, &[real])?;
+    let mut lines = Lines::new();
+    let found = diagnose_gyro(real, &options(args, begun), &mut lines);
+    lines.bar.finish_and_clear();
+    let found = found?;
+    out.start()?;
+    let report = found.write(&args.out)?;
+    page(args, &report)
+}
+
+fn page(args: &Diagnose, report: &Report) -> Result<()> {
+    shutterbug_diagnose::report::write_html(report, &args.out)?;
+    if let Some(line) = report.asked().line() {
+        say(line);
+    }
     say(&report.sentence);
     say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
     Ok(())
@@ -90,6 +110,7 @@ fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
         time_limit: Some(Duration::from_secs(args.time_limit_s)),
         begun: Some(begun),
         journal: Some(args.out.join(JOURNAL_FILE)),
+        distance: args.distance.clone(),
         stop: Some(Interrupt::listen().flag()),
     }
 }
@@ -97,13 +118,10 @@ fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
 fn write(args: &Diagnose, out: &Out, diagnosis: Diagnosis, capture: &Capture) -> Result<()> {
     out.start()?;
     let report = diagnosis.write(&args.out, capture)?;
-    shutterbug_diagnose::report::write_html(&report, &args.out)?;
+    page(args, &report)?;
     // It is done: there is nothing to go on with.
     let journal = args.out.join(JOURNAL_FILE);
-    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))?;
-    say(&report.sentence);
-    say(args.out.join(shutterbug_diagnose::report::PAGE_FILE).display());
-    Ok(())
+    fs::remove_file(&journal).map_err(|e| Error::io(&journal, "remove", e))
 }
 
 /// Stage, candidate and time left: a bar on a terminal, lines in a log, at most one every two seconds.

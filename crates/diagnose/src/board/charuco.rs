@@ -25,6 +25,7 @@ impl Target {
             size: squares.map(|s| s - 1),
             square_m: [square_m; 2],
             marker: Some(Marker { share, dictionary: dictionary.name() }),
+            tag_spacing: None,
         };
         board(&target)?;
         Some(target)

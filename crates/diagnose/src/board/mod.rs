@@ -11,6 +11,7 @@
 //! that no effect explains. So the lens (and, of a moving board, the readout) is fitted with them, and left out of what
 //! is written.
 
+mod april;
 mod bundle;
 mod charuco;
 mod corners;

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::DVec2;
 
+use super::april;
 use super::charuco;
 use super::detect::{Found, find, nearest_px};
 use super::input::Picture;
@@ -15,6 +16,9 @@ use super::target::{Pattern, Seen, Target, View};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read};
 use shutterbug::plane::{Plane, decode_picture};
+
+/// Difference of the gap between tags from what was said, of their side, that perspective and lenses do not explain.
+const SPACING_OFF: f64 = 0.02;
 
 /// Where the points come from.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +55,7 @@ pub struct Observed {
 ///
 /// # Errors
 /// No picture; one that cannot be read, or of another size than the first; a table with a file that is no picture, or
-/// with points that the target has not.
+/// with points that the target has not; tags at other distances than the target's.
 pub fn observe(
     pictures: &[Picture],
     target: &Target,
@@ -66,10 +70,11 @@ pub fn observe(
     let mut left_out = Vec::new();
     let mut offsets: Vec<DVec2> = Vec::new();
     let mut size: Option<[u32; 2]> = None;
+    let mut spacings = Vec::new();
     for (index, picture) in pictures.iter().enumerate() {
         let grey = read_grey(picture, &mut size, &pictures[0])?;
         let seen = match source {
-            Source::Pictures => look(&grey, target),
+            Source::Pictures => look(&grey, target, &mut spacings),
             Source::Table(table, _) => match table.get(&picture.name) {
                 Some(seen) => {
                     offsets.extend(seen.iter().filter_map(|s| offset(&grey, seen, s)));
@@ -89,6 +94,7 @@ pub fn observe(
         }
         watch(index + 1);
     }
+    check_spacing(&spacings, target)?;
     let (mut views, dark): (Vec<View>, Vec<Option<bool>>) = all.into_iter().unzip();
     let shift = DVec2::splat(pixel_origin(&offsets));
     views.iter_mut().flat_map(|v| &mut v.seen).for_each(|s| s.px += shift);
@@ -108,6 +114,20 @@ pub fn observe(
 
 fn too_few(count: usize) -> String {
     format!("{count} points of the board, fewer than {LEAST_POINTS}")
+}
+
+/// Tags that lie closer together or further apart than was said would bend the camera.
+fn check_spacing(spacings: &[f64], target: &Target) -> Result<()> {
+    let mut sorted = spacings.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(said), Some(found)) = (target.tag_spacing, sorted.get(sorted.len() / 2)) else {
+        return Ok(());
+    };
+    if (found - said).abs() <= SPACING_OFF {
+        return Ok(());
+    }
+    let found = format!("tags that lie {found:.3} of their side apart");
+    Err(Error::input(Path::new("--tag-spacing"), None, found, format!("{said}, as was said")))
 }
 
 fn check_table(
@@ -140,10 +160,26 @@ fn read_grey(picture: &Picture, size: &mut Option<[u32; 2]>, first: &Picture) ->
     Ok(Plane { width: found[0] as usize, height: found[1] as usize, channels: 1, data: grey.into_raw() })
 }
 
-/// Points of the target in a picture, or what is there instead.
-fn look(grey: &Plane<u8>, target: &Target) -> std::result::Result<Vec<Seen>, String> {
-    if target.pattern == Pattern::Charuco {
-        return charuco::find(grey, target).ok_or_else(|| "no board".to_owned());
+/// Points of the target in a picture, or what is there instead. `spacings` takes how far apart the tags of an AprilGrid
+/// lie.
+fn look(
+    grey: &Plane<u8>,
+    target: &Target,
+    spacings: &mut Vec<f64>,
+) -> std::result::Result<Vec<Seen>, String> {
+    match target.pattern {
+        Pattern::Checkerboard => {}
+        Pattern::Charuco => return charuco::find(grey, target).ok_or_else(|| "no board".to_owned()),
+        Pattern::Aprilgrid => {
+            return match april::find(grey, target) {
+                april::Found::Board(seen, spacing) => {
+                    spacings.extend(spacing);
+                    Ok(seen)
+                }
+                april::Found::Other(what) => Err(what),
+                april::Found::Nothing => Err("no tag".to_owned()),
+            };
+        }
     }
     match find(grey, target.size) {
         Found::Board(seen) => Ok(seen),

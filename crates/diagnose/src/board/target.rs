@@ -9,6 +9,8 @@ pub enum Pattern {
     Checkerboard,
     /// A checkerboard with ArUco markers in its white squares; points are the inner corners.
     Charuco,
+    /// Tags of the family t36h11, laid out as by Kalibr; points are the corners of the tags.
+    Aprilgrid,
 }
 
 impl Pattern {
@@ -17,6 +19,7 @@ impl Pattern {
         match self {
             Self::Checkerboard => "checkerboard",
             Self::Charuco => "charuco",
+            Self::Aprilgrid => "aprilgrid",
         }
     }
 }
@@ -30,23 +33,26 @@ pub struct Marker {
     pub dictionary: &'static str,
 }
 
-/// A target: points on a plane, counted along columns (x) and rows (y) from the first inner corner.
+/// A target: points on a plane, counted along columns (x) and rows (y) from the first inner corner, of an AprilGrid
+/// from its lower left corner upwards.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its kind.
     pub pattern: Pattern,
-    /// Columns and rows of points: inner corners.
+    /// Columns and rows of points: inner corners, or corners of tags.
     pub size: [usize; 2],
-    /// Side of a square along x and y, m.
+    /// Side of a square or tag along x and y, m.
     pub square_m: [f64; 2],
     /// Of a ChArUco board.
     pub marker: Option<Marker>,
+    /// Of an AprilGrid: gap between tags over their side.
+    pub tag_spacing: Option<f64>,
 }
 
 impl Target {
     /// A checkerboard of so many inner corners, with squares of these sides, m.
     pub fn checkerboard(size: [usize; 2], square_m: [f64; 2]) -> Self {
-        Self { pattern: Pattern::Checkerboard, size, square_m, marker: None }
+        Self { pattern: Pattern::Checkerboard, size, square_m, marker: None, tag_spacing: None }
     }
 
     /// How many points it has.
@@ -56,7 +62,11 @@ impl Target {
 
     /// Place of a column (axis 0) or row (axis 1) of points, m.
     pub fn at_m(&self, axis: usize, index: usize) -> f64 {
-        index as f64 * self.square_m[axis]
+        let squares = match self.tag_spacing {
+            Some(spacing) => (index / 2) as f64 * (1.0 + spacing) + (index % 2) as f64,
+            None => index as f64,
+        };
+        squares * self.square_m[axis]
     }
 
     /// Place of a point on the board's plane, m.
@@ -67,7 +77,10 @@ impl Target {
     /// The name with its size, for messages.
     pub fn describe(&self) -> String {
         let [columns, rows] = self.size;
-        format!("{} of {columns}x{rows} inner corners", self.pattern.name())
+        match self.pattern {
+            Pattern::Aprilgrid => format!("aprilgrid of {}x{} tags", columns / 2, rows / 2),
+            _ => format!("{} of {columns}x{rows} inner corners", self.pattern.name()),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 
 use super::input::Picture;
 use super::select::BoardFit;
-use super::target::{Target, View};
+use super::target::{Pattern, Target, View};
 use shutterbug::error::Result;
 use shutterbug::files::{Limit, read};
 use shutterbug::plane::{decode_picture, srgb_decode};
@@ -19,6 +19,9 @@ const HALF: f64 = 0.5;
 /// Places inside a square where it is sampled, from its middle, of its side: away from its edges.
 const INSIDE: [[f64; 2]; 5] = [[0.0, 0.0], [-0.2, -0.2], [0.2, -0.2], [-0.2, 0.2], [0.2, 0.2]];
 
+/// Middle of a tag's dark frame, of its side.
+const FRAME_MIDDLE: f64 = 0.1;
+
 /// Radiance and reach of a print.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tone {
@@ -26,7 +29,8 @@ pub struct Tone {
     pub dark: [f64; 3],
     /// See `dark`.
     pub bright: [f64; 3],
-    /// How much of the squares around the inner corners there is, in squares: left, right, above, below.
+    /// How much of the squares around the inner corners there is, in squares: left, right, above, below; 0 of an
+    /// AprilGrid.
     pub reach: [f64; 4],
 }
 
@@ -42,7 +46,12 @@ impl Look<'_> {
     /// Linear radiance at a place of the board, counted in squares from the first inner corner.
     fn at(&self, x: f64, y: f64) -> Option<[f64; 3]> {
         let [side_x, side_y] = self.target.square_m;
-        let px = (self.project)(DVec3::new(x * side_x, y * side_y, 0.0))?;
+        self.at_m(x * side_x, y * side_y)
+    }
+
+    /// The same of a place in m.
+    fn at_m(&self, x_m: f64, y_m: f64) -> Option<[f64; 3]> {
+        let px = (self.project)(DVec3::new(x_m, y_m, 0.0))?;
         let (w, h) = self.picture.dimensions();
         let inside = px.x >= 0.0 && px.y >= 0.0 && px.x < f64::from(w) && px.y < f64::from(h);
         inside.then(|| {
@@ -55,8 +64,30 @@ impl Look<'_> {
         ((column + row).rem_euclid(2) == 0) == self.even_is_dark
     }
 
+    /// Middle radiance of the frames of tags, and of the paper between tags, half way along their sides.
+    fn tag_tones(&self) -> Option<[[f64; 3]; 2]> {
+        let spacing = self.target.tag_spacing?;
+        let [columns, rows] = self.target.size.map(|s| s / 2);
+        let [side_x, side_y] = self.target.square_m;
+        let mut all: [[Vec<f64>; 3]; 2] = Default::default();
+        for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+            let from = self.target.point_m([2 * i, 2 * j]);
+            let within = [(0, 0.5, FRAME_MIDDLE), (0, FRAME_MIDDLE, 0.5), (0, 0.5, 1.0 - FRAME_MIDDLE)];
+            let between = [(1, 0.5, -0.5 * spacing), (1, -0.5 * spacing, 0.5)];
+            for (kind, x, y) in within.into_iter().chain(between) {
+                if let Some(rgb) = self.at_m(from.x + x * side_x, from.y + y * side_y) {
+                    (0..3).for_each(|c| all[kind][c].push(rgb[c]));
+                }
+            }
+        }
+        all.iter().all(|k| !k[0].is_empty()).then(|| all.map(|kind| kind.map(median)))
+    }
+
     /// Middle radiance of the dark and the bright squares between inner corners.
     fn tones(&self) -> Option<[[f64; 3]; 2]> {
+        if self.target.pattern == Pattern::Aprilgrid {
+            return self.tag_tones();
+        }
         let [columns, rows] = self.target.size;
         let mut all: [[Vec<f64>; 3]; 2] = Default::default();
         for (i, j) in (0..columns as i64 - 1).flat_map(|i| (0..rows as i64 - 1).map(move |j| (i, j))) {
@@ -119,6 +150,9 @@ pub fn measure_tone(
         for c in 0..3 {
             tones[0][c].push(dark[c]);
             tones[1][c].push(bright[c]);
+        }
+        if target.pattern == Pattern::Aprilgrid {
+            continue;
         }
         let contrast = (0..3).map(|c| bright[c] - dark[c]).sum::<f64>() / 3.0;
         for (side, steps) in beyond.iter_mut().enumerate() {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::april;
 use super::charuco;
 use super::corners::write_corners;
 use super::crop::{cropped, cut};
@@ -63,6 +64,7 @@ pub fn write_capture(
         return Err(Error::input(out, None, found, "frames that follow each other, or stills without times"));
     }
     let sheet = charuco::sheet(target)
+        .or_else(|| april::sheet(target))
         .unwrap_or_else(|| Sheet::checkerboard(target, observed.even_is_dark, tone.reach));
     let put = |name: &str, text: &str| write_atomic(&out.join(name), text.as_bytes());
     put("camera.toml", &camera_toml(out, target, observed, fit, real, period_s))?;
@@ -164,7 +166,7 @@ fn camera_toml(
     camera.background_ignored = true;
     camera.static_camera = real.times_ns.is_none();
     let about = format!(
-        "# The pinhole of a camera, from {} views of a {}.\n",
+        "# The pinhole of a camera, from {} views of a board ({}).\n",
         observed.views.len(),
         target.describe()
     );
@@ -200,7 +202,8 @@ fn report(pictures: &[Picture], target: &Target, observed: &Observed, fit: &Boar
     let left_out: Vec<_> =
         observed.left_out.iter().map(|l| json!({ "file": one_line(&l.name), "why": l.why })).collect();
     let all = json!({
-        "target": { "pattern": target.pattern.name(), "points": target.size, "square_m": target.square_m },
+        "target": { "pattern": target.pattern.name(), "points": target.size, "square_m": target.square_m,
+            "tag_spacing": target.tag_spacing },
         "size_px": observed.size,
         "camera": parameters,
         "rms_px": { "pinhole_alone": fit.rms_px[0], "with_lens_and_readout": fit.rms_px[1] },

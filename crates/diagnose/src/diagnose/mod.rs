@@ -8,6 +8,7 @@
 
 mod advice;
 mod apart;
+mod asked;
 mod budget;
 mod choices;
 mod comb;
@@ -25,6 +26,7 @@ mod flicker;
 mod flow;
 mod forward;
 mod found;
+mod gyro;
 mod hot;
 mod intervals;
 mod journal;
@@ -67,6 +69,8 @@ mod wide;
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
 use shutterbug::effects::jpeg::{dct, flips, packing};
 
+pub use asked::{Asked, Settles};
+pub use gyro::{Gyroed, diagnose_gyro};
 #[doc(hidden)]
 pub use journal::{example_of_a_journal, read_journal};
 pub use options::{DiagnoseOptions, Progress, changes_places, effect_names};

@@ -26,6 +26,9 @@ pub struct DiagnoseOptions {
     pub begun: Option<Instant>,
     /// Where to keep what has been worked out; a diagnosis that was stopped goes on from there.
     pub journal: Option<PathBuf>,
+    /// Of folders that are not paired: a command with `{a}` and `{b}` in the places of two folders of pictures, which
+    /// prints a distance.
+    pub distance: Option<String>,
     /// Ends the diagnosis with [`Error::DiagnosisInterrupted`] soon after it becomes true.
     pub stop: Option<Arc<AtomicBool>>,
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::chart::{Chart, line_chart};
 use super::embed::{PictureBudget, data_uri, size_of_picture};
 use super::percepts::{self, Overlay};
-use crate::diagnose::{Bin, Candidate, CandidateState, FrameEntry, PoseOff, Report, Verdict};
+use crate::diagnose::{Asked, Bin, Candidate, CandidateState, FrameEntry, PoseOff, Report, Verdict};
 use shutterbug::error::Result;
 
 /// Most frames that a page carries pictures of: more would be slow to open, and five pictures a frame add up.
@@ -18,6 +18,7 @@ const MAX_FRAMES: usize = 60;
 pub(super) struct Page<'a> {
     report: &'a Report,
     verdict: &'static str,
+    asked: Asked,
     frames: Vec<FrameView<'a>>,
     /// Index into `frames` of the one that is shown first.
     first: usize,
@@ -142,6 +143,7 @@ impl<'a> Page<'a> {
         let (waterfall, waterfall_height) = waterfall(report);
         Ok(Self {
             report,
+            asked: report.asked(),
             verdict: verdict_text(report.verdict),
             first: worst_held_out(&frames),
             frames,

@@ -10,6 +10,8 @@ use shutterbug::plane::Plane;
 pub(super) const EXACT_PX: f64 = 0.25;
 /// Windows across a picture.
 const ACROSS: usize = 12;
+/// Width of the finer windows by which motion is estimated, px.
+const FINE_PX: usize = 10;
 /// Width of the smallest picture of a pyramid, px.
 const SMALLEST_PX: usize = 48;
 /// Rounds on each picture of a pyramid.
@@ -101,8 +103,11 @@ impl Grey {
 
 impl Field {
     fn zero(w: usize, h: usize) -> Self {
-        let nx = ACROSS;
-        let ny = (ACROSS * h / w).max(3);
+        Self::across(ACROSS, w, h)
+    }
+
+    fn across(nx: usize, w: usize, h: usize) -> Self {
+        let ny = (nx * h / w).max(3);
         Self { nx, ny, at: vec![[0.0; 2]; nx * ny] }
     }
 
@@ -291,6 +296,25 @@ fn displacements(real: &Grey, sim: &Grey) -> (Field, Vec<Window>, Field) {
     };
     let left = Field { at: seen.iter().map(alone).collect(), ..field };
     (field, seen, left)
+}
+
+/// Where the content of each pixel of one picture is in another one, px from there (both DN, shape `[height, width,
+/// 3]`): as [`lies`] has it, and from there on in windows of [`FINE_PX`].
+pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>) -> Plane<f32> {
+    let (a, b) = (Grey::of(from), Grey::of(to));
+    let (coarse, ..) = displacements(&a, &b);
+    let (w, h) = (a.w, a.h);
+    let mut field = Field::across((w / FINE_PX).max(ACROSS), w, h);
+    for i in 0..field.at.len() {
+        let [x, y] = field.middle(i, (w, h));
+        field.at[i] = coarse.read(x, y, (w, h));
+    }
+    let (a, b) = (a.soft(), b.soft());
+    for _ in 0..ROUNDS {
+        let seen = windows(&a, &b, &field);
+        field.step(&seen);
+    }
+    Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32))
 }
 
 /// Windows of two pictures that lie on each other but for little: middle (px), and the normal equations of how the

@@ -5,6 +5,8 @@
 //! either, effects on values, noise and sharpness are; the rest is `undetermined`.
 
 mod align;
+mod guess;
+mod kinds;
 mod matched;
 mod planes;
 mod sample;
@@ -26,8 +28,10 @@ use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
+pub(super) use align::lies;
+use align::residual_px;
 pub(super) use align::slopes_to;
-use align::{lies, residual_px};
+pub(super) use kinds::notes as notes_of_kind;
 pub use matched::Matched;
 pub(super) use matched::pictures;
 pub(super) use sample::{channel_at, depth_at};
@@ -100,7 +104,8 @@ impl Pair {
         let matched = matched::matched(sim, real, matches)?;
         let first = sim.join(&matched[0].sim);
         let size = planes::size_of(&first)?;
-        let mut notes = Vec::new();
+        let mut notes = kinds::notes(sim, &matched[0].sim)?;
+        notes.extend(kinds::notes(real, &matched[0].real)?);
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
         let times_s = matched::times_s(sim, &matched, period_s)?;
@@ -115,6 +120,10 @@ impl Pair {
         }
         let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes)?;
+        if sim_frames.geometry == Geometry::None && stills::parts(matched.len()) == 1 {
+            let real_of = |i: usize| read_rgb8(&real.join(&matched[i].real));
+            notes.extend(guess::motion(&mut sim_frames, &real_of)?);
+        }
         let parts = stills::parts(matched.len());
         if parts > 1 {
             let count = matched.len();

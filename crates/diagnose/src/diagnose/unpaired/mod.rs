@@ -16,17 +16,18 @@ mod clock;
 mod fingerprint;
 mod marks;
 mod outcome;
+mod own;
 mod simulated;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::budget::Budget;
 use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use super::model::Theta;
 use super::options::{DiagnoseOptions, Progress, candidates};
-use super::pair::{Pair, linear_of, pictures};
+use super::pair::{Pair, linear_of, notes_of_kind, pictures};
 use super::report::Report;
 use choose::{Chosen, choose};
 use clock::Clock;
@@ -40,6 +41,8 @@ use simulated::Simulated;
 const FEWEST_FRAMES: usize = 6;
 /// Most frames of a folder that are looked at.
 const MOST_FRAMES: usize = 24;
+/// How long a distance of the user's own may take at the end, over what it took at the beginning.
+const AGAIN: f64 = 1.5;
 /// Most pixels of the frames of a folder that are looked at: marks are means, and memory is not endless.
 const MOST_PX: usize = 60_000_000;
 
@@ -104,19 +107,29 @@ pub fn diagnose_unpaired(
     let begun = options.begun.unwrap_or_else(Instant::now);
     let budget = Budget::new(begun, options.time_limit);
     let names = candidates(options)?;
+    let own = options.distance.as_deref().map(own::Own::parse).transpose()?;
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
-    let mut notes = Vec::new();
+    let mut notes = notes_of_kind(sim, &sims.names[0])?;
+    notes.extend(notes_of_kind(real, &reals.names[0])?);
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;
     let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear, &budget)?;
+    let limits = own::Limits { budget: &budget, stop: options.stop.as_ref() };
+    let begin = |own: own::Own| {
+        progress.step("distance", "of the user's own", 1, 1);
+        own.begin((sim, &sims), (real, &reals), camera.linear, &limits)
+    };
+    let own = own.map(begin).transpose()?;
     let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
     let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
     let marks = Fingerprint::of(&fit.real, simulated::packed_dn2(&base));
     let steps = simulated::NAMES.len();
     let mut step = 0;
-    let mut clock = Clock::new(budget);
+    // As long again as the user's command took is left for it.
+    let took = own.as_ref().map_or(Duration::ZERO, |o| o.took.mul_f64(AGAIN));
+    let mut clock = Clock::new(Budget::new(begun, options.time_limit.map(|l| l.saturating_sub(took))));
     let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
         if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
             return Err(Error::DiagnosisInterrupted {
@@ -134,6 +147,9 @@ pub fn diagnose_unpaired(
     report.input.capture = format!("{} beside {}", sim.display(), real.display());
     report.input.seed = options.seed;
     report.input.seconds = begun.elapsed().as_secs_f64();
+    if let Some(own) = own {
+        own.tell((sim, &sims), camera.linear, &chosen, &limits, &mut report)?;
+    }
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
     super::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
@@ -159,10 +175,15 @@ fn read(
     };
     let radiance = |i: &usize| -> Result<Plane<f32>> {
         budget.go_on()?;
-        let plane = linear_of(&sim.join(&sims.names[*i]), linear)?;
-        let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
-        Ok(Plane { channels: 4, data, ..plane })
+        radiance_of(&sim.join(&sims.names[*i]), linear)
     };
     let simulated = Simulated(of_sim.iter().map(radiance).collect::<Result<_>>()?);
     Ok(Frames { real: of_real.iter().map(dn).collect::<Result<_>>()?, simulated })
+}
+
+/// Linear radiance of a simulated frame, covered all over, shape `[height, width, 4]`.
+fn radiance_of(path: &Path, linear: bool) -> Result<Plane<f32>> {
+    let plane = linear_of(path, linear)?;
+    let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
+    Ok(Plane { channels: 4, data, ..plane })
 }

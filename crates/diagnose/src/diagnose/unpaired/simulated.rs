@@ -37,6 +37,11 @@ pub(super) struct Simulated(pub Vec<Plane<f32>>);
 impl Simulated {
     /// The frames as a camera delivers them, DN.
     pub(super) fn delivered(&self, theta: &Theta, seed: u64) -> Vec<Plane<f32>> {
+        self.delivered_from(theta, seed, 0)
+    }
+
+    /// The same of frames of which the first has this number.
+    pub(super) fn delivered_from(&self, theta: &Theta, seed: u64, first: u32) -> Vec<Plane<f32>> {
         let settings = settings_of(theta);
         let one = |(i, radiance): (usize, &Plane<f32>)| {
             let (width, height) = (radiance.width as u32, radiance.height as u32);
@@ -49,7 +54,7 @@ impl Simulated {
                 scan_order: ScanOrder::TopToBottom,
                 line_count: height,
             };
-            let view = View { intrinsics, shutter, frame: i as u32, seed };
+            let view = View { intrinsics, shutter, frame: first + i as u32, seed };
             let lens = magnified(radiance, theta);
             chain::picture(effects::LIST, &settings, &view, lens.as_ref().unwrap_or(radiance)).to_f32()
         };

@@ -1,0 +1,270 @@
+//! When lines are exposed, from where far points are seen in neighbouring frames and how the camera turned meanwhile.
+
+use glam::{DQuat, DVec2, DVec3};
+
+use super::input::Footage;
+use crate::diagnose::flow::undistort;
+use crate::diagnose::linear::solve;
+use crate::diagnose::pair::lies;
+use shutterbug::error::Result;
+
+/// Places across a frame and down it at which displacements are taken.
+const PLACES: [usize; 2] = [14, 10];
+/// Furthest offset of the clocks that is looked for, s, and the step.
+const FURTHEST_S: f64 = 0.5;
+const STEP_S: f64 = 0.004;
+/// Rounds of a fit.
+const ROUNDS: usize = 12;
+/// Errors from so many times the usual one on count less.
+const HUBER: f64 = 2.0;
+/// Groups that are left out in turn for intervals, and the factor of a 95 % interval from so many (Student, 9 degrees
+/// of freedom).
+pub(super) const GROUPS: usize = 10;
+pub(super) const STUDENT: f64 = 2.26;
+/// The gyro explains the footage if it leaves at most so much of how content moves, and of the errors px.
+const MOST_LEFT: f64 = 0.2;
+const MOST_LEFT_PX: f64 = 1.0;
+/// By how much the gyro may turn further than the frames show: focal lengths are known so well.
+const SCALE_OFF: f64 = 0.03;
+/// Least motion, px from frame to frame.
+const LEAST_MOTION_PX: f64 = 1.0;
+
+/// Numbers that are fitted: middle of the exposure of row 0 (or column 0) behind the timestamp, s; time from the
+/// first row to the last and from the first column to the last, s; drift of the gyro, rad/s; its scale less 1.
+pub(super) const OFFSET: usize = 0;
+pub(super) const ROWS: usize = 1;
+pub(super) const COLUMNS: usize = 2;
+const DRIFT: usize = 3;
+pub(super) const SCALE: usize = 6;
+pub(super) type Numbers = [f64; 7];
+
+/// Points that one frame and the next show.
+pub(super) struct Step {
+    /// Their numbers.
+    pub frames: [usize; 2],
+    /// Where they are in both, px.
+    pub points: Vec<[DVec2; 2]>,
+    /// The same without the lens, over the focal length from the middle.
+    rays: Vec<[DVec2; 2]>,
+}
+
+/// The fitted times.
+pub(super) struct Timed {
+    pub numbers: Numbers,
+    /// Half widths of 95 % intervals.
+    pub half: Numbers,
+    /// Errors of held-out points, px, root mean square: with lines that are all read at the timestamp, with those
+    /// times, of the times with an offset alone, and how far points move.
+    pub before_px: f64,
+    pub after_px: f64,
+    pub offset_alone_px: f64,
+    pub motion_px: f64,
+    /// By pair of frames: error before and after, px.
+    pub by_pair: Vec<[f64; 2]>,
+}
+
+impl Step {
+    /// # Errors
+    /// Frames that cannot be read.
+    pub(super) fn of(footage: &Footage, frames: [usize; 2]) -> Result<Self> {
+        let [a, b] = [footage.picture(frames[0])?, footage.picture(frames[1])?];
+        let lies = lies(&a, &b);
+        let (w, h) = (a.width, a.height);
+        let k = footage.intrinsics();
+        let (focal, centre) = (DVec2::new(k.fx, k.fy), DVec2::new(k.cx, k.cy));
+        let (mut points, mut rays) = (Vec::new(), Vec::new());
+        for (i, j) in (0..PLACES[0]).flat_map(|i| (0..PLACES[1]).map(move |j| (i, j))) {
+            let (x, y) = ((2 * i + 1) * w / (2 * PLACES[0]), (2 * j + 1) * h / (2 * PLACES[1]));
+            let at = y * w + x;
+            if lies.alike.data[at] == 0.0 {
+                continue;
+            }
+            let here = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            let there =
+                here + DVec2::new(f64::from(lies.shift.data[2 * at]), f64::from(lies.shift.data[2 * at + 1]));
+            let inside =
+                there.x > 1.0 && there.y > 1.0 && there.x < w as f64 - 1.0 && there.y < h as f64 - 1.0;
+            if inside {
+                points.push([here, there]);
+                rays.push([here, there].map(|p| undistort((p - centre) / focal, &footage.lens)));
+            }
+        }
+        Ok(Self { frames, points, rays })
+    }
+}
+
+/// Time of a place in a frame, s.
+pub(super) fn time_s(footage: &Footage, n: &Numbers, frame: usize, px: DVec2) -> f64 {
+    let k = footage.intrinsics();
+    let part = DVec2::new((px.x - 0.5) / f64::from(k.width), (px.y - 0.5) / f64::from(k.height));
+    footage.frames[frame].start_s + n[OFFSET] + n[ROWS] * part.y + n[COLUMNS] * part.x
+}
+
+/// Where a far point that is on a ray at one time is at another, by the gyro.
+pub(super) fn seen(footage: &Footage, n: &Numbers, ray: DVec2, from_s: f64, to_s: f64) -> DVec2 {
+    let drift = DVec3::new(n[DRIFT], n[DRIFT + 1], n[DRIFT + 2]) * (to_s - from_s);
+    let turned = footage.gyro.between(from_s, to_s) * (1.0 + n[SCALE]) + drift;
+    let then = DQuat::from_scaled_axis(-turned) * ray.extend(1.0);
+    then.truncate() / then.z.max(0.05)
+}
+
+/// Errors of a pair's points, px.
+fn errors(footage: &Footage, step: &Step, n: &Numbers) -> Vec<DVec2> {
+    let k = footage.intrinsics();
+    let focal = DVec2::new(k.fx, k.fy);
+    let one = |(px, rays): (&[DVec2; 2], &[DVec2; 2])| {
+        let [from_s, to_s] = [0, 1].map(|i| time_s(footage, n, step.frames[i], px[i]));
+        (seen(footage, n, rays[0], from_s, to_s) - rays[1]) * focal
+    };
+    step.points.iter().zip(&step.rays).map(one).collect()
+}
+
+fn rms(all: impl Iterator<Item = DVec2>) -> f64 {
+    let (sum, count) = all.fold((0.0, 0usize), |(s, n), d| (s + d.length_squared(), n + 1));
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// The middle length of some errors, px.
+fn middle(errors: &[DVec2]) -> f64 {
+    let mut all: Vec<f64> = errors.iter().map(|e| e.length()).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The offset of the clocks from which a fit begins: the one that leaves least.
+fn start(footage: &Footage, steps: &[&Step]) -> Numbers {
+    let count = (2.0 * FURTHEST_S / STEP_S) as i32;
+    let mut best = (f64::INFINITY, Numbers::default());
+    for k in 0..=count {
+        let mut n = Numbers::default();
+        n[OFFSET] = -FURTHEST_S + STEP_S * f64::from(k);
+        let left: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
+        let left = middle(&left);
+        if left < best.0 {
+            best = (left, n);
+        }
+    }
+    best.1
+}
+
+/// Robust least squares in some of the numbers.
+fn fitted(footage: &Footage, steps: &[&Step], from: &Numbers, free: &[usize], rounds: usize) -> Numbers {
+    const NUDGE: Numbers = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
+    let mut n = *from;
+    for _ in 0..rounds {
+        let now: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
+        let usual = middle(&now).max(1e-6);
+        let slopes: Vec<Vec<DVec2>> = free
+            .iter()
+            .map(|&p| {
+                let mut moved = n;
+                moved[p] += NUDGE[p];
+                let then = steps.iter().flat_map(|s| errors(footage, s, &moved));
+                then.zip(&now).map(|(a, b)| (a - *b) / NUDGE[p]).collect()
+            })
+            .collect();
+        let (mut a, mut b) = (vec![vec![0.0; free.len()]; free.len()], vec![0.0; free.len()]);
+        for (i, e) in now.iter().enumerate() {
+            let weight = (HUBER * usual / e.length().max(1e-12)).min(1.0);
+            for p in 0..free.len() {
+                (0..free.len()).for_each(|q| a[p][q] += weight * slopes[p][i].dot(slopes[q][i]));
+                b[p] -= weight * slopes[p][i].dot(*e);
+            }
+        }
+        let Some(x) = solve(&a, &b, 1e-9) else { break };
+        free.iter().zip(&x).for_each(|(p, x)| n[*p] += x);
+    }
+    n
+}
+
+/// Fits the times of lines; nothing where frames have too little in common or hardly move.
+pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
+    let enough = PLACES[0] * PLACES[1] / 4;
+    let used: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].points.len() >= enough).collect();
+    if 2 * used.len() < steps.len() || used.len() < 4 {
+        return None;
+    }
+    let part = |odd: bool| {
+        used.iter().enumerate().filter(move |(k, _)| (k % 2 == 1) == odd).map(|(_, i)| &steps[*i])
+    };
+    let (fit, held): (Vec<&Step>, Vec<&Step>) = (part(false).collect(), part(true).collect());
+    let motion_px = rms(held.iter().flat_map(|s| s.points.iter().map(|p| p[1] - p[0])));
+    let start = start(footage, &fit);
+    let rest: Vec<usize> = (DRIFT..=SCALE).collect();
+    let with =
+        |times: &[usize]| -> Vec<usize> { times.iter().copied().chain(rest.iter().copied()).collect() };
+    let judge = |n: &Numbers| rms(held.iter().flat_map(|s| errors(footage, s, n)));
+    let alone = fitted(footage, &fit, &start, &with(&[OFFSET]), ROUNDS);
+    let rows = fitted(footage, &fit, &alone, &with(&[OFFSET, ROWS]), ROUNDS);
+    let columns = fitted(footage, &fit, &alone, &with(&[OFFSET, COLUMNS]), ROUNDS);
+    let (lines, first) = if judge(&rows) <= judge(&columns) { (ROWS, rows) } else { (COLUMNS, columns) };
+    let free = with(&[OFFSET, lines]);
+    // With all pairs for the answer; those that were held out have judged.
+    let all: Vec<&Step> = used.iter().map(|i| &steps[*i]).collect();
+    let numbers = fitted(footage, &all, &first, &free, ROUNDS);
+    let groups = GROUPS.min(all.len());
+    let without = |g: usize| {
+        let some: Vec<&Step> =
+            all.iter().enumerate().filter(|(k, _)| k % groups != g).map(|(_, s)| *s).collect();
+        fitted(footage, &some, &numbers, &free, 4)
+    };
+    let left_out: Vec<Numbers> = (0..groups).map(without).collect();
+    let mut half = Numbers::default();
+    for p in 0..half.len() {
+        half[p] = jackknife(&left_out.iter().map(|n| n[p]).collect::<Vec<_>>());
+    }
+    let mut neutral = first;
+    (neutral[OFFSET], neutral[ROWS], neutral[COLUMNS]) = (0.0, 0.0, 0.0);
+    let neutral = fitted(footage, &fit, &neutral, &rest, ROUNDS);
+    let both = |s: &Step| [&neutral, &numbers].map(|n| rms(errors(footage, s, n).into_iter()));
+    Some(Timed {
+        half,
+        before_px: judge(&neutral),
+        after_px: judge(&first),
+        offset_alone_px: judge(&alone),
+        motion_px,
+        by_pair: steps.iter().map(both).collect(),
+        numbers,
+    })
+}
+
+/// Half width of a 95 % interval from what is found when groups are left out in turn.
+pub(super) fn jackknife(left_out: &[f64]) -> f64 {
+    let n = left_out.len() as f64;
+    let mean = left_out.iter().sum::<f64>() / n;
+    STUDENT * ((n - 1.0) / n * left_out.iter().map(|v| (v - mean).powi(2)).sum::<f64>()).sqrt()
+}
+
+impl Timed {
+    /// Why the times are no answer; nothing where they are one.
+    pub(super) fn doubt(&self) -> Option<String> {
+        let (left_px, motion_px) = (self.after_px, self.motion_px);
+        if motion_px < LEAST_MOTION_PX {
+            return Some(format!(
+                "the camera hardly turns: content moves {motion_px:.2} px from frame to frame"
+            ));
+        }
+        if left_px > MOST_LEFT * motion_px || left_px > MOST_LEFT_PX {
+            return Some(format!(
+                "the gyro does not explain how the frames move: content moves {motion_px:.1} px from frame to \
+                frame, and points are \
+                 {left_px:.2} px from where the gyro has them at best. It may be of another recording, its \
+                 clock more than \
+                 {FURTHEST_S} s off, its axes not the camera's, or the scene near"
+            ));
+        }
+        let scale = 1.0 + self.numbers[SCALE];
+        if (scale - 1.0).abs() > SCALE_OFF.max(self.half[SCALE]) {
+            return Some(format!(
+                "the frames turn {scale:.3} times as far as the gyro: its unit (rad/s), its scale or the \
+                focal length of camera.toml is \
+                 off by so much"
+            ));
+        }
+        None
+    }
+
+    pub(super) fn is_trusted(&self) -> bool {
+        self.doubt().is_none()
+    }
+}
