@@ -1,4 +1,4 @@
-//! Engines: making, setting up, asking, destroying.
+//! Calls on engines: create, set up, query, destroy.
 
 use std::ffi::{CStr, c_char};
 use std::path::Path;
@@ -9,7 +9,7 @@ use tracing::Dispatch;
 
 use super::Handle;
 use super::handle::{self, code, guarded, with};
-use super::options::settings;
+use super::options::{ENGINE_VALIDATION, settings};
 use super::session::Session;
 use super::sharing::check_out;
 use super::status::{self, Fault, Outcome, Status};
@@ -19,11 +19,6 @@ use crate::camera::Pose;
 use crate::gpu::{
     Context, ContextOptions, DeviceChoice, DeviceKind, HostDevice, HostHandles, Loader, Validation,
 };
-
-/// Flag of the options: load the validation layer.
-pub const ENGINE_VALIDATION: u32 = 1;
-/// Flag of the options: frames may ask for sharp planes.
-pub const ENGINE_PLANES: u32 = 2;
 
 /// `shutterbug_engine_create`.
 ///

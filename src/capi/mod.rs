@@ -39,6 +39,7 @@ pub use gpu_image::{
 };
 pub use log::LogFn;
 pub use margin::shutterbug_engine_margin;
+pub use options::{ENGINE_PLANES, ENGINE_VALIDATION};
 pub use outside::*;
 pub use pose::shutterbug_pose_convert;
 pub use sharing::{

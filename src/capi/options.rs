@@ -1,11 +1,15 @@
-//! What an engine is made with.
+//! Options of a new engine.
 
 use std::time::Duration;
 
-use super::engine::{ENGINE_PLANES, ENGINE_VALIDATION};
 use super::status::{self, Fault, Outcome};
 use super::types::shutterbug_engine_options;
 use crate::engine::{AccumulationOptions, ExactOptions, FastOptions, Method, PaperOptions};
+
+/// Flag of the options: load the validation layer.
+pub const ENGINE_VALIDATION: u32 = 1;
+/// Flag of the options: frames may ask for sharp planes.
+pub const ENGINE_PLANES: u32 = 2;
 
 /// What an engine was made with, checked.
 #[derive(Clone, Debug)]

@@ -1,7 +1,8 @@
 //! A capture's frames on the device: owns the resources, records one submission a frame, reads the picture back.
 //!
 //! ```text
-//! frame ─ source (a scene by one of four methods | pictures from outside) ─ radiance ─ chain of pixel effects ─ readback ─ Frame
+//! frame ─ source (a scene by one of four methods | pictures from outside) ─ radiance
+//!       ─ chain of pixel effects ─ readback ─ Frame
 //! ```
 //!
 //! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
@@ -43,9 +44,8 @@ pub use outside::frame::{
     OutsidePicture, OutsidePixels, PixelSource,
 };
 pub use outside::lens::{BorderRays, MarginNeed, OutsideLens};
-pub use paper::gather::{
-    ChosenBy, GATHER_KERNELS, Gather, GatherChoice, GatherKernel, cache_path, choose_gather,
-};
+pub use paper::gather::{ChosenBy, GatherChoice, cache_path, choose_gather};
+pub use paper::kernels::{GATHER_KERNELS, Gather, GatherKernel};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
 pub use scene::margin::{Reach, reach};
@@ -98,7 +98,7 @@ impl<S> EngineOf<S> {
         self.flight.wait(ticket, limit)
     }
 
-    /// A frame that nobody will collect: its slot is free again once the device is done with it.
+    /// Gives up a frame. Its slot is free once the device has finished the frame's work.
     pub fn give_up(&mut self, ticket: &Ticket) {
         self.flight.give_up(ticket);
     }

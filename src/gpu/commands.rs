@@ -12,6 +12,7 @@ use super::kernel::ComputePipeline;
 use super::memory::{Buffer, Image};
 use super::shared_image::SharedImage;
 use super::slot::{MAX_QUERIES, Slot};
+use crate::error::Result;
 
 /// A rectangle of the attachments, px: only it is cleared and drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,11 +33,34 @@ pub struct Recorder<'a> {
     slot: &'a mut Slot,
 }
 
-impl<'a> Recorder<'a> {
-    pub(super) fn new(context: Arc<Context>, slot: &'a mut Slot) -> Self {
-        Self { context, slot }
+impl Slot {
+    /// Starts recording, for callers outside this crate. All work for the device is recorded here; the rest of this
+    /// module only creates and drops objects.
+    ///
+    /// # Safety
+    /// Everything that is recorded, and what its groups bind, lives until [`Self::wait`] says that the work is over.
+    /// The invocations of a kernel stay inside what its group binds, as its own source says. A draw's area lies inside
+    /// the attachments, its indices inside the index buffer, what they name inside the vertex buffer, and its groups
+    /// and push constants are those of its pipeline. A copy to or from a buffer fits into it, all layers counted.
+    ///
+    /// # Errors
+    /// Out of memory.
+    ///
+    /// # Panics
+    /// If work is in flight: a bug of the caller.
+    pub unsafe fn begin_unchecked(&mut self) -> Result<Recorder<'_>> {
+        self.begin()
     }
 
+    /// [`Self::begin_unchecked`] for this crate, where engine and raster keep its rules: they own what their slots use,
+    /// and wait before they drop it.
+    pub(crate) fn begin(&mut self) -> Result<Recorder<'_>> {
+        let context = self.begin_commands()?;
+        Ok(Recorder { context, slot: self })
+    }
+}
+
+impl Recorder<'_> {
     /// From here on, time counts for the pass of this name.
     pub fn mark(&mut self, name: &'static str) {
         if self.slot.queries == vk::QueryPool::null() || self.slot.marks.len() as u32 >= MAX_QUERIES / 2 - 1 {

@@ -57,7 +57,7 @@ impl Context {
         Self::with_entry(select::load()?, options)
     }
 
-    /// Opens a device by way of a Vulkan loader that the caller has (statically linked, a layer of its own).
+    /// Opens a device with the caller's Vulkan loader (statically linked, or a layer).
     ///
     /// # Errors
     /// As for [`Self::new`].

@@ -299,7 +299,7 @@ impl ImageSpec {
         Self { size, layers: 1, array: false, samples: 1, format, attachment: false, storage: true }
     }
 
-    /// An attachment of so many samples that kernels read.
+    /// An attachment with this number of samples, which kernels read.
     pub fn attachment(size: [u32; 2], format: Format, samples: u32) -> Self {
         Self { size, layers: 1, array: false, samples, format, attachment: true, storage: false }
     }

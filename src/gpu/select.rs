@@ -13,7 +13,7 @@ pub(super) const API_FLOOR: u32 = vk::API_VERSION_1_2;
 /// Kind of device; the order is the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
-    /// A GPU with memory of its own.
+    /// A GPU with its own memory.
     DiscreteGpu,
     /// A GPU in the processor.
     IntegratedGpu,

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 pub struct Sharing {
     /// Memory by opaque file descriptor.
     pub memory_fd: bool,
-    /// The host's own memory; addresses and sizes are multiples of so many bytes. 0: not possible.
+    /// The host's own memory: addresses and sizes are multiples of this many bytes. 0: not possible.
     pub host_alignment_bytes: u64,
     /// Binary semaphores by opaque file descriptor.
     pub semaphore_fd: bool,

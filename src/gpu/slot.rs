@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use ash::vk;
 
-use super::commands::Recorder;
 use super::context::Context;
 use super::failed;
 use super::shared::{SemaphoreKind, SignalAt};
@@ -78,27 +77,8 @@ impl Slot {
         Ok(slot)
     }
 
-    /// Starts recording, for who is not of this crate. All that reaches the device goes through here: what else this
-    /// module has can only make things and let go of them.
-    ///
-    /// # Safety
-    /// Everything that is recorded, and what its groups bind, lives until [`Self::wait`] says that the work is over.
-    /// The invocations of a kernel stay inside what its group binds, as its own source says. A draw's area lies inside
-    /// the attachments, its indices inside the index buffer, what they name inside the vertex buffer, and its groups
-    /// and push constants are those of its pipeline. A copy to or from a buffer fits into it, all layers counted.
-    ///
-    /// # Errors
-    /// Out of memory.
-    ///
-    /// # Panics
-    /// If work is in flight: a bug of the caller.
-    pub unsafe fn begin_unchecked(&mut self) -> Result<Recorder<'_>> {
-        self.begin()
-    }
-
-    /// [`Self::begin_unchecked`] for this crate, where engine and raster keep its rules: they own what their slots use,
-    /// and wait before they drop it.
-    pub(crate) fn begin(&mut self) -> Result<Recorder<'_>> {
+    /// Begins the command buffer again, and returns the context for recording.
+    pub(super) fn begin_commands(&mut self) -> Result<Arc<Context>> {
         assert!(!self.in_flight, "a slot is waited for before it is recorded again");
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is not in flight; beginning resets it, as its pool allows.
@@ -109,8 +89,7 @@ impl Slot {
             // SAFETY: recording, and no submission uses the queries.
             unsafe { self.context.device.cmd_reset_query_pool(self.commands, self.queries, 0, MAX_QUERIES) };
         }
-        let context = self.context.clone();
-        Ok(Recorder::new(context, self))
+        Ok(self.context.clone())
     }
 
     /// Ends recording and hands the commands to the queue.

@@ -19,7 +19,7 @@ pub struct Instant {
 }
 
 impl Instant {
-    /// An instant whose motion nobody asks for.
+    /// An instant without motion.
     pub fn still(time_s: f64) -> Self {
         Self { time_s, motion_from_s: time_s, motion_to_s: time_s }
     }

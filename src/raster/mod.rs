@@ -1,22 +1,24 @@
 //! Scene to samples on the device: colour, motion and depth by the hardware's rasterizer.
 
+mod exact_place;
 mod geometry;
 mod instants;
+mod kind;
 mod knots;
 mod lens;
-mod place;
-mod placed;
+mod raster_place;
 mod scene_buffers;
 mod target;
 mod tessellate;
 
+pub use exact_place::{Place, PlaceInput, PlacePush};
 pub use geometry::Geometry;
 pub use instants::{CameraRow, Instant, ObjectRow, instant_rows};
+pub use kind::RasterKind;
 pub use knots::{KnotRow, MotionGroups, RelativeRow, View, moved_row, moved_rows, relative_rows, spaced};
 pub use lens::LensPush;
-pub use place::{Place, PlaceInput, PlacePush};
 pub use scene_buffers::SceneBuffers;
-pub use target::{Drawn, RasterInput, RasterKind, RasterTarget};
+pub use target::{Drawn, RasterInput, RasterTarget};
 pub use tessellate::Mesh;
 
 use crate::error::{Error, Result};

@@ -5,70 +5,19 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::place::PLACED_FORMAT;
-use super::placed::{Placed, PlacedInput};
+use super::geometry::PLACED_FORMAT;
+use super::kind::{RasterKind, constants};
+use super::raster_place::{Placed, PlacedInput};
 use super::scene_buffers::VertexRow;
 use super::{Geometry, LensPush, SamplePlan, SceneBuffers};
 use crate::assert_push_layout;
 use crate::camera::{ExtendedLens, NEAR_M};
 use crate::error::Result;
 use crate::gpu::{
-    Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, Format, GraphicsPipeline,
-    GraphicsSpec, Recorder, RenderArea, VertexFormat,
+    Attachments, BindGroup, Bound, Buffer, Context, DrawBatch, DrawCall, GraphicsPipeline, GraphicsSpec,
+    Recorder, RenderArea, VertexFormat,
 };
-use crate::kernels::{Kernel, kernel};
 use crate::scene::Draw;
-
-/// What is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RasterKind {
-    /// Radiance only.
-    Color,
-    /// Motion only: no lights, no textures.
-    Motion,
-    /// Both in one pass.
-    ColorMotion,
-    /// Displacement from the instant of the picture to the begin (first two channels) and to the end (last two) of the
-    /// span; no lights, no textures.
-    Path,
-    /// Radiance of placed vertices, and the motion group in alpha.
-    Exact,
-}
-
-impl RasterKind {
-    fn shaders(self) -> (&'static Kernel, &'static Kernel) {
-        match self {
-            Self::Color => (const { kernel("raster_color.vert") }, const { kernel("raster_color.frag") }),
-            Self::Motion => (const { kernel("raster_motion.vert") }, const { kernel("raster_motion.frag") }),
-            Self::Exact => (const { kernel("raster_exact.vert") }, const { kernel("raster_exact.frag") }),
-            Self::ColorMotion => {
-                (const { kernel("raster_color_motion.vert") }, const { kernel("raster_color_motion.frag") })
-            }
-            Self::Path => (const { kernel("raster_path.vert") }, const { kernel("raster_path.frag") }),
-        }
-    }
-
-    pub(super) fn formats(self) -> &'static [Format] {
-        match self {
-            Self::Color | Self::Exact => &[Format::Rgba16f],
-            Self::Motion => &[Format::Rg32f],
-            Self::ColorMotion => &[Format::Rgba16f, Format::Rg32f],
-            Self::Path => &[Format::Rgba32f],
-        }
-    }
-
-    /// `(textured, glossy)` of the pipelines that draw this kind.
-    pub(super) fn variants(self) -> &'static [(bool, bool)] {
-        match self.has_color() {
-            true => &[(false, false), (true, false), (false, true), (true, true)],
-            false => &[(false, false)],
-        }
-    }
-
-    pub(super) fn has_color(self) -> bool {
-        !matches!(self, Self::Motion | Self::Path)
-    }
-}
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -99,19 +48,6 @@ const VERTEX_FORMAT: VertexFormat = VertexFormat {
         (offset_of!(VertexRow, vertex.uv) as u32, 2),
     ],
 };
-
-/// Number of the first specialization constant in `raster_lights.glsl`.
-const FIRST_FIXED_LIGHT: usize = 16;
-
-/// Specialization constants of all pipelines.
-pub(super) fn constants(scene: &SceneBuffers, kind: RasterKind, textured: bool, glossy: bool) -> Vec<u32> {
-    let color = kind.has_color();
-    let near = (NEAR_M as f32).to_bits();
-    let mut all = vec![(color && scene.lit).into(), textured.into(), scene.light_count, near, glossy.into()];
-    all.resize(FIRST_FIXED_LIGHT, 0);
-    all.extend(&scene.fixed_lights);
-    all
-}
 
 /// Attachments and pipelines.
 pub struct RasterTarget {

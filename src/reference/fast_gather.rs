@@ -7,57 +7,16 @@ use rayon::prelude::*;
 
 use super::cubic::read_cubic;
 use super::fast_claims::slot_claims;
+use super::fast_pixel::{Pixel, Task, blur_pairs};
 use super::fast_push::{Inputs, Push, seed_offset};
 use super::fast_seeds::fast_seeds;
 use super::fast_silhouettes::blur_many_surfaces;
 use super::fast_weight::{nearness_of, sharpness, worth};
-use super::sample::sample_bilinear;
 use super::timing::readout_fraction;
 use crate::plane::Plane;
 
-/// Everything that a pixel asks.
-pub(super) struct Task<'a> {
-    pub(super) push: &'a Push,
-    pub(super) inputs: &'a Inputs<'a>,
-    pub(super) seeds: Vec<u32>,
-}
-
-/// Half the distance of two bilinear samples that stand for a pixel's width of texels of half a px, px.
-const SPREAD_PX: f32 = 0.14434;
 /// Share of a texel's two neighbours where the pixel's centre is the texel's.
 const NEIGHBOURS_SHARE: f32 = 0.3125;
-
-impl Task<'_> {
-    /// A pixel that is one texel is not spread.
-    pub(super) fn spread_px(&self) -> f32 {
-        if self.inputs.color_scale == 2 { SPREAD_PX } else { 0.0 }
-    }
-
-    /// Bilinear.
-    pub(super) fn read_between(&self, position_px: Vec2) -> Vec3 {
-        let position = position_px * self.inputs.color_scale as f32;
-        sample_bilinear(self.inputs.color, position, &mut false).truncate()
-    }
-
-    /// Whether a place lies beyond the centres of the outermost texels.
-    pub(super) fn is_beyond(&self, position_px: Vec2) -> bool {
-        let color = self.inputs.color;
-        let texel = position_px * self.inputs.color_scale as f32;
-        let last = Vec2::new(color.width as f32, color.height as f32) - 0.5;
-        texel.cmplt(Vec2::splat(0.5)).any() || texel.cmpgt(last).any()
-    }
-}
-
-/// A pixel's place and time.
-#[derive(Clone, Copy)]
-pub(super) struct Pixel {
-    pub(super) at: IVec2,
-    /// Where it looks in the picture with its margin.
-    pub(super) x_px: Vec2,
-    /// Begin and duration of its exposure, in knots.
-    pub(super) from: f32,
-    pub(super) span: f32,
-}
 
 /// What the sensor sees: shape `[height, width, 4]`; linear RGB and the number of samples, which is negative where one
 /// of them left the picture (the margin was too small).
@@ -173,11 +132,6 @@ fn read_pixel_area(task: &Task<'_>, position_px: Vec2, clamped: &mut bool) -> Ve
         sum += down.y * along;
     }
     sum
-}
-
-/// Samples for a path, px: one a px, in pairs.
-pub(super) fn blur_pairs(push: &Push, path_px: f32) -> u32 {
-    ((0.5 * path_px).ceil() as u32).clamp(1, (push.max_samples / 2).max(1))
 }
 
 /// Mean over the exposure along the parabola through three sources: no motion is read for it. Two samples a step of a

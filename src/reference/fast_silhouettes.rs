@@ -4,7 +4,7 @@
 use glam::{Vec2, Vec3};
 
 use super::fast_claims::{NO_CLAIM, SlotClaims, slot_claims};
-use super::fast_gather::{Pixel, Task, blur_pairs};
+use super::fast_pixel::{Pixel, Task, blur_pairs};
 use super::fast_push::{seed_key, seed_offset};
 use super::fast_weight::worth;
 use super::path::PathWeights;

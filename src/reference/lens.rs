@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::raster::Window;
+use super::window::Window;
 use crate::camera::{Intrinsics, Lens};
 
 /// Pixels a side of the blocks by which a region of the ideal picture is found.

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::lens::{LensGrid, Places};
 use super::shade::{self, Shader};
+pub use super::window::Window;
 use crate::camera::{Intrinsics, NEAR_M, Pose, Trajectory};
 use crate::plane::Plane;
 use crate::scene::Scene;
@@ -41,26 +42,6 @@ pub struct MotionSpan<'a> {
     pub to_s: f64,
     /// Factor on the displacement.
     pub scale: f64,
-}
-
-/// A part of the picture, px.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
-    /// First column.
-    pub x: u32,
-    /// First row.
-    pub y: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-impl Window {
-    /// The whole picture.
-    pub fn whole(intrinsics: &Intrinsics) -> Self {
-        Self { x: 0, y: 0, width: intrinsics.width, height: intrinsics.height }
-    }
 }
 
 /// What is seen, each of shape `[window height, window width, channels]`.

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod captures;
+mod circles;
 mod effects_closed_forms;
 mod effects_noise;
 mod effects_registry;
@@ -12,6 +13,7 @@ mod noise_statistics;
 mod paper_closed_form;
 mod scenes;
 mod scenes_hostile;
+mod sizes;
 
 #[path = "../support/effects/mod.rs"]
 mod effects_support;

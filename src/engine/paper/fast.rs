@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::assert_push_layout;
 use crate::chain::rng::seed_words;
 use crate::engine::finish::Finish;
-use crate::engine::paper::gather::GatherKernel;
+use crate::engine::paper::kernels::GatherKernel;
 use crate::error::Result;
 use crate::gpu::{BindGroup, Bound, ComputePipeline, Context, Image, Recorder, Sampler};
 use crate::kernels::POINTWISE;
@@ -107,7 +107,8 @@ impl FastPush {
     }
 }
 
-/// Specialization constants for so many motion images; `effects`: variants of the pixel chain that is run too.
+/// Specialization constants for this number of motion images. `effects`: variants of the pixel chain, if it runs in the
+/// same kernel.
 pub(super) fn constants(kernel: &GatherKernel, motion_count: u32, effects: Option<&[u32]>) -> Vec<u32> {
     let mut constants = vec![0; MOTION_COUNT + 1];
     if let Some(variants) = effects {
@@ -138,7 +139,7 @@ impl PaperFast {
         Ok(Self { made: BTreeMap::new(), sampler, kernel, context: context.clone() })
     }
 
-    /// Forgets what was bound: its images are made anew.
+    /// Drops the bindings, because their images are replaced.
     pub(super) fn forget(&mut self) {
         self.made.clear();
     }

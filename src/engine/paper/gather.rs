@@ -10,75 +10,13 @@ use serde_json::{Value, json};
 
 use crate::engine::finish::prepare;
 use crate::engine::paper::fast::{FastPush, constants};
+use crate::engine::paper::kernels::{GATHER_KERNELS, Gather, GatherKernel};
 use crate::error::{Error, Result};
 use crate::files::{Limit, read, write_atomic};
 use crate::gpu::{
     BindGroup, Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Sampler, Slot,
     Usage,
 };
-use crate::kernels::{Kernel, kernel};
-
-/// What the gather of the paper's method may give up for speed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Gather {
-    /// Nothing: `paper_gather`, the bits of its twin, a tap a px.
-    #[default]
-    Exact,
-    /// Weights of 8 bits, a tap every second px of the path: about 52 dB from the exact one.
-    Bilinear,
-    /// The texel that holds the place, a tap a px: about 44 dB.
-    Fast,
-}
-
-/// One kernel with its constants.
-#[derive(Clone, Copy)]
-pub struct GatherKernel {
-    /// What `--gather-kernel` and the cache call it.
-    pub name: &'static str,
-    /// What it is good for.
-    pub gather: Gather,
-    pub(super) shader: &'static Kernel,
-    pub(super) taps_per_px: f32,
-    pub(super) unroll: u32,
-    /// Whether it reads between texels.
-    pub(super) linear: bool,
-}
-
-impl PartialEq for GatherKernel {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
-    }
-}
-
-impl std::fmt::Debug for GatherKernel {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
-    }
-}
-
-const SAMPLER: &Kernel = kernel("paper_fast_sampler.comp");
-const TEXELS: &Kernel = kernel("paper_fast_texels.comp");
-const NEAREST: &Kernel = kernel("paper_fast_nearest.comp");
-
-const fn bilinear(name: &'static str, shader: &'static Kernel, unroll: u32, linear: bool) -> GatherKernel {
-    GatherKernel { name, gather: Gather::Bilinear, shader, taps_per_px: 0.5, unroll, linear }
-}
-
-const fn nearest(name: &'static str, unroll: u32) -> GatherKernel {
-    GatherKernel { name, gather: Gather::Fast, shader: NEAREST, taps_per_px: 1.0, unroll, linear: false }
-}
-
-/// All kernels that can be chosen.
-pub const GATHER_KERNELS: [GatherKernel; 8] = [
-    bilinear("sampler_1", SAMPLER, 1, true),
-    bilinear("sampler_2", SAMPLER, 2, true),
-    bilinear("sampler_4", SAMPLER, 4, true),
-    bilinear("texels_1", TEXELS, 1, false),
-    bilinear("texels_2", TEXELS, 2, false),
-    nearest("nearest_1", 1),
-    nearest("nearest_4", 4),
-    nearest("nearest_8", 8),
-];
 
 /// How a kernel was chosen.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,7 +80,7 @@ pub fn choose_gather(context: &Arc<Context>, gather: Gather, name: Option<&str>)
     Ok(GatherChoice { kernel, by: ChosenBy::Measurement, candidates: times })
 }
 
-/// A driver of another version may choose anew.
+/// With another version of the driver, the kernel is chosen again.
 fn key(context: &Context, gather: Gather) -> String {
     let info = context.info();
     format!("{gather:?} / {} / {} / {} / {}", info.name, info.driver, info.uuid, env!("CARGO_PKG_VERSION"))
@@ -157,7 +95,7 @@ pub fn cache_path() -> Option<PathBuf> {
 
 type Entries = std::collections::BTreeMap<String, Entry>;
 
-/// Nothing where there is none, or none that can be understood: it is then measured again.
+/// `None` if there is no entry, or one that cannot be read: then it is measured again.
 fn read_cache(path: &Path) -> Entries {
     read(path, Limit::OWN).ok().and_then(|bytes| entries_of(&bytes)).unwrap_or_default()
 }

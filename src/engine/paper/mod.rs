@@ -7,6 +7,7 @@
 
 mod fast;
 pub(crate) mod gather;
+pub(crate) mod kernels;
 mod plan;
 
 use crate::assert_push_layout;
@@ -14,7 +15,8 @@ use crate::camera::{Intrinsics, Trajectory};
 use crate::engine::flight::Room;
 use crate::engine::frame::FrameRequest;
 use crate::engine::paper::fast::PaperFast;
-use crate::engine::paper::gather::{Gather, GatherKernel, choose_gather};
+use crate::engine::paper::gather::choose_gather;
+use crate::engine::paper::kernels::{Gather, GatherKernel};
 use crate::engine::paper::plan::{Plan, picture_kind, plan, reference_s};
 use crate::engine::scene::lens::Channel;
 use crate::engine::scene::margin::{holds, larger, needed_px};

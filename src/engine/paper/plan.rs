@@ -1,4 +1,4 @@
-//! Which instants the paper's method renders for a frame.
+//! Chooses the instants that the paper's method renders for a frame.
 
 use crate::camera::{ShutterTiming, Trajectory};
 use crate::engine::frame::FrameRequest;

@@ -1,4 +1,4 @@
-//! What can be said on the command line.
+//! Commands and options of the command line.
 
 use std::path::PathBuf;
 
@@ -10,9 +10,10 @@ use super::args_import::Import;
 pub use super::args_names::{
     EncodingName, FormName, FormatName, GatherName, MethodName, MotionSourceName, PlaneName, ShiftName,
 };
+use super::args_values::{gather_kernel, in_steps, rate_hz, samples};
 use shutterbug::engine::{
-    AccumulationOptions, ExactOptions, FastOptions, GATHER_KERNELS, Gather, GatherKernel, Method,
-    MotionSource, PaperOptions, Shift,
+    AccumulationOptions, ExactOptions, FastOptions, Gather, GatherKernel, Method, MotionSource, PaperOptions,
+    Shift,
 };
 
 /// What a real, cheap, moving camera does to a picture.
@@ -429,33 +430,5 @@ impl Simulate {
     /// The method's name on the command line.
     pub fn method_name(&self) -> String {
         self.method.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
-    }
-}
-
-fn gather_kernel(text: &str) -> Result<GatherKernel, String> {
-    let names: Vec<_> = GATHER_KERNELS.iter().map(|k| k.name).collect();
-    let found = GATHER_KERNELS.iter().find(|k| k.name == text);
-    found.copied().ok_or_else(|| format!("a kernel is one of {}", names.join(", ")))
-}
-
-fn samples(text: &str) -> Result<u32, String> {
-    match text.parse() {
-        Ok(n @ (1 | 4 | 16)) => Ok(n),
-        _ => Err("samples a pixel are 1, 4 or 16".to_owned()),
-    }
-}
-
-/// A whole number between two.
-fn in_steps(from: usize, to: usize) -> impl Fn(&str) -> Result<usize, String> + Clone {
-    move |text| match text.parse() {
-        Ok(n) if (from..=to).contains(&n) => Ok(n),
-        _ => Err(format!("{from} to {to}")),
-    }
-}
-
-pub(super) fn rate_hz(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if (1.0 / 86_400.0..=1e6).contains(&rate) => Ok(rate),
-        _ => Err("a frame rate is a number of Hz, 1 a day to 1e6".to_owned()),
     }
 }

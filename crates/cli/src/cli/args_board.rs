@@ -33,7 +33,7 @@ pub struct Board {
     pub corners: Option<PathBuf>,
     /// The frames follow each other at this rate, Hz (a frames.csv beside them says it too); without both they are
     /// stills
-    #[arg(long, value_parser = super::args::rate_hz)]
+    #[arg(long, value_parser = super::args_values::rate_hz)]
     pub fps: Option<f64>,
     /// Write frames of means over so many px by so many: large stills are more than a diagnosis can hold. Corners are
     /// found in the pictures as they are
@@ -42,7 +42,7 @@ pub struct Board {
     /// Folder for the capture; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
 }

@@ -5,6 +5,7 @@ mod args_board;
 mod args_calibrate;
 mod args_import;
 mod args_names;
+mod args_values;
 mod begin;
 mod board;
 mod calibrate;

@@ -8,14 +8,14 @@ use super::cut::Cut;
 use super::large::Large;
 use super::sink::Sink;
 use super::topic::{Encoding, Message};
-use super::unpack::MOST_BYTES;
+use super::unpack::MAX_BYTES;
 use super::wire::Wire;
 use shutterbug::error::{Error, Result};
 
 /// How a file begins.
 pub(super) const MAGIC: &[u8; 13] = b"#ROSBAG V2.0\n";
 /// Largest header of a record, bytes.
-const MOST_HEADER: u64 = 16 << 20;
+const MAX_HEADER_BYTES: u64 = 16 << 20;
 
 mod op {
     pub(super) const MESSAGE: u8 = 0x02;
@@ -84,9 +84,9 @@ pub(super) fn read(file: &mut Large, sink: &mut Sink<'_, '_>) -> Result<()> {
             sink.damaged(file.path(), at, found, "whole records: the bag was not closed or was cut off");
             return Ok(());
         };
-        if wanted && length > MOST_BYTES && length <= file.left() {
+        if wanted && length > MAX_BYTES && length <= file.left() {
             let found = format!("a record of {length} bytes at byte {at}");
-            return Err(Error::input(file.path(), None, found, format!("{MOST_BYTES} bytes at most")));
+            return Err(Error::input(file.path(), None, found, format!("{MAX_BYTES} bytes at most")));
         }
         let there = if wanted { file.take(length, &mut data)? } else { file.skip(length)? };
         if !there {
@@ -124,9 +124,9 @@ fn begin(file: &mut Large, header: &mut Vec<u8>, scratch: &mut Vec<u8>) -> Resul
         return Ok(None);
     }
     let bytes = length(scratch);
-    if bytes > MOST_HEADER && bytes <= file.left() {
+    if bytes > MAX_HEADER_BYTES && bytes <= file.left() {
         let found = format!("a record's header of {bytes} bytes at byte {at}");
-        return Err(Error::input(file.path(), None, found, format!("{MOST_HEADER} bytes at most")));
+        return Err(Error::input(file.path(), None, found, format!("{MAX_HEADER_BYTES} bytes at most")));
     }
     if !file.take(bytes, header)? || !file.take(4, scratch)? {
         return Ok(None);

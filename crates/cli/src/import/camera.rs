@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::messages::CameraInfo;
+use super::contents::CameraInfo;
 use crate::formats::{CameraModel, Format, parse_camera};
 use shutterbug::error::Result;
 

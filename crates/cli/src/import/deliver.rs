@@ -1,9 +1,10 @@
-//! Writes what was decided: the pictures one by one, each complete or not there, then the tables that name them.
+//! Writes an import to disk: the pictures one by one, each completely or not at all, then the tables that name them.
 
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::Damage;
 use super::messages::picture;
 use super::pixels::{PictureFile, file_of};
 use super::prepared::{Pictures, Prepared};
@@ -29,11 +30,8 @@ pub struct Delivered {
     /// Pictures that could not be made, and why the first could not.
     pub left_out: Option<(usize, String)>,
     /// What became apparent only while the pictures were read.
-    pub broken: Option<Error2>,
+    pub broken: Option<Damage>,
 }
-
-/// Found, expected.
-pub type Error2 = (String, String);
 
 /// Makes a picture's file.
 type Make<'a> = Box<dyn FnOnce() -> std::result::Result<PictureFile, Fault> + Send + 'a>;
@@ -97,7 +95,7 @@ fn finish(
     folder: &Path,
     mut names: Vec<Option<String>>,
     faults: Vec<(usize, Fault)>,
-    broken: Option<Error2>,
+    broken: Option<Damage>,
 ) -> Result<Delivered> {
     if matches!(prepared.pictures, Pictures::Missing) {
         names = prepared.names.iter().flatten().cloned().map(Some).collect();
@@ -126,7 +124,7 @@ fn finish(
 }
 
 impl<'a> Writer<'_, 'a> {
-    fn pictures(&mut self, prepared: &'a Prepared) -> Result<Option<Error2>> {
+    fn pictures(&mut self, prepared: &'a Prepared) -> Result<Option<Damage>> {
         let mut broken = None;
         match &prepared.pictures {
             Pictures::Log { log, topic, frame_of } => {

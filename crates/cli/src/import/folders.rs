@@ -118,7 +118,7 @@ fn euroc(folder: &Path, request: &Request) -> Result<Prepared> {
     let name = request.name.as_deref().unwrap_or("cam0");
     let camera_folder = root.join(name);
     let truth = root.join("state_groundtruth_estimate0");
-    let wanted = request.poses.as_deref() != Some(super::choose::NONE);
+    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
     let motion = if truth.exists() && wanted {
         read_euroc(folder, Some(name))?
     } else {
@@ -175,7 +175,7 @@ fn tum(folder: &Path, request: &Request) -> Result<Prepared> {
         }
     }
     let truth = folder.join("groundtruth.txt");
-    let wanted = request.poses.as_deref() != Some(super::choose::NONE);
+    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
     let poses = if wanted && truth.is_file() { tum_poses(&truth)? } else { Vec::new() };
     let mut motion = Motion { camera: None, frames, poses, notes };
     if motion.poses.is_empty() {
@@ -204,7 +204,7 @@ fn kitti(folder: &Path, request: &Request) -> Result<Prepared> {
     let stem = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let laid_out = folder.ancestors().nth(2).map(|top| top.join("poses").join(format!("{stem}.txt")));
     let poses = [Some(folder.join("poses.txt")), laid_out].into_iter().flatten().find(|p| p.is_file());
-    let wanted = request.poses.as_deref() != Some(super::choose::NONE);
+    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
     let mut motion = match poses.filter(|_| wanted) {
         Some(path) => read_kitti(&path, Some(&times))?,
         None => kitti_frames(&times)?,

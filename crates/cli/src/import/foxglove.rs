@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use base64::Engine as _;
 use serde_json::Value;
 
-use super::messages::{Body, CameraInfo, Link, Picture, checked_pose};
+use super::contents::{Body, CameraInfo, Link, Picture, checked_pose};
 use super::topic::{Kind, Topic};
 use super::wire::{Fault, frame_name};
 

@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
+use super::contents::{Body, CameraInfo, Inertial, Link};
 use super::log::{Log, Pass};
-use super::messages::{self, Body, CameraInfo, Inertial, Link};
+use super::messages;
 use super::pixels;
 use super::sink::Progress;
 use super::topic::{Kind, Message, Topic};
@@ -12,7 +13,7 @@ use super::wire::Fault;
 use shutterbug::error::{Error, Result};
 
 /// Most poses, samples and pictures that are kept: an hour of ten sensors at 1000 Hz.
-const MOST_SAMPLES: usize = 1 << 25;
+const MAX_SAMPLES: usize = 1 << 25;
 
 /// What is known of a topic.
 #[derive(Clone, Debug, Default)]
@@ -62,8 +63,8 @@ pub(super) fn gather(log: &Log, progress: &mut Progress<'_>) -> Result<Gathered>
     let mut all = Gathered::default();
     let pass = log.each(progress, &mut |topics, message| {
         all.add(&topics[message.topic], message);
-        if all.kept > MOST_SAMPLES {
-            let found = format!("more than {MOST_SAMPLES} poses, samples and pictures");
+        if all.kept > MAX_SAMPLES {
+            let found = format!("more than {MAX_SAMPLES} poses, samples and pictures");
             return Err(Error::input(&log.path, None, found, "a shorter part of the recording"));
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! Files that are too large to be held: recordings. They are read from front to back, or at places that they name
-//! themselves.
+//! Files that are too large to hold in memory: recordings. They are read from front to back, or at offsets that the
+//! file itself names.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};

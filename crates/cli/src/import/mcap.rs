@@ -8,14 +8,14 @@ use super::cut::Cut;
 use super::large::Large;
 use super::sink::Sink;
 use super::topic::{Encoding, Message};
-use super::unpack::MOST_BYTES;
+use super::unpack::MAX_BYTES;
 use super::wire::Wire;
 use shutterbug::error::{Error, Result};
 
 /// How a file begins and ends.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Largest description of a topic, bytes.
-const MOST_ABOUT: u64 = 64 << 20;
+const MAX_DESCRIPTION_BYTES: u64 = 64 << 20;
 
 mod op {
     pub(super) const SCHEMA: u8 = 0x03;
@@ -55,7 +55,7 @@ pub(super) fn read(file: &mut Large, sink: &mut Sink<'_, '_>) -> Result<()> {
             return Ok(());
         }
         let wanted = matches!(code, op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK);
-        let limit = if matches!(code, op::SCHEMA | op::CHANNEL) { MOST_ABOUT } else { MOST_BYTES };
+        let limit = if matches!(code, op::SCHEMA | op::CHANNEL) { MAX_DESCRIPTION_BYTES } else { MAX_BYTES };
         if wanted && length > limit && length <= file.left() {
             let found = format!("a record of kind {code} of {length} bytes at byte {at}");
             return Err(Error::input(file.path(), None, found, format!("{limit} bytes at most")));

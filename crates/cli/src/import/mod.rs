@@ -7,6 +7,8 @@
 mod bag;
 mod camera;
 mod choose;
+mod chosen;
+mod contents;
 mod cut;
 mod db3;
 mod deliver;
@@ -29,6 +31,7 @@ mod topic;
 mod tree;
 mod unpack;
 mod video;
+mod video_plan;
 mod wire;
 
 use std::path::{Path, PathBuf};
@@ -37,6 +40,9 @@ pub use deliver::{Delivered, Watch, deliver};
 pub use prepared::{Prepared, Request};
 
 use shutterbug::error::{Error, Result};
+
+/// What is wrong with a recording of which a part can be imported: what was found, and what was expected.
+pub type Damage = (String, String);
 
 /// A recording of some kind.
 #[derive(Debug)]
@@ -113,7 +119,7 @@ impl Recording {
             }
             Kind::Folder(kind, path) => folders::prepare(*kind, path, request),
             Kind::KittiPoses(path) => folders::prepare_poses(path, request),
-            Kind::Video(video) => Ok(video.clone().prepare(request)),
+            Kind::Video(video) => Ok(video_plan::prepare(video.clone(), request)),
         }
     }
 }

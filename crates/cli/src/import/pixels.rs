@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::ExtendedColorType;
 
-use super::messages::Body;
+use super::contents::Body;
 use super::wire::Fault;
 use shutterbug::plane::{MAX_PIXELS, MAX_SIDE_PX, decode_picture};
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::choose::{Chosen, NONE};
+use super::chosen::{Chosen, NONE};
 use super::topic::{Kind, Topic};
 use shutterbug::camera::Pose;
 use shutterbug::error::Result;
@@ -116,7 +116,9 @@ fn of_topic(chosen: &Chosen<'_>, place: usize, notes: &mut Vec<String>) -> Resul
         Ok(links.iter().map(|l| (l.stamp_ns, l.pose)).collect())
     };
     if body.is_empty() {
-        return own(notes, "whose poses these are is not said: taken as the camera's own (--body FRAME)");
+        let note = "the messages do not name the body of these poses: they are taken as the camera's (else give \
+            --body FRAME)";
+        return own(notes, note);
     }
     if body == *camera {
         return own(notes, "poses are the camera's own");

@@ -1,4 +1,4 @@
-//! An import that is decided and not yet written.
+//! An import that is planned but not yet written.
 
 use std::path::PathBuf;
 

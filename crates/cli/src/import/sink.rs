@@ -1,21 +1,21 @@
-//! Where the readers of logs put what they find.
+//! Collects what the readers of logs find.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::topic::{Encoding, Message, Topic};
-use super::unpack::{MOST_BYTES, unpack};
+use super::unpack::{MAX_BYTES, unpack};
 use super::wire::Fault;
 use shutterbug::error::Result;
 
 /// Most topics of a recording.
-pub(super) const MOST_TOPICS: usize = 65_536;
+pub(super) const MAX_TOPICS: usize = 65_536;
 /// Most faults that are kept; further ones are counted.
-const MOST_FAULTS: usize = 8;
+const MAX_KEPT_FAULTS: usize = 8;
 /// What all that is packed may unpack to: so many times its size, and a few of the largest chunks beside. A dark night
 /// packs hundredfold; a file that is made for it a millionfold, and then some KB would take hours.
-const MOST_TIMES: u64 = 1024;
-const MOST_BESIDE: u64 = 2 * MOST_BYTES;
+const MAX_EXPANSION: u64 = 1024;
+const EXTRA_UNPACKED_BYTES: u64 = 2 * MAX_BYTES;
 
 /// A place that could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,7 +62,7 @@ impl<'a, 'b> Sink<'a, 'b> {
             return Some(*place);
         }
         let place = self.topics.len();
-        if place == MOST_TOPICS {
+        if place == MAX_TOPICS {
             return None;
         }
         self.places.insert(topic.clone(), place);
@@ -80,10 +80,13 @@ impl<'a, 'b> Sink<'a, 'b> {
         into: &mut Vec<u8>,
     ) -> std::result::Result<(), Fault> {
         self.packed += packed.len() as u64;
-        let most = MOST_BESIDE.saturating_add(self.packed.saturating_mul(MOST_TIMES));
+        let most = EXTRA_UNPACKED_BYTES.saturating_add(self.packed.saturating_mul(MAX_EXPANSION));
         if self.unpacked >= most {
             let found = format!("{} packed bytes that unpack to more than {most}", self.packed);
-            return Err(Fault::new(found, format!("at most {MOST_TIMES} times as many, and {MOST_BESIDE}")));
+            return Err(Fault::new(
+                found,
+                format!("at most {MAX_EXPANSION} times as many, and {EXTRA_UNPACKED_BYTES}"),
+            ));
         }
         let done = unpack(how, packed, stated, into);
         self.unpacked += into.len() as u64;
@@ -107,7 +110,7 @@ impl<'a, 'b> Sink<'a, 'b> {
         expected: impl Into<String>,
     ) {
         self.damages += 1;
-        if self.damage.len() < MOST_FAULTS {
+        if self.damage.len() < MAX_KEPT_FAULTS {
             let (path, found, expected) = (path.to_owned(), found.into(), expected.into());
             self.damage.push(Damage { path, at, found, expected });
         }

@@ -7,9 +7,9 @@ use shutterbug::error::{Error, Result};
 /// How a file begins.
 pub(super) const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 /// Deepest tree: with two children a page, 2^40 pages.
-const MOST_LEVELS: usize = 40;
+const MAX_LEVELS: usize = 40;
 /// Largest row, bytes.
-const MOST_ROW: u64 = super::unpack::MOST_BYTES;
+const MAX_ROW_BYTES: u64 = super::unpack::MAX_BYTES;
 
 /// A value of a row.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,7 @@ pub(super) struct Database {
 pub(super) type Bad = (u64, String, &'static str);
 
 /// Most places that are kept.
-const MOST_BAD: usize = 64;
+const MAX_BAD_PLACES: usize = 64;
 
 /// What is called with each row: the place of its page, its number, its values.
 type Row<'a> = dyn FnMut(u64, i64, &[Value<'_>]) -> Result<()> + 'a;
@@ -108,7 +108,7 @@ impl Database {
 
     /// Notes a place that cannot be read; the rest is read all the same.
     fn bad(&mut self, at: u64, found: impl Into<String>, expected: &'static str) {
-        if self.damage.len() < MOST_BAD {
+        if self.damage.len() < MAX_BAD_PLACES {
             self.damage.push((at, found.into(), expected));
         }
     }
@@ -137,7 +137,7 @@ impl Database {
         let count = usize::from(be16(&page, head + 3));
         match page[head] {
             // An inner page: children, and one more behind the last.
-            0x05 if level < MOST_LEVELS => {
+            0x05 if level < MAX_LEVELS => {
                 let child = |place: usize| u64::from(be32(&page, place));
                 let mut children: Vec<u64> =
                     (0..count).map(|i| child(usize::from(be16(&page, head + 12 + 2 * i)))).collect();
@@ -174,7 +174,7 @@ impl Database {
             self.bad(at, "a row without a length", "a whole page");
             return Ok(None);
         };
-        if bytes > MOST_ROW.min(self.file.bytes()) {
+        if bytes > MAX_ROW_BYTES.min(self.file.bytes()) {
             self.bad(at, format!("a row of {bytes} bytes"), "no more than the file, or 512 MiB");
             return Ok(None);
         }

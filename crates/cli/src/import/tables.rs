@@ -1,11 +1,11 @@
-//! Tables of data sets: lines of numbers.
+//! Tables in data sets: lines of numbers.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use super::messages::checked_pose;
+use super::contents::checked_pose;
 use super::poses::IMU_HEADER;
 use shutterbug::camera::{Pose, Stamp};
 use shutterbug::capture::read_text;

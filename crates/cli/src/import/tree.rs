@@ -1,12 +1,12 @@
-//! Frames that hang on one another (ROS tf), each with its way over time.
+//! Coordinate frames that are attached to one another (ROS tf), each with its motion over time.
 
 use std::collections::HashMap;
 
-use super::messages::Link;
+use super::contents::Link;
 use shutterbug::camera::Pose;
 
 /// Most frames between one and the root.
-const MOST_LINKS: usize = 1000;
+const MAX_LINKS: usize = 1000;
 
 /// A frame in its parent.
 #[derive(Clone, Debug, Default)]
@@ -84,7 +84,7 @@ impl Tree {
     fn chain<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
         let mut chain = vec![frame];
         while let Some(branch) = self.branches.get(*chain.last().expect("begins with one")) {
-            if chain.len() > MOST_LINKS || chain.contains(&branch.parent.as_str()) {
+            if chain.len() > MAX_LINKS || chain.contains(&branch.parent.as_str()) {
                 break;
             }
             chain.push(&branch.parent);

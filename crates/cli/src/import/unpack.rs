@@ -6,17 +6,17 @@ use std::io::Read;
 use super::wire::Fault;
 
 /// Largest record, and largest chunk when unpacked, bytes. A picture of the largest size that is read is below it.
-pub(super) const MOST_BYTES: u64 = 512 << 20;
+pub(super) const MAX_BYTES: u64 = 512 << 20;
 /// Longest window of zstd, bytes: what its own tool allows by default.
 const ZSTD_WINDOW: u64 = 128 << 20;
 
 /// Unpacks a chunk in place of what `into` holds. `stated`: its length when unpacked; without one, up to
-/// [`MOST_BYTES`].
+/// [`MAX_BYTES`].
 pub(super) fn unpack(how: &str, packed: &[u8], stated: Option<u64>, into: &mut Vec<u8>) -> Result<(), Fault> {
-    let limit = stated.unwrap_or(MOST_BYTES);
-    if limit > MOST_BYTES {
+    let limit = stated.unwrap_or(MAX_BYTES);
+    if limit > MAX_BYTES {
         let found = format!("a chunk of {limit} bytes when unpacked");
-        return Err(Fault::new(found, format!("{MOST_BYTES} bytes at most")));
+        return Err(Fault::new(found, format!("{MAX_BYTES} bytes at most")));
     }
     into.clear();
     let done = match how {

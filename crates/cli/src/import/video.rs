@@ -5,18 +5,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::thread::JoinHandle;
 
-use super::deliver::Error2;
-use super::frames::{Timed, periods_ns, timed};
-use super::gather::Shot;
-use super::messages::Body;
+use super::Damage;
+use super::contents::Body;
 use super::pixels::{PictureFile, file_of};
-use super::prepared::{Pictures, Prepared, Request};
 use super::wire::Fault;
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::plane::{MAX_PIXELS, MAX_SIDE_PX};
 
 /// Most frames of a video: a day and a half at 30 a second.
-const MOST_FRAMES: usize = 1 << 22;
+const MAX_FRAMES: usize = 1 << 22;
 /// Words of ffmpeg's that say that a part of the file is missing or spoiled.
 const DAMAGE: [&str; 10] = [
     "partial file",
@@ -37,16 +34,16 @@ const TEXT: [&str; 4] = ["ansi", "bintext", "idf", "xbin"];
 /// A video and what ffprobe says of it.
 #[derive(Clone, Debug)]
 pub(super) struct Video {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     size: [u32; 2],
-    codec: String,
-    pixels: String,
+    pub(super) codec: String,
+    pub(super) pixels: String,
     /// When each frame is shown, ns, in the order of decoding.
-    times_ns: Vec<i64>,
+    pub(super) times_ns: Vec<i64>,
     /// Frames that its container speaks of, where it does.
     stated: Option<usize>,
-    turned: bool,
-    damage: Option<String>,
+    pub(super) turned: bool,
+    pub(super) damage: Option<String>,
 }
 
 /// A running program; its stderr is read aside so that it never waits for us.
@@ -181,8 +178,8 @@ impl Video {
                 let parts = value("time_base").and_then(|v| v.split_once('/'));
                 base = parts.and_then(|(n, d)| Some((n.parse().ok()?, d.parse().ok()?))).unwrap_or((1, 1));
             }
-            if ticks.len() > MOST_FRAMES {
-                let found = format!("more than {MOST_FRAMES} frames");
+            if ticks.len() > MAX_FRAMES {
+                let found = format!("more than {MAX_FRAMES} frames");
                 return Err(Error::input(path, None, found, "a shorter video"));
             }
         }
@@ -222,45 +219,8 @@ impl Video {
         )
     }
 
-    /// All of it, with its own times.
-    pub(super) fn prepare(self, request: &Request) -> Prepared {
-        let shot = |t: &i64| Some(Shot { stamp_ns: *t, recorded_ns: *t });
-        let shots: Vec<_> = self.times_ns.iter().map(shot).collect();
-        let mut notes = Vec::new();
-        let mut timed = timed(&shots, "the video", &mut notes);
-        timed.thin(request.every.max(1));
-        let Timed { times_ns, frame_of } = timed;
-        // The note on stamps there is of drivers.
-        notes.retain(|n| !n.starts_with("stamps are") && !n.contains("has no stamps"));
-        let period_ms = periods_ns(&times_ns) as f64 * 1e-6;
-        notes.push(format!(
-            "a video says when frames are shown, not when they were exposed: every {period_ms:.3} ms in the median, on \
-             the video's own clock"
-        ));
-        notes.push(format!(
-            "frames are what ffmpeg decodes ({}, {}): what that compression did stays",
-            self.codec, self.pixels
-        ));
-        if self.turned {
-            notes.push("the video asks to be shown turned: frames are as the sensor was read".to_owned());
-        }
-        let broken = self.broken(self.times_ns.len(), self.damage.as_deref());
-        let broken = broken.map(|(found, expected)| Error::input(&self.path, None, found, expected));
-        let path = self.path.clone();
-        let pictures = Pictures::Video { video: self, frame_of };
-        Prepared {
-            path,
-            times_ns,
-            names: None,
-            poses: Vec::new(),
-            texts: Vec::new(),
-            notes,
-            pictures,
-            broken,
-        }
-    }
-
-    fn broken(&self, frames: usize, damage: Option<&str>) -> Option<Error2> {
+    /// What is wrong with a video of which so many frames can be read.
+    pub(super) fn broken(&self, frames: usize, damage: Option<&str>) -> Option<Damage> {
         let stated = self.stated.filter(|s| *s > frames);
         let why = match (stated, damage) {
             (None, None) => return None,
@@ -278,7 +238,7 @@ impl Video {
     pub(super) fn each(
         &self,
         visit: &mut dyn FnMut(usize, [u32; 3], Vec<u8>) -> Result<()>,
-    ) -> Result<Option<Error2>> {
+    ) -> Result<Option<Damage>> {
         let grey = self.pixels.starts_with("gray");
         let format = if grey { "gray" } else { "rgb24" };
         let channels = if grey { 1 } else { 3 };

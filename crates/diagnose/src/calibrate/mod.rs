@@ -22,6 +22,7 @@
 
 pub mod analytic;
 mod blocks;
+mod calibration;
 pub mod cells;
 pub mod chart;
 pub mod chart_edge;
@@ -43,6 +44,7 @@ pub mod spatial;
 pub mod statics;
 mod tables;
 
+pub use calibration::calibrate_noise;
 pub use frames::{Encoding, Frame};
-pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, calibrate_noise, measure_noise};
+pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, measure_noise};
 pub use tables::{ChainCamera, chain_settings, paper_settings};

@@ -1,14 +1,13 @@
-//! `calibrate noise`: measure, fit, simulate, compare.
+//! Measures the noise of frames, and compares it with that of simulated ones.
 
 use serde::Serialize;
 
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
 use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
-use super::search::{By, Levelled, fit_camera, level, refit};
-use super::series::{Temporal, edge_variance, static_variance, temporal};
+use super::series::Temporal;
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
-use super::statics::{AlignedPair, Registration, align, difference};
+use super::statics::{AlignedPair, Registration, align};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
@@ -117,68 +116,6 @@ pub struct Calibration {
     pub pictures: Pictures,
 }
 
-/// Measures the noise of two or more frames of one static scene and fits a camera that makes the same.
-///
-/// # Errors
-/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]), too few intensities.
-pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
-    let encoding = options.encoding;
-    let (real, pairs) = measure_noise(frames, encoding)?;
-    let step = frames[0].step;
-    if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
-        return Err(shutterbug::Error::input(
-            &frames[0].path,
-            None,
-            "no intensity at which the noise is whole",
-            "surfaces between black and white that rest",
-        ));
-    }
-    let camera = fit_camera(&pairs[0], &frames[0], &real, options)?;
-    let Levelled { camera, simulated, shown, without, held_out } =
-        level(camera, &pairs, &real, step, options, By::Model)?;
-    let comparison = compare(&real, &simulated);
-    // The chain delivers sRGB; a linear sensor is measured by its own model.
-    let by = if encoding == Encoding::Srgb { By::Chain } else { By::Model };
-    let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
-    if chain_camera.bayer {
-        chain_camera = refit(&chain_camera, &pairs[0], options, by)?;
-    }
-    let chain = level(chain_camera, &pairs, &real, step, options, by)?;
-    let comparison_chain = compare(&real, &chain.simulated);
-    let resting = pairs.iter().all(|p| !p.registration.moved);
-    let usable = &pairs[0].usable;
-    let mut calibration = Calibration {
-        frames: frames.iter().map(|f| f.path.display().to_string()).collect(),
-        encoding: encoding.name(),
-        registration: pairs.iter().map(|p| p.registration.clone()).collect(),
-        color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
-        static_variance: if resting { static_variance(frames, usable, encoding) } else { None },
-        edge_variance: edge_variance(&pairs[0], &real.fits, encoding),
-        temporal: if resting { temporal(frames, usable) } else { None },
-        real,
-        simulated,
-        comparison,
-        comparison_chain,
-        comparison_chain_held_out: chain.held_out,
-        chain_camera: chain.camera,
-        chain: chain.simulated,
-        comparison_without_level_gain: without,
-        comparison_held_out: held_out,
-        camera,
-        size_px: [frames[0].encoded.width, frames[0].encoded.height],
-        notes: Vec::new(),
-        pictures: Pictures {
-            real: pairs[0].frames[0].clone(),
-            real_difference: pairs[0].difference(|v| v),
-            simulated_difference: difference(&shown, usable, pairs[0].registration.moved, |v| v),
-            simulated: shown[0].clone(),
-            usable: usable.clone(),
-        },
-    };
-    calibration.notes = notes(&calibration, frames);
-    Ok(calibration)
-}
-
 /// The measurement alone: the noise of the frames, and the pairs that it was taken from (first with second, third with
 /// fourth: every frame in one pair, so that the pairs are independent; an odd last frame counts over time alone).
 ///
@@ -280,79 +217,4 @@ pub(super) fn compare(real: &Measured, simulated: &Measured) -> Comparison {
         out.correlation_error[c] = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
     }
     out
-}
-
-const NAMES: [&str; 3] = ["red", "green", "blue"];
-
-/// Of a camera or a scene that moved or changed.
-fn notes_on_place(r: &Registration, notes: &mut Vec<String>) {
-    if r.moved {
-        notes.push(format!(
-            "the camera moved by ({}, {}) px and {:.2} px more in half of the textured picture: {:.0} % of it is \
-             left out (edges and what saturates or changed); edge noise cannot be told from displacement",
-            r.shift_px[0], r.shift_px[1], r.residual_median_px, 100.0 * r.masked_fraction
-        ));
-    } else if r.masked_fraction > 0.0 {
-        notes.push(format!(
-            "{:.1} % of the picture left out: something moved there",
-            100.0 * r.masked_fraction
-        ));
-    }
-    if r.textured_blocks == 0 {
-        notes.push("no texture to tell displacement by; without texture it does no harm".to_owned());
-    }
-    if r.gain.iter().any(|g| (g - 1.0).abs() >= 1e-3) {
-        let [r, g, b] = r.gain.map(|g| 100.0 * (g - 1.0));
-        notes.push(format!("brightness changed by {r:+.2} {g:+.2} {b:+.2} % (R, G, B) and was taken back"));
-    }
-}
-
-/// What limits the result.
-fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
-    let mut notes = Vec::new();
-    c.registration.iter().for_each(|r| notes_on_place(r, &mut notes));
-    for (name, fit) in NAMES.iter().zip(&c.real.fits) {
-        match fit {
-            None => notes.push(format!("{name}: too few intensities for a line through the photon transfer curve")),
-            Some(f) if !f.linear => notes.push(format!(
-                "{name}: the photon transfer curve is no line (chi2/dof {:.1}, bend t {:.1}): tone curve, denoising, \
-                 JPEG or colour mixing; its full well is that of the delivered picture",
-                f.chi2_per_dof, f.bend_t
-            )),
-            Some(_) => {}
-        }
-    }
-    if let Some(held_out) = &c.comparison_held_out {
-        let [r, g, b] = held_out.mean_deviation.map(|d| 100.0 * d);
-        let [p, q, s] = c.comparison_without_level_gain.mean_deviation.map(|d| 100.0 * d);
-        notes.push(format!(
-            "sensor, colours and smoothing alone miss the variance by {p:.0} {q:.0} {s:.0} % in the mean (R, G, B): \
-             a curve of the noise over intensity was added (level_gain in report.json); on blocks it was not fitted \
-             to it misses by {r:.0} {g:.0} {b:.0} %, which is how much noise differs between surfaces of the same \
-             brightness"
-        ));
-    }
-    if c.camera.bayer {
-        let [r, g, b] = c.comparison_chain.mean_deviation.map(|d| 100.0 * d);
-        notes.push(format!(
-            "camera.toml, put through the engine's chain, misses the variance by {r:.0} {g:.0} {b:.0} % in the mean; \
-             it keeps the picture's colours (sensor_color) and blurs edges, which real noise reduction spares"
-        ));
-        notes.push(
-            "neighbours are correlated: full_well_e and read_noise are those of a sensor before demosaic, colour \
-             matrix and smoothing, and stand or fall with these; the tone curve is taken to be sRGB"
-                .to_owned(),
-        );
-    }
-    if frames.len() < 3 {
-        notes.push(
-            "two frames: the fixed pattern is in both and stays unseen; no temporal spectrum".to_owned(),
-        );
-    } else {
-        notes.push(
-            "the static part holds the scene's own texture: an upper bound unless it was a flat field"
-                .to_owned(),
-        );
-    }
-    notes
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use minijinja::context;
 use plotters::prelude::*;
 
-use super::curve::{Curve, CurveResult};
+use super::curve_result::{Curve, CurveResult};
 use crate::calibrate::chart::{canvas, fault, label};
 use crate::report::{PictureBudget, data_uri, environment};
 use shutterbug::error::Result;

@@ -13,6 +13,7 @@
 mod added_effect;
 mod curve;
 mod curve_page;
+mod curve_result;
 mod draw;
 mod falsify;
 mod form;
@@ -29,7 +30,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-pub use curve::{Curve, CurveCase, CurveOptions, CurvePoint, CurveResult, curves, graded_effects};
+pub use curve::{CurveOptions, curves, graded_effects};
+pub use curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 pub use falsify::Falsified;
 pub use form::Form;
 pub use hidden::Kind;
@@ -252,7 +254,8 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
         .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
         .collect();
     let mut manifest = serde_json::json!({
-        "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed, "size_px": options.size_px,
+        "shutterbug": env!("CARGO_PKG_VERSION"), "generator": GENERATOR, "seed": options.seed,
+        "size_px": options.size_px,
         "frames": options.frames, "recordings": recordings,
     });
     if !options.falsified.is_empty() {

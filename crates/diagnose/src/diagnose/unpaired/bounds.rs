@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use super::choose::{EDGES_TELL, NAMES, Simulated, parameters};
 use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, squares};
 use super::marks::EDGES;
+use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
 use crate::diagnose::judge::quantile_of_length;
 use crate::diagnose::model::{P, Theta, candidate_of};
 use shutterbug::chain::{Law, Value};

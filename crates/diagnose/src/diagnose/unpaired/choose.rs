@@ -5,100 +5,23 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::bounds::{ShowsFrom, shows_from};
 use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
+use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
 use crate::diagnose::judge::quantile_of_length;
 use crate::diagnose::linear::solve;
 use crate::diagnose::model::{P, Theta, candidate_of};
-use crate::diagnose::settings::settings_of;
-use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
-use shutterbug::chain::View;
-use shutterbug::effects;
 use shutterbug::error::Result;
-use shutterbug::plane::{Plane, srgb_decode};
-use shutterbug::reference::chain;
+use shutterbug::plane::srgb_decode;
 
-/// Candidates whose marks stand whatever is seen, with the values from which fits begin.
-pub(super) const NAMES: [(&str, &[f64]); 9] = [
-    ("bayer_mosaic", &[1.0, 2.0, 3.0, 4.0]),
-    ("defocus", &[0.5, 1.0, 2.0]),
-    ("shot_noise", &[1e-4, 6e-4, 3e-3]),
-    ("row_noise", &[2e-3, 1e-2]),
-    ("fixed_pattern_noise", &[2e-3, 1e-2]),
-    ("hot_pixels", &[1e-4, 1e-3]),
-    ("read_noise", &[2e-3, 8e-3, 3e-2]),
-    ("chromatic_aberration", &[1.001]),
-    ("sharpening", &[0.5, 1.5]),
-];
-/// Those that widen or narrow edges both ways: what does so one way is motion.
-pub(super) const EDGES_TELL: [&str; 2] = ["defocus", "sharpening"];
 /// Noise of single pixels: it shows at each brightness, and from neighbour to neighbour.
 const OF_PIXELS: [&str; 3] = ["shot_noise", "fixed_pattern_noise", "read_noise"];
 /// Steps of a fit.
 const STEPS: usize = 6;
 /// Part of a parameter by which its slope is measured.
 const PART: f64 = 0.25;
-
-/// Linear radiance of simulated frames, shape `[height, width, 4]`.
-pub(super) struct Simulated(pub Vec<Plane<f32>>);
-
-impl Simulated {
-    /// The frames as a camera delivers them, DN.
-    pub(super) fn delivered(&self, theta: &Theta, seed: u64) -> Vec<Plane<f32>> {
-        let settings = settings_of(theta);
-        let one = |(i, radiance): (usize, &Plane<f32>)| {
-            let (width, height) = (radiance.width as u32, radiance.height as u32);
-            let (w, h) = (f64::from(width), f64::from(height));
-            let intrinsics = Intrinsics { width, height, fx: w, fy: w, cx: 0.5 * w, cy: 0.5 * h };
-            let shutter = ShutterTiming {
-                start_s: 0.0,
-                exposure_time_s: 0.0,
-                readout_time_s: 0.0,
-                scan_order: ScanOrder::TopToBottom,
-                line_count: height,
-            };
-            let view = View { intrinsics, shutter, frame: i as u32, seed };
-            let lens = magnified(radiance, theta);
-            chain::picture(effects::LIST, &settings, &view, lens.as_ref().unwrap_or(radiance)).to_f32()
-        };
-        self.0.par_iter().enumerate().map(one).collect()
-    }
-
-    pub(super) fn fingerprint(&self, theta: &Theta) -> Fingerprint {
-        Fingerprint::of(&self.delivered(theta, 1), packed_dn2(theta))
-    }
-}
-
-/// Variance that the compression of `theta` may leave of a flat place, or take from its noise, DN^2: its finest step,
-/// rounded.
-pub(super) fn packed_dn2(theta: &Theta) -> f64 {
-    if !theta.is_on(P::Quality) {
-        return 0.0;
-    }
-    let steps = crate::diagnose::dct::steps(theta.get(P::Quality) as u8, false);
-    let finest = steps.iter().copied().fold(f32::INFINITY, f32::min);
-    f64::from(finest * finest) / 12.0
-}
-
-/// Red and blue at their own magnification, which the chain leaves to the engine.
-fn magnified(radiance: &Plane<f32>, theta: &Theta) -> Option<Plane<f32>> {
-    let scales = [theta.get(P::ScaleR), 1.0, theta.get(P::ScaleB)];
-    if scales == [1.0; 3] {
-        return None;
-    }
-    let centre = [0.5 * radiance.width as f64, 0.5 * radiance.height as f64];
-    let read = |x: usize, y: usize, c: usize| {
-        let place = |v: usize, k: usize| (centre[k] + (v as f64 + 0.5 - centre[k]) / scales[c]) as f32;
-        crate::diagnose::pair::channel_at(radiance, [place(x, 0), place(y, 1)], c)
-    };
-    Some(Plane::from_fn(radiance.width, radiance.height, |x, y| {
-        [read(x, y, 0), radiance.pixel(x, y)[1], read(x, y, 2), radiance.pixel(x, y)[3]]
-    }))
-}
 
 /// What explains the marks.
 pub(super) struct Chosen {
@@ -278,11 +201,7 @@ fn values(theta: &Theta, name: &'static str) -> Vec<f64> {
     parameters(&[name]).into_iter().map(|p| theta.get(p)).collect()
 }
 
-pub(super) fn parameters(set: &[&'static str]) -> Vec<P> {
-    set.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect()
-}
-
-/// Those of them that have a slope.
+/// Parameters of a set that have a slope.
 fn smooth(set: &[&'static str]) -> Vec<P> {
     parameters(set).into_iter().filter(|p| !p.is_discrete()).collect()
 }
@@ -405,6 +324,7 @@ fn half_widths(real: &Fingerprint, simulated: &Simulated, chosen: &Chosen) -> BT
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shutterbug::plane::Plane;
 
     /// Boxes before a wall, others in each frame and room.
     fn room(seed: u32, frames: u32) -> Simulated {

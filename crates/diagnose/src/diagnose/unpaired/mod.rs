@@ -16,6 +16,7 @@ mod clock;
 mod fingerprint;
 mod marks;
 mod outcome;
+mod simulated;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,15 +25,16 @@ use std::time::Instant;
 use super::budget::Budget;
 use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use super::model::Theta;
+use super::options::{DiagnoseOptions, Progress, candidates};
 use super::pair::{Pair, linear_of, pictures};
 use super::report::Report;
-use super::run::{DiagnoseOptions, Progress, candidates};
-use choose::{Chosen, Simulated, choose};
+use choose::{Chosen, choose};
 use clock::Clock;
 use fingerprint::Fingerprint;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8};
+use simulated::Simulated;
 
 /// Fewest frames a folder: three to fit and three to judge, or nobody knows how much frames differ.
 const FEWEST_FRAMES: usize = 6;
@@ -111,8 +113,8 @@ pub fn diagnose_unpaired(
     let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
     let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
-    let marks = Fingerprint::of(&fit.real, choose::packed_dn2(&base));
-    let steps = choose::NAMES.len();
+    let marks = Fingerprint::of(&fit.real, simulated::packed_dn2(&base));
+    let steps = simulated::NAMES.len();
     let mut step = 0;
     let mut clock = Clock::new(budget);
     let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {

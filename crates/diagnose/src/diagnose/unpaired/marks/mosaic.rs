@@ -44,8 +44,8 @@ pub(super) fn mosaic_marks(dn: &Plane<f32>, out: &mut [Mark]) {
 mod tests {
     use super::*;
     use crate::diagnose::model::{P, Theta};
-    use crate::diagnose::unpaired::choose::Simulated;
     use crate::diagnose::unpaired::marks::MARKS;
+    use crate::diagnose::unpaired::simulated::Simulated;
     use shutterbug::chain::rng::random_normal;
     use shutterbug::plane::srgb_decode;
 

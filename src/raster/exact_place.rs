@@ -1,15 +1,14 @@
 //! The kernel that places vertices at the times of their lines (`exact_place.comp`).
 
-use std::mem::offset_of;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
 use super::{Geometry, LensPush, SceneBuffers};
+use crate::assert_push_layout;
 use crate::error::Result;
-use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Recorder, VertexFormat};
+use crate::gpu::{BindGroup, Bound, Buffer, ComputePipeline, Context, Recorder};
 use crate::kernels::kernel;
-use crate::{assert_element_layout, assert_push_layout};
 
 /// Push constants of `exact_place.comp`, explained there.
 #[repr(C)]
@@ -36,39 +35,6 @@ assert_push_layout!(
     "exact_place.comp",
     PlacePush { vertex_count, knot_count, place_low, place_high, place_from_ndc, place_offset, near_m, lens }
 );
-
-/// `Placed` of `exact_place.glsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-pub(super) struct Placed {
-    clip_xyw: [f32; 3],
-    position_m: [f32; 3],
-    normal: [f32; 3],
-    eye_m: [f32; 3],
-    uv: [f32; 2],
-    kd: [f32; 3],
-    ks_ns: [f32; 4],
-    group: u32,
-}
-assert_element_layout!(
-    "exact_place.comp",
-    "PlacedVertices",
-    Placed { clip_xyw, position_m, normal, eye_m, uv, kd, ks_ns, group }
-);
-
-pub(super) const PLACED_FORMAT: VertexFormat = VertexFormat {
-    stride: size_of::<Placed>() as u32,
-    attributes: &[
-        (offset_of!(Placed, clip_xyw) as u32, 3),
-        (offset_of!(Placed, position_m) as u32, 3),
-        (offset_of!(Placed, normal) as u32, 3),
-        (offset_of!(Placed, eye_m) as u32, 3),
-        (offset_of!(Placed, uv) as u32, 2),
-        (offset_of!(Placed, kd) as u32, 3),
-        (offset_of!(Placed, ks_ns) as u32, 4),
-        (offset_of!(Placed, group) as u32, 0),
-    ],
-};
 
 /// The kernels.
 pub struct Place {

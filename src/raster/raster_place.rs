@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::SceneBuffers;
-use super::target::{RasterKind, constants};
+use super::kind::{RasterKind, constants};
 use crate::error::Result;
 use crate::gpu::{
     Attachments, BindGroup, Bound, Buffer, ComputePipeline, Context, DrawCall, GraphicsPipeline,
@@ -17,12 +17,12 @@ use crate::{assert_element_layout, assert_push_layout};
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct PlacePush {
+struct RasterPlacePush {
     instant: u32,
     object_count: u32,
     vertex_count: u32,
 }
-assert_push_layout!("raster_place.comp", PlacePush { instant, object_count, vertex_count });
+assert_push_layout!("raster_place.comp", RasterPlacePush { instant, object_count, vertex_count });
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -172,7 +172,7 @@ impl Placed {
         input: &PlacedInput,
         (instant, object_count): (u32, u32),
     ) {
-        let push = PlacePush { instant, object_count, vertex_count: scene.vertex_count };
+        let push = RasterPlacePush { instant, object_count, vertex_count: scene.vertex_count };
         recorder.dispatch(&self.kernel, &input.place, &push, [scene.vertex_count, 1]);
     }
 
