@@ -19,18 +19,7 @@ layout(constant_id = 44) const int MOTION_COUNT = 0;
 
 #define CHAIN_PUSH
 layout(push_constant) uniform Push {
-    uvec2 size;
-    ivec2 margin_px;
-    float start_s;
-    float readout_time_s;
-    float exposure_time_s;
-    float frame_interval_s;
-    float first_motion_s;
-    float motion_step_s;
-    uint motion_count;
-    uint scan_order;
-    uint max_samples;
-    uint pixel_time;
+#include "paper_push.glsl"
     // Of the pixel chain.
     uvec2 seed;
     uint frame;

@@ -12,18 +12,7 @@ layout(set = 0, binding = 1, rg32f) uniform readonly image2DArray motion;
 layout(set = 0, binding = 2, rgba32f) uniform writeonly image2D radiance;
 
 layout(push_constant) uniform Push {
-    uvec2 size;
-    ivec2 margin_px;
-    float start_s;
-    float readout_time_s;
-    float exposure_time_s;
-    float frame_interval_s;
-    float first_motion_s;
-    float motion_step_s;
-    uint motion_count;
-    uint scan_order;
-    uint max_samples;
-    uint pixel_time;
+#include "paper_push.glsl"
 } push;
 
 #include "timing.glsl"
@@ -51,7 +40,8 @@ void main() {
     vec2 history[MAX_MOTION_IMAGES];
     motion_history(motion_texel(x_px, textureSize(color, 0)), motion_count, history);
     precise float color_knot = -push.first_motion_s / step_s;
-    precise vec2 come = motion_integral(history, from, motion_count) - motion_integral(history, color_knot, motion_count);
+    precise vec2 come = motion_integral(history, from, motion_count)
+        - motion_integral(history, color_knot, motion_count);
     precise vec2 remapped_px = x_px - come * knot_frames;
 #else
     vec2 motion_px = motion_at(motion_texel(x_px, textureSize(color, 0)), from, motion_count);

@@ -1,5 +1,8 @@
 //! Makers of the project's own data and pictures: not part of the product, built beside it.
 
+#[macro_use]
+mod materials;
+
 mod contact_sheet;
 mod demo_capture;
 mod flat_fields;

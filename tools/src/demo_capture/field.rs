@@ -39,17 +39,9 @@ const LINES: Lines = Lines {
 };
 
 /// The materials: diffuse, specular, exponent, texture. Colours are linear.
-pub const MATERIALS: &str = "\
-newmtl grass
-Kd 0.9 0.9 0.9
-Ks 0 0 0
-Ns 1
-map_Kd grass.png
-newmtl wall
-Kd 0.9 0.9 0.9
-Ks 0 0 0
-Ns 1
-map_Kd wall.png
+pub const MATERIALS: &str = concat!(
+    ground_and_wall!(),
+    "\
 newmtl banner
 Kd 0.95 0.95 0.95
 Ks 0.05 0.05 0.05
@@ -79,23 +71,15 @@ newmtl orange
 Kd 0.9 0.22 0.02
 Ks 0.3 0.3 0.3
 Ns 32
-newmtl dark
-Kd 0.04 0.03 0.03
-Ks 0.3 0.3 0.3
-Ns 32
-newmtl shell
-Kd 0.75 0.75 0.78
-Ks 0.4 0.4 0.4
-Ns 24
-newmtl joint
-Kd 0.12 0.12 0.14
-Ks 0.3 0.3 0.3
-Ns 24
+",
+    robot_parts!(),
+    "\
 newmtl jersey
 Kd 0.75 0.03 0.05
 Ks 0.1 0.1 0.1
 Ns 8
-";
+"
+);
 
 /// The whole scene.
 pub fn mesh() -> Mesh {

@@ -38,17 +38,9 @@ const LINES: Lines = Lines {
 const GOAL: [f64; 4] = [0.8, 0.95, 0.05, 0.5];
 
 /// Materials of this file. Colours are linear.
-pub const MATERIALS: &str = "\
-newmtl grass
-Kd 0.9 0.9 0.9
-Ks 0 0 0
-Ns 1
-map_Kd grass.png
-newmtl wall
-Kd 0.9 0.9 0.9
-Ks 0 0 0
-Ns 1
-map_Kd wall.png
+pub const MATERIALS: &str = concat!(
+    ground_and_wall!(),
+    "\
 newmtl banner
 Kd 0.95 0.95 0.95
 Ks 0 0 0
@@ -90,7 +82,8 @@ newmtl lamp
 Kd 0.9 0.9 0.85
 Ks 0.5 0.5 0.5
 Ns 40
-";
+"
+);
 
 /// Adds 34 objects.
 pub fn add(mesh: &mut Mesh) {

@@ -9,7 +9,8 @@ use crate::demo_capture::mesh::Mesh;
 pub const BALL_RADIUS_M: f64 = 0.08;
 
 /// Materials of this file. Colours are linear.
-pub const MATERIALS: &str = "\
+pub const MATERIALS: &str = concat!(
+    "\
 newmtl orange
 Kd 0.90 0.22 0.02
 Ks 0.3 0.3 0.3
@@ -18,18 +19,9 @@ newmtl white
 Kd 0.85 0.85 0.85
 Ks 0.3 0.3 0.3
 Ns 32
-newmtl dark
-Kd 0.04 0.03 0.03
-Ks 0.3 0.3 0.3
-Ns 32
-newmtl shell
-Kd 0.75 0.75 0.78
-Ks 0.4 0.4 0.4
-Ns 24
-newmtl joint
-Kd 0.12 0.12 0.14
-Ks 0.3 0.3 0.3
-Ns 24
+",
+    robot_parts!(),
+    "\
 newmtl jersey_red
 Kd 0.75 0.03 0.05
 Ks 0.1 0.1 0.1
@@ -42,7 +34,8 @@ newmtl eye
 Kd 0.10 0.85 0.95
 Ks 0.5 0.5 0.5
 Ns 40
-";
+"
+);
 
 /// Adds 13 objects: 5 balls and 8 robots.
 pub fn add(mesh: &mut Mesh) {
