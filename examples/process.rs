@@ -1,5 +1,5 @@
-//! A frame of your own renderer through the camera, from Rust: no C ABI needed. `cargo run --example process --
-//! out.png`
+//! A frame of your own renderer through the camera, from Rust: no C ABI needed.
+//! `cargo run --release --example process -- out.png`
 use std::time::Duration;
 
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};

@@ -1,36 +1,38 @@
-/* Shutterbug: what one real, cheap, moving camera would have delivered of a frame. This header is the manual.
+/* Shutterbug: turns a rendered frame into the frame of a real, cheap, moving camera. This header is the manual.
  *
  * CALLS     Every call that can fail returns a shutterbug_status; SHUTTERBUG_OK is 0. Outputs are written on success
  *           only.
- * ERRORS    shutterbug_last_error() says in a sentence what was found and what was expected; calls without a handle put
- *           it into a buffer of yours (error_text, which may be null). Any call can give ARGUMENT, STRUCT_SIZE and
- *           PANIC, any call on a handle HANDLE, BUSY, POISONED and FORKED: those are common. What else a call gives
- *           stands at its "Errors:"; "device" there stands for DEVICE_LOST, OUT_OF_MEMORY, VULKAN and, where it waits,
- *           TIMEOUT.
- * HANDLES   Numbers in the guise of pointers: never followed, only looked up. Null, made-up, destroyed and wrong-kind
- *           handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives SHUTTERBUG_HANDLE.
- * OWNERSHIP You own all memory that you pass, and nothing of it is kept after a call returns, except shared memory
- *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import or
- * *_export call gives you is yours to destroy. Destroy in any order: a frame whose engine is gone answers with an
- * error, shared memory keeps its device open.
- * THREADS   Each handle is used by one thread at a time, any thread. Two at once: the second gets SHUTTERBUG_BUSY and
- *           nothing happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
+ * ERRORS    shutterbug_last_error() gives a sentence: what was found, and what was expected. Calls without a handle
+ *           write it to your buffer (error_text, which may be null). Common errors are not listed at each call: any
+ *           call can give ARGUMENT, STRUCT_SIZE and PANIC; any call on a handle can give HANDLE, BUSY, POISONED and
+ *           FORKED. All other errors of a call stand at its "Errors:". "device" there stands for DEVICE_LOST,
+ *           OUT_OF_MEMORY, VULKAN and, if the call waits, TIMEOUT.
+ * HANDLES   Pointers that are numbers: they are never followed, only looked up. Null, made-up, destroyed and
+ *           wrong-kind handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives
+ *           SHUTTERBUG_HANDLE.
+ * OWNERSHIP You own all memory that you pass. The library keeps none of it after the call, except shared memory
+ *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import
+ *           or *_export call gives you is yours to destroy. Destroy in any order: a frame whose engine is gone returns
+ *           an error; shared memory keeps its device open.
+ * THREADS   Any thread may use a handle, one thread at a time. A second thread gets SHUTTERBUG_BUSY and nothing
+ *           happens. Calls on a frame that is not finished use its engine's handle too. Different engines are
  *           independent of each other.
- * FORK      In a forked child, every call on a handle of its parent answers at once with FORKED, whatever the parent
- *           was doing; destroying it drops it, gives OK, and leaves the parent's alone. A child makes engines of its
- *           own.
- * UNITS     Seconds, metres, pixels; they stand in the names. Pixel (0,0) is top left, its centre at (0.5, 0.5), x
- *           right, y down. Cameras look along +z (x right, y down). A pose maps camera to world. See
- *           docs/conventions.md.
+ * FORK      In a forked child, every call on a handle of the parent returns FORKED at once, whatever the parent was
+ *           doing. Destroying such a handle returns OK and does not touch the parent's object. The child creates its
+ *           own engines.
+ * UNITS     Seconds, metres, pixels; the names end in the unit. Pixel (0,0) is top left, its centre is (0.5, 0.5), x
+ *           points right, y points down. A camera looks along +z (x right, y down). A pose maps camera to world
+ *           coordinates. See docs/conventions.md.
  * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
- * STRUCTS   Set struct_size = sizeof(struct) before passing one, for outputs too, and zero the rest (= {0}) before you
- *           fill in fields: zero is each option's default. Structs grow at their end only: the size that an older
- *           header gave is known too, and what it lacks is zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
- * MANNERS   No global state but the table of live handles (and two empty listeners that keep one engine's log from
- *           touching another's), no signal handlers, no exit, nothing on stdout. A bug in the library becomes
- *           SHUTTERBUG_PANIC (with Rust's message on stderr) and makes that handle unusable, no other. The first engine
- *           that loads a scene starts a pool of idle worker threads that stays. */
+ * STRUCTS   Set struct_size = sizeof(struct) before you pass one, for outputs too, and zero the rest (= {0}) before you
+ *           fill in fields: zero is each option's default. Structs grow at their end only. A size from an older header
+ *           is accepted; the missing fields count as zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
+ * PROCESS   The only global state is the table of live handles, and two idle log subscribers that keep the engines'
+ *           logs apart. No signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC,
+ *           with Rust's message on stderr; it makes that one handle unusable. The first engine that loads a scene
+ *           starts a pool of worker threads, which stay, idle.
+ */
 #ifndef SHUTTERBUG_H
 #define SHUTTERBUG_H
 
@@ -56,7 +58,7 @@ enum {
     SHUTTERBUG_BUSY = 3,           /* another thread is using the handle: try again */
     SHUTTERBUG_POISONED = 4,       /* unusable since an earlier SHUTTERBUG_PANIC: destroy it */
     SHUTTERBUG_PANIC = 5,          /* a bug in the library; the handle is unusable from now on */
-    SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is none that this library knows */
+    SHUTTERBUG_STRUCT_SIZE = 6,    /* struct_size is not a size that this library knows */
     SHUTTERBUG_TOO_SMALL = 7,      /* a stride, a capacity or a margin */
     SHUTTERBUG_FORMAT = 8,         /* a pixel format that is not possible here */
     SHUTTERBUG_STATE = 9,          /* the call needs another one first */

@@ -120,9 +120,9 @@ fn most_useful_renders(timing: &ShutterTiming, duration_s: f64) -> u32 {
 fn add_line(instants: &mut [WeightedInstant], line: u32, start: f64, end: f64) {
     /// Times nearer than this many spacings are one: rounding of start and spacing stays far below, and what is cut
     /// off is a weight of the same size.
-    const SAME: f64 = 1e-9;
+    const SAME_TIME: f64 = 1e-9;
     let last = (instants.len() - 1) as f64;
-    let snap = |t: f64| if (t - t.round()).abs() < SAME { t.round() } else { t }.clamp(0.0, last);
+    let snap = |t: f64| if (t - t.round()).abs() < SAME_TIME { t.round() } else { t }.clamp(0.0, last);
     let (start, end) = (snap(start), snap(end));
     for k in start.floor() as usize..=(end.ceil() as usize).min(instants.len() - 1) {
         let weight = mean_of_hat(start - k as f64, end - k as f64) as f32;

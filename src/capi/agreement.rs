@@ -1,5 +1,5 @@
-//! Whether two frames of a host agree with what it says of their poses and depth, or would with another convention.
-//! Wrong conventions give plausible pictures, in silence.
+//! Checks whether two frames of a host agree with its poses and depth, and if not, which other convention would make
+//! them agree. A wrong convention gives a plausible picture and no error.
 
 use std::ffi::c_char;
 
@@ -15,14 +15,14 @@ use crate::plane::{PixelFormat, Plane};
 use crate::reference::unpack::{ColorPush, decode_table, unpack_color};
 
 /// Places of the second picture that are looked up in the first, a side at most.
-const PLACES: usize = 96;
+const MAX_PLACES: usize = 96;
 /// Differences above this are all as bad: silhouettes, highlights, what only one frame sees.
-const MOST: f64 = 0.25;
+const MAX_DIFFERENCE: f64 = 0.25;
 /// What does not fall into the first picture counts as that.
-const OUTSIDE: f64 = 0.12;
+const OUTSIDE_DIFFERENCE: f64 = 0.12;
 /// Another convention must be so much better, as a share of what was given, and the pictures must tell it at all.
-const BETTER: f64 = 0.6;
-const LEAST_DIFFERENCE: f64 = 0.004;
+const MAX_RATIO: f64 = 0.6;
+const MIN_DIFFERENCE: f64 = 0.004;
 
 /// Bits of `shutterbug_agreement.change`.
 const Y_UP: u32 = 1;
@@ -136,9 +136,9 @@ impl Seen {
 fn difference(k: &Intrinsics, first: &Seen, second: &Seen, change: u32) -> f64 {
     let moved = first.pose(change).inverse().then_from(&second.pose(change));
     let (w, h) = (k.width as usize, k.height as usize);
-    let mut all = Vec::with_capacity(PLACES * PLACES);
-    for y in (0..h).step_by(h.div_ceil(PLACES)) {
-        for x in (0..w).step_by(w.div_ceil(PLACES)) {
+    let mut all = Vec::with_capacity(MAX_PLACES * MAX_PLACES);
+    for y in (0..h).step_by(h.div_ceil(MAX_PLACES)) {
+        for x in (0..w).step_by(w.div_ceil(MAX_PLACES)) {
             let px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
             let [mx, my] = second.at([x, y], change);
             let given = second.depth_m[my * w + mx];
@@ -151,15 +151,15 @@ fn difference(k: &Intrinsics, first: &Seen, second: &Seen, change: u32) -> f64 {
             all.push(match k.project(moved.transform(ray * depth_m)) {
                 Some(p) if p.cmpge(DVec2::ZERO).all() && p.x < w as f64 && p.y < h as f64 => {
                     let off = (first.color_at(p, change) - second.color_at(px, change)).abs();
-                    off.max_element().min(MOST)
+                    off.max_element().min(MAX_DIFFERENCE)
                 }
-                _ => OUTSIDE,
+                _ => OUTSIDE_DIFFERENCE,
             });
         }
     }
     all.sort_by(f64::total_cmp);
     let kept = &all[..all.len() * 3 / 4];
-    if kept.is_empty() { MOST } else { kept.iter().sum::<f64>() / kept.len() as f64 }
+    if kept.is_empty() { MAX_DIFFERENCE } else { kept.iter().sum::<f64>() / kept.len() as f64 }
 }
 
 /// Changes in order of how many things they change.
@@ -205,14 +205,14 @@ fn judge(k: &Intrinsics, first: &Seen, second: &Seen) -> shutterbug_agreement {
     let as_given = found[0].1;
     let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
     // Of those that are as good as the best, the one that changes least.
-    let near = |d: f64| d <= least + LEAST_DIFFERENCE.max(0.1 * least);
+    let near = |d: f64| d <= least + MIN_DIFFERENCE.max(0.1 * least);
     let (change, best) = *found.iter().find(|f| near(f.1)).expect("the least itself");
     let worst = found.iter().map(|f| f.1).fold(0.0, f64::max);
-    let verdict = if worst - least < LEAST_DIFFERENCE {
+    let verdict = if worst - least < MIN_DIFFERENCE {
         2
-    } else if change == 0 || as_given - best < LEAST_DIFFERENCE {
-        if as_given > 0.5 * OUTSIDE { 3 } else { 0 }
-    } else if best < BETTER * as_given {
+    } else if change == 0 || as_given - best < MIN_DIFFERENCE {
+        if as_given > 0.5 * OUTSIDE_DIFFERENCE { 3 } else { 0 }
+    } else if best < MAX_RATIO * as_given {
         1
     } else {
         3

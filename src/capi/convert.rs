@@ -40,7 +40,7 @@ pub(super) fn motion_scale(
     frame_interval_s: f64,
 ) -> Outcome<[f32; 2]> {
     if c.direction > 1 || c.unit > 2 || c.y_axis > 1 {
-        return Err(Fault::argument("motion convention: direction, unit or y_axis is none that is known"));
+        return Err(Fault::argument("motion convention: unknown direction, unit or y_axis"));
     }
     for (name, value) in [("scale_x", c.scale_x), ("scale_y", c.scale_y)] {
         if !value.is_finite() || value == 0.0 {

@@ -1,8 +1,8 @@
-//! Depth that a host cannot have meant.
+//! Finds depth images that the host cannot have meant.
 
 use crate::engine::OutsidePixels;
 
-/// Every so many pixels one is looked at.
+/// One of this many pixels is checked.
 const STEP: usize = 67;
 
 /// What is odd about a picture of depth; `decode`: as of [`crate::engine::OutsideMotion`].

@@ -1,20 +1,20 @@
-//! Whether a picture's values are light or its sRGB, from the pixels that edges cross: what they show of each side is
-//! light added up, and edges cross pixels anywhere, so the brighter side has half of them on average. Taken for the
-//! other encoding, it has more or less.
+//! Tells linear pictures from sRGB pictures by their edges. A pixel that an edge crosses is a mean of the light of both
+//! sides. Edges cross pixels at any place, so the mean share of the brighter side is one half. Decoded with the wrong
+//! encoding, the share is larger or smaller.
 
 use crate::plane::{Plane, srgb_decode, srgb_encode};
 
 /// Most pixels from one side of an edge to the other.
-const MIXED: usize = 3;
+const SIDE_PIXELS: usize = 3;
 /// Sides vary at most by this share of the step, and what is between them is off them by more: the less is left out,
 /// the less do the darkest pixels, which one encoding presses together, bend the mean of the other.
-const FLAT: f32 = 0.015;
+const MAX_SIDE_VARIATION: f32 = 0.015;
 /// Edges that say something: so far apart are the shares that the two encodings give at half.
-const APART: f32 = 0.06;
+const MIN_SHARE_DIFFERENCE: f32 = 0.06;
 /// Edges that are enough, each once for all of its colours.
-const LEAST: f64 = 60.0;
+const MIN_EDGES: f64 = 60.0;
 /// Standard deviation of a share that is even from 0 to 1.
-const EVEN: f64 = 0.289;
+const UNIFORM_SIGMA: f64 = 0.289;
 
 /// What values turn out to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +38,8 @@ struct Shares {
 impl Shares {
     fn line(&mut self, line: &[f32], other: fn(f32) -> f32) {
         let mut at = 1;
-        while at + MIXED + 2 < line.len() {
-            at += (1..=MIXED).find_map(|n| self.edge(&line[at - 1..at + n + 3], other)).unwrap_or(1);
+        while at + SIDE_PIXELS + 2 < line.len() {
+            at += (1..=SIDE_PIXELS).find_map(|n| self.edge(&line[at - 1..at + n + 3], other)).unwrap_or(1);
         }
     }
 
@@ -49,7 +49,7 @@ impl Shares {
         let mixed = &run[2..run.len() - 2];
         let (a, b) = (run[1], run[run.len() - 2]);
         let (dark, bright) = (a.min(b), a.max(b));
-        let flat = FLAT * (bright - dark);
+        let flat = MAX_SIDE_VARIATION * (bright - dark);
         let even = (run[0] - a).abs() <= flat && (run[run.len() - 1] - b).abs() <= flat;
         let between = mixed.iter().all(|m| *m > dark + flat && *m < bright - flat);
         let order = |pair: &[f32]| if b > a { pair[0] <= pair[1] } else { pair[0] >= pair[1] };
@@ -58,7 +58,7 @@ impl Shares {
             return None;
         }
         let share = |m: f32, of: fn(f32) -> f32| (of(m) - of(dark)) / (of(bright) - of(dark));
-        if (share(0.5 * (dark + bright), other) - 0.5).abs() < APART {
+        if (share(0.5 * (dark + bright), other) - 0.5).abs() < MIN_SHARE_DIFFERENCE {
             return None;
         }
         let mean = |of: fn(f32) -> f32| {
@@ -75,8 +75,8 @@ impl Shares {
         let edges = self.count / 3.0;
         let off = |sum: f64| (sum / self.count - 0.5).abs();
         let (taken, other) = (off(self.taken), off(self.other));
-        let chance = 4.0 * EVEN / edges.sqrt();
-        if edges < LEAST || (taken < chance && other < chance) {
+        let chance = 4.0 * UNIFORM_SIGMA / edges.sqrt();
+        if edges < MIN_EDGES || (taken < chance && other < chance) {
             Told::Nothing
         } else if other < 0.5 * taken {
             Told::Other

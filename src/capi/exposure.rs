@@ -26,7 +26,7 @@ pub struct Place {
 }
 
 impl Exposure {
-    /// Takes a camera's values; begins anew where they are others than before.
+    /// Takes a camera's values. If they differ from the current ones, exposure restarts.
     pub fn set(&mut self, settings: &Settings) {
         let fresh = ExposureControl::new(settings);
         if fresh != self.fresh {
@@ -35,7 +35,7 @@ impl Exposure {
         }
     }
 
-    /// Begins anew: the next frame has `initial_gain`.
+    /// Restarts: the next frame has `initial_gain`.
     pub fn reset(&mut self) {
         self.control = self.fresh.clone();
         self.next = 0;

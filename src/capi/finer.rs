@@ -1,4 +1,4 @@
-//! Delivered pictures of more than 8 bits: values of 16 bits, linear floats, and the converter's raw numbers.
+//! Delivered pictures of more than 8 bits: 16-bit values, linear floats, and the converter's raw numbers.
 
 use super::image::{BOTTOM_UP, View};
 use super::rows::{Layout, Rows};

@@ -1,4 +1,4 @@
-//! Frames: submitted, waited for, read, destroyed.
+//! Calls on frames: submit, wait, read, destroy.
 
 use std::ffi::c_char;
 use std::slice;
@@ -42,7 +42,7 @@ pub struct FrameState {
 enum Stage {
     Pending(Submitted),
     Done(Box<Frame>),
-    /// It can never be had: why.
+    /// It failed, for this reason.
     Lost(Status, String),
 }
 

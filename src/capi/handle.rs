@@ -153,7 +153,7 @@ impl<T> Cell<T> {
         })
     }
 
-    /// Takes the object out for good, if nobody is using it.
+    /// Removes the object, if no thread is using it.
     fn take(&self) -> Outcome<T> {
         let mut guard = match self.state.try_lock() {
             Ok(guard) => guard,
@@ -319,7 +319,7 @@ mod tests {
         let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));
         let want = [(1, "one 1"), (2, "two"), (3, "three")];
         assert_eq!(told, want.map(|(level, text)| (level, text.to_owned())));
-        // A bug of ours is told there too.
+        // A bug in this library is reported there too.
         let bug = |_: &mut Session| -> Outcome<()> { panic!("on purpose") };
         assert_eq!(code(with(heard as usize, bug)), status::PANIC);
         let told = std::mem::take(&mut *HEARD.lock().expect("one thread"));

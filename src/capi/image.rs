@@ -34,7 +34,7 @@ impl View {
     /// Checks a picture's numbers against each other.
     pub fn new(image: &shutterbug_image, what: &str) -> Outcome<Self> {
         let Some(format) = PixelFormat::from_code(image.format & !BOTTOM_UP) else {
-            return Err(Fault::new(status::FORMAT, format!("{what}: format {} is none", image.format)));
+            return Err(Fault::new(status::FORMAT, format!("{what}: unknown format {}", image.format)));
         };
         let size = [image.width, image.height];
         if size.contains(&0) || size.iter().any(|&s| s > 3 * crate::plane::MAX_SIDE_PX) {
@@ -102,7 +102,7 @@ impl View {
     /// The caller's bytes, to be read.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are readable, and nobody writes them meanwhile.
+    /// The header's promise: this many bytes are readable, and nobody writes them during the call.
     pub unsafe fn read(&self) -> &[u8] {
         // SAFETY: checked in `new` to be not null and in range; readable by the caller's promise.
         unsafe { std::slice::from_raw_parts(self.pixels, self.bytes) }
@@ -111,7 +111,7 @@ impl View {
     /// Writes rows of the caller's picture: `row(y, bytes)` fills one. Bytes between rows are left alone.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
+    /// The header's promise: this many bytes are writable, and nobody else uses them during the call.
     unsafe fn write(&self, mut row: impl FnMut(usize, &mut [u8])) {
         let width = self.size[0] as usize * self.format.bytes();
         for y in 0..self.size[1] as usize {

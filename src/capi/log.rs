@@ -1,5 +1,5 @@
-//! The library's log messages of one engine's calls, handed to the host's function. Nothing that hears is installed for
-//! the process: the subscriber is in force only while a call on the engine runs, on the thread that makes it.
+//! Hands the log messages of one engine's calls to the host's function. Nothing is installed for the process: a
+//! subscriber is active only during a call on the engine, on the thread that makes the call.
 
 use std::ffi::{CString, c_char, c_void};
 use std::fmt::Write as _;
@@ -23,11 +23,11 @@ struct Forward {
 /// than two subscribers it asks only that of the thread that passes first, under no lock: a thread of an engine without
 /// log could ask, be overtaken by an engine that is made with a log, and then write down that nobody listens, for good.
 /// With two that never go, all are asked, under the lock that a new subscriber takes too.
-static BESIDE: OnceLock<[Dispatch; 2]> = OnceLock::new();
+static PERMANENT_SUBSCRIBERS: OnceLock<[Dispatch; 2]> = OnceLock::new();
 
 /// To be called before anything that may have something to say.
 pub fn prepare() {
-    BESIDE.get_or_init(|| [(); 2].map(|()| Dispatch::new(NoSubscriber::new())));
+    PERMANENT_SUBSCRIBERS.get_or_init(|| [(); 2].map(|()| Dispatch::new(NoSubscriber::new())));
 }
 
 // SAFETY: the header promises the host that the function is called only from threads that call the library, one at a

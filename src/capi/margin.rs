@@ -1,4 +1,4 @@
-//! How much more a host's renderer has to show than the camera does.
+//! The margin that a host's renderer must add around the camera's picture.
 
 use super::Handle;
 use super::handle::{code, with};

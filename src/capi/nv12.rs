@@ -30,7 +30,7 @@ impl Nv12 {
     /// Writes an 8-bit RGB picture.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
+    /// The header's promise: this many bytes are writable, and nobody else uses them during the call.
     pub unsafe fn put(&self, picture: &Plane<u8>) -> Outcome<()> {
         let fill = |row: usize, to: &mut [u8]| {
             for (x, to) in to.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Poses as hosts have them, brought into this library's own convention.
+//! Converts poses from a host's convention to this library's.
 
 use std::ffi::c_char;
 

@@ -77,7 +77,7 @@ impl Rows {
     /// alone.
     ///
     /// # Safety
-    /// The caller's promise of the header: so many bytes are writable, and nobody else touches them meanwhile.
+    /// The header's promise: this many bytes are writable, and nobody else uses them during the call.
     pub(super) unsafe fn write(
         &self,
         size: [usize; 2],

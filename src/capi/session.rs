@@ -1,5 +1,4 @@
-//! What stands behind an engine's handle: a device, a camera, and the engines that are made of them when they are
-//! needed.
+//! The object behind an engine's handle: a device, a camera, and the engines that are made from them on first use.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -108,7 +107,7 @@ impl Session {
         }
     }
 
-    /// Sets the camera. Engines are made anew only where size, pinhole or mounting change.
+    /// Sets the camera. Engines are replaced only if size, pinhole or mounting change.
     pub fn set_camera(&mut self, camera: CameraFile) -> Outcome<()> {
         let sides = [camera.intrinsics.width, camera.intrinsics.height];
         let limit = self.settings.max_side_px.min(self.context.info().max_image_side_px);
@@ -156,7 +155,7 @@ impl Session {
         Ok(())
     }
 
-    /// Automatic exposure begins anew.
+    /// Restarts automatic exposure.
     pub fn reset_exposure(&mut self) {
         self.exposure.reset();
     }
@@ -221,8 +220,8 @@ impl Session {
             Some(effect) => Err(Fault::new(
                 status::UNSUPPORTED,
                 format!(
-                    "`{}` acts in host memory on values of 8 bits: with it, pictures are had by \
-                     shutterbug_frame_read only, not in picture_memory, and not finer",
+                    "`{}` acts in host memory on values of 8 bits: with it, a picture comes through \
+                     shutterbug_frame_read only, not through picture_memory, and has 8 bits",
                     effect.id()
                 ),
             )),
@@ -352,7 +351,9 @@ impl Session {
             false => self.engine.as_mut().map(Engine::flight),
             true => self.outside.as_mut().map(OutsideEngine::flight),
         };
-        flight.ok_or_else(|| Fault::new(status::STATE, "the frame's engine was made anew"))
+        flight.ok_or_else(|| {
+            Fault::new(status::STATE, "the frame's engine was replaced when the camera changed")
+        })
     }
 
     /// Whether a frame can be collected without waiting.
@@ -374,7 +375,8 @@ impl Session {
         done
     }
 
-    /// A frame that can never be had, or is not wanted any more: its place in flight is free once the device is done.
+    /// Gives up a frame that failed or is not wanted any more. Its place in flight is free once the device has
+    /// finished.
     pub fn give_up(&mut self, submitted: &Submitted) {
         if let Ok(flight) = self.flight(submitted.outside) {
             flight.give_up(&submitted.ticket);

@@ -30,7 +30,7 @@ statuses! {
     BUSY = 3, "another thread is using the handle";
     POISONED = 4, "an earlier call on the handle failed in a way that left it unusable; destroy it";
     PANIC = 5, "the library has a bug: the call was abandoned and the handle is unusable from now on; destroy it";
-    STRUCT_SIZE = 6, "struct_size is none that this library knows";
+    STRUCT_SIZE = 6, "struct_size is not a size that this library knows";
     TOO_SMALL = 7, "a stride, a capacity or a margin is too small";
     FORMAT = 8, "the pixel format is not possible here";
     STATE = 9, "the call needs another one first";

@@ -1,6 +1,6 @@
-//! Which handles are alive, in this process. A child that was forked has none of its parent's: their devices live on
-//! threads that are not there, and their locks may be held for ever. It gets a table of its own before it touches any
-//! lock.
+//! The table of live handles of this process. A forked child cannot use its parent's handles: their devices have
+//! threads that the child does not have, and their locks may be held for ever. So the child gets a new table before it
+//! takes any lock.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicPtr, AtomicU32, AtomicUsize, Ordering};
@@ -10,7 +10,7 @@ use super::handle::Any;
 
 /// Handles and what stands behind them.
 pub struct Table {
-    /// 0: nobody's yet.
+    /// 0: not set yet.
     process: AtomicU32,
     /// Handles below this are of the process that forked this one.
     inherited_to: usize,
@@ -46,7 +46,7 @@ fn of_child(process: u32) -> &'static Table {
         }
         let made = Box::into_raw(Box::new(Table::new(process, NEXT.load(Ordering::Acquire) * 2 + 1)));
         if CHILDS.compare_exchange(current, made, Ordering::AcqRel, Ordering::Acquire).is_err() {
-            // SAFETY: just made, and seen by nobody else.
+            // SAFETY: new, and no other thread has seen it.
             drop(unsafe { Box::from_raw(made) });
         }
     }

@@ -352,7 +352,7 @@ pub(super) unsafe fn text(pointer: *const c_char, what: &str) -> Outcome<String>
     text.to_str().map(str::to_owned).map_err(|_| Fault::argument(format!("{what} is not UTF-8")))
 }
 
-/// Copies a text to where the caller wants to have it: so many characters, or nowhere.
+/// Copies a text to the caller's buffer, cut to `capacity`; a null buffer takes nothing.
 ///
 /// # Safety
 /// Null, or so many writable characters.

@@ -1,4 +1,4 @@
-//! Text files in: what is missing, what a file is for, and where in it something stands.
+//! Reads the text files of a capture. Errors say which file is missing and what it is for, or name the line.
 
 use std::io::ErrorKind;
 use std::ops::Range;

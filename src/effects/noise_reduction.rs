@@ -19,7 +19,7 @@ pub struct NoiseReduction;
 
 const ID: &str = "noise_reduction";
 /// Bit of the kernel's mode.
-const SPARED: u32 = 2;
+const KEEPS_EDGES: u32 = 2;
 pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("luma_sigma_px", "px", (0.0, 10.0), 0.0, "standard deviation of luma's Gaussian").fit(
         Fit::by(0.1).within(0.0, 5.0).starts(&[0.5, 1.0, 2.0]).trial(Law::Up, 0.5, 1.5).graded(0.1, 2.0),
@@ -115,7 +115,7 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
 }
 
 fn passes(settings: &Settings) -> Vec<Pass> {
-    let spared = if edge(settings) > 0.0 { SPARED } else { 0 };
+    let spared = if edge(settings) > 0.0 { KEEPS_EDGES } else { 0 };
     let pass = |axis: u32| Pass {
         file: "noise_reduction.comp",
         constants: [axis | spared, unrolled(settings).unwrap_or(0)],

@@ -32,9 +32,9 @@ pub(super) const SPECS: &[ParamSpec] =
 const FULL_WELL_E: Number = Number::of("shot_noise", SPECS, "full_well_e");
 
 /// Mean counts below this are inverted exactly.
-const FEW: f32 = 12.0;
+const EXACT_BELOW_E: f32 = 12.0;
 /// Counts at a mean of 12 exceed this once in 1e26.
-const MOST: u32 = 64;
+const MAX_COUNT_E: u32 = 64;
 
 /// `e^-x` for 0 <= x <= 12, from sums and products only, so that it rounds alike everywhere.
 fn exp_minus(x: f32) -> f32 {
@@ -50,7 +50,7 @@ fn few(mean: f32, bits: u32) -> f32 {
     let u = (bits as f32 + 0.5) * 2.328_306_4e-10;
     let mut p = exp_minus(mean);
     let (mut reached, mut n) = (p, 0);
-    while n < MOST && u > reached {
+    while n < MAX_COUNT_E && u > reached {
         n += 1;
         p = p * mean / n as f32;
         reached += p;
@@ -70,7 +70,7 @@ fn many(mean: f32, w: f32) -> f32 {
 /// A Poisson number of that mean for each of three channels.
 pub fn poisson(mean: [f32; 3], bits: [u32; 4]) -> [f32; 3] {
     let w = normal_of_bits(bits);
-    [0, 1, 2].map(|c| if mean[c] < FEW { few(mean[c], bits[c]) } else { many(mean[c], w[c]) })
+    [0, 1, 2].map(|c| if mean[c] < EXACT_BELOW_E { few(mean[c], bits[c]) } else { many(mean[c], w[c]) })
 }
 
 /// The function of the same name in `glsl/include/effects/shot_noise.glsl`.
@@ -180,6 +180,6 @@ mod tests {
     fn no_light_no_noise() {
         assert_eq!(poisson([0.0; 3], [u32::MAX; 4]), [0.0; 3]);
         assert_eq!(few(1.0, 0), 0.0);
-        assert!(few(11.99, u32::MAX) < MOST as f32, "the search ends by itself");
+        assert!(few(11.99, u32::MAX) < MAX_COUNT_E as f32, "the search ends by itself");
     }
 }

@@ -1,5 +1,5 @@
-//! Where a frame goes on the device, besides the picture in host memory: into memory or an image of the host, between
-//! semaphores.
+//! Delivers a frame on the device, besides the picture in host memory: waits for and signals the host's semaphores, and
+//! copies the picture to the host's memory or image.
 
 use crate::chain::Wanted;
 use crate::error::Result;
@@ -44,7 +44,7 @@ impl Delivery {
     }
 }
 
-/// A delivery that is a submission of its own, behind that of a frame.
+/// A delivery as a separate submission after that of a frame.
 pub(crate) struct After {
     pub(crate) gpu: Slot,
     /// What the work in flight uses.

@@ -1,5 +1,5 @@
-//! Radiance to the delivered picture in host memory: the pixel chain, the last part of every method. A flat list of
-//! dispatches between a few pictures of floats; what no effect needs is not there. Twin: `reference/chain.rs`.
+//! From radiance to the delivered picture in host memory: the pixel chain, which ends every method. It is a flat list
+//! of dispatches between a few float images; passes that no effect needs are left out. Twin: `reference/chain.rs`.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::gpu::{
 use crate::kernels::TABLE;
 use crate::plane::Plane;
 
-/// What every kernel of the chain is told.
+/// Push constants of every kernel of the chain.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct ChainPush {
@@ -69,7 +69,7 @@ struct Dispatch {
 }
 
 impl Finish {
-    /// The chain for pictures of `size`, with buffers for so many slots; `slot` must have nothing in flight.
+    /// The chain for pictures of `size`, with buffers for each slot; `slot` must have nothing in flight.
     pub(crate) fn new(
         context: &Arc<Context>,
         size: [u32; 2],
@@ -214,7 +214,7 @@ impl Finish {
         self.made_by(self.current.0.steps.len())
     }
 
-    /// What so many steps of the current plan make.
+    /// The result of the first steps of the current plan.
     fn made_by(&self, steps: usize) -> &Image {
         let last = pictures_of(&self.current.0)[..steps].last().and_then(|p| p.target);
         last.map_or(&self.radiance, |i| &self.work[i])
@@ -306,7 +306,7 @@ impl Finish {
         }
     }
 
-    /// Before what so many steps made is overwritten.
+    /// Before the result of the first steps is overwritten.
     fn record_kept(&self, recorder: &mut Recorder<'_>, steps: usize) {
         let (plan, index) = &self.current;
         let behind = [plan.values_behind, plan.raw_behind];

@@ -1,5 +1,5 @@
-//! Frames in flight, whatever makes their radiance: the slots that hold them, the chain that finishes them, and what a
-//! caller asks of them. docs/synchronization.md says what waits for what.
+//! Frames in flight, of any source: the slots that hold them, the pixel chain that finishes them, and the caller's
+//! operations on them. docs/synchronization.md says what waits for what.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -41,7 +41,7 @@ pub(crate) struct Room<'a> {
 }
 
 impl Room<'_> {
-    /// Waits for all work in flight: only then may be made anew what it uses.
+    /// Waits for all work in flight. Only then may the images and buffers that it uses be replaced.
     pub(crate) fn settle(&mut self) -> Result<()> {
         self.slots.iter_mut().try_for_each(|slot| slot.settle(self.limit))
     }
@@ -53,7 +53,7 @@ impl Room<'_> {
 }
 
 impl Flight {
-    /// So many slots for pictures of a camera, of a scene with so many objects.
+    /// `count` slots for pictures of a camera, of a scene with `objects` objects.
     ///
     /// # Errors
     /// Sizes that the device cannot do, out of memory.

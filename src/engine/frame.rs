@@ -1,4 +1,4 @@
-//! What is asked for, and what comes back.
+//! A frame's request and its result.
 
 use crate::camera::{Intrinsics, Pose, ShutterTiming};
 use crate::chain::{Settings, View};
@@ -27,7 +27,7 @@ pub struct FrameRequest {
 }
 
 impl FrameRequest {
-    /// What the effects on pixels are told of the frame.
+    /// What the pixel effects know of the frame.
     pub fn view(&self, intrinsics: Intrinsics) -> View {
         View { intrinsics, shutter: self.shutter, frame: self.index, seed: self.seed }
     }

@@ -1,4 +1,4 @@
-//! A scene's frames: the methods that render them, and what they share: the lens, the sharp planes, the camera's path.
+//! Frames of a scene: the methods that render them, and what the methods share: lens, sharp planes, camera path.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -112,7 +112,7 @@ impl Scenes {
         Ok(())
     }
 
-    /// Makes what depends on the lens anew where a frame has another one than the frame before it.
+    /// Rebuilds what depends on the lens if a frame's lens differs from that of the frame before.
     fn fit_lens(&mut self, request: &FrameRequest, room: &mut Room<'_>) -> Result<()> {
         if self.stage.lens.as_ref().map(|l| l.key) == LensKey::of(&request.settings) {
             return Ok(());
@@ -122,7 +122,7 @@ impl Scenes {
         Self::set_lens((&mut self.stage, &self.options), room, std::slice::from_ref(request))
     }
 
-    /// Makes the images anew where a frame needs a wider margin than any before it, or others.
+    /// Rebuilds the images if a frame needs a wider margin than all frames before, or other images.
     fn fit_renderer(&mut self, request: &FrameRequest, room: &mut Room<'_>) -> Result<()> {
         if self.renderer.fits(&self.stage, request) {
             return Ok(());

@@ -1,5 +1,5 @@
-//! The pixel chain on its own: one radiance, developed again and again with other settings. A fit of noise, tone or
-//! lens needs no new render.
+//! The pixel chain on its own: one radiance, developed many times with different settings. A fit of noise, tone or lens
+//! needs no new render.
 
 use std::sync::Arc;
 use std::time::Duration;

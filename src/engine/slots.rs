@@ -1,4 +1,4 @@
-//! What each frame in flight has of its own: commands, mapped inputs, mapped readback.
+//! The resources of each frame in flight: command buffer, mapped inputs, mapped readback.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant as Clock};
@@ -93,7 +93,7 @@ pub(crate) struct SlotInputs {
 }
 
 impl FrameSlot {
-    /// For pictures of `size`, of scenes with so many objects.
+    /// For pictures of `size`, of scenes with `objects` objects.
     pub(crate) fn new(context: &Arc<Context>, size: [u32; 2], objects: usize, index: usize) -> Result<Self> {
         let ([width, height], objects) = (size.map(u64::from), objects as u64);
         let upload =
@@ -175,14 +175,15 @@ impl FrameSlot {
         self.request = None;
     }
 
-    /// Keeps the times of a finished submission before the slot is recorded anew: its frame's next part, or new images.
+    /// Keeps the times of a finished submission before the slot is recorded again: for the frame's next part, or after
+    /// new images.
     pub(crate) fn keep_times(&mut self) -> Result<()> {
         let times = self.gpu.take_times()?;
         add_times(&mut self.earlier, times);
         Ok(())
     }
 
-    /// Waits for the work in flight, so that what it uses may be made anew; its frame, if any, can still be collected.
+    /// Waits for the work in flight, so that what it uses may be replaced. Its frame, if any, can still be collected.
     pub(crate) fn settle(&mut self, limit: Duration) -> Result<()> {
         self.gpu.wait(limit)?;
         self.keep_times()

@@ -1,4 +1,4 @@
-//! What an engine asks of whatever makes the radiance of its frames.
+//! The interface of a source: what makes the radiance of an engine's frames.
 
 use std::time::Duration;
 

@@ -7,9 +7,9 @@ use super::rgb9e5::rgb9e5;
 use crate::plane::Plane;
 
 /// Farthest path, px.
-const MOST_PX: f32 = 4096.0;
+const MAX_PATH_PX: f32 = 4096.0;
 /// A point that is nearer to the picture's plane than this, or behind it, moves as if it were so near, m.
-const LEAST_W: f32 = 0.02;
+const MIN_W: f32 = 0.02;
 
 /// Rows x, y and w of the matrices that take (ndc, depth, 1) at the middle of a line's exposure to clip space at its
 /// begin and at its end.
@@ -103,10 +103,10 @@ fn path(inputs: &Inputs<'_>, size: [usize; 2], [x, y]: [usize; 2]) -> [f32; 4] {
     let own = (group as usize).max(1) - 1;
     let relative = &inputs.relatives[line * groups + own];
     let moved = |rows: &[Vec4; 3]| {
-        let w = rows[2].dot(point).max(LEAST_W);
+        let w = rows[2].dot(point).max(MIN_W);
         let seen = (inputs.sensor)(Vec4::new(rows[0].dot(point), rows[1].dot(point), 0.0, w));
         (Vec2::new(seen.x, seen.y) / w - ndc) * 0.5 * pixels
     };
     let (begin, end) = (moved(&relative.begin), moved(&relative.end));
-    [begin.x, begin.y, end.x, end.y].map(|v| v.clamp(-MOST_PX, MOST_PX))
+    [begin.x, begin.y, end.x, end.y].map(|v| v.clamp(-MAX_PATH_PX, MAX_PATH_PX))
 }

@@ -44,7 +44,7 @@ pub struct FromDepth<'a> {
 }
 
 /// What is seen so near to the picture's plane at another instant, or behind it, moves as if it were so near.
-const LEAST_W: f32 = 0.02;
+const MIN_W: f32 = 0.02;
 
 impl FromDepth<'_> {
     /// The matrix of a body at place `at` of the time axis: knots lie so close that what is between two is linear.
@@ -79,7 +79,7 @@ impl FromDepth<'_> {
         let seen = self.inverse_depth.pixel(texel.x as usize, texel.y as usize);
         let (depth, body) = (seen[0], seen.get(1).map_or(0, |&body| body as usize));
         let [sx, sy, sw] = matrix(body).map(|r| r.x * ndc.x + r.y * ndc.y + r.z * depth + r.w);
-        (Vec2::new(sx, sy) / sw.max(LEAST_W) - ndc) * (0.5 / scale as f32) * size
+        (Vec2::new(sx, sy) / sw.max(MIN_W) - ndc) * (0.5 / scale as f32) * size
     }
 }
 

@@ -9,7 +9,7 @@ use crate::error::{Error, LensFold, Result};
 
 /// Ideal radius to which a mapping is followed at least: 89.9 degrees from the axis. Rays further out never meet the
 /// plane that a pinhole draws on.
-const WIDEST: f64 = 1e3;
+const MAX_TANGENT: f64 = 1e3;
 
 /// Border points whose fold is looked for when a lens is refused.
 const FOLD_SAMPLES: usize = 256;
@@ -31,7 +31,7 @@ impl Lens {
     pub fn new(intrinsics: Intrinsics, distortion: Distortion) -> Result<Self> {
         let corners = border(&intrinsics, 1);
         let furthest = corners.iter().map(|&c| normalised(&intrinsics, c).length()).fold(0.0, f64::max);
-        let limit = WIDEST.max(10.0 * furthest);
+        let limit = MAX_TANGENT.max(10.0 * furthest);
         let max_radius = invertible_radius(&distortion, limit);
         let lens = Self { intrinsics, distortion, max_radius };
         if distortion.is_identity() {

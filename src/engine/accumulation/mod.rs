@@ -142,7 +142,7 @@ impl Accumulation {
     }
 }
 
-/// Writes matrices and weights; returns per instant its row and what the kernel is told.
+/// Writes matrices and weights; returns, for each instant, its row and the kernel's push constants.
 fn write_inputs(shot: &mut Shot<'_>, chunk: &[WeightedInstant]) -> Vec<((u32, u32), WeightedLines)> {
     let one = |weighted: &WeightedInstant| {
         let row = shot.add(&shot.stage.intrinsics, &Instant::still(weighted.time_s));

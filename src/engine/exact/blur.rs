@@ -22,11 +22,11 @@ use crate::reference::exact_push::{GatherPush, NeighboursPush, TilesPush};
 /// `EXACT_TILE` of `exact_tile.glsl`.
 const TILE: u32 = 8;
 /// Most samples of a pixel.
-const MOST_SAMPLES: i32 = 256;
+const MAX_SAMPLES: i32 = 256;
 /// Two matrices of three rows.
 const TEXELS_A_GROUP: u32 = 6;
 /// Farthest that tiles look for what may come, in tiles.
-const MOST_RADIUS: f64 = 8.0;
+const MAX_RADIUS: f64 = 8.0;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -63,9 +63,9 @@ assert_push_layout!(
 );
 
 /// `WAY` of `exact_gather.comp`: how a tile is gathered.
-const WAYS: [(u32, &str); 3] = [(0, "resting"), (1, "smooth_tiles"), (2, "layered")];
+const VARIANTS: [(u32, &str); 3] = [(0, "resting"), (1, "smooth_tiles"), (2, "layered")];
 
-/// Place in [`WAYS`] of tiles of several surfaces: the last.
+/// Place in [`VARIANTS`] of tiles of several surfaces: the last.
 const LAYERED: usize = 2;
 
 /// Images of one margin, and the kernels that work on them.
@@ -75,7 +75,7 @@ pub(super) struct Blur {
     paths: [ComputePipeline; 2],
     groups: [BindGroup; 3],
     kernels: [ComputePipeline; 2],
-    /// By [`WAYS`].
+    /// By [`VARIANTS`].
     gathers: Vec<(ComputePipeline, BindGroup)>,
     /// Several surfaces, with what objects uncover.
     layered: Option<(ComputePipeline, BindGroup)>,
@@ -93,7 +93,7 @@ struct Images {
     inverses: Image,
     tiles: [Image; 4],
     around: [Image; 2],
-    /// Tiles by [`WAYS`], after the size of the dispatch that gathers them.
+    /// Tiles by [`VARIANTS`], after the size of the dispatch that gathers them.
     lists: Vec<Buffer>,
 }
 
@@ -120,7 +120,7 @@ impl Images {
             Buffer::new(&stage.context, name, list_bytes, Usage::StorageTexels, Location::Device)
         };
         Ok(Self {
-            lists: WAYS.iter().map(list).collect::<Result<_>>()?,
+            lists: VARIANTS.iter().map(list).collect::<Result<_>>()?,
             texels: image("texels", picture.map(|s| s * stage.plan.grid), Format::Rg32ui)?,
             relatives: image(
                 "relatives",
@@ -182,7 +182,7 @@ impl Blur {
             let group = bind_gather(&kernel, (&images, list), uncover, room.radiance, (&sampler, &linear))?;
             Ok((kernel, group))
         };
-        let gathers = WAYS.iter().map(|(way, _)| gather(*way, None)).collect::<Result<_>>()?;
+        let gathers = VARIANTS.iter().map(|(way, _)| gather(*way, None)).collect::<Result<_>>()?;
         let layered = uncover.as_ref().map(|u| gather(LAYERED as u32, Some(u))).transpose()?;
         Ok(Self {
             inputs,
@@ -221,7 +221,7 @@ impl Blur {
         let push = TilesPush { size: tiles, share_per_px, grid: stage.plan.grid as f32 };
         recorder.dispatch(&self.kernels[0], &self.groups[1], &push, tiles);
         let tile_px = f64::from(TILE);
-        let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MOST_RADIUS) as i32;
+        let radius = (part.reach_px / tile_px).ceil().clamp(1.0, MAX_RADIUS) as i32;
         let delivered = [stage.intrinsics.width, stage.intrinsics.height];
         let push = NeighboursPush {
             size: tiles,
@@ -267,7 +267,7 @@ impl Blur {
             tau_per_px: if rows { [0.0, per_px as f32] } else { [per_px as f32, 0.0] },
             drawn_from_px: drawn.map(|(from, _)| from as f32 + 0.5),
             drawn_to_px: drawn.map(|(from, side)| (from + side) as f32 - 0.5),
-            most: MOST_SAMPLES,
+            most: MAX_SAMPLES,
             tiles_across: self.images.tiles[0].spec().size[0],
         }
     }

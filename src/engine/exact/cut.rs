@@ -1,5 +1,5 @@
-//! How finely triangles must be cut so that straight edges between corners that were projected at times of their own
-//! stay near the curves that a rolling shutter makes of them.
+//! How finely triangles must be cut. Each corner is projected at the time of its own line, so a rolling shutter turns a
+//! straight edge into a curve; the edge that is drawn must stay near that curve.
 //!
 //! Over an edge, displacement is velocity times time, and both change: by dv and dt from end to end, and the velocity
 //! by a dt on its own. To second order the chord is then off by `dv dt / 4 + a dt^2 / 8` in its middle. Velocities at

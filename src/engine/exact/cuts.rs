@@ -68,7 +68,7 @@ impl Cuts {
         Self { announced: frames.into_iter().map(|span| (span, 0)).collect(), ..Self::default() }
     }
 
-    /// Everything is to be made anew, for no readout longer than the next that is asked for.
+    /// Drops all cuts. New ones are made for the readout of the next frame and for shorter ones.
     pub(super) fn forget(&mut self) {
         self.cuts.clear();
         self.lines = Default::default();

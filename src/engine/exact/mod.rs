@@ -39,9 +39,9 @@ const MAX_KNOTS: usize = 129;
 const KNOT_ERROR_PX: f64 = 0.01;
 
 /// Motion groups whose numbers, plus one, are exact in the half floats of the colour's alpha.
-const MOST_GROUPS: usize = 2047;
+const MAX_GROUPS: usize = 2047;
 /// Frames whose reach is kept.
-const MOST_KNOWN: usize = 4096;
+const MAX_KEPT_REACHES: usize = 4096;
 
 /// How the method renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ struct Exact {
 /// Everything that the reach of a frame's blur depends on, bit by bit.
 type Key = ([u64; 3], bool);
 
-/// What a frame in flight has of its own in each set of images.
+/// The resources of a frame in flight in each set of images.
 struct Input {
     raster: RasterInput,
     camera: Buffer,
@@ -112,7 +112,7 @@ impl Choices for ExactOptions {
         Ok(Box::new(exact))
     }
 
-    /// It cuts triangles of its own.
+    /// Its own cut triangles.
     fn draws_instants(&self) -> bool {
         false
     }
@@ -179,9 +179,9 @@ struct Drawn<'a> {
 impl Exact {
     fn new(stage: &Stage, options: ExactOptions, room: &Room<'_>, expected: &[FrameRequest]) -> Result<Self> {
         let groups = MotionGroups::new(&stage.scene);
-        if groups.count() > MOST_GROUPS {
+        if groups.count() > MAX_GROUPS {
             let why = "method exact keeps their numbers in half floats".to_owned();
-            let (value, limit) = (groups.count() as u64, MOST_GROUPS as u64);
+            let (value, limit) = (groups.count() as u64, MAX_GROUPS as u64);
             return Err(Error::Limit { what: "number of objects that move", value, limit, why });
         }
         let scene = &stage.scene;
@@ -286,7 +286,7 @@ impl Exact {
             return *reach;
         }
         // A stream without end must not fill the memory.
-        if self.known.len() >= MOST_KNOWN {
+        if self.known.len() >= MAX_KEPT_REACHES {
             self.known.clear();
         }
         let uncovered = self.bounds.uncover(stage, &self.groups, request);

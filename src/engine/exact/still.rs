@@ -1,4 +1,4 @@
-//! Frames of `--method exact` without exposure: nothing is left to do but to take the mean of every pixel's samples.
+//! Frames of `--method exact` without exposure time: each pixel is the mean of its samples.
 
 use bytemuck::{Pod, Zeroable};
 

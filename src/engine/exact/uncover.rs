@@ -1,7 +1,7 @@
-//! What an object that moves by itself uncovers: the picture of the middle of the exposure does not hold it, one of its
-//! begin or its end does. Two more pictures are drawn then, of one sample a pixel: they fill what is behind the object
-//! for a part of the exposure only, and only around such objects. Where the camera alone moves, what is uncovered is
-//! narrow, and guessed from beside it.
+//! Background that a moving object uncovers during the exposure. The picture at the middle of the exposure does not
+//! show it; the picture at its begin or its end does. So two more pictures are drawn, with one sample a pixel, around
+//! such objects only. They fill what is behind the object for a part of the exposure. Where only the camera moves, the
+//! uncovered strip is narrow and is filled from its neighbours.
 
 use glam::{DVec2, DVec3};
 
@@ -17,7 +17,7 @@ use crate::raster::{
 };
 
 /// Objects that move by less during an exposure uncover too little to be seen, px.
-const LEAST_PX: f64 = 5.0;
+const MIN_PATH_PX: f64 = 5.0;
 /// What is nearer to the camera's plane, or behind it, is taken to be so near, m.
 const NEAREST_M: f64 = 0.1;
 /// When in the exposure, -0.5 to 0.5.
@@ -80,7 +80,7 @@ impl Bounds {
                 let low = from.iter().chain(&to).copied().fold(DVec2::INFINITY, DVec2::min);
                 let high = from.iter().chain(&to).copied().fold(DVec2::NEG_INFINITY, DVec2::max);
                 let in_view = low.cmplt(size).all() && high.cmpgt(DVec2::ZERO).all();
-                if in_view && from.iter().zip(&to).any(|(a, b)| (*a - *b).length() > LEAST_PX) {
+                if in_view && from.iter().zip(&to).any(|(a, b)| (*a - *b).length() > MIN_PATH_PX) {
                     let [l, h] = around.unwrap_or([low, high]);
                     around = Some([l.min(low), h.max(high)]);
                 }

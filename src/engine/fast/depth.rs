@@ -1,5 +1,5 @@
-//! What `--method fast` does where nothing moves by itself: displacements follow from the picture's depth and the
-//! camera's matrices, and no triangle is drawn for them.
+//! Displacements for `--method fast` where only the camera moves: they follow from the picture's depth and the camera's
+//! matrices, so no triangle is drawn for them.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use crate::raster::{RasterTarget, View, moved_rows};
 /// What is nearer does not decide whether the camera only turns, m.
 const NEAREST_M: f64 = 0.25;
 /// Movement of what is so near that is not seen, px.
-const LEAST_PX: f64 = 0.05;
+const MIN_MOTION_PX: f64 = 0.05;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -152,5 +152,5 @@ impl DepthPaths {
 pub(crate) fn turns_only(k: &Intrinsics, path: &Trajectory, reference_s: f64, knots_s: &[f64]) -> bool {
     let at_m = |time_s: f64| path.pose_at(time_s).translation_m;
     let farthest_m = knots_s.iter().map(|&t| (at_m(t) - at_m(reference_s)).length()).fold(0.0, f64::max);
-    farthest_m * k.fx.max(k.fy) < LEAST_PX * NEAREST_M
+    farthest_m * k.fx.max(k.fy) < MIN_MOTION_PX * NEAREST_M
 }

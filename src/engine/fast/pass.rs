@@ -13,7 +13,7 @@ use crate::gpu::{
 use crate::kernels::kernel;
 use crate::reference::fast_push::Push;
 
-/// All three kernels are told the same.
+/// Push constants, the same for all three kernels.
 macro_rules! assert_push_of {
     ($($file:literal),+) => {
         $(assert_push_layout!(

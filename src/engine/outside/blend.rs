@@ -1,6 +1,6 @@
-//! Frames from outside of several pictures: every line from the three that are nearest to it in time. Where they show
-//! one surface they are read together, as one picture of finer texels; else what each of them shows counts by how much
-//! of it was seen. Twin: `reference/outside_blend.rs`.
+//! Frames from outside with several pictures. Each line is made from the three pictures that are nearest in time. Where
+//! they show the same surface, they are read together, like one picture with finer texels. Elsewhere each counts by how
+//! much of the surface it shows. Twin: `reference/outside_blend.rs`.
 
 use crate::assert_push_layout;
 use crate::engine::fast::pass::{FastTiming, lines_between};

@@ -1,4 +1,4 @@
-//! What a frame from outside consists of.
+//! The parts of a frame from outside.
 
 use std::sync::Arc;
 
@@ -84,7 +84,7 @@ pub enum OutsideMotion<'a> {
 /// Most pictures of a frame.
 pub const MAX_PICTURES: usize = 8;
 
-/// Another picture of a frame, at an instant of its own: size, margin, encoding and conventions are those of the first.
+/// A further picture of a frame, at its own instant. Size, margin, encoding and conventions are those of the first.
 #[derive(Clone, Copy)]
 pub struct OutsidePicture<'a> {
     /// When it was rendered, s.
@@ -104,7 +104,8 @@ pub const MAX_BODIES: usize = 255;
 pub struct OutsideBodies<'a> {
     /// Whose surface each pixel shows ([`PixelFormat::R8u`], `R16u` or `R32u`), at the colour's instant.
     pub ids: OutsidePixels<'a>,
-    /// Id and world-from-body of each; [`MAX_BODIES`] at most, in rising order of their ids. What is nobody's rests.
+    /// Id and world-from-body of each; [`MAX_BODIES`] at most, in rising order of their ids. Ids without a body belong
+    /// to what rests.
     pub paths: Vec<(u32, Trajectory)>,
 }
 

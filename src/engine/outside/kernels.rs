@@ -1,4 +1,4 @@
-//! Pipelines of `outside.rs`, and what they are bound to.
+//! Pipelines of frames from outside, and their bindings.
 
 use std::sync::{Arc, Weak};
 
@@ -224,7 +224,7 @@ impl Groups {
         })
     }
 
-    /// The warp's images are made anew.
+    /// The warp's images are replaced.
     pub(super) fn forget_warp(&mut self) {
         let of_warp = |s: &Source| {
             matches!(s.role.0, Role::HalfColor | Role::InverseDepth | Role::Body) || s.role.1 > 0
@@ -233,7 +233,7 @@ impl Groups {
         all.filter(|s| s.as_ref().is_some_and(of_warp)).for_each(|s| *s = None);
     }
 
-    /// A slot's own buffer of this place was made anew.
+    /// A slot's buffer at this place was replaced.
     pub(super) fn forget(&mut self, slot: usize, place: usize) {
         self.sources[slot][place] = None;
     }
@@ -321,7 +321,7 @@ impl Groups {
         Ok(())
     }
 
-    /// Name, kernel and group of the gather from so many motion images.
+    /// Name, kernel and group of the gather for this number of motion images.
     pub(super) fn gather_of<'a>(
         &'a self,
         kernels: &'a Kernels,

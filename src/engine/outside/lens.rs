@@ -1,6 +1,6 @@
-//! What a frame from outside was rendered without: lens, lateral colour, a focal length that is not the nominal one, a
-//! camera that sits askew. All of it says where a pixel looks, so it acts in the warp, where the colour is read once
-//! for everything; and how far beyond its borders a picture is needed.
+//! Effects that a frame from outside was rendered without: lens distortion, lateral colour, a focal length that differs
+//! from the nominal one, a camera that is mounted askew. All of them change where a pixel looks. So they act in the
+//! warp, which reads the colour once for all of them. They also decide how large the picture's margin must be.
 
 use glam::{DQuat, DVec2, DVec3};
 

@@ -202,7 +202,7 @@ impl Outside {
             ImageSpec { layers: MAX_OUTSIDE_MOTIONS as u32, ..ImageSpec::storage(size, Format::Rg32f) };
         let motion = Image::new(context, "outside motion", layers)?;
         let depth = Image::new(context, "outside depth", ImageSpec::storage(size, Format::R32f))?;
-        // A slot that holds a finished frame may be recorded anew: only its buffers are read from now on.
+        // A slot that holds a finished frame may be recorded again: from now on only its buffers are read.
         room.prepare([&color, &motion, &depth])?;
         let to = Unpacked { color: &color, motion: &motion, depth: &depth, warp: None };
         let groups = Groups::new(&self.kernels, to, room.radiance, room.slots.len())?;

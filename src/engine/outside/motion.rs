@@ -1,5 +1,5 @@
-//! How a frame from outside moves, on the device: motion images unpacked or made from depth; depth and bodies as the
-//! warp reads them.
+//! Motion of a frame from outside, on the device: motion images are unpacked or made from depth; depth and body ids are
+//! prepared for the warp.
 
 use crate::camera::NEAR_M;
 use crate::engine::outside::frame::{OutsideFrame, OutsideMotion, OutsidePixels, PixelSource};

@@ -1,6 +1,6 @@
-//! Frames from outside through the warp of `--method fast`: colour and depth of one instant or several, and the
-//! camera's poses over the frame. Lens, shutter and blur are one reading of the colour; silhouettes are kept apart by
-//! depth.
+//! Warps frames from outside as `--method fast` does: colour and depth of one or several instants, and the camera's
+//! poses over the frame. Lens, shutter and blur are applied in one reading of the colour. Depth keeps silhouettes
+//! apart.
 
 use crate::camera::{Intrinsics, ShutterTiming, Trajectory};
 use crate::engine::fast::depth::turns_only;

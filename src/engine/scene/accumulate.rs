@@ -1,4 +1,4 @@
-//! One picture, weighed into the lines whose exposure covers its instant. Twin: `reference/accumulate.rs`.
+//! Adds one picture to the lines whose exposure covers its instant, with its weight. Twin: `reference/accumulate.rs`.
 
 use bytemuck::{Pod, Zeroable};
 

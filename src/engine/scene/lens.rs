@@ -1,7 +1,6 @@
-//! The lens of a frame, for every method: it acts in the vertex stage (`lens.glsl`), where a vertex lands on the
-//! sensor; what the methods do with lines and motion is then in the sensor's own coordinates, and the colour is
-//! resampled by nothing. Triangles are cut so that their straight edges stay near the curves that the lens makes of
-//! them.
+//! The lens, for every method. It acts in the vertex stage (`lens.glsl`): each vertex is placed where the lens images
+//! it on the sensor. So lines and motion are in the sensor's own coordinates, and the colour is not resampled.
+//! Triangles are cut so that their straight edges stay near the curves that the lens makes of them.
 //!
 //! Lateral chromatic aberration draws the frame once for each colour, through a lens of that colour's magnification.
 
@@ -24,7 +23,7 @@ use crate::scene::Vertex;
 /// Largest distance of an edge from its curve where every instant is drawn by itself, px.
 const CHORD_PX: f64 = 0.03;
 /// Most triangles that cutting may make; the distance above is doubled until they suffice.
-const MOST_TRIANGLES: usize = 400_000;
+const MAX_TRIANGLES: usize = 400_000;
 /// Samples of the path over its span, and most of them in frames.
 const PATH_SAMPLES: usize = 16;
 const FRAME_SAMPLES: usize = 48;
@@ -122,7 +121,7 @@ impl LensStage {
             let long = |a: &Vertex, b: &Vertex| {
                 self.chords.is_long(groups.of_object(a.object) as usize, a, b, allowed_px)
             };
-            match mesh.split(long, MOST_TRIANGLES.max(mesh.triangle_count())) {
+            match mesh.split(long, MAX_TRIANGLES.max(mesh.triangle_count())) {
                 Some(cut) => break cut,
                 None if allowed_px > 1e3 => break mesh,
                 None => allowed_px *= 2.0,

@@ -1,5 +1,5 @@
-//! What the paper's gather and the warp of `fast` have read: for hosts that hand
-//! the same planes back in, and for the tests that compare.
+//! Copies of the planes that the paper's gather and the warp of `fast` have read: for hosts that hand the same planes
+//! back in, and for tests.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -10,7 +10,7 @@ pub struct Common {
     /// Folder for camera.toml, report.json and figures; made if absent
     #[arg(long)]
     pub out: PathBuf,
-    /// Write there although the folder holds what no earlier run of this command made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
     /// Camera to which the tables are added

@@ -1,4 +1,4 @@
-//! What can be said to `import`.
+//! Options of `import`.
 
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ pub struct Import {
     /// Keep the frames that an interrupted run has finished
     #[arg(long)]
     pub resume: bool,
-    /// Write to a folder that holds files which no run made there
+    /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
 }

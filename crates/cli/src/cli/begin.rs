@@ -1,4 +1,5 @@
-//! How a run of `simulate` begins: which frames are left to be made, and what is written before them.
+//! The start of `simulate`: finds the frames that are still missing, and writes the files that come before the first
+//! frame.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -19,9 +19,9 @@ const LOG_INTERVAL: Duration = Duration::from_secs(2);
 /// Memory of a diagnosis for each pixel of each frame, bytes: measured on 17 frames of 1280x960 px (docs/board.md).
 const BYTES_OF_A_PIXEL: usize = 250;
 /// From so much on it is worth a word: what small machines have.
-const MUCH_GB: f64 = 8.0;
+const LARGE_DIAGNOSIS_GB: f64 = 8.0;
 /// Most pictures without a board that an error names.
-const MOST_NAMED: usize = 5;
+const MAX_NAMED: usize = 5;
 
 /// Runs the command.
 pub fn run(args: &Board) -> Result<()> {
@@ -69,7 +69,7 @@ pub fn run(args: &Board) -> Result<()> {
     ));
     let pixels = observed.size.iter().map(|s| *s as usize / args.shrink).product::<usize>() * written.frames;
     let needed_gb = (pixels * BYTES_OF_A_PIXEL) as f64 / 1e9;
-    if needed_gb > MUCH_GB {
+    if needed_gb > LARGE_DIAGNOSIS_GB {
         say(format_args!(
             "`diagnose` takes about {needed_gb:.0} GB for frames of this size; --shrink 2 or more writes smaller ones"
         ));
@@ -108,9 +108,9 @@ fn with_left_out(error: Error, observed: &Observed) -> Error {
     if all.is_empty() {
         return Error::Input { path, line, found, expected };
     }
-    let named: Vec<String> = all.iter().take(MOST_NAMED).map(|l| format!("{}: {}", l.name, l.why)).collect();
+    let named: Vec<String> = all.iter().take(MAX_NAMED).map(|l| format!("{}: {}", l.name, l.why)).collect();
     let more =
-        if all.len() > MOST_NAMED { format!("; and {} more", all.len() - MOST_NAMED) } else { String::new() };
+        if all.len() > MAX_NAMED { format!("; and {} more", all.len() - MAX_NAMED) } else { String::new() };
     Error::Input { path, line, found: format!("{found} ({}{more})", named.join("; ")), expected }
 }
 

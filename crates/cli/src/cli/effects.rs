@@ -14,7 +14,7 @@ pub fn run() -> Result<()> {
     for effect in effects::LIST {
         text += &format!("[{}]\n", effect.id());
         for spec in effect.specs() {
-            let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
+            let unit = if spec.unit.is_empty() { String::new() } else { format!(", {}", spec.unit) };
             text += &format!("  {:<20} {}{unit}: {}\n", spec.name, values(&spec.kind), spec.about);
         }
     }
@@ -23,9 +23,9 @@ pub fn run() -> Result<()> {
 
 fn values(kind: &ParamKind) -> String {
     match kind {
-        ParamKind::Number { min, max, neutral } => format!("{min} to {max}, neutral {neutral},"),
-        ParamKind::Integer { min, max, neutral } => format!("whole, {min} to {max}, neutral {neutral},"),
-        ParamKind::Choice { options, neutral } => format!("{}, neutral {neutral},", options.join(" | ")),
-        ParamKind::Vector3 { max } => format!("[x, y, z], each {} to {max}, neutral 0,", -max),
+        ParamKind::Number { min, max, neutral } => format!("{min} to {max}, neutral {neutral}"),
+        ParamKind::Integer { min, max, neutral } => format!("whole, {min} to {max}, neutral {neutral}"),
+        ParamKind::Choice { options, neutral } => format!("{}, neutral {neutral}", options.join(" | ")),
+        ParamKind::Vector3 { max } => format!("[x, y, z], each {} to {max}, neutral 0", -max),
     }
 }

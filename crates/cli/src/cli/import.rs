@@ -1,4 +1,4 @@
-//! `shutterbug import`: a recording as a folder that can be diagnosed, or what it holds.
+//! `shutterbug import`: turns a recording into a folder for `diagnose`, or lists its contents.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -1,5 +1,5 @@
-//! What the user is told. Messages go to stderr, and whether anybody reads them changes nothing; results that a command
-//! is asked for go to stdout, and what cannot be written there is an error, but for a reader that has seen enough.
+//! Output to the user. Messages go to stderr; a closed stderr is ignored. Results that the user asked for go to stdout;
+//! if they cannot be written, that is an error, unless the reader has closed the pipe.
 
 use std::fmt;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};

@@ -7,7 +7,7 @@ use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read};
 
 /// Most inner corners along a side, and the range of a square's side, m.
-const MOST_CORNERS: u32 = 999;
+const MAX_CORNERS: u32 = 999;
 const SIDE_M: (f64, f64) = (1e-6, 1e3);
 
 /// A checkerboard.
@@ -34,7 +34,7 @@ pub fn read_target(path: &Path) -> Result<KalibrTarget> {
         return Err(Error::input(path, kind.line(), format!("a target of type `{name}`"), expected));
     }
     let corners = |key: &str| -> Result<usize> {
-        Ok(top.require(key, "number of inner corners")?.whole(MOST_CORNERS)? as usize)
+        Ok(top.require(key, "number of inner corners")?.whole(MAX_CORNERS)? as usize)
     };
     let side = |key: &str| top.require(key, "side of a square, m")?.number_in("m", SIDE_M);
     let inner_corners = [corners("targetCols")?, corners("targetRows")?];

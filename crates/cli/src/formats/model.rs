@@ -1,4 +1,4 @@
-//! A camera between formats.
+//! The camera model that all file formats are converted to and from.
 
 use shutterbug::camera::{Distortion, Intrinsics, Lens, Pose};
 use shutterbug::capture::CameraFile;
@@ -23,7 +23,7 @@ pub struct CameraModel {
     pub settings: Settings,
 }
 
-/// What was read, and what of it has no place here.
+/// The camera that was read, and notes on what this program cannot hold.
 #[derive(Clone, Debug)]
 pub struct Imported {
     /// The camera.

@@ -1,4 +1,4 @@
-//! Five coefficients for a lens that was calibrated with more.
+//! Fits this program's five lens coefficients to a lens that was calibrated with more.
 
 use glam::DVec2;
 

@@ -80,7 +80,7 @@ pub(super) fn import(top: &Field) -> Result<Imported> {
     Ok(Imported { camera, notes })
 }
 
-/// The lens. A thin prism is fitted anew, because no model here has one.
+/// The lens. A lens with a thin prism is refitted, because no model here has one.
 fn distortion(top: &Field, k: &Intrinsics, notes: &mut Vec<String>) -> Result<Distortion> {
     let Some(field) = top.get_any(&["D", "d", "distortion_coefficients", "distortion_coeffs"]) else {
         notes.push("no distortion coefficients are given: the lens is taken as ideal".to_owned());
