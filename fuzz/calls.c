@@ -3,7 +3,7 @@
  *
  * Fails (abort) where a call returns SHUTTERBUG_PANIC or _POISONED or a number that is no status, where a handle that
  * is not alive is accepted, where an output is written on failure, and where, after everything is destroyed, a plain
- * frame is not what it was before. The address sanitizer does the rest. Built by fuzz/run and tests/capi_fuzz.rs. */
+ * frame is not what it was before. The address sanitizer does the rest. Built by fuzz/run and tests/abi/fuzz.rs. */
 #include <shutterbug.h>
 #include <stdarg.h>
 #include <stdio.h>

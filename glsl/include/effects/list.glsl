@@ -1,6 +1,6 @@
 // Effects that act on one pixel at a time, in light-path order: one line each, the stem. build.rs turns this list into
 // effects/all.glsl: the specialization constant VARIANT_<stem> (0: compiled out), the include, and the call in
-// apply_effects. The order must be that of effects::LIST (tests/effects_registry.rs).
+// apply_effects. The order must be that of effects::LIST (tests/property/effects_registry.rs).
 EFFECT(vignetting)
 EFFECT(glare)
 EFFECT(exposure_gain)
