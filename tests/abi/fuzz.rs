@@ -1,5 +1,5 @@
-//! Random sequences of calls of the C ABI under the address sanitizer (`fuzz/calls.c`), for a short time with seeds of
-//! their own each run. `fuzz/run` does it for as long as one likes; `SHUTTERBUG_LONG=1` for ten minutes.
+//! Random sequences of calls of the C ABI under the address sanitizer (`fuzz/calls.c`), for a short time, each run with
+//! other seeds. `fuzz/run` does it for as long as one likes; `SHUTTERBUG_LONG=1` for ten minutes.
 #![allow(clippy::unwrap_used)]
 
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -10,7 +10,9 @@ use crate::installed::{NO_DEVICE, build, program};
 fn random_sequences_of_calls_break_nothing() {
     let extra = ["-fsanitize=address", "fuzz/random.c"];
     let Some(fuzz) = build("cc", "-std=c11", "fuzz/calls.c", &extra) else { return };
-    let seconds = if std::env::var_os("SHUTTERBUG_LONG").is_some() { "600" } else { "12" };
+    // A program of 4096 bytes takes up to a minute. Shorter ones reach the same calls, and more of them fit.
+    let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
+    let (seconds, most) = if long { ("600", "4096") } else { ("8", "512") };
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs().to_string();
     let fuzz = |arguments: &[&str]| {
         // Leaks are capi_install's: here the loader unloads drivers.
@@ -21,8 +23,8 @@ fn random_sequences_of_calls_break_nothing() {
     // The same programs each time, then others.
     let mut reached = String::new();
     // 24 was a frame given up between its parts, whose slot was recorded again.
-    for (seed, seconds) in [("24", "0"), ("1", "6"), (now.as_str(), seconds)] {
-        let (code, text) = fuzz(&[seed, seconds]);
+    for (seed, seconds, most) in [("24", "0", "4096"), ("1", "6", most), (now.as_str(), seconds, most)] {
+        let (code, text) = fuzz(&[seed, seconds, "", "", most]);
         if code == Some(NO_DEVICE) {
             assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{text}");
             eprintln!("SKIPPED random_sequences_of_calls_break_nothing: no device");
@@ -67,7 +69,7 @@ fn random_sequences_of_calls_break_nothing() {
     assert!(!documented["engine_get_info"].contains("FULL"), "control");
     // Control: a library that takes dead handles, and one that writes too far, would be found.
     for (wrong, says) in [("double", "took a dead handle"), ("overflow", "AddressSanitizer: SEGV")] {
-        let (code, text) = fuzz(&["1", "1", "", wrong]);
+        let (code, text) = fuzz(&["1", "0", "", wrong, "64"]);
         assert!(code != Some(0) && text.contains(says), "control {wrong}: {code:?} {text}");
     }
 }

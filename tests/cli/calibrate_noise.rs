@@ -205,8 +205,9 @@ fn a_known_isp_is_simulated_back_to_its_own_statistics() {
     assert!((white.neighbours[0].horizontal - c.real.neighbours[0].horizontal).abs() > 0.4);
 }
 
-/// A pair of the canteen, and what must be reached: mean deviation of the variance of R, G, B by the model and by the
-/// engine's chain, and of the chain on blocks without fit; correlation of direct neighbours by the chain.
+/// A pair of the canteen (pictures of a real robot), and what must be reached: mean deviation of the variance of R, G,
+/// B by the model and by the engine's chain, and of the chain on blocks without fit; correlation of direct neighbours
+/// by the chain.
 type Canteen = ([&'static str; 2], [[f64; 3]; 3], [f64; 3]);
 
 /// Ten percent and 0.1 are what is asked for; what is wider is a measured shortfall (docs/sensor.md has the figures).
@@ -229,15 +230,14 @@ const CANTEEN: [Canteen; 3] = [
 ];
 
 #[test]
+#[ignore = "long: a minute a pair"]
 fn the_canteen_is_matched() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/real/nao_canteen");
     if !folder.is_dir() {
         eprintln!("SKIPPED the_canteen_is_matched: ../shared/data/real/nao_canteen is absent");
         return;
     }
-    // Each takes a minute: one by default.
-    let pairs = if std::env::var_os("SHUTTERBUG_LONG").is_some() { CANTEEN.len() } else { 1 };
-    for (names, [model, chain, held_out], correlation) in CANTEEN.into_iter().take(pairs) {
+    for (names, [model, chain, held_out], correlation) in CANTEEN {
         let pair = names.map(|n| Frame::read(&folder.join(n)).expect("a picture"));
         let c =
             calibrate_noise(&pair, NoiseOptions { encoding: Encoding::Srgb, seed: 0 }).expect("calibrated");

@@ -71,8 +71,11 @@ fn every_kernel_is_its_reference() {
         compare(&mut chain, "none", &Settings::default(), &view, &radiance);
         for effect in LIST.iter().filter(|e| matches!(e.stage(), Stage::Pixel(..))) {
             compare(&mut chain, effect.id(), &visible(*effect), &view, &radiance);
-            for spec in effect.specs() {
-                // Parts of an effect are kernels of their own.
+            // Parts of an effect are kernels of their own, compiled for each size: one size is enough for them, and a
+            // single parameter is no part.
+            let parts =
+                if [width, height] == [67, 41] && effect.specs().len() > 1 { effect.specs() } else { &[] };
+            for spec in parts {
                 let mut alone = Settings::default();
                 alone.set(*effect, spec.name, visible(*effect).get(effect.id(), spec.name).unwrap()).unwrap();
                 let name = format!("{}.{}", effect.id(), spec.name);
