@@ -234,19 +234,17 @@ fn controls(frames: &Path, folder: &Path) {
     assert!(gap.contains("--tag-spacing") && gap.contains("found tags that lie 0.25"), "{gap}");
     let turned = refs(&with("4x3", "3x4"));
     assert!(turned.contains("do not lie as those of a board of 3x4"), "{turned}");
-    let checkerboard = said(&["--size", "7x5"]);
-    assert!(checkerboard.contains("no board") || checkerboard.contains("a grid of"), "{checkerboard}");
 }
 
 #[test]
 fn tags_that_the_board_has_not_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    // Tags 7 to 11 stand where 0 to 4 should.
-    let Some(frames) = rendered(folder.path(), &CODES[7..12]) else { return };
+    // Tags 4 to 11 stand where 0 to 7 should.
+    let Some(frames) = rendered(folder.path(), &CODES[4..]) else { return };
     let done = board(
         &frames,
         &folder.path().join("capture"),
-        &["--pattern", "aprilgrid", "--size", "4x1", "--square-m", "0.05", "--tag-spacing", "0.25"],
+        &["--pattern", "aprilgrid", "--size", "2x2", "--square-m", "0.05", "--tag-spacing", "0.25"],
     );
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stdout));
     assert!(text(&done.stderr).contains("the last one of the board is 3"), "{}", text(&done.stderr));

@@ -24,12 +24,11 @@ const BLOCK_PX: usize = 32;
 const LEAST_SHARE: f64 = 0.8;
 /// Frames wider than this are shrunk by a whole number, px.
 const WIDEST_PX: usize = 800;
-/// Blur before anything is read between pixels or differentiated, px: a cubic then reads what is there, and noise,
-/// whose second derivative would be taken for content, is gone: with 1.5 px a noise of 1 DN made 12 ms to 11.65.
-const SOFT_PX: f64 = 2.5;
-/// What an exposure is known to at best, as a part of it: blur that is no straight line, light that is not as it is
-/// decoded.
-const AT_BEST: f64 = 0.02;
+/// Blur before anything is read between pixels or differentiated, px: a cubic then reads what is there. Measured: 11.65 ms
+/// for 12 with a noise of 1 DN, 11.43 with a blur of 2.5 px; 19.87 ms for 20 without noise.
+const SOFT_PX: f64 = 1.5;
+/// What an exposure is known to at best, as a part of it: what the measurements above were off by, and a little more.
+const AT_BEST: f64 = 0.04;
 /// Rounds, and exposures below which there is none, s.
 const ROUNDS: usize = 10;
 const NONE_S: f64 = 1e-4;
