@@ -77,26 +77,8 @@ pub(super) fn report(
         }
     };
     let gap = gap(timed, steps.len() / 2);
-    let mut half = BTreeMap::new();
-    let (mut effects, mut candidates, mut set) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, answer) in answers.into_iter().filter(|(n, _)| names.contains(n)) {
-        match answer {
-            Answer::Found(values, without_px) => {
-                for (p, value, width) in values {
-                    theta.set(p, value);
-                    half.insert(p, width);
-                }
-                set.push(name);
-                effects.push(effect(name, &theta, &half, without_px, &gap));
-            }
-            Answer::Rejected(why) => candidates.push(Candidate {
-                state: CandidateState::Rejected,
-                gap_with: Some(gap.after),
-                ..undetermined(name, &why, "")
-            }),
-            Answer::Unknown(why, film) => candidates.push(undetermined(name, &why, &film)),
-        }
-    }
+    let asked = answers.into_iter().filter(|(n, _)| names.contains(n)).collect();
+    let Sorted { mut effects, mut candidates, set } = sorted(asked, &mut theta, &gap);
     let told = ["rolling_shutter", "motion_blur", "time_offset"];
     let others = names.iter().filter(|n| !told.contains(n));
     candidates.extend(others.map(|n| undetermined(n, NEEDS_SCENE[0], NEEDS_SCENE[1])));
@@ -127,6 +109,39 @@ pub(super) fn report(
         gap,
     };
     (report, theta, set)
+}
+
+/// Answers as they stand in a report.
+struct Sorted {
+    effects: Vec<EffectFound>,
+    candidates: Vec<Candidate>,
+    /// The names that were found.
+    set: Vec<&'static str>,
+}
+
+/// Sorts answers; numbers that were found go into `theta`.
+fn sorted(answers: Vec<(&'static str, Answer)>, theta: &mut Theta, gap: &Gap) -> Sorted {
+    let mut half = BTreeMap::new();
+    let (mut effects, mut candidates, mut set) = (Vec::new(), Vec::new(), Vec::new());
+    for (name, answer) in answers {
+        match answer {
+            Answer::Found(values, without_px) => {
+                for (p, value, width) in values {
+                    theta.set(p, value);
+                    half.insert(p, width);
+                }
+                set.push(name);
+                effects.push(effect(name, theta, &half, without_px, gap));
+            }
+            Answer::Rejected(why) => candidates.push(Candidate {
+                state: CandidateState::Rejected,
+                gap_with: Some(gap.after),
+                ..undetermined(name, &why, "")
+            }),
+            Answer::Unknown(why, film) => candidates.push(undetermined(name, &why, &film)),
+        }
+    }
+    Sorted { effects, candidates, set }
 }
 
 fn warnings(footage: &Footage, timed: Option<&Timed>) -> Vec<String> {

@@ -331,11 +331,6 @@ impl Values {
         let mean_dn: Vec<f32> =
             self.dn.iter().zip(&self.total).map(|(s, v)| (s / v.len().max(1) as f64) as f32).collect();
         let linear = |bin: usize| f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);
-        // Of rounding, and of dither.
-        let quantum = |bin: usize| {
-            let slope = f64::from(tone.slope_at(mean_dn[bin], 1));
-            2.0 / 12.0 / (slope * slope).max(1e-9)
-        };
         // What compression has left of the noise is a part of it.
         let packed = theta.is_on(P::Quality).then(|| Packing::of(theta.get(P::Quality) as u8));
         let removed = |bin: usize, variance: f64| {
@@ -345,7 +340,7 @@ impl Values {
         let mut whole = vec![1.0; BINS];
         let mut data = NoiseData::default();
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            let seen = (robust_variance(v) / HIGH_PASS - quantum(bin)).max(0.0);
+            let seen = (robust_variance(v) / HIGH_PASS - quantum(tone, mean_dn[bin])).max(0.0);
             whole[bin] = removed(bin, seen);
             let variance = tone.unrounded(seen * whole[bin] / gain);
             // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
@@ -357,19 +352,8 @@ impl Values {
         for (bin, v) in self.fixed.iter().enumerate().filter(|(b, v)| v.len() >= FEWEST && known(b)) {
             let linear = v.iter().map(|v| f64::from(v[2])).sum::<f64>() / v.len() as f64;
             // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone,
-            // twice. Behind a coarse converter most of either is nothing: the rest counts, up to what is far off for
-            // all kinds of noise.
-            let stepped = !self.steps[bin].is_empty();
-            let most = if stepped { 4.0 * tone.step_linear(1) } else { 0.0 };
-            let spread = |i: usize| {
-                if stepped {
-                    let squares = v.iter().map(|v| f64::from(v[i].clamp(-most, most)).powi(2));
-                    squares.sum::<f64>() / v.len() as f64
-                } else {
-                    robust_variance(&mut v.iter().map(|v| v[i]).collect::<Vec<f32>>())
-                }
-            };
-            let [sum, difference] = [spread(0), spread(1)];
+            // twice.
+            let [sum, difference] = self.of_halves(bin, tone.step_linear(1));
             let variance = (sum - difference).max(0.0) / (4.0 * HIGH_PASS);
             data.fixed.push([linear.max(0.0), variance * whole[bin] / gain, v.len() as f64]);
         }
@@ -381,17 +365,42 @@ impl Values {
             data.row2 = ((seen - own) / scale).max(0.0);
             data.row_error2 = 3.0 / rows.len() as f64 * (seen / scale).powi(2);
         }
-        if self.steps.iter().any(|s| s.told().is_some()) {
-            // What goes to other steps goes there by the noise of its row as well.
-            let told = |bin: usize| {
-                let (told, step) = (self.steps[bin].told()?, f64::from(tone.step_linear(1)));
-                let variance = told.variance * step * step - quantum(bin) - data.row2;
-                (told.count >= 1.0).then(|| [linear(bin), variance.max(0.0), told.count])
-            };
-            data.total = (0..BINS).filter_map(told).collect();
-        }
+        data.total = self.told_by_steps(tone, data.row2, &mean_dn).unwrap_or(data.total);
         data
     }
+
+    /// Variances of single values by bin, where the steps of a converter tell them: what goes to other steps goes
+    /// there by the noise of its row as well.
+    fn told_by_steps(&self, tone: &Tone, row2: f64, mean_dn: &[f32]) -> Option<Vec<[f64; 3]>> {
+        let step = f64::from(tone.step_linear(1));
+        let told = |bin: usize| {
+            let told = self.steps[bin].told()?;
+            let variance = told.variance * step * step - quantum(tone, mean_dn[bin]) - row2;
+            let linear = f64::from(tone.decode(mean_dn[bin], 1)).max(0.0);
+            (told.count >= 1.0).then(|| [linear, variance.max(0.0), told.count])
+        };
+        let all: Vec<[f64; 3]> = (0..BINS).filter_map(told).collect();
+        (!all.is_empty()).then_some(all)
+    }
+
+    /// Variances of the sum and of the difference of two halves in a bin. Behind a coarse converter most of either is
+    /// nothing: the rest counts, up to what is far off for all kinds of noise.
+    fn of_halves(&self, bin: usize, step: f32) -> [f64; 2] {
+        let values = &self.fixed[bin];
+        [0, 1].map(|i| {
+            if self.steps[bin].is_empty() {
+                return robust_variance(&mut values.iter().map(|v| v[i]).collect::<Vec<f32>>());
+            }
+            let squares = values.iter().map(|v| f64::from(v[i].clamp(-4.0 * step, 4.0 * step)).powi(2));
+            squares.sum::<f64>() / values.len() as f64
+        })
+    }
+}
+
+/// Variance of rounding and of dither, squares of the linear value.
+fn quantum(tone: &Tone, mean_dn: f32) -> f64 {
+    let slope = f64::from(tone.slope_at(mean_dn, 1));
+    2.0 / 12.0 / (slope * slope).max(1e-9)
 }
 
 /// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
