@@ -26,6 +26,22 @@ pub struct Settles {
 }
 
 impl Report {
+    /// The text of `report.json`, which begins with what these frames can tell ([`Report::asked`]). Figures that are
+    /// not finite become `null`.
+    ///
+    /// # Panics
+    /// Never: all maps have string keys.
+    pub fn to_json(&self) -> String {
+        #[derive(Serialize)]
+        struct Written<'a> {
+            asked: Asked,
+            #[serde(flatten)]
+            report: &'a Report,
+        }
+        let written = Written { asked: self.asked(), report: self };
+        serde_json::to_string_pretty(&written).expect("all keys are strings")
+    }
+
     /// What these frames can tell and what they cannot.
     pub fn asked(&self) -> Asked {
         let mut asked =

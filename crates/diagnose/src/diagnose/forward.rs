@@ -17,6 +17,7 @@ use super::evidence::Evidence;
 use super::journal::Journal;
 use super::model::{P, Theta};
 use super::pair::{Outside, SimFrames};
+pub(super) use super::quality::Quality;
 use super::settings::lens;
 use super::wide::Wide;
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
@@ -31,20 +32,6 @@ use shutterbug::scene::Scene;
 const CACHE_BYTES: usize = 512 << 20;
 /// Half of the interval over which speeds are measured, s.
 const SPEED_STEP_S: f64 = 2e-3;
-
-/// How well frames are rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Quality {
-    /// One sample a pixel, edges of a rolling shutter to 0.4 px: to find a valley.
-    Coarse,
-    /// Four samples.
-    Fit,
-    /// Sixteen samples: what is reported.
-    Fine,
-    /// Sixty-four, and an exposure in four parts: what samples miss of a pixel is noise in what a fit of a filter takes
-    /// for exact, and weakens it.
-    Finest,
-}
 
 /// What a frame is like, whatever the effects: from the sharp planes at the middle of the frame's likely exposure.
 #[derive(Clone, Debug)]

@@ -45,6 +45,7 @@ mod parts;
 pub mod percepts;
 mod placed;
 mod places;
+mod quality;
 mod question;
 mod report;
 mod residue;

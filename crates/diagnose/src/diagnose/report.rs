@@ -502,22 +502,6 @@ fn figures<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<f64>, 
 }
 
 impl Report {
-    /// The text of `report.json`, which begins with what these frames can tell ([`Report::asked`]). Figures that are
-    /// not finite become `null`.
-    ///
-    /// # Panics
-    /// Never: all maps have string keys.
-    pub fn to_json(&self) -> String {
-        #[derive(Serialize)]
-        struct Written<'a> {
-            asked: super::asked::Asked,
-            #[serde(flatten)]
-            report: &'a Report,
-        }
-        let written = Written { asked: self.asked(), report: self };
-        serde_json::to_string_pretty(&written).expect("all keys are strings")
-    }
-
     /// Reads the text of `report.json`; `path` is what errors name. Where a figure is `null` it is NaN, so that a
     /// report comes back as it was written, but for the sign of what is infinite.
     ///

@@ -24,8 +24,8 @@ const BLOCK_PX: usize = 32;
 const LEAST_SHARE: f64 = 0.8;
 /// Frames wider than this are shrunk by a whole number, px.
 const WIDEST_PX: usize = 800;
-/// Blur before anything is read between pixels or differentiated, px: a cubic then reads what is there. Measured: 11.65 ms
-/// for 12 with a noise of 1 DN, 11.43 with a blur of 2.5 px; 19.87 ms for 20 without noise.
+/// Blur before anything is read between pixels or differentiated, px: a cubic then reads what is there. Measured: 11.65
+/// ms for 12 with a noise of 1 DN, 11.43 with a blur of 2.5 px; 19.87 ms for 20 without noise.
 const SOFT_PX: f64 = 1.5;
 /// What an exposure is known to at best, as a part of it: what the measurements above were off by, and a little more.
 const AT_BEST: f64 = 0.04;
