@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
-use shutterbug::engine::{
-    FrameRequest, OutsideEngine, OutsideFrame, OutsideMotion, OutsidePixels, PixelSource,
-};
+use shutterbug::engine::{FrameRequest, OutsideEngine, OutsideFrame};
+use shutterbug::engine::{OutsideMotion, OutsidePixels, PixelSource};
 use shutterbug::gpu::{Context, ContextOptions};
 use shutterbug::plane::{PixelFormat, write_png_atomic};
 

@@ -220,7 +220,8 @@ fn a_converter_of_few_steps_delivers_the_mean_and_the_spread_that_are_told() {
             let known = (variance / independent(&coarse)).sqrt();
             assert!((told_dn - dn).abs() < 0.1 + 4.0 * known, "{level}, channel {c}: {told_dn} for {dn} DN");
             let off = told_variance / variance - 1.0;
-            assert!(off.abs() < 0.1, "{level}, channel {c}: {told_variance} for {variance} DN^2");
+            // It is told by whole DN of the mean, and near a step the mean hardly changes while the spread does.
+            assert!(off.abs() < 0.2, "{level}, channel {c}: {told_variance} for {variance} DN^2");
             control = control.max((without[c][0] - dn).abs());
         }
     }

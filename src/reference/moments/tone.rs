@@ -146,7 +146,8 @@ impl Tone {
     fn make_spread(&mut self, settings: &Settings) {
         let tables = [0, 1, 2].map(|c| self.under_noise(c));
         let mut by_dn = [0, 1, 2].map(|c| self.spread_by_dn(&tables[c], c));
-        self.make_steps(&tables, &mut by_dn);
+        let last = !switched_on(settings).any(is_behind_encoding);
+        self.make_steps(&tables, &mut by_dn, last);
         for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
             if let Moments::Colors(of) = effect.moments() {
                 let weights = of(settings).map(|row| row.map(|w| w as f32));
@@ -202,22 +203,28 @@ impl Tone {
 
     /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded.
     /// An encoding bends by more than a normal distribution tells from one step to the next, in the dark above all.
-    fn make_steps(&mut self, tables: &[Vec<(f32, Variances)>; 3], by_dn: &mut [Vec<Variances>; 3]) {
+    /// `last`: nothing follows the encoding, so each step is delivered as one whole DN.
+    fn make_steps(
+        &mut self,
+        tables: &[Vec<(f32, Variances)>; 3],
+        by_dn: &mut [Vec<Variances>; 3],
+        last: bool,
+    ) {
         if self.step == 0.0 || self.step * MOST_STEPS < 1.0 || !self.has_own_colors() {
             return;
         }
         for c in 0..3 {
-            let behind = self.behind_steps(c);
+            let behind = self.behind_steps(c, last);
             self.stepped[c] = self.delivered_as(&behind, &tables[c], c);
             by_dn[c] = self.spread_of_steps(&behind, c);
         }
     }
 
     /// By value ahead of the converter, 0 to 1: mean and variance of what is delivered, DN.
-    fn behind_steps(&self, channel: usize) -> Vec<[f32; 2]> {
+    fn behind_steps(&self, channel: usize, rounded: bool) -> Vec<[f32; 2]> {
         let last = (1.0 / self.step).round() as i32;
-        let encoded: Vec<f32> =
-            (0..=last).map(|k| self.plain(self.whole[channel] * k as f32 * self.step, channel)).collect();
+        let dn = |k: i32| self.plain(self.whole[channel] * k as f32 * self.step, channel);
+        let encoded: Vec<f32> = (0..=last).map(|k| if rounded { dn(k).round() } else { dn(k) }).collect();
         let entries = (ENTRIES / self.step).ceil();
         let of = |i: usize| {
             let value = i as f32 / entries;
