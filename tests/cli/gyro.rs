@@ -10,6 +10,8 @@ use std::process::{Command, Output};
 use glam::{DQuat, DVec3};
 use serde_json::Value;
 
+use crate::dice_support::Dice;
+
 const FRAMES: usize = 24;
 const READOUT_S: f64 = 0.018;
 const EXPOSURE_S: f64 = 0.012;
@@ -31,18 +33,6 @@ fn turn(t: f64) -> DQuat {
 fn rate(t: f64) -> DVec3 {
     let step = 1e-5;
     (turn(t - step).inverse() * turn(t + step)).to_scaled_axis() / (2.0 * step)
-}
-
-struct Dice(u64);
-
-impl Dice {
-    fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 /// A wall of patches, far away, with finer ones on top.

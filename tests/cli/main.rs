@@ -26,6 +26,8 @@ mod board_support;
 mod capi_support;
 #[path = "../support/diagnose/mod.rs"]
 mod diagnose_support;
+#[path = "../support/dice/mod.rs"]
+mod dice_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
 #[path = "../support/import/mod.rs"]

@@ -27,6 +27,7 @@ const ENTRIES: f32 = 32.0;
 const MOST_STEPS: f32 = 127.0;
 /// Standard deviations to either side within which steps are summed over.
 const SIGMAS: f32 = 5.0;
+
 /// A matrix of colours behind the encoding: the spread of what it makes depends on the colours that it is made of.
 struct Behind {
     /// `[of][from]`.

@@ -107,10 +107,7 @@ impl Diagnosis {
     /// # Errors
     /// Files that cannot be written.
     pub fn write(mut self, folder: &Path, capture: &Capture) -> Result<Report> {
-        for name in ["real", "simulated", "diagnosed", "difference_before", "difference_after"] {
-            let path = folder.join(name);
-            fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
-        }
+        make_folders(folder, ["real", "simulated", "diagnosed", "difference_before", "difference_after"])?;
         write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
         self.description.write(folder, capture)?;
         self.report.description = self.description.draw(folder, &self.frames)?;
@@ -143,6 +140,30 @@ fn scale(frames: &[Shown]) -> f64 {
 fn percentile(values: &mut [f32], percent: usize) -> f32 {
     let at = values.len() * percent / 100;
     *values.select_nth_unstable_by(at, f32::total_cmp).1
+}
+
+/// Makes the folders of a report's pictures.
+pub(super) fn make_folders(folder: &Path, kinds: [&str; 5]) -> Result<()> {
+    for kind in kinds {
+        let path = folder.join(kind);
+        fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
+    }
+    Ok(())
+}
+
+/// Writes five pictures of a frame, DN, to `KIND/NNNNNN.png` each; returns where they are, for the report.
+pub(super) fn write_five(
+    folder: &Path,
+    kinds: [&str; 5],
+    index: usize,
+    pictures: &[Plane<f32>; 5],
+) -> Result<FramePictures> {
+    let names = kinds.map(|kind| format!("{kind}/{index:06}.png"));
+    for (name, picture) in names.iter().zip(pictures) {
+        write_png_atomic(&folder.join(name), &bytes(picture))?;
+    }
+    let [real, simulated, diagnosed, difference_before, difference_after] = names;
+    Ok(FramePictures { real, simulated, diagnosed, difference_before, difference_after })
 }
 
 pub(super) fn bytes(plane: &Plane<f32>) -> Plane<u8> {

@@ -1,7 +1,6 @@
 //! What the footage says: times of lines and exposure with intervals, and of all else what to supply.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use glam::DVec2;
@@ -13,12 +12,12 @@ use super::input::Footage;
 use super::paths::{COLUMNS, Numbers, OFFSET, ROWS, Step, Timed, seen, time_s};
 use crate::diagnose::describe::{listed, undetermined};
 use crate::diagnose::model::{P, Theta, candidate_of};
-use crate::diagnose::output::bytes;
+use crate::diagnose::output::{make_folders, write_five};
 use crate::diagnose::pair::channel_at;
 use crate::diagnose::report::*;
 use shutterbug::camera::ScanOrder;
-use shutterbug::error::{Error, Result};
-use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
+use shutterbug::error::Result;
+use shutterbug::plane::{Plane, write_atomic};
 
 /// Most pairs of frames with pictures.
 const MOST_SHOWN: usize = 8;
@@ -377,18 +376,10 @@ impl Gyroed {
     pub fn write(mut self, folder: &Path) -> Result<Report> {
         const KINDS: [&str; 5] =
             ["real", "neighbour", "neighbour_turned", "difference_before", "difference_after"];
-        for kind in KINDS {
-            let path = folder.join(kind);
-            fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
-        }
+        make_folders(folder, KINDS)?;
         write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
         let one = |f: &Shown| -> Result<FrameEntry> {
-            let names = KINDS.map(|kind| format!("{kind}/{:06}.png", f.index));
-            for (name, picture) in names.iter().zip(&f.pictures) {
-                write_png_atomic(&folder.join(name), &bytes(picture))?;
-            }
-            let [real, simulated, diagnosed, difference_before, difference_after] = names;
-            let pictures = FramePictures { real, simulated, diagnosed, difference_before, difference_after };
+            let pictures = write_five(folder, KINDS, f.index, &f.pictures)?;
             let [before, after] = f.apart_px;
             let (index, filename, time_s) = (f.index, f.filename.clone(), f.time_s);
             Ok(FrameEntry { index, filename, time_s, held_out: true, before, after, pictures })

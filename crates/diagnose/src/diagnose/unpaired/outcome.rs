@@ -2,7 +2,6 @@
 //! frames cannot tell.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -16,11 +15,11 @@ use crate::diagnose::describe::{listed, undetermined, without_time};
 use crate::diagnose::judge::quantile;
 use crate::diagnose::model::{Theta, candidate_of};
 use crate::diagnose::options::changes_places;
-use crate::diagnose::output::bytes;
+use crate::diagnose::output::{make_folders, write_five};
 use crate::diagnose::report::*;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::Result;
 use shutterbug::plane::stats::luma;
-use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
+use shutterbug::plane::{Plane, write_atomic};
 
 /// What the marks of two folders of one camera are apart, standard errors, root mean square.
 const BY_CHANCE: f64 = 1.0;
@@ -391,18 +390,10 @@ impl Unpaired {
     /// Files that cannot be written.
     pub fn write(mut self, folder: &Path) -> Result<Report> {
         const KINDS: [&str; 5] = ["real", "simulated", "diagnosed", "grain_real", "grain_diagnosed"];
-        for kind in KINDS {
-            let path = folder.join(kind);
-            fs::create_dir_all(&path).map_err(|e| Error::io(&path, "create the folder", e))?;
-        }
+        make_folders(folder, KINDS)?;
         write_atomic(&folder.join("camera.toml"), self.camera.to_toml().as_bytes())?;
         let one = |f: &Shown| -> Result<FrameEntry> {
-            let names = KINDS.map(|kind| format!("{kind}/{:06}.png", f.index));
-            for (name, picture) in names.iter().zip(&f.pictures) {
-                write_png_atomic(&folder.join(name), &bytes(picture))?;
-            }
-            let [real, simulated, diagnosed, difference_before, difference_after] = names;
-            let pictures = FramePictures { real, simulated, diagnosed, difference_before, difference_after };
+            let pictures = write_five(folder, KINDS, f.index, &f.pictures)?;
             let (filename, [before, after]) = (f.filename.clone(), f.apart);
             Ok(FrameEntry { index: f.index, filename, time_s: 0.0, held_out: true, before, after, pictures })
         };
