@@ -4,7 +4,7 @@
 use glam::Mat3;
 
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
-use crate::chain::{Domain, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
+use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
 use crate::effects::jpeg::flips::rounded_variance;
 use crate::effects::jpeg::packing::{Packing, rounded_mean};
 use crate::plane::stats::erf;
@@ -82,6 +82,8 @@ pub struct Tone {
     packed: Option<[Vec<Left>; 3]>,
     /// What steps that mix pixels leave of it.
     pub(super) mixing: Mixing,
+    /// Nothing but curves of single values follows the encoding: each of its values is delivered as one whole DN.
+    encoding_is_last: bool,
 }
 
 impl Tone {
@@ -97,7 +99,9 @@ impl Tone {
     /// Without what noise does.
     fn silent(settings: &Settings) -> Self {
         let (bent, tables) = tables(settings);
+        let follows = |e: &dyn Effect| is_behind_encoding(e) && !bent.contains(&e.id());
         let mut tone = Self {
+            encoding_is_last: !switched_on(settings).any(follows),
             tables,
             bent,
             sensor: [[1.0, 0.0]; 3],
@@ -147,8 +151,7 @@ impl Tone {
     fn make_spread(&mut self, settings: &Settings) {
         let tables = [0, 1, 2].map(|c| self.under_noise(c));
         let mut by_dn = [0, 1, 2].map(|c| self.spread_by_dn(&tables[c], c));
-        let last = !switched_on(settings).any(is_behind_encoding);
-        self.make_steps(&tables, &mut by_dn, last);
+        self.make_steps(&tables, &mut by_dn);
         for effect in switched_on(settings).filter(|e| is_behind_encoding(*e)) {
             if let Moments::Colors(of) = effect.moments() {
                 let weights = of(settings).map(|row| row.map(|w| w as f32));
@@ -204,28 +207,22 @@ impl Tone {
 
     /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded.
     /// An encoding bends by more than a normal distribution tells from one step to the next, in the dark above all.
-    /// `last`: nothing follows the encoding, so each step is delivered as one whole DN.
-    fn make_steps(
-        &mut self,
-        tables: &[Vec<(f32, Variances)>; 3],
-        by_dn: &mut [Vec<Variances>; 3],
-        last: bool,
-    ) {
+    fn make_steps(&mut self, tables: &[Vec<(f32, Variances)>; 3], by_dn: &mut [Vec<Variances>; 3]) {
         if self.step == 0.0 || self.step * MOST_STEPS < 1.0 || !self.has_own_colors() {
             return;
         }
         for c in 0..3 {
-            let behind = self.behind_steps(c, last);
+            let behind = self.behind_steps(c);
             self.stepped[c] = self.delivered_as(&behind, &tables[c], c);
             by_dn[c] = self.spread_of_steps(&behind, c);
         }
     }
 
     /// By value ahead of the converter, 0 to 1: mean and variance of what is delivered, DN.
-    fn behind_steps(&self, channel: usize, rounded: bool) -> Vec<[f32; 2]> {
+    fn behind_steps(&self, channel: usize) -> Vec<[f32; 2]> {
         let last = (1.0 / self.step).round() as i32;
         let dn = |k: i32| self.plain(self.whole[channel] * k as f32 * self.step, channel);
-        let encoded: Vec<f32> = (0..=last).map(|k| if rounded { dn(k).round() } else { dn(k) }).collect();
+        let encoded: Vec<f32> = (0..=last).map(|k| if self.encoding_is_last { dn(k).round() } else { dn(k) }).collect();
         let entries = (ENTRIES / self.step).ceil();
         let of = |i: usize| {
             let value = i as f32 / entries;
@@ -394,7 +391,7 @@ impl Tone {
 
     /// Whether delivered values are the converter's, each encoded on its own.
     pub fn keeps_steps(&self) -> bool {
-        self.has_own_colors() && self.mixing == Mixing::NONE && self.packed.is_none() && self.behind.is_none()
+        self.has_own_colors() && self.mixing == Mixing::NONE && self.encoding_is_last
     }
 
     /// A noise-free delivered value, DN, in steps of the converter above its darkest value.

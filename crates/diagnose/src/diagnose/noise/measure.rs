@@ -407,7 +407,7 @@ fn quantum(tone: &Tone, mean_dn: f32) -> f64 {
 /// behind it.
 pub(in super::super) fn shows_steps(theta: &Theta) -> bool {
     let tone = Tone::new(theta);
-    tone.step_linear(1) > 0.0 && !theta.is_on(P::Quality) && tone.keeps_steps()
+    tone.step_linear(1) > 0.0 && tone.keeps_steps()
 }
 
 /// A camera without noise.
