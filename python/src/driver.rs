@@ -12,6 +12,7 @@ use crate::status::input_error;
 
 /// The devices that the machine's Vulkan loader finds, best first, as dictionaries.
 #[pyfunction]
+#[pyo3(signature = () -> "list[dict[str, Any]]")]
 pub fn devices(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     let found = py.detach(shutterbug::gpu::devices).map_err(|e| input_error(py, &e))?;
     found

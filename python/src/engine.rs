@@ -104,6 +104,7 @@ impl Engine {
     }
 
     /// Hands a frame to the device.
+    #[pyo3(signature = (given: "dict[str, Any]"))]
     fn submit(&self, py: Python<'_>, given: &Bound<'_, PyDict>) -> PyResult<Frame> {
         let outside = Outside::read(py, given)?;
         let frame = self.0.call(py, None, |engine| {
@@ -117,6 +118,7 @@ impl Engine {
     }
 
     /// What the engine runs on.
+    #[pyo3(signature = () -> "dict[str, Any]")]
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let info = self.0.call(py, None, |engine| {
             let mut info: shutterbug_engine_info = sized();

@@ -85,6 +85,7 @@ impl Frame {
     }
 
     /// When the frame was taken and how long it took.
+    #[pyo3(signature = () -> "dict[str, Any]")]
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let info = self.call(py, |frame| {
             let mut info: shutterbug_frame_info = sized();

@@ -1,5 +1,5 @@
-//! `shutterbug._core`: the C ABI as Python objects, and what needs no engine. `python/shutterbug/_core.pyi` is its
-//! manual.
+//! `shutterbug._core`: the C ABI as Python objects, and what needs no engine. `tools/stubs` writes
+//! `python/shutterbug/_core.pyi` from the signatures and comments here.
 //!
 //! It calls the C ABI (`include/shutterbug.h`) and not the Rust engine, because that contract is what a Python object
 //! needs: statuses with sentences, one user a handle, answers in a forked child, and no panic that leaves the library.
@@ -15,23 +15,24 @@ mod frame;
 mod outside;
 mod status;
 
-use pyo3::prelude::*;
+use pyo3::prelude::pymodule;
 
-/// The compiled part of the package.
+/// The compiled part: the C ABI as objects. `shutterbug` is what to use; this has no promise of staying as it is.
 #[pymodule(gil_used = false)]
-fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("VERSION", env!("CARGO_PKG_VERSION"))?;
-    module.add_class::<engine::Engine>()?;
-    module.add_class::<frame::Frame>()?;
-    module.add_class::<convert::Poses>()?;
-    module.add_function(wrap_pyfunction!(camera::check_camera, module)?)?;
-    module.add_function(wrap_pyfunction!(camera::import_camera, module)?)?;
-    module.add_function(wrap_pyfunction!(camera::presets, module)?)?;
-    module.add_function(wrap_pyfunction!(camera::preset_text, module)?)?;
-    module.add_function(wrap_pyfunction!(camera::run_command_line, module)?)?;
-    module.add_function(wrap_pyfunction!(convert::motion_preset, module)?)?;
-    module.add_function(wrap_pyfunction!(convert::check_conventions, module)?)?;
-    module.add_function(wrap_pyfunction!(driver::devices, module)?)?;
-    module.add_function(wrap_pyfunction!(status::statuses, module)?)?;
-    Ok(())
+mod _core {
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_export]
+    use crate::camera::{check_camera, import_camera, preset_text, presets, run_command_line};
+    #[pymodule_export]
+    use crate::convert::{Poses, check_conventions, motion_preset};
+    #[pymodule_export]
+    use crate::driver::devices;
+    #[pymodule_export]
+    use crate::engine::Engine;
+    #[pymodule_export]
+    use crate::frame::Frame;
+    #[pymodule_export]
+    use crate::status::statuses;
 }

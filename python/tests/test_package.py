@@ -121,13 +121,18 @@ def against_the_compiled_part(stub, folder):
     return run.stdout + run.stderr if run.returncode else ""
 
 
+def test_the_stub_is_the_generated_one():
+    run = subprocess.run([SOURCES / "tools/stubs", "--check"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
 def test_the_stub_is_what_the_compiled_part_has(tmp_path):
     pytest.importorskip("mypy")
     own = (SOURCES / "python/shutterbug/_core.pyi").read_text("utf-8")
     (tmp_path / "own").mkdir()
     assert against_the_compiled_part(own, tmp_path / "own") == ""
     # The controls: another default, a parameter too many, a function that is not there.
-    wrong = own.replace("seed: int = 0", "seed: int = 1").replace("limit_s: float = -1.0)", "limit_s: float = -1.0, frame: int = 0)")
+    wrong = own.replace("seed: int = 0", "seed: int = 1").replace("limit_s: float = ...)", "limit_s: float = ..., frame: int = 0)")
     (tmp_path / "wrong").mkdir()
     said = against_the_compiled_part(wrong + "\ndef nothing() -> None:\n    ...\n", tmp_path / "wrong")
     assert "Engine.__new__" in said and "Frame.wait" in said and "_core.nothing" in said and said.count("error:") == 3, said

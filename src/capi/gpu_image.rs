@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Handle;
-use super::sharing::{check_fd, check_out, make_memory};
+use super::sharing::{check_fd, check_out, make_memory, on_host_device};
 use super::status::{self, Fault, Outcome, Status};
 use super::types::{read, shutterbug_gpu_image};
 use crate::gpu::{Context, Shared, SharedFormat, SharedImage, SharedImageSpec};
@@ -111,17 +111,6 @@ pub unsafe extern "C" fn shutterbug_memory_use_image(
             Ok(Shared::Image(Arc::new(SharedImage::of_host(context, image.vk_image, spec)?)))
         })
     }
-}
-
-pub(super) fn on_host_device(context: &Context, what: &str) -> Outcome<()> {
-    if context.is_host_device() {
-        return Ok(());
-    }
-    let text = format!(
-        "the engine has a device of its own: {what} of another one are shared by file descriptor, or create the engine \
-         on your device (shutterbug_engine_options.host)"
-    );
-    Err(Fault::new(status::UNSUPPORTED, text))
 }
 
 /// `shutterbug_memory_import_image_fd`.

@@ -6,17 +6,15 @@
 //! alive, is empty (and owns no memory) when all are destroyed, and is locked only while a handle is looked up. In a
 //! forked child the parent's handles answer with FORKED, and nothing of theirs is touched.
 
+use std::any::Any;
 use std::panic::{AssertUnwindSafe, UnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, Once, PoisonError, TryLockError};
 
 use tracing::Dispatch;
 
-use super::frame::FrameState;
-use super::session::Session;
-use super::sharing::{MemoryState, SemaphoreState};
 use super::status::{self, Fault, Outcome, Status};
-use super::table::table;
+use super::table::{Object, table};
 
 /// What stands behind a handle.
 pub struct Cell<T> {
@@ -28,67 +26,35 @@ pub struct Cell<T> {
     log: Option<Dispatch>,
 }
 
-/// The kinds of objects.
-#[derive(Clone)]
-pub enum Any {
-    /// An engine.
-    Engine(Arc<Cell<Session>>),
-    /// A frame.
-    Frame(Arc<Cell<FrameState>>),
-    /// Memory shared with the host.
-    Memory(Arc<Cell<MemoryState>>),
-    /// A semaphore shared with the host.
-    Semaphore(Arc<Cell<SemaphoreState>>),
+impl<T: Send + 'static> Object for Cell<T> {
+    fn error_text(&self) -> String {
+        self.last_error.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
-
-/// An object that handles can stand for.
-pub trait Kind: Sized {
-    /// Its variant.
-    fn wrap(cell: Arc<Cell<Self>>) -> Any;
-    /// The object, if it is of this kind.
-    fn unwrap(any: &Any) -> Option<&Arc<Cell<Self>>>;
-}
-
-macro_rules! kinds {
-    ($($variant:ident: $state:ty;)+) => {$(
-        impl Kind for $state {
-            fn wrap(cell: Arc<Cell<Self>>) -> Any {
-                Any::$variant(cell)
-            }
-            fn unwrap(any: &Any) -> Option<&Arc<Cell<Self>>> {
-                match any {
-                    Any::$variant(cell) => Some(cell),
-                    _ => None,
-                }
-            }
-        }
-    )+};
-}
-
-kinds! { Engine: Session; Frame: FrameState; Memory: MemoryState; Semaphore: SemaphoreState; }
 
 const FORKED: &str = "the handle belongs to the process that forked this one: its device and threads are not here. \
     Make an engine of your own after the fork; destroying this handle drops it and nothing else";
 
 /// Puts an object behind a new handle. Handles are never given out twice.
-pub fn insert<T: Kind>(state: T, log: Option<Dispatch>) -> usize {
+pub fn insert<T: Send + 'static>(state: T, log: Option<Dispatch>) -> usize {
     let cell = Cell {
         state: Mutex::new(Some(state)),
         unusable: AtomicBool::new(false),
         last_error: Mutex::new(String::new()),
         log,
     };
-    table().insert(T::wrap(Arc::new(cell)))
+    table().insert(Arc::new(cell))
 }
 
 /// The object behind a handle.
-pub fn find<T: Kind>(handle: usize) -> Outcome<Arc<Cell<T>>> {
+pub fn find<T: Send + 'static>(handle: usize) -> Outcome<Arc<Cell<T>>> {
     let table = table();
     if table.inherited(handle) {
         return Err(Fault::new(status::FORKED, FORKED));
     }
-    let any = table.get(handle);
-    any.as_ref().and_then(T::unwrap).cloned().ok_or_else(|| Fault::new(status::HANDLE, "no such handle"))
+    let any: Option<Arc<dyn Any + Send + Sync>> = table.get(handle).map(|object| object as _);
+    let cell = any.and_then(|any| any.downcast().ok());
+    cell.ok_or_else(|| Fault::new(status::HANDLE, "no such handle"))
 }
 
 /// The cell of any handle's last error text.
@@ -96,20 +62,10 @@ pub fn last_error(handle: usize) -> Option<String> {
     if table().inherited(handle) {
         return Some(FORKED.to_owned());
     }
-    let any = table().get(handle)?;
-    Some(match &any {
-        Any::Engine(c) => c.error_text(),
-        Any::Frame(c) => c.error_text(),
-        Any::Memory(c) => c.error_text(),
-        Any::Semaphore(c) => c.error_text(),
-    })
+    Some(table().get(handle)?.error_text())
 }
 
-impl<T> Cell<T> {
-    fn error_text(&self) -> String {
-        self.last_error.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
+impl<T: Send + 'static> Cell<T> {
     fn remember(&self, text: String) {
         *self.last_error.lock().unwrap_or_else(PoisonError::into_inner) = text;
     }
@@ -167,7 +123,7 @@ impl<T> Cell<T> {
 }
 
 /// Destroys the object behind a handle. Null is fine.
-pub fn destroy<T: Kind>(handle: usize) -> Status {
+pub fn destroy<T: Send + 'static>(handle: usize) -> Status {
     if handle == 0 {
         return status::OK;
     }
@@ -194,7 +150,7 @@ pub fn destroy<T: Kind>(handle: usize) -> Status {
 }
 
 /// Runs `f` on the object behind a handle.
-pub fn with<T: Kind, R>(handle: usize, f: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
+pub fn with<T: Send + 'static, R>(handle: usize, f: impl FnOnce(&mut T) -> Outcome<R>) -> Outcome<R> {
     find::<T>(handle)?.run(f)
 }
 
@@ -230,7 +186,7 @@ pub fn code(outcome: Outcome<()>) -> Status {
     outcome.map_or_else(|fault| fault.status, |()| status::OK)
 }
 
-fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+fn panic_text(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
     format!("a bug in shutterbug: {}", text.unwrap_or_else(|| "panic".to_owned()))
@@ -241,6 +197,7 @@ mod tests {
     use super::*;
     use std::ffi::c_char;
 
+    use crate::capi::session::Session;
     use crate::capi::*;
 
     /// What the host's log function has heard.

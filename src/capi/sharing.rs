@@ -6,8 +6,7 @@ use std::os::unix::fs::FileTypeExt as _;
 use std::sync::Arc;
 
 use super::Handle;
-use super::gpu_image::on_host_device;
-use super::handle::{self, Kind, code, with};
+use super::handle::{self, code, with};
 use super::session::Session;
 use super::status::{self, Fault, Outcome, Status};
 use crate::gpu::{Buffer, Context, Semaphore, SemaphoreKind, Shared, SharedFormat, SignalAt};
@@ -47,8 +46,20 @@ pub(super) fn check_fd(fd: i32) -> Outcome<()> {
     Ok(())
 }
 
+/// Only what is on the engine's own device can be shared by its Vulkan handle.
+pub(super) fn on_host_device(context: &Context, what: &str) -> Outcome<()> {
+    if context.is_host_device() {
+        return Ok(());
+    }
+    let text = format!(
+        "the engine has a device of its own: {what} of another one are shared by file descriptor, or create the engine \
+         on your device (shutterbug_engine_options.host)"
+    );
+    Err(Fault::new(status::UNSUPPORTED, text))
+}
+
 /// Makes something on an engine's device and gives it its handle.
-unsafe fn make<T: Kind>(
+unsafe fn make<T: Send + 'static>(
     engine: Handle,
     (out, what): (*mut Handle, &str),
     make: impl FnOnce(&Arc<Context>) -> Outcome<T>,

@@ -2,11 +2,16 @@
 //! threads that the child does not have, and their locks may be held for ever. So the child gets a new table before it
 //! takes any lock.
 
+use std::any::Any;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicPtr, AtomicU32, AtomicUsize, Ordering};
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
-use super::handle::Any;
+/// What a handle stands for: of any kind, found again by its type.
+pub trait Object: Any + Send + Sync {
+    /// The last error of a call on it.
+    fn error_text(&self) -> String;
+}
 
 /// Handles and what stands behind them.
 pub struct Table {
@@ -14,7 +19,7 @@ pub struct Table {
     process: AtomicU32,
     /// Handles below this are of the process that forked this one.
     inherited_to: usize,
-    live: RwLock<BTreeMap<usize, Any>>,
+    live: RwLock<BTreeMap<usize, Arc<dyn Object>>>,
     /// Inherited ones that were destroyed here.
     dropped: RwLock<BTreeSet<usize>>,
 }
@@ -74,7 +79,7 @@ impl Table {
     }
 
     /// Gives an object a handle, which is never given out twice.
-    pub fn insert(&self, object: Any) -> usize {
+    pub fn insert(&self, object: Arc<dyn Object>) -> usize {
         // Odd, so that it is no address of anything aligned.
         let handle = NEXT.fetch_add(1, Ordering::Relaxed) * 2 + 1;
         self.live.write().unwrap_or_else(PoisonError::into_inner).insert(handle, object);
@@ -82,7 +87,7 @@ impl Table {
     }
 
     /// The object behind a handle.
-    pub fn get(&self, handle: usize) -> Option<Any> {
+    pub fn get(&self, handle: usize) -> Option<Arc<dyn Object>> {
         self.live.read().unwrap_or_else(PoisonError::into_inner).get(&handle).cloned()
     }
 
