@@ -17,10 +17,6 @@ const CRATES: [(&str, &str); 3] = [
     ("shutterbug_cli", "crates/cli/src"),
 ];
 
-/// Folders whose files still go in circles, each with the number of files of its largest circle: no more, and less is
-/// better.
-const KNOWN: [(&str, usize); 1] = [("crates/diagnose/src/diagnose", 57)];
-
 type Module = Vec<String>;
 
 /// One crate's files by module, without their tests.
@@ -184,7 +180,6 @@ fn module_of(relative: &Path) -> Module {
 fn files_go_in_no_circle() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut wrong = Vec::new();
-    let mut known: BTreeMap<&str, usize> = BTreeMap::new();
     for (name, folder) in CRATES {
         let mut found = Vec::new();
         files(&root.join(folder), &mut found);
@@ -198,20 +193,10 @@ fn files_go_in_no_circle() {
         assert!(edges > sources.code.len(), "only {edges} paths in {name}: they are not read");
         for circle in sources.circles() {
             let names: Vec<String> = circle.iter().map(|m| format!("{folder}/{}", m.join("/"))).collect();
-            match KNOWN.iter().find(|(known, _)| names.iter().all(|n| n.starts_with(known))) {
-                Some((place, _)) => {
-                    let most = known.entry(place).or_default();
-                    *most = circle.len().max(*most);
-                }
-                None => wrong.push(names.join(", ")),
-            }
+            wrong.push(names.join(", "));
         }
     }
     assert!(wrong.is_empty(), "files that name each other in a circle:\n{}", wrong.join("\n"));
-    for (place, allowed) in KNOWN {
-        let most = known.get(place).copied().unwrap_or(0);
-        assert!((2..=allowed).contains(&most), "{place}: {most} files in a circle, KNOWN says {allowed}");
-    }
 }
 
 /// Controls: circles are found through braces, `pub use` and paths in the code; what only looks like one is not.

@@ -9,18 +9,18 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::description::Room;
+use super::blocks::pooled;
+use super::cost::{Target, hide, residual};
 use super::discrepancy::FILTER_PX2;
-use super::fit::{Target, hide, pooled, residual};
 use super::forward::Quality;
 use super::intervals::{Shown, Way, way};
 use super::judge::{Scores, family_gain, gain, gain_beyond_bounds, quantile, quantile_of_length};
-use super::model::{P, Theta, candidate_of};
+use super::model::{P, Theta, candidate_of, is_discrete, mixes_pixels};
 use super::noise::NoiseData;
 use super::normal::{FrameValues, assemble};
+use super::room::Room;
 use super::score::FAMILIES;
-use super::search::{Search, is_discrete};
-use super::support::mixes_pixels;
+use super::search::Search;
 use super::tone::Tone;
 use super::weighing::Weighing;
 use shutterbug::error::Result;

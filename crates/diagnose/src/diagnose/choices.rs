@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::{Fit, Level, Schedule};
+use super::cost::Level;
+use super::fit::Schedule;
+use super::fitted::Fit;
 use super::forward::Quality;
 use super::model::{CandidateSpec, P, Theta, candidate_of};
 use super::search::Search;

@@ -6,8 +6,7 @@
 use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
-use super::evidence::Evidence;
-use super::fit::spread_out;
+use super::evidence::{Evidence, spread_out};
 
 /// Frames that are looked at.
 const FRAMES: usize = 4;

@@ -83,7 +83,7 @@ pub(super) fn decide(facts: &Facts) -> Decision {
 impl Facts {
     /// Of a finished search.
     pub(super) fn of(search: &Search<'_>, found: &Found) -> Self {
-        let moves = found.set.iter().any(|n| super::search::moves(candidate_of(n)));
+        let moves = found.set.iter().any(|n| super::model::moves(candidate_of(n)));
         let (before, after, floor) = (found.before.mean(), found.after.mean(), found.after.floor());
         Self {
             any: !found.set.is_empty(),
@@ -94,8 +94,7 @@ impl Facts {
             placed: search.forward.static_camera && moves && found.residue.placed >= PLACED,
             bounded: ends_at_a_bound(found),
             elsewhere: found.residue.shows_another_scene(),
-            surfaces_alone: !found.set.is_empty()
-                && found.set.iter().all(|n| super::description::is_of_surfaces(n)),
+            surfaces_alone: !found.set.is_empty() && found.set.iter().all(|n| super::room::is_of_surfaces(n)),
         }
     }
 }

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 
 use super::budget::{Stage, in_time};
 use super::decide::{Facts, decide};
-use super::description::{Kind, is_description};
+use super::description::Kind;
 use super::evidence::Evidence;
 use super::forward::Quality;
-use super::found::{Found, SHARES};
+use super::found::{Alone, Found, SHARES};
 use super::judge::{Estimate, closed_fraction, gain};
 use super::model::{CandidateSpec, candidate_of};
 use super::report::*;
-use super::search::{Alone, Search};
+use super::room::is_description;
+use super::search::Search;
 use super::support::restored;
 use shutterbug::capture::Capture;
 use shutterbug::error::Result;

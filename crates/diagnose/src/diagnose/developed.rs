@@ -1,11 +1,11 @@
 //! From radiance to delivered pictures, and the last of these, kept: a search asks for the picture of one point again
 //! and again (as the end of a step, the beginning of the next, the model to be compared with).
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::bench::{Flipped, PictureKey};
 use super::discrepancy::{DRAWS, off_by};
 use super::flips::Flips;
 use super::forward::{Forward, Quality};
@@ -17,53 +17,8 @@ use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 use shutterbug::reference::moments::{expected, through_file};
 
-/// Most bytes of pictures that are kept.
-const KEPT_BYTES: usize = 256 << 20;
-
-/// Place, how well it is rendered, whether by the engine's own lens, the frame's light, and the point.
-type Key = (usize, Quality, bool, u64, Vec<u64>);
-
 /// Sets of draws that are kept, see [`Forward::flipped`].
 const KEPT_DRAWS: usize = 4;
-
-/// By frame and draw: differences, DN.
-pub(super) type Flipped = Vec<Vec<Arc<Plane<f32>>>>;
-
-/// Delivered pictures by what they show, with the time of their last use.
-#[derive(Default)]
-pub(super) struct Developed {
-    kept: HashMap<Key, (u64, Arc<Plane<f32>>)>,
-    clock: u64,
-    /// By what they show, the last first.
-    flipped: Vec<(String, Flipped)>,
-}
-
-impl Developed {
-    pub(super) fn clear(&mut self) {
-        self.kept.clear();
-        self.flipped.clear();
-    }
-
-    fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
-        self.clock += 1;
-        let entry = self.kept.get_mut(key)?;
-        entry.0 = self.clock;
-        Some(entry.1.clone())
-    }
-
-    /// Keeps a picture. Where there is no more room the half that nobody has asked for longest goes.
-    fn keep(&mut self, key: Key, plane: Arc<Plane<f32>>) {
-        let most = (KEPT_BYTES / (4 * plane.data.len()).max(1)).max(8);
-        if self.kept.len() >= most {
-            let mut ages: Vec<u64> = self.kept.values().map(|(age, _)| *age).collect();
-            let middle = ages.len() / 2;
-            let oldest = *ages.select_nth_unstable(middle).1;
-            self.kept.retain(|_, (age, _)| *age > oldest);
-        }
-        self.clock += 1;
-        self.kept.insert(key, (self.clock, plane));
-    }
-}
 
 impl Forward {
     /// Values as delivered, DN, without noise; by place.
@@ -85,7 +40,7 @@ impl Forward {
     ) -> Result<Vec<Arc<Plane<f32>>>> {
         let point = theta.bits();
         let key = |at: usize| (at, quality, self.native, self.light[at].to_bits(), point.clone());
-        let keys: Vec<Key> = frames.iter().map(|&at| key(at)).collect();
+        let keys: Vec<PictureKey> = frames.iter().map(|&at| key(at)).collect();
         let mut found: Vec<Option<Arc<Plane<f32>>>> = keys.iter().map(|key| self.recall(key)).collect();
         let missing: Vec<usize> = (0..frames.len()).filter(|&i| found[i].is_none()).collect();
         if !missing.is_empty() {
@@ -103,7 +58,7 @@ impl Forward {
         Ok(found.into_iter().map(|f| f.expect("just developed")).collect())
     }
 
-    fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
+    fn recall(&mut self, key: &PictureKey) -> Option<Arc<Plane<f32>>> {
         let kept = self.bench.developed.recall(key);
         if kept.is_some() || !self.trying { kept } else { self.aside.developed.recall(key) }
     }

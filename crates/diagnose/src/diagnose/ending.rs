@@ -4,16 +4,18 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::budget::{Stage, in_time};
-use super::description::{Room, is_description};
-use super::fit::{FILTERS, FINE, Fit};
+use super::fit::{FILTERS, FINE};
+use super::fitted::Fit;
 use super::forward::Quality;
 use super::found::{FINER, FITS, Found, INTERVALS, REST};
 use super::judge::Scores;
-use super::model::{P, Theta, candidate_of};
+use super::model::{P, Theta, candidate_of, free, is_discrete};
 use super::noise::{NOISES, NoiseData};
 use super::placed::placed;
 use super::residue::{Residue, outliers, residue, solved};
-use super::search::{Search, Watch, finest_of, is_discrete, last_of};
+use super::room::{Room, is_description};
+use super::search::{Search, Watch, finest_of, last_of};
+use super::smear::smear;
 use super::support::restored;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -85,7 +87,7 @@ impl Search<'_> {
             return Ok(());
         }
         let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
-        let mut free = Self::free(&found.set);
+        let mut free = free(&found.set);
         free.extend(&more);
         let target = self.target();
         let frames = &self.evidence.fit;
@@ -104,7 +106,7 @@ impl Search<'_> {
         if !["sharpening", "defocus"].iter().any(|n| found.set.contains(n)) {
             return Ok(());
         }
-        let mut free = Self::free(&found.set);
+        let mut free = free(&found.set);
         free.retain(|p| !p.is_time() && !p.is_remap());
         let target = self.target();
         let fit =
@@ -273,7 +275,12 @@ impl Search<'_> {
         let left = self.noise_data(theta, frames)?;
         found.residue = residue(self.evidence, frames, &means, masks, &left, theta);
         let before = self.forward.simulate(frames, &self.base.clone(), Quality::Fine)?;
-        found.residue.smear = self.smear(frames, &means, theta).unwrap_or_default();
+        // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
+        if self.names.iter().any(|n| candidate_of(n).needs_motion) {
+            let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
+            let seen = smear(self.evidence, frames, &means, self.masks, &velocity);
+            found.residue.smear = seen.unwrap_or_default();
+        }
         found.residue.outliers =
             far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
         found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
@@ -319,7 +326,7 @@ impl Search<'_> {
         if parameters.is_empty() {
             return Ok(());
         }
-        let frames = super::fit::spread_out(&self.evidence.fit, 6);
+        let frames = super::evidence::spread_out(&self.evidence.fit, 6);
         let means = self.forward.pictures(&frames, theta, self.judge.quality)?;
         let ahead = self.ahead_of_steps(&frames, theta)?;
         let masks = Some(self.masks);

@@ -148,6 +148,12 @@ impl Evidence {
     }
 }
 
+/// At most `most` of the frames, from all over them.
+pub(super) fn spread_out(frames: &[usize], most: usize) -> Vec<usize> {
+    let n = frames.len().min(most);
+    (0..n).map(|i| frames[i * frames.len() / n]).collect()
+}
+
 #[cfg(test)]
 impl Evidence {
     /// One frame, to fit, to choose by and to report.

@@ -5,16 +5,19 @@
 //! promise says which candidates resemble a member of the set; whether they explain the frames as well is decided by
 //! fits and scores, as every other question is.
 
-use super::description::is_description;
-use super::fit::{Fit, Level, VALUES, spread_out};
+use super::cost::Level;
+use super::evidence::spread_out;
+use super::fit::VALUES;
+use super::fitted::Fit;
 use super::forward::Quality;
 use super::found::Found;
 use super::judge::{Scores, gain};
 use super::linear::solve;
-use super::model::{P, candidate_of};
+use super::model::{P, candidate_of, free, is_discrete, mixes_pixels, moves};
 use super::normal::linearise;
-use super::search::{Search, is_discrete, moves};
-use super::support::{mixes_pixels, restored};
+use super::room::is_description;
+use super::search::Search;
+use super::support::restored;
 use super::tone::Tone;
 use shutterbug::chain::{ParamKind, Work};
 use shutterbug::effects;
@@ -154,7 +157,7 @@ impl Search<'_> {
     fn doings(&mut self, found: &Found) -> Result<Doings> {
         let others = self.names.iter().copied().filter(|n| self.may_change(n));
         let more = others.flat_map(|n| candidate_of(n).parameters.iter().copied());
-        let mut all: Vec<P> = Self::free(&found.set).into_iter().chain(more).collect();
+        let mut all: Vec<P> = free(&found.set).into_iter().chain(more).collect();
         all.sort();
         all.dedup();
         let frames = spread_out(&self.evidence.fit, LOOK.frames);
@@ -194,7 +197,7 @@ impl Doings {
     /// Of the candidates `others` those that do, beside `rest`, most of what the members `out` do; the most like first.
     fn alike(&self, out: &[&str], rest: &[&'static str], others: &[&'static str]) -> Vec<&'static str> {
         let own: Vec<P> = out.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
-        let held = Search::free(rest);
+        let held = super::model::free(rest);
         let without = self.left(&own, &held);
         let like = |name: &&'static str| {
             let by: Vec<P> = held.iter().chain(candidate_of(name).parameters).copied().collect();

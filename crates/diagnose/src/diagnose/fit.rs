@@ -4,42 +4,19 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-use super::evidence::Evidence;
+use super::cost::{Level, Target, cost_of};
+use super::evidence::spread_out;
+use super::fitted::Fit;
 use super::flicker::retuned;
 use super::forward::{Forward, Quality};
 use super::linear::solve;
 use super::model::{P, Theta};
 use super::normal::{Equations, linearise};
 use super::settings::lens;
-use super::tone::Tone;
 use super::weighing::Weighing;
 use shutterbug::camera::Lens;
 use shutterbug::effects::LensDistortion;
 use shutterbug::error::Result;
-use shutterbug::plane::Plane;
-
-/// What a fit compares with.
-#[derive(Clone, Copy)]
-pub(super) struct Target<'a> {
-    pub evidence: &'a Evidence,
-    /// By place; 1 where compared.
-    pub masks: Option<&'a [Plane<f32>]>,
-}
-
-/// One stage of a fit.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Level {
-    /// Px a block over which values are averaged.
-    pub block: usize,
-    /// Most iterations.
-    pub iterations: usize,
-    pub quality: Quality,
-    /// Most frames.
-    pub frames: usize,
-}
 
 /// How a fit goes about it: stages one after another.
 pub(super) type Schedule = &'static [Level];
@@ -67,14 +44,6 @@ pub(super) const FILTERS: Schedule = &[level(1, 4, Quality::Finest, 6)];
 
 /// Most lengths of a step that are tried.
 const MOST_STRETCH: f64 = 8.0;
-
-/// A finished fit.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Fit {
-    pub theta: Theta,
-    /// Half widths of 95 % intervals; empty where they were not asked for.
-    pub half: BTreeMap<P, f64>,
-}
 
 /// What one stage of a fit works on.
 struct Stage<'a> {
@@ -115,7 +84,7 @@ fn fit_anew(
     free: &[P],
     schedule: Schedule,
 ) -> Result<Fit> {
-    let mut theta = bounded(forward, start.clone());
+    let mut theta = forward.bounded(start.clone());
     for level in schedule {
         let some = spread_out(frames, level.frames);
         let stage = Stage { target, frames: &some, free, level };
@@ -142,12 +111,6 @@ fn fit_anew(
         theta = state.theta;
     }
     Ok(Fit { theta, half: BTreeMap::new() })
-}
-
-/// At most `most` of the frames, from all over them.
-pub(super) fn spread_out(frames: &[usize], most: usize) -> Vec<usize> {
-    let n = frames.len().min(most);
-    (0..n).map(|i| frames[i * frames.len() / n]).collect()
 }
 
 /// Tries steps until one lowers the cost; returns its largest component in units of the parameters' steps.
@@ -218,7 +181,7 @@ fn stepped(forward: &Forward, theta: &Theta, free: &[P], step: &[f64], lengths: 
         trial.set(P::FlickerF, theta.get(P::FlickerF));
         trial = retuned(&trial, frequency_hz, forward.middle_s());
     }
-    bounded(forward, trial)
+    forward.bounded(trial)
 }
 
 /// [`cost_of`]; infinite for a lens that folds inside the picture.
@@ -227,86 +190,4 @@ fn cost_unless_folded(forward: &mut Forward, stage: &Stage<'_>, theta: &Theta, e
         return Ok(f64::INFINITY);
     }
     cost_of(forward, stage.target, stage.frames, theta, stage.level, &e.weighing)
-}
-
-/// Keeps times inside what the trajectory covers.
-pub(super) fn bounded(forward: &Forward, mut theta: Theta) -> Theta {
-    let [from_s, to_s] = forward.offsets_s();
-    theta.set(P::Offset, theta.get(P::Offset).clamp(from_s, to_s));
-    let longest_s = forward.longest_s();
-    for p in [P::Readout, P::Exposure] {
-        theta.set(p, theta.get(p).min(longest_s));
-    }
-    theta
-}
-
-/// Robust cost of `theta` on pictures averaged over blocks, per value.
-pub(super) fn cost_of(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    theta: &Theta,
-    level: &Level,
-    weighing: &Weighing,
-) -> Result<f64> {
-    let simulated = forward.pictures(frames, theta, level.quality)?;
-    let costs: Vec<(f64, f64)> = (0..frames.len())
-        .into_par_iter()
-        .map(|f| {
-            let r = residual(target, frames[f], &simulated[f], level.block);
-            (weighing.cost(f, &r), r.len() as f64)
-        })
-        .collect();
-    let (sum, count) = costs.into_iter().fold((0.0, 0.0), |a, c| (a.0 + c.0, a.1 + c.1));
-    Ok(sum / f64::max(count, 1.0))
-}
-
-/// The weights of `theta`'s noise with a given threshold, DN.
-pub(super) fn weighing_of(
-    forward: &mut Forward,
-    frames: &[usize],
-    theta: &Theta,
-    level: &Level,
-    delta: f64,
-) -> Result<Weighing> {
-    let tone = Tone::new(theta);
-    let means = if tone.is_noisy() { forward.pictures(frames, theta, level.quality)? } else { Vec::new() };
-    Ok(Weighing::new(&means, &tone, level.block, delta))
-}
-
-/// Real minus simulated, averaged over blocks; masked values are 0.
-pub(super) fn residual(target: Target<'_>, at: usize, simulated: &Plane<f32>, block: usize) -> Vec<f32> {
-    let real = &target.evidence.frames[at].dn;
-    let mut data: Vec<f32> = real.data.iter().zip(&simulated.data).map(|(r, s)| r - s).collect();
-    hide(target, at, &mut data);
-    pooled(&data, simulated.width, simulated.height, block)
-}
-
-pub(super) fn hide(target: Target<'_>, at: usize, data: &mut [f32]) {
-    if let Some(masks) = target.masks {
-        for (values, m) in data.chunks_exact_mut(3).zip(&masks[at].data) {
-            if *m <= 0.5 {
-                values.fill(0.0);
-            }
-        }
-    }
-}
-
-/// Means over blocks; what does not fill a block at the right and lower border is left out.
-pub(super) fn pooled(data: &[f32], w: usize, h: usize, block: usize) -> Vec<f32> {
-    if block == 1 {
-        return data.to_vec();
-    }
-    let (cw, ch) = (w / block, h / block);
-    let mut out = vec![0.0f32; cw * ch * 3];
-    for y in 0..ch * block {
-        for x in 0..cw * block {
-            let to = ((y / block) * cw + x / block) * 3;
-            let from = (y * w + x) * 3;
-            (0..3).for_each(|c| out[to + c] += data[from + c]);
-        }
-    }
-    let scale = 1.0 / (block * block) as f32;
-    out.iter_mut().for_each(|v| *v *= scale);
-    out
 }

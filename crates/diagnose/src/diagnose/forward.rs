@@ -1,7 +1,7 @@
 //! From parameters to simulated frames. Everything about geometry (time, pose, focal length, lens) is a render, and is
 //! kept; the rest is pointwise or a small filter, on the CPU.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -10,19 +10,19 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::bench::{Bench, Key, options};
 use super::budget::Budget;
-use super::description::Description;
-use super::developed::Developed;
+use super::description::Known;
 use super::evidence::Evidence;
 use super::journal::Journal;
 use super::model::{P, Theta};
 use super::pair::{Outside, SimFrames};
 pub(super) use super::quality::Quality;
 use super::settings::lens;
-use super::wide::Wide;
-use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming, Trajectory};
+use super::sharp::Sharp;
+use shutterbug::camera::{Intrinsics, ShutterTiming, Trajectory};
 use shutterbug::capture::Capture;
-use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
+use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
 use shutterbug::error::Result;
 use shutterbug::gpu::Context;
 use shutterbug::plane::Plane;
@@ -32,19 +32,6 @@ use shutterbug::scene::Scene;
 const CACHE_BYTES: usize = 512 << 20;
 /// Half of the interval over which speeds are measured, s.
 const SPEED_STEP_S: f64 = 2e-3;
-
-/// What a frame is like, whatever the effects: from the sharp planes at the middle of the frame's likely exposure.
-#[derive(Clone, Debug)]
-pub(super) struct Sharp {
-    /// Speed of the content, px/s, shape `[height, width, 2]`.
-    pub velocity: Plane<f32>,
-    /// The part of it that is not the camera's, px/s; empty where no object moves.
-    pub own: Option<Plane<f32>>,
-    /// Distance along the optical axis, m; infinite where nothing is.
-    pub depth: Plane<f32>,
-    /// 1 where geometry covers the pixel.
-    pub coverage: Plane<f32>,
-}
 
 /// Renders the frames of a capture for any parameters.
 pub(super) struct Forward {
@@ -78,26 +65,12 @@ pub(super) struct Forward {
     /// Renders made so far, and the time they took, s.
     pub(super) renders: (usize, f64),
     /// What has been worked out about the description.
-    pub(super) description: Description,
+    pub(super) description: Known,
     /// How often where frames are compared has been changed: results of before are others.
     pub(super) compared: u32,
     /// What has been worked out.
     pub(super) journal: Arc<Mutex<Journal>>,
 }
-
-/// What renders leave behind. An engine's pictures depend, in their last bits, on the frames before them (how triangles
-/// are cut, how far images reach), and so does what is kept of them.
-#[derive(Default)]
-pub(super) struct Bench {
-    engines: [Option<Engine>; 3],
-    pub(super) wide: Wide,
-    cache: HashMap<Key, (u64, Arc<Plane<f32>>)>,
-    pub(super) developed: Developed,
-    clock: u64,
-}
-
-/// Place, how well, times, order of lines, and the set-up and lens.
-pub(super) type Key = (usize, Quality, [u64; 3], ScanOrder, Vec<u64>);
 
 /// What stands for the margin in the key of a picture that is read through a lens.
 const READ: u64 = u64::MAX;
@@ -136,7 +109,7 @@ impl Forward {
             renders: (0, 0.0),
             compared: 0,
             journal: Arc::default(),
-            description: Description::new(evidence),
+            description: Known::new(evidence),
         };
         if let Some(outside) = &forward.outside {
             forward.sharp = (0..evidence.frames.len()).map(|at| outside.sharp(at)).collect();
@@ -220,6 +193,17 @@ impl Forward {
     /// Earliest and latest offset, s.
     pub(super) fn offsets_s(&self) -> [f64; 2] {
         [-self.reach_s[0].min(2.0 * self.period_s), self.reach_s[1].min(2.0 * self.period_s)]
+    }
+
+    /// `theta` with its times inside what the trajectory covers.
+    pub(super) fn bounded(&self, mut theta: Theta) -> Theta {
+        let [from_s, to_s] = self.offsets_s();
+        theta.set(P::Offset, theta.get(P::Offset).clamp(from_s, to_s));
+        let longest_s = self.longest_s();
+        for p in [P::Readout, P::Exposure] {
+            theta.set(p, theta.get(p).min(longest_s));
+        }
+        theta
     }
 
     fn request(&self, at: usize, theta: &Theta) -> FrameRequest {
@@ -523,21 +507,6 @@ impl Forward {
             self.bench.cache.remove(&key);
             total -= size;
         }
-    }
-}
-
-pub(super) fn options(quality: Quality) -> EngineOptions {
-    // A thing right before the lens is cut into as many triangles as there may be, and vertices cost as much as pixels.
-    let (samples, chord_px, most_triangles) = match quality {
-        Quality::Coarse => (1, 0.4, 25_000),
-        Quality::Fit => (4, 0.1, 100_000),
-        Quality::Fine | Quality::Finest => (16, 0.05, 400_000),
-    };
-    EngineOptions {
-        method: Method::Exact(ExactOptions { chord_px, most_triangles }),
-        samples,
-        frames_in_flight: 2,
-        ..EngineOptions::default()
     }
 }
 

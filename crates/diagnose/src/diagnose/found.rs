@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::fit::Fit;
+use super::fitted::Fit;
 use super::forward::Quality;
 use super::judge::Scores;
 use super::model::{P, Theta};
 use super::residue::Residue;
-use super::search::{Alone, Search};
 
 /// Stages that are left out where there is no time: those without which nothing can be denied, and the others.
 pub(super) const SEARCH: &str = "the rest of the search";
@@ -18,6 +17,16 @@ pub(super) const SHARES: &str = "shares of effects beside each other";
 pub(super) const PICTURES: &str = "pictures of frames that are not held out";
 pub(super) const PERCEPTS: &str = "corners, lines and blobs";
 pub(super) const FINER: &str = "frames of sixteen samples a pixel";
+
+/// A candidate fitted alone.
+#[derive(Clone, Debug)]
+pub(super) struct Alone {
+    pub name: &'static str,
+    pub fit: Fit,
+    pub scores: Scores,
+    /// Without it: with the same noise, rendered as well.
+    pub against: Scores,
+}
 
 /// The outcome of a search.
 #[derive(Clone)]
@@ -81,7 +90,7 @@ impl Found {
 
     /// Continuous parameters that fits of the set free.
     pub(super) fn free(&self) -> Vec<P> {
-        Search::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
+        super::model::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
     }
 
     /// Whether what is left was looked at.

@@ -12,8 +12,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::blocks::pooled;
+use super::cost::{Level, Target};
 use super::discrepancy::{ALIKE_DN, ANYTHING_DN, COLOUR_DN, COMMON_DN, FILTER_PX2, PLACE_PX};
-use super::fit::{Level, Target, pooled, spread_out};
+use super::evidence::spread_out;
 use super::forward::Forward;
 use super::linear::{back, cholesky};
 use super::model::{P, Theta};

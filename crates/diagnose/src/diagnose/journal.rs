@@ -163,7 +163,7 @@ pub fn read_journal(path: &Path, key: &str) -> Result<usize> {
     journal.read(path, key)?;
     let mut usable = 0;
     for (kind, key) in journal.known.keys() {
-        if let Some(fit) = journal.recall::<super::fit::Fit>(kind, key) {
+        if let Some(fit) = journal.recall::<super::fitted::Fit>(kind, key) {
             usable += 1;
             let _ = (
                 fit.theta.bits(),
@@ -187,7 +187,7 @@ pub fn read_journal(path: &Path, key: &str) -> Result<usize> {
 /// A journal of `key` with a step and a fit.
 #[doc(hidden)]
 pub fn example_of_a_journal(key: &str) -> String {
-    let fit = super::fit::Fit {
+    let fit = super::fitted::Fit {
         theta: Theta::neutral().with(P::Readout, 0.02),
         half: [(P::Readout, 0.001)].into(),
     };

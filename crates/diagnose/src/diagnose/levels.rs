@@ -3,8 +3,7 @@
 //! noisy it was before. What mixes pixels or colours behind the converter fills the places between; nothing is told
 //! then.
 
-use super::evidence::Evidence;
-use super::fit::spread_out;
+use super::evidence::{Evidence, spread_out};
 use super::model::Theta;
 use super::tone::Tone;
 

@@ -9,9 +9,13 @@
 mod advice;
 mod apart;
 mod asked;
+mod bench;
+mod blocks;
 mod budget;
 mod choices;
 mod comb;
+mod compared;
+mod cost;
 mod cover;
 mod decide;
 mod describe;
@@ -22,6 +26,7 @@ mod ending;
 mod evidence;
 mod exchange;
 mod fit;
+mod fitted;
 mod flicker;
 mod flow;
 mod forward;
@@ -49,6 +54,7 @@ mod quality;
 mod question;
 mod report;
 mod residue;
+mod room;
 mod run;
 mod score;
 mod search;
@@ -56,12 +62,14 @@ mod searches;
 mod sentences;
 mod settings;
 mod setup_checks;
+mod sharp;
 mod shown;
 mod smear;
 mod starts;
 mod support;
 mod task;
 mod tone;
+mod undistort;
 mod unpaired;
 mod vector;
 mod weighing;
@@ -75,11 +83,12 @@ pub use gyro::{Gyroed, diagnose_gyro};
 #[doc(hidden)]
 pub use journal::{example_of_a_journal, read_journal};
 pub use options::{DiagnoseOptions, Progress, changes_places, effect_names};
+pub use output::Diagnosis;
 pub use pair::Pair;
 pub use report::{
     Alignment, Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry,
     FramePictures, Gap, Input, LeftOut, Maps, Measure, NextStep, Parameter, PerceptGap, Percepts, PoseOff,
     REPORT_FILE, Report, Verdict, WaterfallStep, Where,
 };
-pub use run::{Diagnosis, diagnose, diagnose_pair};
+pub use run::{diagnose, diagnose_pair};
 pub use unpaired::{Unpaired, diagnose_unpaired};

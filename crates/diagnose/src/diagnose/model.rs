@@ -6,8 +6,8 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::description::Room;
 use super::report::Parameter;
+use super::room::{NAMES, Room};
 pub(super) use super::vector::P;
 use super::vector::{PARAMETERS, PLACES};
 use shutterbug::camera::ScanOrder;
@@ -50,13 +50,41 @@ fn candidate(effect: &dyn Effect) -> Option<CandidateSpec> {
     })
 }
 
+/// What may be wrong with the description: no number that a fit would free.
+pub(super) static OF_DESCRIPTION: [CandidateSpec; 2] = [spec(NAMES[0]), spec(NAMES[1])];
+
+const fn spec(name: &'static str) -> CandidateSpec {
+    CandidateSpec { name, parameters: &[], more: &[], needs_motion: false, noise: false }
+}
+
 /// The candidate of that name.
 ///
 /// # Panics
 /// If there is none.
 pub(super) fn candidate_of(name: &str) -> &'static CandidateSpec {
-    let all = CANDIDATES.iter().chain(&super::description::SPECS);
+    let all = CANDIDATES.iter().chain(&OF_DESCRIPTION);
     all.into_iter().find(|c| c.name == name).expect("names come from the list")
+}
+
+/// Names of all candidates.
+pub(super) fn all_names() -> Vec<&'static str> {
+    CANDIDATES.iter().map(|c| c.name).filter(|n| effects::by_id(n).is_some()).collect()
+}
+
+/// Whether a candidate has one number, and that is whole.
+pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
+    matches!(candidate.parameters, [p] if p.is_discrete())
+}
+
+/// Whether a candidate changes where things are seen.
+pub(super) fn moves(candidate: &CandidateSpec) -> bool {
+    candidate.parameters.iter().any(|p| p.is_time() || p.is_remap())
+}
+
+/// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must
+/// be to make the spread that is seen.
+pub(super) fn mixes_pixels(name: &str) -> bool {
+    matches!(name, "bayer_mosaic" | "sharpening" | "chroma_subsampling" | "jpeg")
 }
 
 /// A point in the space of all parameters.
@@ -230,6 +258,12 @@ impl Theta {
         let known = !at.fit.by_lines || self.is_on(P::Readout);
         Parameter { value, ci95: ci95.filter(|_| known), unit: at.unit.to_owned() }
     }
+}
+
+/// Continuous parameters of a set that change the mean.
+pub(super) fn free(set: &[&'static str]) -> Vec<P> {
+    let fitted = set.iter().map(|n| candidate_of(n)).filter(|c| !c.noise);
+    fitted.flat_map(|c| c.parameters.iter().copied()).filter(|p| !p.is_discrete()).collect()
 }
 
 fn word(name: &str) -> Parameter {

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::blocks::pooled;
+use super::cost::{Level, Target, hide, residual};
 use super::description::PoseShare;
-use super::fit::{Level, Target, bounded, hide, pooled, residual};
 use super::flicker::retuned;
 use super::flow::{Flow, displaced};
 use super::forward::Forward;
@@ -108,7 +109,7 @@ pub(super) fn linearise(
         Some(known) => known,
         None => {
             let residuals: Vec<&[f32]> = by_frame.iter().map(|f| &f.0[..]).collect();
-            Arc::new(super::fit::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
+            Arc::new(super::cost::weighing_of(forward, frames, theta, level, 1.0)?.chosen(&residuals))
         }
     };
     let poses = forward.beside_description(frames, theta, &radiance, level, &weighing, &mut by_frame);
@@ -207,7 +208,7 @@ fn step_of(forward: &Forward, theta: &Theta, p: P, stretch: f64) -> f64 {
         // A blur's slope at none is none.
         step = 0.4;
     }
-    let changed = bounded(forward, theta.with(p, theta.get(p) + step));
+    let changed = forward.bounded(theta.with(p, theta.get(p) + step));
     if (changed.get(p) - theta.get(p)).abs() < 0.5 * step { -step } else { step }
 }
 

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use super::model::candidate_of;
-use super::search::{all_names, moves};
+use super::model::{all_names, candidate_of, moves};
 use shutterbug::error::{Error, Result};
 
 /// What to consider.
@@ -37,7 +36,7 @@ impl DiagnoseOptions {
     /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own.
     pub(super) fn description(&self, at_rest: bool) -> Vec<&'static str> {
         let exact = |n: &&str| if *n == "scene_radiance" { self.scene_exact } else { self.poses_exact };
-        super::description::NAMES.into_iter().filter(|n| !at_rest && !exact(n)).collect()
+        super::room::NAMES.into_iter().filter(|n| !at_rest && !exact(n)).collect()
     }
 }
 

@@ -7,28 +7,19 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::budget::{Stage, in_time};
+use super::compared::{Compared, Shown, bytes};
+use super::description::Parts;
 use super::evidence::Evidence;
 use super::forward::Quality;
 use super::found::{Found, PICTURES};
 use super::model::P;
-use super::places::{Compared, measures, places};
+use super::places::{measures, places};
 use super::report::{FrameEntry, FramePictures, Maps, Report, Verdict};
-use super::run::Diagnosis;
 use super::search::Search;
-use shutterbug::capture::Capture;
+use super::task::FramePercepts;
+use shutterbug::capture::{CameraFile, Capture};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
-
-/// One frame, before and after.
-pub(super) struct Shown {
-    pub index: usize,
-    pub start_s: f64,
-    pub held_out: bool,
-    pub scores: [f64; 2],
-    pub real: Plane<f32>,
-    pub before: Plane<f32>,
-    pub after: Plane<f32>,
-}
 
 /// Simulates all frames of the evidence before and after, and says where they differ.
 pub(super) fn show(
@@ -100,6 +91,20 @@ pub(super) fn time_of_writing(picture: &Plane<f32>) -> Duration {
     clock.elapsed()
 }
 
+/// A finished diagnosis.
+pub struct Diagnosis {
+    /// What was found.
+    pub report: Report,
+    /// The given camera with the effects found.
+    pub camera: CameraFile,
+    /// What [`Diagnosis::write`] makes pictures of.
+    pub(super) frames: Vec<Shown>,
+    /// What the description should be.
+    pub(super) description: Parts,
+    /// By frame.
+    pub(super) percepts: Vec<FramePercepts>,
+}
+
 impl Diagnosis {
     /// Writes `camera.toml`, the pictures and, last, `report.json` into a folder; returns the report with the pictures'
     /// paths.
@@ -164,11 +169,6 @@ pub(super) fn write_five(
     }
     let [real, simulated, diagnosed, difference_before, difference_after] = names;
     Ok(FramePictures { real, simulated, diagnosed, difference_before, difference_after })
-}
-
-pub(super) fn bytes(plane: &Plane<f32>) -> Plane<u8> {
-    let data = plane.data.iter().map(|v| (v + 0.5).clamp(0.0, 255.0) as u8).collect();
-    Plane { width: plane.width, height: plane.height, channels: plane.channels, data }
 }
 
 fn difference(real: &Plane<f32>, other: &Plane<f32>, scale_dn: f64) -> Plane<u8> {

@@ -2,8 +2,7 @@
 //! resolution, neighbours of a pair differ in brightness only, whatever the picture shows and however noisy it was
 //! before. Compression behind it spreads what a pair shares; nothing is told then.
 
-use super::evidence::Evidence;
-use super::fit::spread_out;
+use super::evidence::{Evidence, spread_out};
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::luma;
 

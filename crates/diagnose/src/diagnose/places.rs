@@ -2,21 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::compared::Compared;
 use super::evidence::Evidence;
-use super::forward::{Forward, Sharp};
+use super::forward::Forward;
 use super::report::{Bin, Measure, Where};
 use shutterbug::effects::gaussian::blurred;
 use shutterbug::plane::{Plane, metrics};
-
-/// One held-out frame: real, simulated before and after, and what is known of its pixels.
-pub(super) struct Compared<'a> {
-    pub index: usize,
-    pub real: &'a Plane<f32>,
-    pub before: &'a Plane<f32>,
-    pub after: &'a Plane<f32>,
-    pub mask: Option<&'a Plane<f32>>,
-    pub sharp: &'a Sharp,
-}
 
 /// Sums of one bin.
 #[derive(Clone, Copy, Debug, Default)]

@@ -142,7 +142,7 @@ const LIKENESS_PX: usize = 4;
 
 /// Correlation of two pictures averaged over blocks that are compared, each channel about its mean.
 fn correlation(a: &Plane<f32>, b: &Plane<f32>, mask: &Plane<f32>) -> f64 {
-    let pooled = |p: &Plane<f32>| super::fit::pooled(&p.data, p.width, p.height, LIKENESS_PX);
+    let pooled = |p: &Plane<f32>| super::blocks::pooled(&p.data, p.width, p.height, LIKENESS_PX);
     let across = a.width / LIKENESS_PX;
     let open = |block: usize| {
         let (x, y) = (LIKENESS_PX * (block % across), LIKENESS_PX * (block / across));

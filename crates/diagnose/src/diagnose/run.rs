@@ -6,9 +6,10 @@ use std::time::Instant;
 
 use super::advice::{next, next_of_pair, not_simulated, uncontrolled};
 use super::budget::{Budget, Count, Stage, in_time};
+use super::compared::Shown;
 use super::cover::Cover;
 use super::describe::{describe, undetermined, without_motion, without_time};
-use super::description::{Objects, Parts};
+use super::description::Objects;
 use super::evidence::Evidence;
 use super::forward::Forward;
 use super::found::{Found, PERCEPTS};
@@ -16,7 +17,7 @@ use super::journal::{Journal, key};
 use super::light::lights;
 use super::model::{Theta, candidate_of};
 use super::options::{DiagnoseOptions, Progress, candidates, changes_places};
-use super::output::{Shown, show, time_of_writing};
+use super::output::{Diagnosis, show, time_of_writing};
 use super::pair::{Aligned, FEW, Geometry, Pair, needs_more};
 use super::question::Question;
 use super::report::*;
@@ -34,20 +35,6 @@ use shutterbug::gpu::Context;
 const COVER_ROUNDS: usize = 2;
 /// Speed below which nothing about time can be seen: px over one frame period, of the fastest tenth of the picture.
 const LEAST_MOTION_PX: f64 = 0.5;
-
-/// A finished diagnosis.
-pub struct Diagnosis {
-    /// What was found.
-    pub report: Report,
-    /// The given camera with the effects found.
-    pub camera: CameraFile,
-    /// What [`Diagnosis::write`] makes pictures of.
-    pub(super) frames: Vec<Shown>,
-    /// What the description should be.
-    pub(super) description: Parts,
-    /// By frame.
-    pub(super) percepts: Vec<FramePercepts>,
-}
 
 struct Relay<'a> {
     progress: &'a mut dyn Progress,

@@ -9,8 +9,8 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::{Arc, LazyLock};
 
+use super::blocks::pooled as averages;
 use super::discrepancy::{DRAWS, REACH, edges, rounded};
-use super::fit::pooled as averages;
 use super::flips::Flips;
 use super::tone::{Tone, Variances};
 use shutterbug::chain::Left;

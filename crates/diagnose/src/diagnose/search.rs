@@ -5,22 +5,20 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::budget::{Stage, in_time};
-use super::evidence::Evidence;
-use super::fit::{
-    COARSE, DETAILS, FINE, Fit, LAST, LAST_OF_LENS, Level, Schedule, Target, VALUES, cost_of, fit,
-    spread_out, weighing_of,
-};
+use super::cost::{Level, Target, cost_of, weighing_of};
+use super::evidence::{Evidence, spread_out};
+use super::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
+use super::fitted::Fit;
 use super::flicker::is_periodic;
 use super::forward::{Forward, Quality};
-use super::found::{Found, SEARCH};
+use super::found::{Alone, Found, SEARCH};
 use super::intervals::Slopes;
 use super::judge::{Judge, Scores};
-use super::model::{CANDIDATES, CandidateSpec, P, Theta, candidate_of};
+use super::model::{CandidateSpec, P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves};
 use super::noise::{NOISES, NoiseData, noiseless, shows_steps};
 use super::normal::screened;
 use super::shown::Shown;
 use super::starts::{best_starts, is_hopeful};
-use super::support::mixes_pixels;
 use super::tone::Tone;
 use super::weighing::Weighing;
 use shutterbug::error::Result;
@@ -48,16 +46,6 @@ pub(super) trait Watch {
     fn step(&mut self, what: &str);
 }
 
-/// A candidate fitted alone.
-#[derive(Clone, Debug)]
-pub(super) struct Alone {
-    pub name: &'static str,
-    pub fit: Fit,
-    pub scores: Scores,
-    /// Without it: with the same noise, rendered as well.
-    pub against: Scores,
-}
-
 /// All that a search works on.
 pub(super) struct Search<'a> {
     pub forward: &'a mut Forward,
@@ -79,17 +67,6 @@ pub(super) struct Search<'a> {
 pub(super) type Tried = (&'static str, Fit, Scores);
 
 impl<'a> Search<'a> {
-    /// Continuous parameters of a set that change the mean.
-    pub(super) fn free(set: &[&'static str]) -> Vec<P> {
-        let discrete = |p: &P| p.is_discrete();
-        set.iter()
-            .map(|n| candidate_of(n))
-            .filter(|c| !c.noise)
-            .flat_map(|c| c.parameters.iter().copied())
-            .filter(|p| !discrete(p))
-            .collect()
-    }
-
     /// What fits compare with.
     pub(super) fn target(&self) -> Target<'a> {
         Target { evidence: self.evidence, masks: Some(self.masks) }
@@ -106,7 +83,7 @@ impl<'a> Search<'a> {
 
     /// Fits a set jointly from a start.
     pub(super) fn refit(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
-        let free = Self::free(set);
+        let free = free(set);
         if free.is_empty() {
             return self.refit_poses(start);
         }
@@ -229,7 +206,7 @@ impl<'a> Search<'a> {
         let mut valleys: Vec<Theta> = Vec::new();
         for start in &starts {
             let mut found = self.refit(&who, start, &schedule[..1])?;
-            if valleys.iter().any(|v| is_near(v, &found.theta, &Self::free(&who))) {
+            if valleys.iter().any(|v| is_near(v, &found.theta, &free(&who))) {
                 continue;
             }
             valleys.push(found.theta.clone());
@@ -509,7 +486,7 @@ impl<'a> Search<'a> {
         current: &Fit,
         smooth: &[&'static str],
     ) -> Result<Vec<(&'static str, f64)>> {
-        let held = Self::free(set);
+        let held = free(set);
         let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
         let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
         all.sort();
@@ -543,10 +520,6 @@ impl<'a> Search<'a> {
     }
 }
 
-pub(super) fn is_discrete(candidate: &CandidateSpec) -> bool {
-    matches!(candidate.parameters, [p] if p.is_discrete())
-}
-
 /// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a
 /// pixel as it is.
 pub(super) fn last_of(free: &[P]) -> Schedule {
@@ -577,11 +550,6 @@ fn is_near(a: &Theta, b: &Theta, free: &[P]) -> bool {
     a.scan_order == b.scan_order && free.iter().all(|&p| (a.get(p) - b.get(p)).abs() < 0.25 * p.spec().step)
 }
 
-/// Whether a candidate changes where things are seen.
-pub(super) fn moves(candidate: &CandidateSpec) -> bool {
-    candidate.parameters.iter().any(|p| p.is_time() || p.is_remap())
-}
-
 /// `theta` moved off the places where a parameter has no slope because its partner is neutral.
 pub(super) fn probe(theta: &Theta) -> Theta {
     let mut probe = theta.clone();
@@ -589,9 +557,4 @@ pub(super) fn probe(theta: &Theta) -> Theta {
         probe.set(P::Radius, 1.0);
     }
     probe
-}
-
-/// Names of all candidates.
-pub(super) fn all_names() -> Vec<&'static str> {
-    CANDIDATES.iter().map(|c| c.name).filter(|n| shutterbug::effects::by_id(n).is_some()).collect()
 }

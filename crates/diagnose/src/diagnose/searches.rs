@@ -3,11 +3,12 @@
 
 use super::budget::{Stage, in_time};
 use super::decide::{Facts, decide};
-use super::description::{Objects, is_description};
+use super::description::Objects;
 use super::forward::Forward;
 use super::found::{Found, SEARCH};
 use super::question::{Question, Seen};
 use super::report::Verdict;
+use super::room::is_description;
 use super::search::{Search, Watch};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;

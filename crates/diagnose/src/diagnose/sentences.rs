@@ -1,6 +1,6 @@
 //! Where the gap lies, in the two or three most telling sentences.
 
-use super::places::Compared;
+use super::compared::Compared;
 use super::report::{Bin, Where};
 
 /// Most sentences.

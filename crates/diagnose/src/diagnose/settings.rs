@@ -27,7 +27,7 @@ pub(super) fn apply(
     set: &[&'static str],
 ) -> Result<Vec<&'static str>> {
     let mut unknown = Vec::new();
-    for name in set.iter().filter(|n| !super::description::is_description(n)) {
+    for name in set.iter().filter(|n| !super::room::is_description(n)) {
         let Some(effect) = effects::by_id(name) else {
             unknown.push(*name);
             continue;

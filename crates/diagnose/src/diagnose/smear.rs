@@ -6,8 +6,6 @@
 //! both alike.
 
 use super::evidence::Evidence;
-use super::model::{Theta, candidate_of};
-use super::search::Search;
 use shutterbug::plane::Plane;
 
 /// Share of the fastest speed (of the fastest tenth) from which on a place counts.
@@ -36,16 +34,6 @@ impl Smear {
     /// Slopes differ along the motion, one way or the other.
     pub(super) fn is_clear(self) -> bool {
         self.lack.abs() > MOST_SMEAR && self.lack.abs() > SMEAR_ERRORS * self.standard_error
-    }
-}
-
-impl Search<'_> {
-    /// See [`super::smear`].
-    pub(super) fn smear(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> Option<Smear> {
-        let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
-        // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
-        let moves = self.names.iter().any(|n| candidate_of(n).needs_motion);
-        moves.then(|| smear(self.evidence, frames, means, self.masks, &velocity)).flatten()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where fits begin. Effects with more than one valley get several starts; the cheapest at a coarse size go on.
 
-use super::evidence::Evidence;
-use super::fit::{Level, Target, cost_of, spread_out, weighing_of};
+use super::cost::{Level, Target, cost_of, weighing_of};
+use super::evidence::{Evidence, spread_out};
 use super::forward::{Forward, Quality};
 use super::model::{CandidateSpec, P, Theta};
 use shutterbug::camera::ScanOrder;

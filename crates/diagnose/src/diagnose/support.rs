@@ -1,10 +1,11 @@
 //! Which of several candidates is taken, and what becomes superfluous: every question is put to [`Search::prefers`].
 
 use super::description::{after_what_moves, size};
-use super::fit::{FINE, Fit};
+use super::fit::FINE;
+use super::fitted::Fit;
 use super::found::Found;
 use super::judge::{Estimate, Scores, gain};
-use super::model::{CandidateSpec, P, Theta, candidate_of};
+use super::model::{CandidateSpec, P, Theta, candidate_of, mixes_pixels};
 use super::placed::displacements;
 use super::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
@@ -152,10 +153,4 @@ pub(super) fn restored(theta: &Theta, base: &Theta, candidate: &CandidateSpec) -
         out.scan_order = base.scan_order;
     }
     out
-}
-
-/// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must
-/// be to make the spread that is seen.
-pub(super) fn mixes_pixels(name: &str) -> bool {
-    matches!(name, "bayer_mosaic" | "sharpening" | "chroma_subsampling" | "jpeg")
 }

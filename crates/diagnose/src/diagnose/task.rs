@@ -5,9 +5,9 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::compared::{Shown, bytes};
 use super::forward::{Forward, Quality};
 use super::model::Theta;
-use super::output::{Shown, bytes};
 use super::percepts::{Agreement, PictureOf, compare, find, tolerance_px};
 use super::report::{PerceptGap, Percepts};
 use super::tone::Tone;

@@ -6,7 +6,7 @@ use std::borrow::Borrow;
 
 use rayon::prelude::*;
 
-use super::fit::pooled;
+use super::blocks::pooled;
 use super::tone::Tone;
 use shutterbug::plane::Plane;
 

@@ -2,13 +2,13 @@
 //! looks. The engine draws through lenses itself, but cuts its triangles anew for each; a fit changes the lens at every
 //! step, and as long as it changes nothing else the larger picture is the same.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::forward::{Forward, Key, Quality};
+use super::bench::Places;
+use super::forward::{Forward, Quality};
 use super::model::{P, Theta};
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
@@ -19,61 +19,6 @@ use shutterbug::plane::Plane;
 /// looked for in means over blocks of 4 px and more, what reading at the same size blurs is nothing.
 fn finer(quality: Quality) -> u32 {
     if quality == Quality::Coarse { 1 } else { 2 }
-}
-
-/// Most bytes of larger pictures that are kept.
-const KEPT_BYTES: usize = 256 << 20;
-
-/// Where every part of every pixel of the delivered picture is read in the wider one, px of the delivered one.
-#[derive(Clone)]
-pub(super) struct Places {
-    /// Parts a pixel, along each axis.
-    parts: usize,
-    at: Arc<Vec<[f32; 2]>>,
-}
-
-/// What is kept of the larger picture.
-#[derive(Default)]
-pub(super) struct Wide {
-    /// By quality: what triangles are cut to differs too.
-    engines: [Option<Engine>; 4],
-    /// Px beyond each side.
-    pub(super) margin_px: u32,
-    map: Option<(Vec<u64>, Places)>,
-    /// Larger pictures by what they show, in the order of their last use.
-    kept: HashMap<Key, (u64, Arc<Plane<f32>>)>,
-    clock: u64,
-}
-
-impl Wide {
-    /// As if nothing had been rendered, with a margin.
-    pub(super) fn begin(&mut self, margin_px: u32) -> Result<()> {
-        self.map = None;
-        self.kept.clear();
-        if self.margin_px != margin_px {
-            (self.engines, self.margin_px) = (Default::default(), margin_px);
-        }
-        self.engines.iter_mut().flatten().try_for_each(Engine::forget)
-    }
-
-    /// A larger picture that is kept.
-    pub(super) fn recall(&mut self, key: &Key) -> Option<Arc<Plane<f32>>> {
-        self.clock += 1;
-        let entry = self.kept.get_mut(key)?;
-        entry.0 = self.clock;
-        Some(entry.1.clone())
-    }
-
-    /// Keeps a larger picture, in the place of those that nobody has asked for longest.
-    pub(super) fn keep(&mut self, key: Key, plane: Arc<Plane<f32>>) {
-        let most = (KEPT_BYTES / (4 * plane.data.len()).max(1)).max(1);
-        while self.kept.len() >= most {
-            let oldest = self.kept.iter().min_by_key(|(_, (used, _))| *used).map(|(key, _)| key.clone());
-            self.kept.remove(&oldest.expect("not empty"));
-        }
-        self.clock += 1;
-        self.kept.insert(key, (self.clock, plane));
-    }
 }
 
 impl Forward {
@@ -136,7 +81,7 @@ impl Forward {
         if self.bench.wide.engines[place].is_none() {
             let (scene, path) = (self.scene.clone(), self.trajectory.clone());
             // Four pixels are one, but for the coarse: a sample in each is four.
-            let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::forward::options(quality) };
+            let options = EngineOptions { samples: [1, 1, 4, 16][place], ..super::bench::options(quality) };
             let k = self.wide_intrinsics(&self.intrinsics, quality);
             self.bench.wide.engines[place] = Some(Engine::new(self.device(), scene, path, k, options, &[])?);
         }

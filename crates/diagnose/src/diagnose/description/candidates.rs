@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use super::super::fit::{FINE, Fit, VALUES};
+use super::super::fit::{FINE, VALUES};
+use super::super::fitted::Fit;
 use super::super::forward::Forward;
 use super::super::judge::{Scores, quantile_of_length};
-use super::super::model::{P, Theta, candidate_of};
-use super::super::search::{Search, Tried, Watch, is_discrete, moves};
-use super::is_description;
+use super::super::model::{P, Theta, candidate_of, is_discrete, moves};
+use super::super::room::is_description;
+use super::super::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
 
 /// Share of what a camera leaves that the description must be able to explain beside it, for a search of both: most of

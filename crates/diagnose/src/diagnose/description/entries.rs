@@ -12,7 +12,7 @@ use super::super::model::{P, Theta};
 use super::super::report::{Parameter, PoseOff};
 use super::super::search::Search;
 use super::Objects;
-use super::surface::NONE;
+use super::grid::NONE;
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::Capture;
 use shutterbug::error::{Error, Result};

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::super::forward::{Forward, Quality};
 use super::super::model::Theta;
-use super::Room;
-use super::surface::NONE;
+use super::super::room::Room;
+use super::grid::NONE;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 

@@ -8,6 +8,8 @@
 
 mod candidates;
 mod entries;
+mod grid;
+mod known;
 mod masks;
 mod objects;
 mod poses;
@@ -19,111 +21,32 @@ mod surface;
 mod views;
 mod wander;
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::evidence::Evidence;
 use super::forward::{Forward, Quality};
-use super::model::{CandidateSpec, P, Theta};
+use super::model::{P, Theta};
 use super::tone::Tone;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 pub(super) use candidates::{after_what_moves, size};
 pub(super) use entries::Parts;
+use grid::{Grid, Surface};
+pub(super) use known::Known;
 pub(super) use masks::Kind;
 pub(super) use objects::Objects;
 pub(super) use poses::PoseShare;
 use radiance::{Lesson, Map, STEP, STEPS};
 use rays::Body;
-use surface::{CELL, Grid, Surface};
+use surface::CELL;
 
 /// Most bytes of surfaces that are kept.
 const KEPT_BYTES: usize = 256 << 20;
 /// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is
 /// simulated are where they are all the same.
 const NEARBY_PX: f64 = 0.06;
-
-/// The names of what may be wrong with the description, in the order in which it is tried.
-pub(super) const NAMES: [&str; 2] = ["scene_radiance", "pose_error"];
-
-/// As members of a set they have no number that a fit would free.
-pub(super) static SPECS: [CandidateSpec; 2] = [spec(NAMES[0]), spec(NAMES[1])];
-
-const fn spec(name: &'static str) -> CandidateSpec {
-    CandidateSpec { name, parameters: &[], more: &[], needs_motion: false, noise: false }
-}
-
-/// Whether a name is one of the description's.
-pub(super) fn is_description(name: &str) -> bool {
-    NAMES.contains(&name)
-}
-
-/// Whether a name is that of the surfaces' factors.
-pub(super) fn is_of_surfaces(name: &str) -> bool {
-    name == NAMES[0]
-}
-
-/// What of the description is taken to be wrong: part of every point of a search.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Room {
-    /// Whether surfaces have factors of their own.
-    pub radiance: bool,
-    /// By place: how far the camera is from its pose, in its own frame: rotation vector (rad), then position (m). Empty
-    /// where the poses are right.
-    pub poses: Vec<[f64; 6]>,
-}
-
-impl Room {
-    /// The same without one of [`NAMES`].
-    pub(super) fn without(&self, name: &str) -> Self {
-        let mut room = self.clone();
-        match name {
-            "scene_radiance" => room.radiance = false,
-            "pose_error" => room.poses.clear(),
-            _ => {}
-        }
-        room
-    }
-
-    /// Whether two rooms leave the same open.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        self.radiance == other.radiance && self.poses.is_empty() == other.poses.is_empty()
-    }
-}
-
-/// What has been worked out about the description.
-#[derive(Default)]
-pub(super) struct Description {
-    /// The real frames, by place.
-    real: Vec<Arc<Plane<f32>>>,
-    /// Places of the frames that factors are learnt from: those that fits see.
-    sources: Vec<usize>,
-    bodies: Option<Arc<Vec<Body>>>,
-    grid: Grid,
-    surfaces: HashMap<String, Arc<Surface>>,
-    /// Bytes of them.
-    kept: usize,
-    maps: HashMap<String, Arc<Map>>,
-    settled: HashMap<String, [f64; 6]>,
-    /// Whether factors have been found to do more than a curve.
-    no_curve: bool,
-    /// By place: 1 where other frames say how bright a surface is.
-    covered: HashMap<usize, Arc<Plane<f32>>>,
-}
-
-impl Description {
-    pub(super) fn new(evidence: &Evidence) -> Self {
-        Self {
-            real: evidence.frames.iter().map(|f| f.dn.clone()).collect(),
-            sources: evidence.fit.clone(),
-            ..Self::default()
-        }
-    }
-}
 
 impl Forward {
     /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), with the
@@ -277,7 +200,7 @@ impl Forward {
 
     /// Side of the cells, m.
     fn cell_m(&self) -> f32 {
-        let every = |s: &super::forward::Sharp| {
+        let every = |s: &super::sharp::Sharp| {
             s.depth.data.iter().copied().filter(|d| d.is_finite()).step_by(97).collect::<Vec<f32>>()
         };
         let mut depths: Vec<f32> = self.sharp.iter().flat_map(every).collect();

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::surface::{Grid, NONE, Surface, weights};
+use super::grid::{Grid, NONE, Surface, weights};
 use shutterbug::plane::Plane;
 
 /// Logarithm by which pictures are brightened to see what a factor does.
@@ -221,7 +221,7 @@ pub(super) fn without_factor(
 
 #[cfg(test)]
 mod tests {
-    use super::super::surface::Part;
+    use super::super::grid::Part;
     use super::*;
 
     /// A wall of 4 m seen twice, 40 px a meter.

@@ -3,7 +3,7 @@
 
 use glam::{DVec2, Vec3};
 
-use super::surface::{Grid, NONE, Surface};
+use super::grid::{Grid, NONE, Surface};
 use crate::diagnose::forward::Forward;
 use crate::diagnose::model::Theta;
 use crate::diagnose::pair::{Outside, depth_at};

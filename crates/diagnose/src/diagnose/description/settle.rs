@@ -6,17 +6,18 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::super::fit::{Level, pooled};
+use super::super::blocks::pooled;
+use super::super::cost::Level;
 use super::super::forward::{Forward, Quality};
 use super::super::linear::solve;
 use super::super::model::{P, Theta};
 use super::super::normal::FrameValues;
 use super::super::tone::Tone;
 use super::super::weighing::Weighing;
+use super::grid::NONE;
 use super::masks::is_paid;
 use super::poses::{PoseShare, UNITS, eliminated};
 use super::radiance::{STEP, without_factor};
-use super::surface::NONE;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::super::output::{Shown, bytes};
+use super::super::compared::{Shown, bytes};
 use super::super::report::DescriptionShown;
 use super::entries::Parts;
 use shutterbug::error::{Error, Result};

@@ -16,7 +16,7 @@ use shutterbug::plane::Plane;
 /// Stream of the walks ("WA").
 const STREAM_WALK: u32 = 0x5741;
 
-/// How far the camera is from its pose, by line; see [`super::Room::poses`].
+/// How far the camera is from its pose, by line; see `Room::poses`.
 type Walk = Vec<[f64; 6]>;
 
 /// Variance by which rotations (rad^2) and positions (m^2) change in a second, a axis, if they walk at random: from

@@ -5,9 +5,11 @@
 //! either, effects on values, noise and sharpness are; the rest is `undetermined`.
 
 mod align;
+mod frames;
 mod guess;
 mod kinds;
 mod matched;
+mod outside;
 mod planes;
 mod sample;
 mod stills;
@@ -31,54 +33,19 @@ use shutterbug::scene::Scene;
 pub(super) use align::lies;
 use align::residual_px;
 pub(super) use align::slopes_to;
+pub(super) use frames::{Geometry, SimFrames};
 pub(super) use kinds::notes as notes_of_kind;
 pub use matched::Matched;
 pub(super) use matched::pictures;
+pub(super) use outside::Outside;
 pub(super) use sample::{channel_at, depth_at};
 pub(super) use stills::{FEW, needs_more};
-pub(super) use warp::Outside;
 
 /// Frame period that is taken where nobody states one, s.
 const ASSUMED_PERIOD_S: f64 = 1.0 / 30.0;
 
 /// Frames that are looked at to see whether both folders show the same place.
 const LOOKED_AT: usize = 6;
-
-/// What the simulated frames tell of geometry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Geometry {
-    /// Nothing: pictures only.
-    None,
-    /// How the content moves from frame to frame.
-    Motion,
-    /// Distances and the camera's path.
-    Depth,
-}
-
-/// One frame of the simulator.
-#[derive(Clone)]
-pub(super) struct SimFrame {
-    /// Linear radiance, shape `[height, width, 3]`.
-    pub radiance: Arc<Plane<f32>>,
-    /// Distance along the optical axis, m, shape `[height, width, 1]`; infinite where nothing is.
-    pub depth: Option<Plane<f32>>,
-    /// Where the content is one frame period later and one earlier, px from here, shape `[height, width, 2]`.
-    pub motion: [Option<Plane<f32>>; 2],
-    /// What moves by itself: px a period beside the camera's, shape `[height, width, 2]`.
-    pub own: Option<Plane<f32>>,
-    /// 1 where it may be compared, shape `[height, width, 1]`.
-    pub open: Plane<f32>,
-    /// Where one thing ends before another; nothing without geometry.
-    pub jumps: Option<warp::Jumps>,
-}
-
-/// All frames of the simulator, in the order of the capture that stands for the pair.
-pub(super) struct SimFrames {
-    pub frames: Vec<SimFrame>,
-    pub times_s: Vec<f64>,
-    pub period_s: f64,
-    pub geometry: Geometry,
-}
 
 /// Two folders, matched frame by frame.
 pub struct Pair {
@@ -133,7 +100,7 @@ impl Pair {
             sim_frames.divide(parts);
         }
         let geometry = sim_frames.geometry;
-        sim_frames.frames.par_iter_mut().for_each(|f| f.jumps = warp::Jumps::of(f, geometry));
+        sim_frames.frames.par_iter_mut().for_each(|f| f.jumps = frames::Jumps::of(f, geometry));
         let entry = |(m, &start_s): (&Matched, &f64)| FrameEntry {
             timestamp_ns: (start_s * 1e9).round() as i64,
             start_s,
@@ -336,7 +303,7 @@ impl Aligned {
     }
 
     /// For the report: of frames that were warped what was measured before, else what is left of the places in the end.
-    pub(super) fn of(&self, frames: &[super::output::Shown]) -> Alignment {
+    pub(super) fn of(&self, frames: &[super::compared::Shown]) -> Alignment {
         let (kind, rms_px) = match (self.warped, self.before_px) {
             (_, None) => ("none", None),
             (true, before) => ("rough", before),

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::frames::SimFrame;
+use super::linear_of;
 use super::matched::Matched;
-use super::{SimFrame, linear_of};
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::read_text;
 use shutterbug::error::{Error, Result};

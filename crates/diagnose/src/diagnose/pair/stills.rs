@@ -1,7 +1,7 @@
 //! A few stills: too few to fit some and judge by others. Each is then taken several times, every time with other parts
 //! of the picture open, so that no part that is judged has been fitted.
 
-use super::SimFrame;
+use super::frames::SimFrame;
 use shutterbug::plane::Plane;
 
 /// Pairs from which on whole frames are fitted and judged.

@@ -141,7 +141,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Geometry, SimFrame};
+    use super::super::frames::{Geometry, SimFrame};
     use super::*;
     use std::sync::Arc;
 

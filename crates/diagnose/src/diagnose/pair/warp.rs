@@ -13,10 +13,10 @@ use std::sync::Arc;
 use glam::{DQuat, DVec2, DVec3, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::frames::Geometry;
+use super::outside::Outside;
 use super::sample::{depth_at, read, shifted};
-use super::{Geometry, SimFrame, SimFrames};
-use crate::diagnose::evidence::Evidence;
-use crate::diagnose::forward::{Forward, Quality, Sharp};
+use crate::diagnose::forward::{Forward, Quality};
 use crate::diagnose::model::{P, Theta};
 use shutterbug::camera::{Pose, ScanOrder, ShutterTiming};
 use shutterbug::plane::Plane;
@@ -40,17 +40,6 @@ const MOST_EDGE_PX: f32 = 12.0;
 /// misses of a step that lies anywhere in a pixel (0.285; 0.205 a quarter of the way, 0 on a pixel).
 const BETWEEN_PX: f32 = 0.285;
 
-/// The simulator's frames as a forward model reads them.
-pub(in crate::diagnose) struct Outside {
-    pub sim: Arc<SimFrames>,
-    /// By place in the evidence: the frame's number.
-    pub index: Vec<usize>,
-    /// By place: how far from each pixel its content is, px, shape `[height, width, 2]`; of frames that were aligned.
-    pub shift: Vec<Option<Plane<f32>>>,
-    /// By place: how far a warped frame still lies off, px.
-    pub left_px: Vec<f32>,
-}
-
 /// How content of one simulated frame lies at the time of a line.
 enum Mover {
     /// Points in the frame's camera in the space of the camera at that time, and the time as a part of a period.
@@ -73,57 +62,6 @@ struct Reader<'a> {
     /// By line: frames nearest first, and by begin, middle and end of the exposure how their content lies.
     lines: Vec<Vec<(usize, [Mover; 3])>>,
     quality: Quality,
-}
-
-impl Outside {
-    pub(in crate::diagnose) fn new(sim: &Arc<SimFrames>, evidence: &Evidence) -> Self {
-        let index: Vec<usize> = evidence.frames.iter().map(|f| f.index).collect();
-        let shift = index.iter().map(|_| None).collect();
-        let left_px = vec![0.0; index.len()];
-        Self { sim: sim.clone(), index, shift, left_px }
-    }
-
-    pub(in crate::diagnose) fn frame(&self, at: usize) -> &SimFrame {
-        &self.sim.frames[self.index[at]]
-    }
-
-    /// What a frame is like, see [`Sharp`].
-    pub(in crate::diagnose) fn sharp(&self, at: usize) -> Sharp {
-        let frame = self.frame(at);
-        let (w, h) = (frame.radiance.width, frame.radiance.height);
-        let per_s = (1.0 / self.sim.period_s) as f32;
-        let velocity = Plane::from_fn(w, h, |x, y| frame.speed(y * w + x).map(|v| v * per_s));
-        let depth = frame.depth.clone().unwrap_or_else(|| Plane::from_fn(w, h, |_, _| [f32::INFINITY]));
-        let own = frame
-            .own
-            .as_ref()
-            .map(|own| Plane { data: own.data.iter().map(|v| v * per_s).collect(), ..*own });
-        Sharp { velocity, own, depth, coverage: frame.open.clone() }
-    }
-}
-
-impl SimFrame {
-    /// Speed of the content at its instant, px a period.
-    fn speed(&self, i: usize) -> [f32; 2] {
-        let of = |p: &Option<Plane<f32>>| p.as_ref().map(|m| [m.data[2 * i], m.data[2 * i + 1]]);
-        match (of(&self.motion[0]), of(&self.motion[1])) {
-            (Some(f), Some(b)) => [0, 1].map(|k| 0.5 * (f[k] - b[k])),
-            (Some(f), None) => f,
-            (None, Some(b)) => b.map(|v| -v),
-            (None, None) => [0.0; 2],
-        }
-    }
-
-    /// Where content is `part` of a period later, px from here.
-    fn moved(&self, i: usize, part: f32) -> Vec2 {
-        let of = |p: &Option<Plane<f32>>| p.as_ref().map(|m| Vec2::new(m.data[2 * i], m.data[2 * i + 1]));
-        match (of(&self.motion[0]), of(&self.motion[1])) {
-            (Some(f), Some(b)) => 0.5 * part * (f - b) + 0.5 * part * part * (f + b),
-            (Some(f), None) => part * f,
-            (None, Some(b)) => -part * b,
-            (None, None) => Vec2::ZERO,
-        }
-    }
 }
 
 impl Forward {
@@ -219,7 +157,7 @@ impl Forward {
         let turn = DQuat::from_scaled_axis(DVec3::from(turn));
         let ray = |i: usize| {
             let px = DVec2::new((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
-            let n = turn * super::super::flow::undistort((px - centre) / f, theta).extend(1.0);
+            let n = turn * super::super::undistort::undistort((px - centre) / f, theta).extend(1.0);
             (n.truncate() / n.z.max(0.05)).as_vec2().to_array()
         };
         (0..w * k.height as usize).into_par_iter().map(ray).collect()
@@ -462,35 +400,5 @@ impl<'a> Reader<'a> {
         let rows = (y - n).max(0)..=(y + n).min(h - 1);
         let mut around = rows.flat_map(|v| ((x - n).max(0)..=(x + n).min(w - 1)).map(move |u| (u, v)));
         around.any(parted)
-    }
-}
-
-/// How much nearer one side of an edge is, or how much further it goes, pixel by pixel.
-#[derive(Clone)]
-pub(in crate::diagnose) struct Jumps {
-    /// Jump of the inverse distance, 1/m, or of the motion, px a period, to the next pixels.
-    plane: Plane<f32>,
-    most: f32,
-}
-
-impl Jumps {
-    pub(super) fn of(frame: &SimFrame, geometry: Geometry) -> Option<Self> {
-        let (w, h) = (frame.radiance.width, frame.radiance.height);
-        let value = |i: usize| -> Option<Vec2> {
-            match geometry {
-                Geometry::Depth => Some(Vec2::new(1.0 / frame.depth.as_ref()?.data[i], 0.0)),
-                Geometry::Motion => Some(Vec2::from(frame.speed(i))),
-                Geometry::None => None,
-            }
-        };
-        value(0)?;
-        let jump = |x: usize, y: usize| {
-            let here = value(y * w + x).unwrap_or_default();
-            let there = [(x + 1).min(w - 1) + y * w, (y + 1).min(h - 1) * w + x];
-            there.iter().filter_map(|&i| value(i)).map(|v| (v - here).length()).fold(0.0, f32::max)
-        };
-        let plane = Plane::from_fn(w, h, |x, y| [jump(x, y)]);
-        let most = plane.data.iter().copied().fold(0.0, f32::max);
-        Some(Self { plane, most })
     }
 }
