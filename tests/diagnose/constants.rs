@@ -7,17 +7,17 @@ use std::path::Path;
 
 /// Files whose constants decide: what simulations may differ by, chance, the decision, and the checks that it reads.
 const FILES: [&str; 11] = [
-    "discrepancy",
-    "judge",
-    "decide",
-    "residue",
-    "smear",
-    "exchange",
-    "description/candidates",
-    "description/surface",
-    "description/radiance",
-    "description/masks",
-    "description/settle",
+    "expect/discrepancy",
+    "judge/mod",
+    "search/decide",
+    "judge/residue",
+    "judge/smear",
+    "search/exchange",
+    "search/candidates",
+    "expect/description/surface",
+    "expect/description/radiance",
+    "expect/description/masks",
+    "expect/description/settle",
 ];
 /// Constants that say how something is worked out, and decide nothing.
 const ARITHMETIC: [&str; 23] = [
@@ -92,7 +92,8 @@ fn table() -> String {
             let cell = |s: &str| s.replace('|', "\\|");
             writeln!(
                 out,
-                "| `{file}::{}` | {} | {} | {} |",
+                "| `{}::{}` | {} | {} | {} |",
+                file.trim_end_matches("/mod"),
                 c.name,
                 cell(&c.value),
                 cell(&c.meaning),

@@ -17,6 +17,10 @@ const CRATES: [(&str, &str); 3] = [
     ("shutterbug_cli", "crates/cli/src"),
 ];
 
+/// The rooms of a diagnosis: each may name those before it.
+const ROOMS: [&str; 9] =
+    ["report", "evidence", "expect", "fit", "judge", "search", "tell", "gyro", "unpaired"];
+
 type Module = Vec<String>;
 
 /// One crate's files by module, without their tests.
@@ -176,19 +180,57 @@ fn module_of(relative: &Path) -> Module {
     parts
 }
 
+/// The sources of one crate.
+fn sources_of((name, folder): (&'static str, &str)) -> Sources {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let mut found = Vec::new();
+    files(&folder, &mut found);
+    let texts = found.iter().filter_map(|path| {
+        let module = module_of(path.strip_prefix(&folder).ok()?);
+        let tests = module.iter().any(|p| p == "tests");
+        (!tests).then(|| (module, fs::read_to_string(path).expect("a source file")))
+    });
+    Sources::new(name, texts)
+}
+
+/// Files of a diagnosis that name a room behind their own, or stand in none.
+fn out_of_order(sources: &Sources) -> Vec<String> {
+    let room = |m: &Module| match &m[..] {
+        [first, room, ..] if first == "diagnose" => Some(ROOMS.iter().position(|r| r == room)),
+        _ => None,
+    };
+    let mut wrong = Vec::new();
+    for (from, named) in sources.edges() {
+        let Some(own) = room(from) else { continue };
+        for to in named.iter().filter(|to| room(to).is_some_and(|there| own.is_none() || there > own)) {
+            wrong.push(format!("{} names {}", from.join("/"), to.join("/")));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn rooms_of_a_diagnosis_name_only_those_before_them() {
+    let sources = sources_of(CRATES[1]);
+    assert_eq!(out_of_order(&sources), Vec::<String>::new());
+    let folders = sources.code.keys().filter(|m| m.len() == 2 && m[0] == "diagnose").count();
+    assert_eq!(folders, ROOMS.len(), "each room has a line in ROOMS");
+    // Controls: the other way round, and a room that the list does not have.
+    let planted = |from: &str, uses: &str| {
+        let texts = [("diagnose/mod.rs", ""), ("diagnose/judge/mod.rs", "struct A;"), (from, uses)];
+        let texts = texts.map(|(file, text)| (module_of(Path::new(file)), text.to_owned()));
+        out_of_order(&Sources::new("shutterbug_diagnose", texts.into_iter())).len()
+    };
+    assert_eq!(planted("diagnose/fit/mod.rs", "use crate::diagnose::judge::A;"), 1);
+    assert_eq!(planted("diagnose/attic/mod.rs", "use super::judge::A;"), 1);
+    assert_eq!(planted("diagnose/search/mod.rs", "use super::judge::A;"), 0);
+}
+
 #[test]
 fn files_go_in_no_circle() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut wrong = Vec::new();
     for (name, folder) in CRATES {
-        let mut found = Vec::new();
-        files(&root.join(folder), &mut found);
-        let texts = found.iter().filter_map(|path| {
-            let module = module_of(path.strip_prefix(root.join(folder)).ok()?);
-            let tests = module.iter().any(|p| p == "tests");
-            (!tests).then(|| (module, fs::read_to_string(path).expect("a source file")))
-        });
-        let sources = Sources::new(name, texts);
+        let sources = sources_of((name, folder));
         let edges: usize = sources.edges().values().map(BTreeSet::len).sum();
         assert!(edges > sources.code.len(), "only {edges} paths in {name}: they are not read");
         for circle in sources.circles() {

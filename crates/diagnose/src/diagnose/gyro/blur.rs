@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 use super::input::Footage;
 use super::paths::{GROUPS, Numbers, Step, Timed, jackknife, seen, time_s};
-use crate::diagnose::budget::Budget;
-use crate::diagnose::linear::solve;
+use crate::diagnose::evidence::budget::Budget;
+use crate::diagnose::expect::linear::solve;
 use shutterbug::error::Result;
 use shutterbug::plane::{Plane, srgb_decode};
 
@@ -310,7 +310,7 @@ fn softened(plane: &Plane<f32>, sigma_px: f64) -> Plane<f32> {
 
 /// The value at a place (px, centres of pixels at +0.5), by Catmull and Rom's cubic.
 fn read(plane: &Plane<f32>, px: DVec2) -> f32 {
-    crate::diagnose::pair::channel_at(plane, [px.x as f32, px.y as f32], 0)
+    crate::diagnose::expect::pair::channel_at(plane, [px.x as f32, px.y as f32], 0)
 }
 
 /// Mean along a line through a pixel's centre, as an exposure would make it: of so many places that its spread is

@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
-use crate::diagnose::model::{P, Theta};
-use crate::diagnose::pair::{notes_of_kind, pictures};
-use crate::diagnose::settings::theta_of;
+use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::pair::{notes_of_kind, pictures};
+use crate::diagnose::expect::settings::theta_of;
 use shutterbug::camera::Intrinsics;
 use shutterbug::capture::{CameraFile, parse_frames, read_text};
 use shutterbug::error::{Error, Result};

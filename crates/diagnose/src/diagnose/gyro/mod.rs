@@ -20,9 +20,9 @@ mod turn;
 use std::path::Path;
 use std::time::Instant;
 
-use super::budget::Budget;
-use super::options::{DiagnoseOptions, Progress, candidates};
-use super::report::Report;
+use crate::diagnose::evidence::budget::Budget;
+use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
+use crate::diagnose::report::Report;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
 
@@ -69,7 +69,7 @@ pub fn diagnose_gyro(real: &Path, options: &DiagnoseOptions, progress: &mut dyn 
     report.input.seed = options.seed;
     report.input.seconds = begun.elapsed().as_secs_f64();
     let mut camera = footage.camera.clone();
-    super::settings::apply(&mut camera.settings, &theta, &set)?;
+    crate::diagnose::expect::settings::apply(&mut camera.settings, &theta, &set)?;
     let shown = outcome::shown(&footage, &steps, timed.as_ref())?;
     Ok(Gyroed { report, camera, shown })
 }

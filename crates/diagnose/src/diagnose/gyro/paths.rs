@@ -3,9 +3,9 @@
 use glam::{DQuat, DVec2, DVec3};
 
 use super::input::Footage;
-use crate::diagnose::linear::solve;
-use crate::diagnose::pair::lies;
-use crate::diagnose::undistort::undistort;
+use crate::diagnose::expect::linear::solve;
+use crate::diagnose::expect::pair::lies;
+use crate::diagnose::expect::undistort::undistort;
 use shutterbug::error::Result;
 
 /// Places across a frame and down it at which displacements are taken.

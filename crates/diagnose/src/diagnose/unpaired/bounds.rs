@@ -7,8 +7,8 @@ use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, squares};
 use super::marks::EDGES;
 use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
+use crate::diagnose::expect::model::{P, Theta, candidate_of};
 use crate::diagnose::judge::quantile_of_length;
-use crate::diagnose::model::{P, Theta, candidate_of};
 use shutterbug::chain::{Law, Value};
 
 /// How many times a strength is doubled before it is given up.

@@ -10,9 +10,9 @@ use super::clock::Clock;
 use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
 use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
+use crate::diagnose::expect::linear::solve;
+use crate::diagnose::expect::model::{P, Theta, candidate_of};
 use crate::diagnose::judge::quantile_of_length;
-use crate::diagnose::linear::solve;
-use crate::diagnose::model::{P, Theta, candidate_of};
 use shutterbug::error::Result;
 use shutterbug::plane::srgb_decode;
 

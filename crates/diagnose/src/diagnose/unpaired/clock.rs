@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::diagnose::budget::{Budget, Stage};
+use crate::diagnose::evidence::budget::{Budget, Stage};
 use shutterbug::error::Result;
 
 /// How often marks are measured for a report, besides once for each effect found: before, after, and those of the real

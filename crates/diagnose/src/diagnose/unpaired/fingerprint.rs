@@ -8,7 +8,7 @@ use super::marks::{
     BINS, Block, EDGES, LATERAL, LINEAR, LINES, MARKS, MOSAIC, Mark, NEIGHBOURS, PATTERN, STUCK, bin_dn,
     blocks, flat, marks, pattern_marks,
 };
-use crate::diagnose::hot::steady_spots;
+use crate::diagnose::judge::hot::steady_spots;
 use shutterbug::plane::{Plane, srgb_decode};
 
 /// What the sharpest edges of two rooms differ by, as a part of their width: five rooms of one renderer, nothing

@@ -23,12 +23,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::budget::Budget;
-use super::evidence::{Evidence, LEAST_SIDE_PX, useless};
-use super::model::Theta;
-use super::options::{DiagnoseOptions, Progress, candidates};
-use super::pair::{Pair, linear_of, notes_of_kind, pictures};
-use super::report::Report;
+use crate::diagnose::evidence::budget::Budget;
+use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX, useless};
+use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
+use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, pictures};
+use crate::diagnose::report::Report;
 use choose::{Chosen, choose};
 use clock::Clock;
 use fingerprint::Fingerprint;
@@ -122,7 +122,7 @@ pub fn diagnose_unpaired(
     };
     let own = own.map(begin).transpose()?;
     let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
-    let shown = super::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
+    let shown = crate::diagnose::search::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
     let (base, read_off) = shown.put(&Theta::neutral());
     let marks = Fingerprint::of(&fit.real, simulated::packed_dn2(&base));
     let steps = simulated::NAMES.len();
@@ -151,7 +151,7 @@ pub fn diagnose_unpaired(
         own.tell((sim, &sims), camera.linear, &chosen, &limits, &mut report)?;
     }
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
-    super::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
+    crate::diagnose::expect::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
 }
 

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::fingerprint::Fingerprint;
-use crate::diagnose::model::{P, Theta, candidate_of};
-use crate::diagnose::settings::settings_of;
+use crate::diagnose::expect::model::{P, Theta, candidate_of};
+use crate::diagnose::expect::settings::settings_of;
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::chain::View;
 use shutterbug::effects;
@@ -86,7 +86,7 @@ fn magnified(radiance: &Plane<f32>, theta: &Theta) -> Option<Plane<f32>> {
     let centre = [0.5 * radiance.width as f64, 0.5 * radiance.height as f64];
     let read = |x: usize, y: usize, c: usize| {
         let place = |v: usize, k: usize| (centre[k] + (v as f64 + 0.5 - centre[k]) / scales[c]) as f32;
-        crate::diagnose::pair::channel_at(radiance, [place(x, 0), place(y, 1)], c)
+        crate::diagnose::expect::pair::channel_at(radiance, [place(x, 0), place(y, 1)], c)
     };
     Some(Plane::from_fn(radiance.width, radiance.height, |x, y| {
         [read(x, y, 0), radiance.pixel(x, y)[1], read(x, y, 2), radiance.pixel(x, y)[3]]

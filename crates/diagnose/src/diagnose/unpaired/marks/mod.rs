@@ -13,7 +13,7 @@ pub(super) use blocks::{Block, blocks};
 pub(super) use flat::flat;
 pub(super) use pattern::pattern_marks;
 
-use crate::diagnose::pair::slopes_to;
+use crate::diagnose::expect::pair::slopes_to;
 use shutterbug::plane::Plane;
 use shutterbug::plane::srgb_decode;
 

@@ -43,7 +43,7 @@ pub(super) fn mosaic_marks(dn: &Plane<f32>, out: &mut [Mark]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::model::{P, Theta};
+    use crate::diagnose::expect::model::{P, Theta};
     use crate::diagnose::unpaired::marks::MARKS;
     use crate::diagnose::unpaired::simulated::Simulated;
     use shutterbug::chain::rng::random_normal;

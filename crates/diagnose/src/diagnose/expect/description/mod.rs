@@ -1,0 +1,212 @@
+//! What may be wrong with the description and not with the camera: how bright surfaces are, and where the camera was.
+//!
+//! Neither is a number that a search could try. Both are worked out anew for every camera that is considered, from
+//! frames that it is not judged by: factors on the radiance from the frames that fits see, the pose of a judged frame
+//! from half of its tiles, while the other half is scored. What a camera leaves beside the best description that goes
+//! with it is what it is judged by, so a camera's effect cannot hide in the description, nor the description in an
+//! effect, where frames tell them apart.
+
+pub(crate) mod grid;
+pub(crate) mod known;
+pub(crate) mod masks;
+pub(crate) mod poses;
+pub(crate) mod radiance;
+pub(crate) mod rays;
+pub(crate) mod seen_in_pictures;
+pub(crate) mod settle;
+pub(crate) mod surface;
+pub(crate) mod wander;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::forward::{Forward, Quality};
+use super::model::{P, Theta};
+use super::tone::Tone;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+use grid::{Grid, Surface};
+pub(crate) use known::Known;
+pub(crate) use masks::Kind;
+pub(crate) use poses::PoseShare;
+use radiance::{Lesson, Map, STEP, STEPS};
+use rays::Body;
+use surface::CELL;
+
+/// Most bytes of surfaces that are kept.
+const KEPT_BYTES: usize = 256 << 20;
+/// What is seen is worked out for places so far apart, px: factors hardly change over it, and edges of what is
+/// simulated are where they are all the same.
+const NEARBY_PX: f64 = 0.06;
+
+impl Forward {
+    /// Linear radiance as the sensor sees it, shape `[height, width, 3]`, of several frames (by place), with the
+    /// description as `theta` has it.
+    pub(crate) fn radiance(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
+        let theta = self.settled(frames, theta)?;
+        self.lit(frames, &theta, quality)
+    }
+
+    /// The same at the poses of `theta`.
+    pub(crate) fn lit(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
+        let bare = self.bare_radiance(frames, theta, quality)?;
+        if !theta.room.radiance {
+            return Ok(bare);
+        }
+        let map = self.map_of(theta, quality)?;
+        let surfaces: Vec<_> = frames.iter().map(|&at| self.surface(at, theta)).collect();
+        let size = [self.intrinsics.width as usize, self.intrinsics.height as usize];
+        let grid = &self.description.grid;
+        let lit = bare.iter().zip(&surfaces).map(|(plane, surface)| {
+            let mut factor = map.factor(grid, surface, size);
+            factor.data.iter_mut().zip(&plane.data).for_each(|(f, l)| *f *= l);
+            Arc::new(factor)
+        });
+        Ok(lit.collect())
+    }
+
+    /// Factors on the radiance that go with a camera, learnt from the frames that fits see.
+    pub(crate) fn map_of(&mut self, theta: &Theta, quality: Quality) -> Result<Arc<Map>> {
+        let quality = quality.min(Quality::Fit);
+        let mut own = theta.clone();
+        let sources = self.description.sources.clone();
+        let only = |(at, p): (usize, &mut [f64; 6])| {
+            if !sources.contains(&at) {
+                *p = [0.0; 6]
+            }
+        };
+        own.room.poses.iter_mut().enumerate().for_each(only);
+        let key = format!("{own:?} {quality:?} {}", self.native);
+        if let Some(known) = self.description.maps.get(&key) {
+            return Ok(known.clone());
+        }
+        let bare = self.bare_radiance(&sources, &own, quality)?;
+        let surfaces: Vec<_> = sources.iter().map(|&at| self.surface(at, &own)).collect();
+        // A compressor's steps have no slope, and cells are larger than its blocks.
+        let smooth = own.with(P::Quality, 0.0);
+        let tone = Tone::new(&smooth);
+        let mut map = Map::default();
+        for step in 0..STEPS {
+            let shared = &*self;
+            let drawn: Vec<[Plane<f32>; 2]> = (0..sources.len())
+                .into_par_iter()
+                .map(|i| shared.twice(sources[i], &bare[i], &surfaces[i], &map, step > 0, &smooth, &tone))
+                .collect();
+            let lessons: Vec<Lesson<'_>> = (0..sources.len())
+                .map(|i| Lesson {
+                    surface: &surfaces[i],
+                    real: &shared.description.real[sources[i]],
+                    simulated: &drawn[i][0],
+                    brighter: &drawn[i][1],
+                })
+                .collect();
+            map.learn(&shared.description.grid, &lessons);
+        }
+        map.fill(&self.description.grid);
+        let map = Arc::new(map);
+        if self.description.maps.len() > 64 {
+            self.description.maps.clear();
+        }
+        self.description.maps.insert(key, map.clone());
+        Ok(map)
+    }
+
+    /// A frame with its factors, and a little brighter, DN.
+    #[allow(clippy::too_many_arguments)]
+    fn twice(
+        &self,
+        at: usize,
+        bare: &Plane<f32>,
+        surface: &Surface,
+        map: &Map,
+        known: bool,
+        theta: &Theta,
+        tone: &Tone,
+    ) -> [Plane<f32>; 2] {
+        let mut lit = bare.clone();
+        if known {
+            let factor = map.factor(&self.description.grid, surface, [bare.width, bare.height]);
+            lit.data.iter_mut().zip(&factor.data).for_each(|(l, f)| *l *= f);
+        }
+        let simulated = self.develop(at, &lit, theta, tone);
+        let up = STEP.exp();
+        lit.data.iter_mut().for_each(|l| *l *= up);
+        [simulated, self.develop(at, &lit, theta, tone)]
+    }
+
+    /// What the pixels of a frame see, kept for as long as the geometry stays.
+    pub(crate) fn surface(&mut self, at: usize, theta: &Theta) -> Arc<Surface> {
+        let theta = &self.nearby(theta);
+        let key = format!("{:?}", self.sight_key(at, theta));
+        if let Some(known) = self.description.surfaces.get(&key) {
+            return known.clone();
+        }
+        let bodies = self.bodies();
+        let mut grid = std::mem::take(&mut self.description.grid);
+        if grid.count() == 0 {
+            grid = Grid::new(self.cell_m());
+        }
+        let surface = Arc::new(match &self.outside {
+            Some(outside) => self.surface_of_pictures(outside, &mut grid, at, theta),
+            None => self.surface_of(&bodies, &mut grid, at, theta),
+        });
+        self.description.grid = grid;
+        self.description.kept += surface.bytes();
+        if self.description.kept > KEPT_BYTES {
+            self.description.surfaces.clear();
+            self.description.kept = surface.bytes();
+        }
+        self.description.surfaces.insert(key, surface.clone());
+        surface
+    }
+
+    /// `theta` with its geometry rounded to what moves a picture by [`NEARBY_PX`].
+    fn nearby(&self, theta: &Theta) -> Theta {
+        let to = |v: f64, step: f64| (v / step).round() * step;
+        let angle = NEARBY_PX / self.intrinsics.fx;
+        let mut out = theta.clone();
+        for p in [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::P1, P::P2, P::K3] {
+            out.set(p, to(theta.get(p), angle));
+        }
+        // A head that turns by 2 rad a second.
+        for p in [P::Offset, P::Readout, P::Exposure] {
+            out.set(p, to(theta.get(p), 0.5 * angle));
+        }
+        for pose in &mut out.room.poses {
+            // Things are some meters away.
+            (0..6).for_each(|i| pose[i] = to(pose[i], if i < 3 { angle } else { 3.0 * angle }));
+        }
+        out
+    }
+
+    fn bodies(&mut self) -> Arc<Vec<Body>> {
+        let scene = self.scene.clone();
+        self.description.bodies.get_or_insert_with(|| Arc::new(Body::all(&scene))).clone()
+    }
+
+    /// Side of the cells, m.
+    fn cell_m(&self) -> f32 {
+        let every = |s: &super::sharp::Sharp| {
+            s.depth.data.iter().copied().filter(|d| d.is_finite()).step_by(97).collect::<Vec<f32>>()
+        };
+        let mut depths: Vec<f32> = self.sharp.iter().flat_map(every).collect();
+        if depths.is_empty() {
+            return 1.0;
+        }
+        let middle = depths.len() / 2;
+        let depth_m = *depths.select_nth_unstable_by(middle, f32::total_cmp).1;
+        (CELL * f64::from(self.intrinsics.width) / self.intrinsics.fx) as f32 * depth_m
+    }
+}

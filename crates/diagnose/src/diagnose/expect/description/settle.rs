@@ -1,0 +1,206 @@
+//! Where the camera was in each frame, for a given camera: the pose of a frame that is judged from half of its tiles,
+//! of one that fits see from all of them; and how fits see what the description could do.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::diagnose::evidence::blocks::pooled;
+use crate::diagnose::expect::description::grid::NONE;
+use crate::diagnose::expect::description::masks::is_paid;
+use crate::diagnose::expect::description::poses::{PoseShare, UNITS, eliminated};
+use crate::diagnose::expect::description::radiance::{STEP, without_factor};
+use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::linear::solve;
+use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::expect::weighing::{FrameValues, Weighing};
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+/// Means over blocks that poses are solved at, px, one after another.
+const BLOCKS: [usize; 4] = [4, 4, 2, 2];
+/// A step of less than this is the last, units (a few hundredths of a px).
+const SMALL: f64 = 0.1;
+
+impl Forward {
+    /// `theta` with the poses of those of `frames` that are judged, each estimated from half of its tiles.
+    pub(crate) fn settled<'a>(&mut self, frames: &[usize], theta: &'a Theta) -> Result<Cow<'a, Theta>> {
+        if theta.room.poses.is_empty() {
+            return Ok(Cow::Borrowed(theta));
+        }
+        let sources = self.description.sources.clone();
+        let judged: Vec<usize> = frames.iter().copied().filter(|at| !sources.contains(at)).collect();
+        let mut out = theta.clone();
+        let keys: Vec<String> = judged.iter().map(|&at| self.pose_key(at, theta, &sources)).collect();
+        let missing: Vec<usize> =
+            (0..judged.len()).filter(|&i| !self.description.settled.contains_key(&keys[i])).collect();
+        let places: Vec<usize> = missing.iter().map(|&i| judged[i]).collect();
+        let solved = self.track(&places, theta, &BLOCKS, true)?;
+        for (&i, pose) in missing.iter().zip(solved) {
+            self.description.settled.insert(keys[i].clone(), pose);
+        }
+        for (at, key) in judged.iter().zip(&keys) {
+            out.room.poses[*at] = self.description.settled[key];
+        }
+        Ok(Cow::Owned(out))
+    }
+
+    /// All that the pose of a judged frame depends on.
+    fn pose_key(&self, at: usize, theta: &Theta, sources: &[usize]) -> String {
+        let mut own = theta.clone();
+        let used = |i: usize| i == at || (theta.room.radiance && sources.contains(&i));
+        for (_, p) in own.room.poses.iter_mut().enumerate().filter(|(i, _)| !used(*i)) {
+            *p = [0.0; 6];
+        }
+        format!("{at} {own:?} {}", self.native)
+    }
+
+    /// The poses of some frames that explain them best, beginning with those of `theta`.
+    pub(crate) fn track(
+        &mut self,
+        places: &[usize],
+        theta: &Theta,
+        blocks: &[usize],
+        half: bool,
+    ) -> Result<Vec<[f64; 6]>> {
+        let mut theta = theta.clone();
+        let mut open: Vec<usize> = places.to_vec();
+        for &block in blocks {
+            if open.is_empty() {
+                break;
+            }
+            let radiance = self.lit(&open, &theta, Quality::Fit)?;
+            let (shared, smooth) = (&*self, theta.with(P::Quality, 0.0));
+            let tone = Tone::new(&smooth);
+            let steps: Vec<Option<[f64; 6]>> = (0..open.len())
+                .into_par_iter()
+                .map(|i| shared.pose_step(open[i], &radiance[i], &smooth, &tone, block, half))
+                .collect();
+            let mut rest = Vec::new();
+            for (&at, step) in open.iter().zip(steps) {
+                let Some(step) = step else { continue };
+                (0..6).for_each(|i| theta.room.poses[at][i] += UNITS[i] * step[i]);
+                if step.iter().any(|s| s.abs() > SMALL) {
+                    rest.push(at);
+                }
+            }
+            open = rest;
+        }
+        Ok(places.iter().map(|&at| theta.room.poses[at]).collect())
+    }
+
+    /// A Gauss-Newton step of the pose of one frame, units.
+    fn pose_step(
+        &self,
+        at: usize,
+        radiance: &Plane<f32>,
+        theta: &Theta,
+        tone: &Tone,
+        block: usize,
+        half: bool,
+    ) -> Option<[f64; 6]> {
+        let picture = self.develop(at, radiance, theta, tone);
+        let (w, h) = (picture.width, picture.height);
+        let real = &self.description.real[at];
+        let open = |i: usize| !half || is_paid(i % w, i / w);
+        let small = |d: &[f32]| {
+            let data: Vec<f32> =
+                d.iter().enumerate().map(|(i, v)| if open(i / 3) { *v } else { 0.0 }).collect();
+            pooled(&data, w, h, block)
+        };
+        let difference: Vec<f32> = real.data.iter().zip(&picture.data).map(|(r, s)| r - s).collect();
+        let r = small(&difference);
+        let columns: Vec<Vec<f32>> =
+            self.pose_columns(at, &picture, theta).iter().map(|d| small(d)).collect();
+        let weighing =
+            Weighing::new(&[] as &[Plane<f32>], &Tone::new(&Theta::neutral()), block, 1.0).chosen(&[&r]);
+        let weights = weighing.weights(0, &r);
+        let product = |a: &[f32], b: &[f32]| -> f64 {
+            weights.iter().zip(a).zip(b).map(|((&w, &a), &b)| f64::from(w * a * b)).sum()
+        };
+        let a: Vec<Vec<f64>> =
+            columns.iter().map(|i| columns.iter().map(|j| product(i, j)).collect()).collect();
+        let b: Vec<f64> = columns.iter().map(|j| product(j, &r)).collect();
+        let step = solve(&a, &b, 1e-4)?;
+        Some(std::array::from_fn(|i| step[i]))
+    }
+
+    /// Takes out of the columns of a fit what the description could do in their place, and says what poses do then.
+    pub(crate) fn beside_description(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        radiance: &[Arc<Plane<f32>>],
+        block: usize,
+        weighing: &Weighing,
+        values: &mut [FrameValues],
+    ) -> Vec<PoseShare> {
+        if !theta.room.radiance && theta.room.poses.is_empty() {
+            return Vec::new();
+        }
+        let weights: Vec<Vec<f32>> =
+            values.iter().enumerate().map(|(f, v)| weighing.weights(f, &v.0)).collect();
+        let smooth = theta.with(P::Quality, 0.0);
+        let tone = Tone::new(&smooth);
+        if theta.room.radiance {
+            self.beside_factor(frames, &smooth, radiance, block, &weights, values);
+        }
+        if theta.room.poses.is_empty() {
+            return Vec::new();
+        }
+        let shared = &*self;
+        let one = |f: usize, (r, columns): &mut FrameValues| {
+            let picture = shared.develop(frames[f], &radiance[f], &smooth, &tone);
+            let own = shared.pose_columns(frames[f], &picture, theta);
+            let own: Vec<_> = own.iter().map(|d| pooled(d, picture.width, picture.height, block)).collect();
+            eliminated(frames[f], &own, &weights[f], r, columns)
+        };
+        values.par_iter_mut().enumerate().filter_map(|(f, v)| one(f, v)).collect()
+    }
+
+    fn beside_factor(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        radiance: &[Arc<Plane<f32>>],
+        block: usize,
+        weights: &[Vec<f32>],
+        values: &mut [FrameValues],
+    ) {
+        let surfaces: Vec<_> = frames.iter().map(|&at| self.surface(at, theta)).collect();
+        let (shared, tone) = (&*self, Tone::new(theta));
+        let (w, h) = (self.intrinsics.width as usize, self.intrinsics.height as usize);
+        let (cw, ch) = (w / block, h / block);
+        let slopes: Vec<Vec<f32>> = (0..frames.len())
+            .into_par_iter()
+            .map(|f| {
+                let mut lit = (*radiance[f]).clone();
+                let now = shared.develop(frames[f], &lit, theta, &tone);
+                lit.data.iter_mut().for_each(|l| *l *= STEP.exp());
+                let then = shared.develop(frames[f], &lit, theta, &tone);
+                let d: Vec<f32> = then.data.iter().zip(&now.data).map(|(a, b)| (a - b) / STEP).collect();
+                pooled(&d, w, h, block)
+            })
+            .collect();
+        let middle = |i: usize| (i / cw * block + block / 2) * w + i % cw * block + block / 2;
+        let seen: Vec<(Vec<u32>, Vec<[f32; 3]>)> = surfaces
+            .iter()
+            .map(|s| {
+                let cells = (0..cw * ch).map(|i| s.cell.get(middle(i)).copied().unwrap_or(NONE)).collect();
+                (cells, (0..cw * ch).map(|i| s.local[middle(i)]).collect())
+            })
+            .collect();
+        let count = values.first().map_or(0, |v| v.1.len());
+        let mut columns: Vec<Vec<Vec<f32>>> =
+            (0..count).map(|j| values.iter_mut().map(|v| std::mem::take(&mut v.1[j])).collect()).collect();
+        columns.par_iter_mut().for_each(|column| {
+            let mut pictures: Vec<&mut Vec<f32>> = column.iter_mut().collect();
+            without_factor(&shared.description.grid, &seen, &slopes, weights, &mut pictures);
+        });
+        for (j, column) in columns.into_iter().enumerate() {
+            values.iter_mut().zip(column).for_each(|(v, d)| v.1[j] = d);
+        }
+    }
+}

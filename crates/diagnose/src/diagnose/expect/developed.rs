@@ -1,0 +1,153 @@
+//! From radiance to delivered pictures, and the last of these, kept: a search asks for the picture of one point again
+//! and again (as the end of a step, the beginning of the next, the model to be compared with).
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::bench::{Flipped, PictureKey};
+use super::discrepancy::{DRAWS, off_by};
+use super::forward::{Forward, Quality};
+use super::model::{P, Theta};
+use super::settings::settings_of;
+use super::tone::Tone;
+use crate::diagnose::flips::Flips;
+use shutterbug::chain::View;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+use shutterbug::reference::moments::{expected, through_file};
+
+/// Sets of draws that are kept, see [`Forward::flipped`].
+const KEPT_DRAWS: usize = 4;
+
+impl Forward {
+    /// Values as delivered, DN, without noise; by place.
+    pub(crate) fn simulate(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Plane<f32>>> {
+        Ok(self.pictures(frames, theta, quality)?.iter().map(|p| (**p).clone()).collect())
+    }
+
+    /// The same, shared with whoever asks next.
+    pub(crate) fn pictures(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
+        let point = theta.bits();
+        let key = |at: usize| (at, quality, self.native, self.light[at].to_bits(), point.clone());
+        let keys: Vec<PictureKey> = frames.iter().map(|&at| key(at)).collect();
+        let mut found: Vec<Option<Arc<Plane<f32>>>> = keys.iter().map(|key| self.recall(key)).collect();
+        let missing: Vec<usize> = (0..frames.len()).filter(|&i| found[i].is_none()).collect();
+        if !missing.is_empty() {
+            let places: Vec<usize> = missing.iter().map(|&i| frames[i]).collect();
+            let radiance = self.radiance(&places, theta, quality)?;
+            self.budget.go_on()?;
+            let tone = Tone::new(theta);
+            let develop = |(&at, r): (&usize, &Arc<Plane<f32>>)| Arc::new(self.develop(at, r, theta, &tone));
+            let done: Vec<_> = places.par_iter().zip(&radiance).map(develop).collect();
+            for (i, plane) in missing.into_iter().zip(done) {
+                self.bench.developed.keep(keys[i].clone(), plane.clone());
+                found[i] = Some(plane);
+            }
+        }
+        Ok(found.into_iter().map(|f| f.expect("just developed")).collect())
+    }
+
+    fn recall(&mut self, key: &PictureKey) -> Option<Arc<Plane<f32>>> {
+        let kept = self.bench.developed.recall(key);
+        if kept.is_some() || !self.trying { kept } else { self.aside.developed.recall(key) }
+    }
+
+    /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no
+    /// compression, or where pixels share their chroma before it.
+    pub(crate) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
+        let tone = Tone::new(theta);
+        if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
+            return Ok(Vec::new());
+        }
+        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        self.budget.go_on()?;
+        let of = |dn: &Arc<Plane<f32>>| {
+            let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
+            let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
+            Flips::of(dn, &variance, theta.get(P::Quality) as u8)
+        };
+        Ok(before.par_iter().map(of).collect())
+    }
+
+    /// By frame (place): differences between another correct simulation of `theta` and this one, DN, one a draw: what
+    /// is compressed otherwise, and what a path does that wanders within a frame. `pictures` are this one's.
+    pub(crate) fn drawn(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        quality: Quality,
+        pictures: &[Arc<Plane<f32>>],
+    ) -> Result<Flipped> {
+        let mut drawn = self.flipped(frames, theta, quality)?;
+        let wandered = self.wandered(frames, theta, pictures);
+        for (to, more) in drawn.iter_mut().zip(wandered) {
+            if to.is_empty() {
+                *to = more;
+                continue;
+            }
+            for (to, more) in to.iter_mut().zip(more) {
+                let to = Arc::make_mut(to);
+                to.data.iter_mut().zip(&more.data).for_each(|(a, b)| *a += b);
+            }
+        }
+        Ok(drawn)
+    }
+
+    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its
+    /// compression, DN, one a draw. A coefficient near a threshold of the quantizer goes the other way, in every block
+    /// of that colour. Nothing without compression, which spreads nothing.
+    fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
+        if !theta.is_on(P::Quality) {
+            return Ok(vec![Vec::new(); frames.len()]);
+        }
+        let key = format!("{frames:?} {quality:?} {} {:?} {theta:?}", self.native, self.light);
+        if let Some((_, known)) = self.bench.developed.flipped.iter().find(|(k, _)| *k == key) {
+            return Ok(known.clone());
+        }
+        let (settings, tone) = (settings_of(theta), Tone::new(theta));
+        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let after = self.pictures(frames, theta, quality)?;
+        let less = |mut a: Plane<f32>, b: &Plane<f32>| {
+            a.data.iter_mut().zip(&b.data).for_each(|(a, b)| *a -= b);
+            a
+        };
+        let paths = self.paths(frames, theta);
+        let one = |i: usize| -> Vec<Arc<Plane<f32>>> {
+            if self.budget.is_over() {
+                return Vec::new();
+            }
+            let off = |draw| off_by(&before[i], paths.get(i), draw, frames[i]);
+            let drawn = |draw| through_file(&off(draw), &settings, &tone);
+            (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
+        };
+        let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();
+        self.budget.go_on()?;
+        let kept = &mut self.bench.developed.flipped;
+        kept.truncate(KEPT_DRAWS - 1);
+        kept.insert(0, (key, flipped.clone()));
+        Ok(flipped)
+    }
+
+    /// Develops the radiance of a frame.
+    pub(crate) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
+        let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
+        let settings = settings_of(theta);
+        if self.light[at] == 1.0 {
+            return expected(radiance, &settings, &view, tone);
+        }
+        let light = self.light[at] as f32;
+        let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
+        expected(&lit, &settings, &view, tone)
+    }
+}

@@ -1,0 +1,415 @@
+//! How real and simulated frames lie on each other, measured before anything is compared: displacements of a grid of
+//! windows, each with a brightness of its own (Lucas and Kanade 1981, with gain and offset), smooth from window to
+//! window.
+
+use rayon::prelude::*;
+
+use shutterbug::plane::Plane;
+
+/// Below this frames are compared as they lie, px: reading a picture between its pixels would change it by more.
+pub(super) const EXACT_PX: f64 = 0.25;
+/// Windows across a picture.
+const ACROSS: usize = 12;
+/// Width of the finer windows by which motion is estimated, px.
+const FINE_PX: usize = 10;
+/// Width of the smallest picture of a pyramid, px.
+const SMALLEST_PX: usize = 48;
+/// Rounds on each picture of a pyramid.
+const ROUNDS: usize = 6;
+/// Weight of a window's neighbours beside what it sees itself, as a part of what windows see on average.
+const SMOOTH: f64 = 0.3;
+/// A window shows the same in both frames if it correlates so well.
+const ALIKE: f64 = 0.8;
+
+/// A single-channel picture.
+#[derive(Clone)]
+pub(super) struct Grey {
+    pub w: usize,
+    pub h: usize,
+    pub data: Vec<f32>,
+}
+
+/// Displacements of a grid of windows, px: where content of the first picture is in the second.
+#[derive(Clone)]
+struct Field {
+    nx: usize,
+    ny: usize,
+    at: Vec<[f64; 2]>,
+}
+
+/// What one window sees: the normal equations of its displacement, and how alike the pictures are in it.
+#[derive(Clone, Copy, Default)]
+struct Window {
+    a: [f64; 3],
+    b: [f64; 2],
+    alike: f64,
+}
+
+/// How one frame lies on another.
+pub(crate) struct Lies {
+    /// Where the content of each pixel of the real frame is in the simulated one, px from there.
+    pub shift: Plane<f32>,
+    /// Root mean square of it over what can be told, px; nothing where the frames have nothing in common.
+    pub rms_px: Option<f64>,
+    /// The same of what is left behind it.
+    pub left_px: Option<f64>,
+    /// 1 where windows are alike and lie on each other, shape `[height, width, 1]`.
+    pub alike: Plane<f32>,
+}
+
+impl Grey {
+    pub(super) fn of(plane: &Plane<f32>) -> Self {
+        let data = plane.data.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect();
+        Self { w: plane.width, h: plane.height, data }
+    }
+
+    /// Half the size.
+    fn half(&self) -> Self {
+        let soft = self.soft();
+        let (w, h) = (self.w / 2, self.h / 2);
+        let at = |x: usize, y: usize| soft.data[y * self.w + x];
+        let mean = |i: usize| {
+            let (x, y) = (2 * (i % w), 2 * (i / w));
+            0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1))
+        };
+        Self { w, h, data: (0..w * h).map(mean).collect() }
+    }
+
+    /// Blurred by one pixel, so that pictures of unlike sharpness have slopes alike.
+    fn soft(&self) -> Self {
+        let (w, h) = (self.w as isize, self.h as isize);
+        let pass = |data: &[f32], dx: isize, dy: isize| -> Vec<f32> {
+            let at = |x: isize, y: isize| data[(y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize];
+            let one = |i: isize| {
+                let (x, y) = (i % w, i / w);
+                let sum = |k: isize| at(x - k * dx, y - k * dy) + at(x + k * dx, y + k * dy);
+                0.375 * at(x, y) + 0.25 * sum(1) + 0.0625 * sum(2)
+            };
+            (0..w * h).into_par_iter().map(one).collect()
+        };
+        let across = pass(&self.data, 1, 0);
+        Self { data: pass(&across, 0, 1), ..*self }
+    }
+
+    fn read(&self, x: f64, y: f64) -> f32 {
+        let (x, y) = (x.clamp(0.0, self.w as f64 - 1.001), y.clamp(0.0, self.h as f64 - 1.001));
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+        let at = |x: usize, y: usize| self.data[y.min(self.h - 1) * self.w + x.min(self.w - 1)];
+        (at(x0, y0) * (1.0 - fx) + at(x0 + 1, y0) * fx) * (1.0 - fy)
+            + (at(x0, y0 + 1) * (1.0 - fx) + at(x0 + 1, y0 + 1) * fx) * fy
+    }
+}
+
+impl Field {
+    fn zero(w: usize, h: usize) -> Self {
+        Self::across(ACROSS, w, h)
+    }
+
+    fn across(nx: usize, w: usize, h: usize) -> Self {
+        let ny = (nx * h / w).max(3);
+        Self { nx, ny, at: vec![[0.0; 2]; nx * ny] }
+    }
+
+    /// Middle of a window in a picture of that size, px.
+    fn middle(&self, i: usize, (w, h): (usize, usize)) -> [f64; 2] {
+        let part = |k: usize, n: usize, side: usize| (k as f64 + 0.5) / n as f64 * side as f64 - 0.5;
+        [part(i % self.nx, self.nx, w), part(i / self.nx, self.ny, h)]
+    }
+
+    /// The displacement at a pixel of a picture of that size.
+    fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
+        // Straight on beyond the outer windows: displacements by a turn grow towards the border.
+        let place = |v: f64, n: usize, side: usize| {
+            let u = (v + 0.5) / side as f64 * n as f64 - 0.5;
+            let low = (u.floor().max(0.0) as usize).min(n - 2);
+            (low, u - low as f64)
+        };
+        let ((x0, fx), (y0, fy)) = (place(x, self.nx, w), place(y, self.ny, h));
+        let at = |x: usize, y: usize, k: usize| self.at[y * self.nx + x][k];
+        [0, 1].map(|k| {
+            (at(x0, y0, k) * (1.0 - fx) + at(x0 + 1, y0, k) * fx) * (1.0 - fy)
+                + (at(x0, y0 + 1, k) * (1.0 - fx) + at(x0 + 1, y0 + 1, k) * fx) * fy
+        })
+    }
+
+    /// Moves every window by what it and its neighbours see.
+    fn step(&mut self, windows: &[Window]) {
+        let trace = windows.iter().map(|w| 0.5 * (w.a[0] + w.a[2])).sum::<f64>() / windows.len() as f64;
+        let lambda = SMOOTH * trace.max(1e-9);
+        let old = self.at.clone();
+        let near = |i: usize| {
+            let (x, y) = ((i % self.nx) as isize, (i / self.nx) as isize);
+            let inside = |(x, y): &(isize, isize)| {
+                *x >= 0 && *y >= 0 && *x < self.nx as isize && *y < self.ny as isize
+            };
+            let all = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
+            all.into_iter().filter(inside).map(|(x, y)| y as usize * self.nx + x as usize).collect::<Vec<_>>()
+        };
+        // What differs from the mean of the neighbours pays; straight lines from window to window pay nothing inside.
+        for _ in 0..60 {
+            for i in 0..self.at.len() {
+                let around = near(i);
+                let n = around.len() as f64;
+                let mean = [0, 1].map(|k| around.iter().map(|&j| self.at[j][k]).sum::<f64>() / n);
+                let (w, l) = (&windows[i], lambda * if around.len() == 4 { 1.0 } else { 0.1 });
+                let (a, b, c) = (w.a[0] + l, w.a[1], w.a[2] + l);
+                let r = [0, 1].map(|k| {
+                    let own = if k == 0 {
+                        w.a[0] * old[i][0] + w.a[1] * old[i][1]
+                    } else {
+                        w.a[1] * old[i][0] + w.a[2] * old[i][1]
+                    };
+                    own + w.b[k] + l * mean[k]
+                });
+                let d = a * c - b * b;
+                if d > 0.0 {
+                    self.at[i] = [(c * r[0] - b * r[1]) / d, (a * r[1] - b * r[0]) / d];
+                }
+            }
+        }
+    }
+
+    fn rms(&self, windows: &[Window]) -> Option<f64> {
+        let seen: Vec<usize> = (0..windows.len()).filter(|&i| windows[i].alike > ALIKE).collect();
+        // A few windows may be alike by chance.
+        if 4 * seen.len() < windows.len() {
+            return None;
+        }
+        let square: f64 = seen.iter().map(|&i| self.at[i][0].powi(2) + self.at[i][1].powi(2)).sum();
+        Some((square / seen.len() as f64).sqrt())
+    }
+}
+
+/// What each window of two pictures says of how the second lies beside where `field` has it.
+fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
+    let size = (a.w, a.h);
+    let half = [a.w as f64 / field.nx as f64 * 0.75, a.h as f64 / field.ny as f64 * 0.75];
+    // Nothing is displaced yet: pixels are read as they are.
+    let rests = field.at.iter().all(|d| *d == [0.0; 2]);
+    let one = |i: usize| {
+        let middle = field.middle(i, size);
+        let range = |k: usize, side: usize| {
+            let (from, to) = (middle[k] - half[k], middle[k] + half[k]);
+            (from.max(1.0) as usize)..(to.min(side as f64 - 2.0).max(1.0) as usize)
+        };
+        let mut seen = Vec::new();
+        for y in range(1, a.h) {
+            for x in range(0, a.w) {
+                if rests {
+                    let at = |x: usize, y: usize| f64::from(b.data[y * b.w + x]);
+                    let (gx, gy) = (0.5 * (at(x + 1, y) - at(x - 1, y)), 0.5 * (at(x, y + 1) - at(x, y - 1)));
+                    seen.push([f64::from(a.data[y * a.w + x]), at(x, y), gx, gy]);
+                    continue;
+                }
+                let [u, v] = field.read(x as f64, y as f64, size);
+                let (px, py) = (x as f64 + u, y as f64 + v);
+                if px < 1.0 || py < 1.0 || px > a.w as f64 - 2.0 || py > a.h as f64 - 2.0 {
+                    continue;
+                }
+                let gx = 0.5 * (b.read(px + 1.0, py) - b.read(px - 1.0, py));
+                let gy = 0.5 * (b.read(px, py + 1.0) - b.read(px, py - 1.0));
+                seen.push([
+                    f64::from(a.data[y * a.w + x]),
+                    f64::from(b.read(px, py)),
+                    f64::from(gx),
+                    f64::from(gy),
+                ]);
+            }
+        }
+        window(&seen)
+    };
+    (0..field.at.len()).into_par_iter().map(one).collect()
+}
+
+/// Normal equations of a window: `a = gain (b + slope . d) + offset`, with gain and offset from the window itself.
+fn window(seen: &[[f64; 4]]) -> Window {
+    let n = seen.len() as f64;
+    if n < 12.0 {
+        return Window::default();
+    }
+    let mean: [f64; 4] = std::array::from_fn(|k| seen.iter().map(|s| s[k]).sum::<f64>() / n);
+    let mut c = [[0.0; 4]; 4];
+    for s in seen {
+        let d: [f64; 4] = std::array::from_fn(|k| s[k] - mean[k]);
+        (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j] / n));
+    }
+    let alike = c[0][1] / (c[0][0] * c[1][1]).sqrt().max(1e-9);
+    if !(alike > 0.3) || c[1][1] < 0.25 {
+        return Window { alike, ..Window::default() };
+    }
+    let gain = c[0][1] / c[1][1];
+    // What gain and offset could do is taken out of the slopes.
+    let beside = |i: usize, j: usize| c[i][j] - c[i][1] * c[1][j] / c[1][1];
+    let noise = (c[0][0] - gain * c[0][1]).max(0.1);
+    let weight = n * alike.powi(4) / noise;
+    let a = [beside(2, 2), beside(2, 3), beside(3, 3)].map(|v| weight * gain * gain * v);
+    let b = [beside(2, 0), beside(3, 0)].map(|v| weight * gain * v);
+    Window { a, b, alike }
+}
+
+/// How the simulated frame lies on the real one (both DN, shape `[height, width, 3]`).
+pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>) -> Lies {
+    let (field, seen, left) = displacements(&Grey::of(real), &Grey::of(sim));
+    let (w, h) = (real.width, real.height);
+    let shift = Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32));
+    let good = |i: usize| {
+        let rest = left.at[i][0].hypot(left.at[i][1]);
+        seen[i].alike > ALIKE && rest < EXACT_PX
+    };
+    let open: Vec<bool> = (0..seen.len()).map(good).collect();
+    let alike = Plane::from_fn(w, h, |x, y| {
+        let cell = (y * field.ny / h).min(field.ny - 1) * field.nx + (x * field.nx / w).min(field.nx - 1);
+        [f32::from(u8::from(open[cell]))]
+    });
+    Lies { rms_px: field.rms(&seen), left_px: left.rms(&seen), shift, alike }
+}
+
+/// Displacements, what windows see at their end, and what single windows would still move by.
+fn displacements(real: &Grey, sim: &Grey) -> (Field, Vec<Window>, Field) {
+    let mut levels = vec![(real.soft(), sim.soft())];
+    while levels.last().is_some_and(|(a, _)| a.w >= 2 * SMALLEST_PX) {
+        let (a, b) = levels.last().expect("not empty");
+        levels.push((a.half(), b.half()));
+    }
+    let (a, b) = levels.last().expect("not empty");
+    let mut field = Field::zero(a.w, a.h);
+    let whole = whole_shift(a, b);
+    field.at.fill(whole);
+    for (k, (a, b)) in levels.iter().enumerate().rev() {
+        for _ in 0..ROUNDS {
+            let seen = windows(a, b, &field);
+            field.step(&seen);
+        }
+        if k > 0 {
+            field.at.iter_mut().for_each(|d| *d = d.map(|v| 2.0 * v));
+        }
+    }
+    let seen = windows(&levels[0].0, &levels[0].1, &field);
+    let alone = |w: &Window| {
+        let d = w.a[0] * w.a[2] - w.a[1] * w.a[1];
+        if d > 1e-9 {
+            [(w.a[2] * w.b[0] - w.a[1] * w.b[1]) / d, (w.a[0] * w.b[1] - w.a[1] * w.b[0]) / d]
+        } else {
+            [0.0; 2]
+        }
+    };
+    let left = Field { at: seen.iter().map(alone).collect(), ..field };
+    (field, seen, left)
+}
+
+/// Where the content of each pixel of one picture is in another one, px from there (both DN, shape `[height, width,
+/// 3]`): as [`lies`] has it, and from there on in windows of [`FINE_PX`].
+pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>) -> Plane<f32> {
+    let (a, b) = (Grey::of(from), Grey::of(to));
+    let (coarse, ..) = displacements(&a, &b);
+    let (w, h) = (a.w, a.h);
+    let mut field = Field::across((w / FINE_PX).max(ACROSS), w, h);
+    for i in 0..field.at.len() {
+        let [x, y] = field.middle(i, (w, h));
+        field.at[i] = coarse.read(x, y, (w, h));
+    }
+    let (a, b) = (a.soft(), b.soft());
+    for _ in 0..ROUNDS {
+        let seen = windows(&a, &b, &field);
+        field.step(&seen);
+    }
+    Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32))
+}
+
+/// Windows of two pictures that lie on each other but for little: middle (px), and the normal equations of how the
+/// second lies beside the first.
+pub(crate) fn slopes_to(a: &Plane<f32>, b: &Plane<f32>) -> Vec<([f64; 2], [f64; 3], [f64; 2])> {
+    let (a, b) = (Grey::of(a).soft(), Grey::of(b).soft());
+    let field = Field::zero(a.w, a.h);
+    let seen = windows(&a, &b, &field);
+    let middle = |i: usize| field.middle(i, (a.w, a.h)).map(|v| v + 0.5);
+    seen.iter().enumerate().map(|(i, w)| (middle(i), w.a, w.b)).collect()
+}
+
+/// The shift of the whole picture that makes two small ones most alike, up to a fifth of their sides.
+fn whole_shift(a: &Grey, b: &Grey) -> [f64; 2] {
+    let (rx, ry) = ((a.w / 5) as isize, (a.h / 5) as isize);
+    let alike = |dx: isize, dy: isize| {
+        let mut seen = Vec::new();
+        for y in (0..a.h as isize).filter(|y| (0..a.h as isize).contains(&(y + dy))) {
+            for x in (0..a.w as isize).filter(|x| (0..a.w as isize).contains(&(x + dx))) {
+                let at = |g: &Grey, x: isize, y: isize| f64::from(g.data[y as usize * g.w + x as usize]);
+                seen.push([at(a, x, y), at(b, x + dx, y + dy), 0.0, 0.0]);
+            }
+        }
+        window(&seen).alike
+    };
+    let all: Vec<(isize, isize)> = (-ry..=ry).flat_map(|y| (-rx..=rx).map(move |x| (x, y))).collect();
+    let best = all.into_par_iter().map(|(x, y)| (alike(x, y), x, y)).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or([0.0; 2], |(_, x, y)| [x as f64, y as f64])
+}
+
+/// Root mean square over windows of how far two pictures that are compared lie beside each other, px; nothing where
+/// they have nothing in common.
+pub(crate) fn residual_px(real: &Plane<f32>, sim: &Plane<f32>) -> Option<f64> {
+    let (a, b) = (Grey::of(real).soft(), Grey::of(sim).soft());
+    let mut field = Field::zero(a.w, a.h);
+    let mut seen = Vec::new();
+    for _ in 0..ROUNDS {
+        seen = windows(&a, &b, &field);
+        field.step(&seen);
+    }
+    field.rms(&seen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Smooth noise without a period.
+    fn texture(x: f64, y: f64) -> f32 {
+        let lattice = |i: i64, j: i64| {
+            let bits = shutterbug::chain::rng::random_bits([i as u32, j as u32], 0, 9, [1, 2])[0];
+            f64::from(bits) / f64::from(u32::MAX)
+        };
+        let (u, v) = (x / 12.0, y / 12.0);
+        let (i, j) = (u.floor(), v.floor());
+        let soft = |f: f64| f * f * (3.0 - 2.0 * f);
+        let (fx, fy) = (soft(u - i), soft(v - j));
+        let at = |di: f64, dj: f64| lattice((i + di) as i64, (j + dj) as i64);
+        let row = |dj: f64| at(0.0, dj) * (1.0 - fx) + at(1.0, dj) * fx;
+        (60.0 + 130.0 * (row(0.0) * (1.0 - fy) + row(1.0) * fy)) as f32
+    }
+
+    fn picture(f: impl Fn(f64, f64) -> f32) -> Plane<f32> {
+        Plane::from_fn(320, 240, |x, y| [f(x as f64, y as f64); 3])
+    }
+
+    #[test]
+    fn a_turned_and_darkened_picture_is_found_and_one_of_something_else_is_not() {
+        let turn = |x: f64, y: f64| (x + 4.0 + 0.01 * (y - 120.0), y - 3.0 - 0.01 * (x - 160.0));
+        let sim = picture(texture);
+        let real = picture(|x, y| {
+            let (u, v) = turn(x, y);
+            20.0 + 0.7 * texture(u, v)
+        });
+        let found = lies(&real, &sim);
+        let (mut off, mut count) = (0.0, 0.0);
+        for (x, y) in (20..300).step_by(20).flat_map(|x| (20..220).step_by(20).map(move |y| (x, y))) {
+            let (u, v) = turn(x as f64, y as f64);
+            let s = found.shift.pixel(x, y);
+            off += (u - x as f64 - f64::from(s[0])).powi(2) + (v - y as f64 - f64::from(s[1])).powi(2);
+            count += 1.0;
+        }
+        assert!((off / count).sqrt() < 0.1, "{} px", (off / count).sqrt());
+        assert!(
+            found.left_px.is_some_and(|l| l < 0.1) && found.rms_px.is_some_and(|r| r > 4.0),
+            "{:?}",
+            found.rms_px
+        );
+        let other = picture(|x, y| texture(1.7 * y + 40.0, 1.3 * x));
+        assert!(
+            lies(&other, &sim).left_px.is_none_or(|l| l > 0.2),
+            "control: {:?}",
+            lies(&other, &sim).left_px
+        );
+        let same = lies(&sim, &sim);
+        assert!(same.rms_px.is_some_and(|r| r < 0.02), "{:?}", same.rms_px);
+    }
+}

@@ -1,0 +1,44 @@
+//! What of the description may be taken to be wrong.
+
+use serde::{Deserialize, Serialize};
+
+/// The names of what may be wrong with the description, in the order in which it is tried.
+pub(crate) const NAMES: [&str; 2] = ["scene_radiance", "pose_error"];
+
+/// Whether a name is one of the description's.
+pub(crate) fn is_description(name: &str) -> bool {
+    NAMES.contains(&name)
+}
+
+/// Whether a name is that of the surfaces' factors.
+pub(crate) fn is_of_surfaces(name: &str) -> bool {
+    name == NAMES[0]
+}
+
+/// What of the description is taken to be wrong: part of every point of a search.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Room {
+    /// Whether surfaces have factors of their own.
+    pub radiance: bool,
+    /// By place: how far the camera is from its pose, in its own frame: rotation vector (rad), then position (m). Empty
+    /// where the poses are right.
+    pub poses: Vec<[f64; 6]>,
+}
+
+impl Room {
+    /// The same without one of [`NAMES`].
+    pub(crate) fn without(&self, name: &str) -> Self {
+        let mut room = self.clone();
+        match name {
+            "scene_radiance" => room.radiance = false,
+            "pose_error" => room.poses.clear(),
+            _ => {}
+        }
+        room
+    }
+
+    /// Whether two rooms leave the same open.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        self.radiance == other.radiance && self.poses.is_empty() == other.poses.is_empty()
+    }
+}

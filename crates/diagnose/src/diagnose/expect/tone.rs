@@ -1,0 +1,73 @@
+//! Mean and spread of the camera of a point in the space of parameters (`reference::moments`).
+
+use std::ops::Deref;
+
+use super::discrepancy::{MIXED_ERROR, SPREAD_ERROR};
+use super::model::{P, Theta};
+use super::settings::settings_of;
+pub(crate) use shutterbug::chain::Variances;
+use shutterbug::chain::{Mixing, Moments};
+use shutterbug::effects;
+use shutterbug::reference::moments;
+
+/// Everything that happens to a value on its own.
+pub(crate) struct Tone {
+    tone: moments::Tone,
+    uncertainty: f32,
+}
+
+impl Tone {
+    pub(crate) fn new(theta: &Theta) -> Self {
+        Self { tone: moments::Tone::new(&settings_of(theta)), uncertainty: uncertainty(theta) }
+    }
+
+    /// How well the variance of noise is known, as a part of it.
+    pub(crate) fn uncertainty(&self) -> f32 {
+        self.uncertainty
+    }
+}
+
+/// See [`Tone::uncertainty`].
+fn uncertainty(theta: &Theta) -> f32 {
+    let mixes = theta.is_on(P::Quality) || mixing(theta) != Mixing::NONE;
+    if mixes { MIXED_ERROR } else { SPREAD_ERROR }
+}
+
+impl Deref for Tone {
+    type Target = moments::Tone;
+
+    fn deref(&self) -> &moments::Tone {
+        &self.tone
+    }
+}
+
+/// What the steps of `theta` that mix pixels leave of noise.
+fn mixing(theta: &Theta) -> Mixing {
+    let settings = settings_of(theta);
+    let on = effects::LIST.iter().filter(|e| e.variant(&settings) != 0);
+    on.fold(Mixing::NONE, |mixing, effect| match effect.moments() {
+        Moments::Pixels(of) => mixing.then(&of(&settings)),
+        _ => mixing,
+    })
+}
+
+/// Variance that white noise keeps behind the steps that mix pixels, by channel.
+pub(crate) fn noise_gain(theta: &Theta) -> [f32; 3] {
+    mixing(theta).pixel
+}
+
+/// Variance that the noise of rows keeps in the mean of a row over its colours, about rows that are not its neighbours.
+pub(crate) fn row_seen(theta: &Theta) -> f32 {
+    mixing(theta).row_seen
+}
+
+/// Variance of a pixel's colour from that of each colour before, where pixels share their chroma: `[of][from]`.
+pub(crate) fn shared(theta: &Theta) -> Option<[[f32; 3]; 3]> {
+    mixing(theta).shared
+}
+
+/// What the mean of a row keeps of noise that is new in every value, over what as many independent values would: the
+/// mean over its colours.
+pub(crate) fn row_kept(theta: &Theta) -> f64 {
+    mixing(theta).left.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0
+}

@@ -1,0 +1,121 @@
+//! Pixels that are stuck, found as what stands out from its neighbours in every frame, wherever the scene moves.
+
+use rayon::prelude::*;
+
+use crate::diagnose::evidence::Evidence;
+use shutterbug::plane::Plane;
+
+/// How far above its neighbours a stuck pixel is, DN.
+const ABOVE_DN: f32 = 25.0;
+/// Least value of a pixel that is stuck at white, whatever gains lie behind the sensor, DN.
+const LEAST_DN: f32 = 130.0;
+/// How far a stuck pixel may change from frame to frame, DN.
+const STEADY_DN: f32 = 60.0;
+
+/// Places and values of the stuck pixels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct HotMap {
+    /// Place (row by row) and the value that it has, DN.
+    pixels: Vec<(usize, [f32; 3])>,
+    /// Number of pixels that would show it.
+    of: usize,
+}
+
+impl HotMap {
+    /// Finds them in `frames` (places). A scene that rests has bright spots of its own: `means`, the simulated values,
+    /// must not be as bright.
+    pub(crate) fn find(evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) -> Self {
+        let Some(first) = means.first().filter(|_| frames.len() >= 2) else { return Self::default() };
+        let (w, h) = (first.width, first.height);
+        let reals: Vec<&Plane<f32>> = frames.iter().map(|&at| &*evidence.frames[at].dn).collect();
+        let (mut pixels, mut of) = (Vec::new(), 0);
+        for y in 0..h {
+            for x in 0..w {
+                let i = y * w + x;
+                // Among bright ones a stuck pixel cannot be told.
+                of += usize::from(means.iter().all(|m| (0..3).any(|c| m.data[3 * i + c] < 220.0)));
+                let above = |c: usize| {
+                    reals
+                        .iter()
+                        .zip(means)
+                        .all(|(real, m)| real.data[3 * i + c] > m.data[3 * i + c] + ABOVE_DN)
+                };
+                let stands_out = |c: usize| above(c) && is_steady_spot(&reals, x, y, c);
+                if (0..3).any(stands_out) {
+                    let mean = [0, 1, 2].map(|c| {
+                        let sum: f32 = frames.iter().map(|&at| evidence.frames[at].dn.data[3 * i + c]).sum();
+                        sum / frames.len() as f32
+                    });
+                    pixels.push((i, mean));
+                }
+            }
+        }
+        Self { pixels, of }
+    }
+
+    /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens
+    /// has put elsewhere is as steady as a stuck pixel.
+    pub(crate) fn keep_above(&mut self, evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) {
+        let above = |i: usize| {
+            let one =
+                |(&at, mean): (&usize, &Plane<f32>)| evidence.frames[at].dn.data[i] > mean.data[i] + ABOVE_DN;
+            frames.iter().zip(means).all(one)
+        };
+        self.pixels.retain(|(i, _)| (3 * i..3 * i + 3).any(above));
+    }
+
+    /// Share of the pixels.
+    pub(crate) fn fraction(&self) -> f64 {
+        self.pixels.len() as f64 / self.of.max(1) as f64
+    }
+
+    /// Number of stuck pixels.
+    pub(crate) fn count(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// Puts the stuck pixels into a simulated frame.
+    pub(crate) fn put(&self, mean: &mut Plane<f32>) {
+        for (i, values) in &self.pixels {
+            mean.data[3 * i..3 * i + 3].copy_from_slice(values);
+        }
+    }
+
+    /// `masks` with the stuck pixels and the neighbours that share their colour closed.
+    pub(crate) fn close(&self, masks: &mut [Plane<f32>]) {
+        for mask in masks {
+            self.pixels.iter().for_each(|(i, _)| mask.data[*i] = 0.0);
+        }
+    }
+}
+
+/// Whether a colour of a pixel is bright, brighter than around it, and the same, in every picture.
+fn is_steady_spot(frames: &[&Plane<f32>], x: usize, y: usize, c: usize) -> bool {
+    let value = |frame: &Plane<f32>| frame.pixel(x, y)[c];
+    let (lo, hi) =
+        frames.iter().map(|f| value(f)).fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(v), b.max(v)));
+    lo > LEAST_DN && hi - lo < STEADY_DN && frames.iter().all(|f| value(f) > around(f, x, y, c) + ABOVE_DN)
+}
+
+/// Number of such pixels, whatever the pictures show. Before a camera that rests they may be content.
+pub(crate) fn steady_spots(frames: &[&Plane<f32>]) -> usize {
+    let Some(first) = frames.first().filter(|f| frames.iter().all(|o| o.data.len() == f.data.len())) else {
+        return 0;
+    };
+    let spot = |x: usize, y: usize| (0..3).any(|c| is_steady_spot(frames, x, y, c));
+    (0..first.height).into_par_iter().map(|y| (0..first.width).filter(|&x| spot(x, y)).count()).sum()
+}
+
+/// Median of the eight neighbours (fewer at the border).
+fn around(plane: &Plane<f32>, x: usize, y: usize, c: usize) -> f32 {
+    let mut values = Vec::with_capacity(8);
+    for v in y.saturating_sub(1)..(y + 2).min(plane.height) {
+        for u in x.saturating_sub(1)..(x + 2).min(plane.width) {
+            if (u, v) != (x, y) {
+                values.push(plane.data[3 * (v * plane.width + u) + c]);
+            }
+        }
+    }
+    values.sort_by(f32::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,388 @@
+//! Scores of parameters on frames that no fit has seen, and whether a gain is beyond chance.
+//!
+//! A search looks at the frames to choose by; the frames to report by are scored once, at the end. Standard errors come
+//! from blocks of the picture (see [`score`]): each block, over all frames, is one draw.
+
+pub(super) mod hot;
+pub(super) mod noise;
+pub(super) mod placed;
+pub(super) mod residue;
+pub(super) mod score;
+pub(super) mod smear;
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::diagnose::evidence::Evidence;
+use crate::diagnose::expect::description::Kind;
+use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::tone::Tone;
+use hot::HotMap;
+use score::{FAMILIES, FrameScore, Scored, SeenIn, score_frame, seen_in};
+use shutterbug::chain::rng::{random_bits, seed_words};
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+use shutterbug::plane::stats::erf;
+
+/// How often a diagnosis may take something for real that is none, for all that it tries together.
+pub(crate) const ALPHA: f64 = 0.01;
+/// Resamples of the bootstrap.
+pub(crate) const RESAMPLES: usize = 1000;
+
+/// Stream of the resamples ("BS").
+const STREAM_BOOTSTRAP: u32 = 0x4253;
+
+/// Scores on some frames, one per frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Scores(pub Vec<FrameScore>);
+
+/// A mean over blocks with its standard error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Estimate {
+    pub value: f64,
+    pub standard_error: f64,
+}
+
+impl Estimate {
+    /// Of the sum over blocks, each of them one draw.
+    pub(crate) fn of(blocks: &[f64]) -> Self {
+        let n = blocks.len().max(2) as f64;
+        let value: f64 = blocks.iter().sum();
+        let variance = blocks.iter().map(|b| (b - value / n).powi(2)).sum::<f64>() * n / (n - 1.0);
+        Self { value, standard_error: variance.sqrt() }
+    }
+
+    /// Whether it is above 0 beyond chance, where so many are looked at.
+    pub(crate) fn is_above(&self, tests: usize) -> bool {
+        self.value > quantile(tests) * self.standard_error && self.value > 0.0
+    }
+
+    /// 95 % interval.
+    pub(crate) fn interval(&self) -> [f64; 2] {
+        [-1.96, 1.96].map(|z| self.value + z * self.standard_error)
+    }
+}
+
+/// Standard errors that one of `tests` normal variables exceeds by chance in [`ALPHA`] of all cases.
+pub(crate) fn quantile(tests: usize) -> f64 {
+    let most = ALPHA / tests.max(1) as f64;
+    let above = |z: f64| 0.5 * (1.0 - erf(z * std::f64::consts::FRAC_1_SQRT_2));
+    let (mut low, mut high) = (0.0, 6.0);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if above(middle) > most { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// The same of the length of a vector of so many normal variables (Wilson and Hilferty 1931).
+pub(crate) fn quantile_of_length(tests: usize, dimensions: usize) -> f64 {
+    if dimensions <= 1 {
+        // Either sign.
+        return quantile(2 * tests);
+    }
+    let n = dimensions as f64;
+    let part = 2.0 / (9.0 * n);
+    // A length has one side only.
+    (n * (1.0 - part + quantile(tests) * part.sqrt()).powi(3)).sqrt()
+}
+
+impl Scores {
+    fn over(&self, f: impl Fn(&FrameScore) -> f64) -> f64 {
+        self.0.iter().map(f).sum::<f64>() / self.0.len().max(1) as f64
+    }
+
+    pub(crate) fn mean(&self) -> f64 {
+        self.over(|s| s.score)
+    }
+
+    pub(crate) fn floor(&self) -> f64 {
+        self.over(|s| s.expected)
+    }
+
+    /// What the model would score on its own frames, were the discrepancy as large as it may be.
+    pub(crate) fn bound(&self) -> f64 {
+        self.over(|s| s.bound)
+    }
+
+    /// What each block adds to score, expectation and bound: of one family, or of all.
+    fn blocks(&self, family: Option<usize>) -> Vec<[f64; 3]> {
+        let families: Vec<usize> = family.map_or_else(|| (0..FAMILIES.len()).collect(), |f| vec![f]);
+        let count = self.0.iter().flat_map(|s| &s.blocks).map(Vec::len).max().unwrap_or(0);
+        let mut out = vec![[0.0; 3]; count];
+        let share = 1.0 / self.0.len().max(1) as f64;
+        for blocks in self.0.iter().flat_map(|s| families.iter().map(|&f| &s.blocks[f])) {
+            for (to, from) in out.iter_mut().zip(blocks) {
+                (0..3).for_each(|k| to[k] += share * f64::from(from[k]));
+            }
+        }
+        out
+    }
+
+    /// How far a family lies above what the discrepancy may make of it.
+    pub(crate) fn excess(&self, family: usize) -> Estimate {
+        let blocks = self.blocks(Some(family));
+        let seen = |b: &&[f64; 3]| b[0] + b[2] > 0.0;
+        let all = Estimate::of(&blocks.iter().filter(seen).map(|b| b[0] - b[2]).collect::<Vec<_>>());
+        // What all blocks of a row have in common is one draw.
+        let Some(across) = self.0.first().and_then(|s| s.rows_of) else { return all };
+        let mut rows: BTreeMap<usize, f64> = BTreeMap::new();
+        for (i, b) in blocks.iter().enumerate().filter(|(_, b)| seen(b)) {
+            *rows.entry(row_of(i, across, blocks.len())).or_default() += b[0] - b[2];
+        }
+        let rows = Estimate::of(&rows.into_values().collect::<Vec<_>>());
+        Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
+    }
+
+    /// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may, beyond
+    /// chance.
+    pub(crate) fn beyond_bounds(&self) -> Vec<&'static str> {
+        let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
+            let excess = self.excess(f);
+            tracing::debug!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
+            excess.is_above(FAMILIES.len()).then_some(*name)
+        };
+        FAMILIES.iter().enumerate().filter_map(beyond).collect()
+    }
+
+    /// The mean with its standard error.
+    pub(crate) fn estimate(&self) -> Estimate {
+        Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())
+    }
+}
+
+/// The row of blocks that a place in the list of a score's blocks belongs to, see [`FrameScore::blocks`]; columns stand
+/// for themselves.
+fn row_of(place: usize, across: usize, count: usize) -> usize {
+    let down = (count - across) / (across + 1);
+    match place.checked_sub(across * down) {
+        None => place / across,
+        Some(line) => line,
+    }
+}
+
+/// Gain from `worse` to `better`.
+pub(crate) fn gain(worse: &Scores, better: &Scores) -> Estimate {
+    difference(worse, better, None)
+}
+
+/// Gain in the places where `worse` lies above what the discrepancy may make of it, less what is lost anywhere. Chance
+/// is what a block's gain does from frame to frame: what shows in few blocks is not taken for chance because others
+/// show nothing.
+pub(crate) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
+    let frames = |scores: &Scores| scores.0.iter().map(FrameScore::over_families).collect::<Vec<_>>();
+    let (a, b) = (frames(worse), frames(better));
+    let count = a.iter().chain(&b).map(Vec::len).min().unwrap_or(0);
+    let n = a.len() as f64;
+    let (mut value, mut variance) = (0.0, 0.0);
+    for block in 0..count {
+        let gains: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a[block][0] - b[block][0]).collect();
+        let mean = gains.iter().sum::<f64>() / n;
+        let beyond = a.iter().map(|a| a[block][0] - a[block][2]).sum::<f64>() / n;
+        value += mean.min(beyond.max(0.0));
+        variance += gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n * (n - 1.0).max(1.0));
+    }
+    // One frame says nothing of chance.
+    if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
+}
+
+/// Gain in one family of statistics.
+pub(crate) fn family_gain(worse: &Scores, better: &Scores, family: usize) -> Estimate {
+    difference(worse, better, Some(family))
+}
+
+fn difference(worse: &Scores, better: &Scores, family: Option<usize>) -> Estimate {
+    let (a, b) = (worse.blocks(family), better.blocks(family));
+    // Blocks without a statistic are no draws.
+    let seen = a.iter().zip(&b).filter(|(a, b)| a[1] + b[1] > 0.0 || a[0] + b[0] > 0.0);
+    Estimate::of(&seen.map(|(a, b)| a[0] - b[0]).collect::<Vec<_>>())
+}
+
+/// Scores parameters on the frames to choose by; keeps what it has scored.
+pub(crate) struct Judge<'a> {
+    pub evidence: &'a Evidence,
+    pub masks: Option<&'a [Plane<f32>]>,
+    pub seed: u64,
+    /// Pixels that are stuck, for models that have such.
+    pub hot: HotMap,
+    /// How well the frames to be judged are rendered.
+    pub quality: Quality,
+    /// What is left out at least, besides what a model itself needs.
+    pub kind: Kind,
+    known: HashMap<String, Scores>,
+}
+
+impl<'a> Judge<'a> {
+    pub(crate) fn new(
+        evidence: &'a Evidence,
+        masks: Option<&'a [Plane<f32>]>,
+        seed: u64,
+        hot: HotMap,
+    ) -> Self {
+        Self {
+            evidence,
+            masks,
+            seed,
+            hot,
+            quality: Quality::Fit,
+            kind: Kind::default(),
+            known: HashMap::new(),
+        }
+    }
+
+    /// Keeps the stuck pixels that stand above these means of `frames` (places) too.
+    pub(crate) fn keep_stuck(&mut self, frames: &[usize], means: &[Plane<f32>]) {
+        let count = self.hot.count();
+        self.hot.keep_above(self.evidence, frames, means);
+        if self.hot.count() < count {
+            self.known.clear();
+        }
+    }
+
+    /// Scores of `theta` on the frames to choose by.
+    pub(crate) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
+        let key = format!("{:?} {:?} {theta:?}", self.quality, self.kind);
+        if let Some(known) = self.known.get(&key) {
+            return Ok(known.clone());
+        }
+        let scores = self.scores_on(forward, theta, &self.evidence.choose.clone())?;
+        self.known.insert(key, scores.clone());
+        Ok(scores)
+    }
+
+    /// Scores of `theta` on any frames (places).
+    pub(crate) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
+        let clock = Instant::now();
+        let mut means = forward.pictures(frames, theta, self.quality)?;
+        let drawn = forward.drawn(frames, theta, self.quality, &means)?;
+        if theta.get(P::Hot) > 0.0 {
+            means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));
+        }
+        let tone = Tone::new(theta);
+        let masks = forward.masked(self.masks, self.kind.and(theta.room.kind()));
+        let flips = forward.flips(frames, theta, self.quality)?;
+        let paths = forward.paths(frames, theta);
+        let given = forward.given_variances(frames, theta, &means);
+        let scored: Vec<_> = frames
+            .iter()
+            .zip(&means)
+            .enumerate()
+            .map(|(i, (&at, mean))| Scored {
+                real: &self.evidence.frames[at].dn,
+                mean,
+                path: paths.get(i),
+                mask: masks.as_ref().map(|m| &m[at]),
+                flips: flips.get(i),
+                drawn: &drawn[i],
+                edges_drawn: theta.is_on(P::Quality),
+                given: given.as_ref().map(|g| g[i].as_slice()),
+            })
+            .collect();
+        let index = |i: usize| self.evidence.frames[frames[i]].index;
+        let follows = |i: usize| i > 0 && index(i) == index(i - 1) + 1;
+        let mut scores = Vec::new();
+        let mut last: Option<SeenIn> = None;
+        // What a model says of every value takes many times what the picture does: a few frames at a time.
+        let few = rayon::current_num_threads().max(2);
+        for (chunk, frames) in scored.chunks(few).enumerate() {
+            forward.budget.go_on()?;
+            let seen: Vec<_> = frames.par_iter().map(|frame| seen_in(frame, &tone)).collect();
+            let before = |i: usize| if i > 0 { seen.get(i - 1) } else { last.as_ref() };
+            let score = |i: usize| {
+                let before = before(i).filter(|_| follows(chunk * few + i));
+                score_frame(&seen[i], before)
+            };
+            scores.par_extend((0..seen.len()).into_par_iter().map(score));
+            last = seen.into_iter().next_back();
+        }
+        forward.budget.has_scored(frames.len(), self.quality, clock.elapsed());
+        Ok(Scores(scores))
+    }
+
+    /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.
+    pub(crate) fn closed_fractions(&self, before: &Scores, after: &Scores) -> Vec<f64> {
+        let (b, a) = (before.blocks(None), after.blocks(None));
+        let seed = seed_words(self.seed);
+        let one = |r: usize| {
+            let mut sums = [0.0; 3];
+            for k in 0..b.len() {
+                let bits = random_bits([k as u32, r as u32], 0, STREAM_BOOTSTRAP, seed)[0];
+                let i = ((u64::from(bits) * b.len() as u64) >> 32) as usize;
+                let add = [b[i][0], a[i][0], a[i][1]];
+                (0..3).for_each(|j| sums[j] += add[j]);
+            }
+            closed_fraction(sums[0], sums[1], sums[2])
+        };
+        let mut all: Vec<f64> = (0..RESAMPLES).map(one).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+}
+
+/// See [`crate::diagnose::Gap::closed_fraction`].
+pub(crate) fn closed_fraction(before: f64, after: f64, floor: f64) -> f64 {
+    let (rest, whole) = ((after - floor).max(0.0), before - floor.min(after));
+    if whole <= 1e-9 { 0.0 } else { (1.0 - rest / whole).clamp(0.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_beyond_chance_depends_on_how_much_is_tried() {
+        assert!((quantile(1) - 2.326).abs() < 1e-2, "{}", quantile(1));
+        assert!((quantile(24) - 3.34).abs() < 1e-2, "{}", quantile(24));
+        // One variable of either sign: twice as often beyond. Nine: chi-squared of 29.7 at 0.01 / 20.
+        assert!((quantile_of_length(24, 1) - 3.53).abs() < 0.03, "{}", quantile_of_length(24, 1));
+        assert!(
+            (quantile_of_length(20, 9).powi(2) - 29.7).abs() < 0.3,
+            "{}",
+            quantile_of_length(20, 9).powi(2)
+        );
+        let even: Vec<f64> = (0..100).map(|i| [0.9, 1.1][i % 2]).collect();
+        assert!(Estimate::of(&even).is_above(1000));
+        let chance: Vec<f64> = (0..100).map(|i| [3.0, -2.9][i % 2]).collect();
+        assert!(!Estimate::of(&chance).is_above(1), "control: {:?}", Estimate::of(&chance));
+    }
+
+    /// Scores of frames of so many blocks, all of one family: what each got, and what the discrepancy may make of it.
+    fn scores(frames: &[Vec<f32>], bound: f32) -> Scores {
+        let frame = |blocks: &Vec<f32>| {
+            let mut score = FrameScore::default();
+            score.blocks[0] = blocks.iter().map(|b| [*b, 0.5 * bound, bound]).collect();
+            score
+        };
+        Scores(frames.iter().map(frame).collect())
+    }
+
+    #[test]
+    fn what_shows_in_one_place_in_every_frame_is_no_chance() {
+        // One block of a hundred shows it, in five frames alike but for little.
+        let frames = |seen: &dyn Fn(usize) -> f32| -> Vec<Vec<f32>> {
+            (0..5).map(|f| (0..100).map(|b| if b == 7 { seen(f) } else { 0.01 }).collect()).collect()
+        };
+        let worse = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 0.2);
+        let better = scores(&frames(&|_| 0.1), 0.2);
+        assert!(!gain(&worse, &better).is_above(26), "to blocks it is chance");
+        assert!(gain_beyond_bounds(&worse, &better).is_above(26));
+        // Controls: within what correct simulations may differ by; in one frame of the five; and from a single frame.
+        let within = scores(&frames(&|f| [3.0, 3.2, 2.9, 3.1, 3.0][f]), 4.0);
+        assert!(!gain_beyond_bounds(&within, &better).is_above(26));
+        let once = scores(&frames(&|f| [15.0, 0.1, 0.1, 0.1, 0.1][f]), 0.2);
+        assert!(!gain_beyond_bounds(&once, &better).is_above(26));
+        let single = |s: &Scores| Scores(s.0[..1].to_vec());
+        assert!(!gain_beyond_bounds(&single(&worse), &single(&better)).is_above(1));
+    }
+
+    #[test]
+    fn blocks_of_a_row_belong_together_with_its_line() {
+        // Three blocks across, two down, two groups of rows, three of columns.
+        let rows: Vec<usize> = (0..11).map(|i| row_of(i, 3, 11)).collect();
+        assert_eq!(rows, [0, 0, 0, 1, 1, 1, 0, 1, 2, 3, 4]);
+    }
+}

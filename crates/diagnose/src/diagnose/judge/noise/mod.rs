@@ -1,0 +1,284 @@
+//! The spread of the real values about the simulated ones: which noise the sensor has.
+//!
+//! Differences are high-passed over `APART` px along the row, so that a mean that is a little wrong counts little,
+//! and a row's common value not at all; what a pixel keeps over the frames is told from what is new in each.
+
+use std::collections::BTreeMap;
+
+use crate::diagnose::expect::discrepancy::SPREAD_ERROR;
+use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::fit::intervals::Way;
+pub(crate) use measure::{flat_map, noiseless, shows_steps};
+
+mod measure;
+mod steps;
+
+/// Relative error of a bin's variance beyond chance.
+pub(crate) const BIN_ERROR: f64 = SPREAD_ERROR as f64;
+/// The same behind compression: where it removes most of the noise the model was seen to be off by up to 13 %.
+const PACKED_ERROR: f64 = 0.15;
+
+/// Names of the candidates that change the spread.
+pub(crate) const NOISES: [&str; 5] =
+    ["shot_noise", "fixed_pattern_noise", "row_noise", "read_noise", "hot_pixels"];
+
+/// Variances in linear values of the sensor before the black level. Per bin: linear value, variance, number.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NoiseData {
+    /// Of single values about what their neighbours say.
+    pub(crate) total: Vec<[f64; 3]>,
+    /// The part of it that is the same in every frame.
+    pub(crate) fixed: Vec<[f64; 3]>,
+    /// Of rows beyond that of their pixels.
+    pub(crate) row2: f64,
+    /// The variance of that figure.
+    pub(crate) row_error2: f64,
+}
+
+impl NoiseData {
+    /// Parameters of the given noise effects, by weighted least squares that keeps them from going negative; those of
+    /// the others are as in `base`.
+    pub(crate) fn fit(&self, theta: &Theta, base: &Theta, names: &[&str]) -> Theta {
+        let on = |name: &str| names.contains(&name);
+        let mut theta = theta.clone();
+        for p in [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu, P::Hot] {
+            theta.set(p, base.get(p));
+        }
+        if on("row_noise") {
+            theta.set(P::Row, self.row2.sqrt());
+        }
+        if on("fixed_pattern_noise") {
+            let [dsnu2, prnu2] = line(&self.unclipped_fixed(), PATTERN).0;
+            // A pattern is a part of the spread: where single frames have none, it is what renderers differ by at
+            // places that stay in sight.
+            if theta.is_on(P::Quality) || self.holds(|l| dsnu2 + prnu2 * l * l) {
+                theta.set(P::Dsnu, dsnu2.sqrt());
+                theta.set(P::Prnu, prnu2.sqrt());
+            }
+        }
+        let known = |l: f64| {
+            let read2 = if on("read_noise") { 0.0 } else { base.get(P::Read).powi(2) };
+            let shot = if on("shot_noise") { 0.0 } else { l * base.get(P::Shot) };
+            // A model without a pattern takes its spread for noise that is new in every frame.
+            read2 + shot + theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2)
+        };
+        let rest: Vec<[f64; 3]> =
+            self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
+        let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
+            (true, true) => line(&rest, |l| [1.0, l]).0,
+            (true, false) => line(&rest, |_| [1.0, 0.0]).0,
+            (false, true) => line(&rest, |l| [0.0, l]).0,
+            (false, false) => [0.0, 0.0],
+        };
+        if on("read_noise") {
+            theta.set(P::Read, read2.sqrt());
+        }
+        if on("shot_noise") {
+            theta.set(P::Shot, inverse);
+        }
+        // Less than a few hundredths of a DN is no noise but the arithmetic of rounding.
+        for (p, least) in [(P::Read, 2e-4), (P::Shot, 1e-6), (P::Row, 2e-4), (P::Dsnu, 2e-4), (P::Prnu, 5e-4)]
+        {
+            if theta.get(p) < least {
+                theta.set(p, 0.0);
+            }
+        }
+        theta
+    }
+}
+
+impl NoiseData {
+    /// Whether single frames spread by no less than half of that variance, by the linear value, on average.
+    fn holds(&self, variance: impl Fn(f64) -> f64) -> bool {
+        let bins = self.unclipped();
+        let [seen, told] = bins.iter().fold([0.0; 2], |[s, t], &[l, v, n]| [s + n * v, t + n * variance(l)]);
+        told <= 2.0 * seen
+    }
+
+    /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
+    pub(crate) fn unclipped(&self) -> Vec<[f64; 3]> {
+        let inside = |[l, v, _]: &&[f64; 3]| {
+            let reach = 2.5 * (v + self.row2).sqrt();
+            *l > reach && *l < 1.0 - reach
+        };
+        let free = self.total.iter().filter(inside);
+        let free: Vec<_> = free.copied().collect();
+        if free.len() >= 4 { free } else { self.total[self.total.len().saturating_sub(4)..].to_vec() }
+    }
+
+    /// The same bins of the fixed pattern.
+    fn unclipped_fixed(&self) -> Vec<[f64; 3]> {
+        let free = self.unclipped();
+        let from = free.first().map_or(0.0, |b| b[0]);
+        let to = free.last().map_or(1.0, |b| b[0]);
+        let inside: Vec<_> =
+            self.fixed.iter().filter(|b| (0.98 * from..=1.02 * to).contains(&b[0])).copied().collect();
+        if inside.len() >= 2 { inside } else { self.fixed.clone() }
+    }
+
+    /// Standard errors of the parameters of `names` from those of the bins.
+    pub(crate) fn errors(&self, theta: &Theta, names: &[&str]) -> BTreeMap<P, f64> {
+        let on = |name: &str| names.contains(&name);
+        let mut out = BTreeMap::new();
+        // A parameter is the root of its coefficient.
+        let root = |p: P, variance: f64| (p, variance.sqrt() / (2.0 * theta.get(p)).max(1e-6));
+        if on("fixed_pattern_noise") {
+            let variances = line(&self.unclipped_fixed(), PATTERN).1;
+            out.extend([root(P::Dsnu, variances[0]), root(P::Prnu, variances[1])]);
+        }
+        let (read, shot) = (f64::from(u8::from(on("read_noise"))), f64::from(u8::from(on("shot_noise"))));
+        if read + shot > 0.0 {
+            let variances = line(&self.unclipped(), |l| [read, shot * l]).1;
+            if read > 0.0 {
+                out.extend([root(P::Read, variances[0])]);
+            }
+            if shot > 0.0 {
+                out.insert(P::Shot, variances[1].sqrt());
+            }
+        }
+        out
+    }
+
+    /// Where what is measured lies between the noise of two models; nothing where they have the same.
+    pub(crate) fn way(&self, from: &Theta, to: &Theta) -> Option<Way> {
+        let share = if to.is_on(P::Quality) { PACKED_ERROR } else { BIN_ERROR };
+        let pattern = |t: &Theta, l: f64| t.get(P::Dsnu).powi(2) + (t.get(P::Prnu) * l).powi(2);
+        let single = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot) + pattern(t, l);
+        // What is seen, what either model says, and the variance of what is seen.
+        let mut seen: Vec<[f64; 4]> = Vec::new();
+        for [l, v, n] in self.unclipped() {
+            let [a, b] = [from, to].map(|t| single(t, l));
+            let level = v.max(a).max(b);
+            seen.push([v, a, b, (level * share).powi(2) + 3.0 / n * level * level]);
+        }
+        for [l, v, n] in self.unclipped_fixed() {
+            let [a, b] = [from, to].map(|t| pattern(t, l));
+            // A pattern is what is left of all noise: it is known no better than that.
+            let level = self.total.iter().map(|b| b[1]).fold(v.max(a).max(b), f64::max);
+            seen.push([v, a, b, (v.max(b) * share).powi(2) + 3.0 / n * level * level]);
+        }
+        let [a, b] = [from, to].map(|t| t.get(P::Row).powi(2));
+        let level = self.row2.max(a).max(b);
+        seen.push([self.row2, a, b, (level * share).powi(2) + self.row_error2]);
+        let (mut slope, mut weight) = (0.0, 0.0);
+        for [v, a, b, error2] in seen {
+            slope += (v - a) * (b - a) / error2.max(1e-24);
+            weight += (b - a).powi(2) / error2.max(1e-24);
+        }
+        (weight > 0.0).then(|| Way { share: slope / weight, half: 2.0 / weight.sqrt() })
+    }
+}
+
+/// How the variance of a fixed pattern grows with brightness.
+const PATTERN: fn(f64) -> [f64; 2] = |l| [1.0, l * l];
+
+/// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance, and the
+/// variances of the coefficients.
+fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    let equations = |previous: [f64; 2]| {
+        let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
+        for &[l, v, n] in bins {
+            let g = f(l);
+            let model = (previous[0] * g[0] + previous[1] * g[1]).max(0.1 * v).max(1e-9);
+            let weight = 1.0 / (model * model * (BIN_ERROR * BIN_ERROR + 3.0 / n));
+            for i in 0..2 {
+                b[i] += weight * g[i] * v;
+                (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);
+            }
+        }
+        (a, b)
+    };
+    let solve = |use_: [bool; 2], previous: [f64; 2]| -> [f64; 2] {
+        let (a, b) = equations(previous);
+        let one = |i: usize| if a[i][i] > 0.0 { b[i] / a[i][i] } else { 0.0 };
+        match use_ {
+            [true, true] => {
+                let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+                if det.abs() <= 1e-12 * a[0][0] * a[1][1] {
+                    return [one(0), 0.0];
+                }
+                [(b[0] * a[1][1] - b[1] * a[0][1]) / det, (b[1] * a[0][0] - b[0] * a[1][0]) / det]
+            }
+            [true, false] => [one(0), 0.0],
+            _ => [0.0, one(1)],
+        }
+    };
+    let probe = f(0.5);
+    let both = [probe[0] > 0.0, probe[1] > 0.0];
+    let mut x = [0.0; 2];
+    for _ in 0..6 {
+        x = solve(both, x);
+        if x[0] < 0.0 {
+            x = solve([false, true], [0.0, x[1].max(0.0)]);
+        } else if x[1] < 0.0 {
+            x = solve([true, false], [x[0], 0.0]);
+        }
+        x = x.map(|v| v.max(0.0));
+    }
+    let (a, _) = equations(x);
+    let det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    let variances = [0, 1].map(|i| {
+        let j = 1 - i;
+        if x[j] > 0.0 && det > 1e-12 * a[0][0] * a[1][1] { a[j][j] / det } else { 1.0 / a[i][i].max(1e-30) }
+    });
+    (x, variances)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::evidence::Evidence;
+    use crate::diagnose::expect::tone::Tone;
+    use shutterbug::plane::Plane;
+
+    /// What is measured of normal noise of `sigma_dn` on a solid colour that is `fraction` above a whole DN.
+    fn measured_dn2(sigma_dn: f32, fraction: f32) -> f64 {
+        let theta = Theta::neutral();
+        let mean = Plane::from_fn(160, 120, |_, _| [120.0 + fraction; 3]);
+        let real = Plane::from_fn(160, 120, |x, y| {
+            [0u32, 1, 2].map(|c| {
+                let bits = |k: u32| shutterbug::chain::rng::random_bits([x as u32, y as u32], c, k, [5, 6]);
+                let sum: f32 = (0..3).flat_map(bits).map(|b| b as f32 / u32::MAX as f32 - 0.5).sum();
+                (120.0 + fraction + sigma_dn * sum).round()
+            })
+        });
+        let data = NoiseData::measure(&Evidence::of_one(real), &[0], &[mean], None, &theta, None);
+        data.total[0][1] * f64::from(Tone::new(&theta).slope_at(120.0, 1)).powi(2)
+    }
+
+    #[test]
+    fn the_spread_of_solid_colours_does_not_depend_on_their_fraction_of_a_dn() {
+        for sigma_dn in [0.8f32, 1.2, 2.4] {
+            let truth = f64::from(sigma_dn).powi(2);
+            for fraction in [0.0, 0.2, 0.35, 0.5] {
+                let seen = measured_dn2(sigma_dn, fraction);
+                assert!((seen / truth - 1.0).abs() < 0.07, "{sigma_dn} {fraction}: {seen} DN^2 for {truth}");
+            }
+        }
+        assert!(measured_dn2(0.0, 0.3) < 0.03, "rounding alone is no noise: {}", measured_dn2(0.0, 0.3));
+    }
+
+    #[test]
+    fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
+        let dsnu = |seen: f64| {
+            let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();
+            let data = NoiseData { total: bins(seen), fixed: bins(4e-6), row2: 0.0, row_error2: 0.0 };
+            data.fit(&Theta::neutral(), &Theta::neutral(), &["fixed_pattern_noise"]).get(P::Dsnu)
+        };
+        assert_eq!(dsnu(0.0), 0.0);
+        assert!((dsnu(5e-6) / 2e-3 - 1.0).abs() < 1e-3, "control: {}", dsnu(5e-6));
+    }
+
+    #[test]
+    fn coefficients_are_recovered_and_never_negative() {
+        let bins: Vec<[f64; 3]> =
+            (1..20).map(|i| f64::from(i) / 20.0).map(|l| [l, 3e-5 + l / 800.0, 1000.0]).collect();
+        let ([read2, inverse], errors) = line(&bins, |l| [1.0, l]);
+        assert!(errors[0] > 0.0 && errors[0] < read2.powi(2) && errors[1] < inverse.powi(2), "{errors:?}");
+        assert!((read2 - 3e-5).abs() < 1e-8 && (inverse - 1.0 / 800.0).abs() < 1e-8, "{read2} {inverse}");
+        let falling: Vec<[f64; 3]> =
+            (1..20).map(|i| [f64::from(i) / 20.0, 1e-3 - 4e-5 * f64::from(i), 1e3]).collect();
+        let ([read2, inverse], _) = line(&falling, |l| [1.0, l]);
+        assert!(read2 > 0.0 && inverse == 0.0);
+    }
+}

@@ -1,0 +1,548 @@
+//! The gap as a number: the continuous ranked probability score (CRPS, Gneiting and Raftery 2007) of a real frame under
+//! the simulator's predictive distribution, of pixels and of a fixed bank of linear statistics.
+//!
+//! Real values are whole numbers of DN. What a model predicts of each is a mean and a spread: noise, rounding, and what
+//! two correct simulations may differ by (see `expect::discrepancy`). A model without noise is no special case: its
+//! spread is that of rounding and of the discrepancy. Every statistic is taken to be normal. Pixels count half, the
+//! other families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::sync::{Arc, LazyLock};
+
+use crate::diagnose::evidence::blocks::pooled as averages;
+use crate::diagnose::expect::discrepancy::{DRAWS, REACH, edges, rounded};
+use crate::diagnose::expect::tone::{Tone, Variances};
+use crate::diagnose::flips::Flips;
+use shutterbug::chain::Left;
+use shutterbug::plane::Plane;
+use shutterbug::plane::stats::erf_beside;
+
+/// Families of statistics: pixels, three bands of a pyramid, row means, column means, differences between frames.
+pub(crate) const FAMILIES: [(&str, f64); 7] = [
+    ("pixels", 0.5),
+    ("band 2 px", 1.0 / 12.0),
+    ("band 4 px", 1.0 / 12.0),
+    ("band 8 px", 1.0 / 12.0),
+    ("rows", 1.0 / 12.0),
+    ("columns", 1.0 / 12.0),
+    ("frame differences", 1.0 / 12.0),
+];
+
+/// Columns of blocks over the width of a picture: what is in one block is not taken for independent.
+const BLOCKS_ACROSS: usize = 16;
+/// Fewest px of a block's side.
+const FEWEST_PX: usize = 8;
+
+/// What one family of statistics got.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Family {
+    pub score: f64,
+    /// What the model expects of its own frames, as far as the discrepancy goes as a rule.
+    pub expected: f64,
+    /// The same where the discrepancy goes as far as it may.
+    pub bound: f64,
+}
+
+/// Score of one frame: what the real frame got, and what the model expects of its own frames.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct FrameScore {
+    pub score: f64,
+    pub expected: f64,
+    pub bound: f64,
+    /// The same by family, in the order of [`FAMILIES`]; nothing where the frame has no such statistic.
+    pub families: [Option<Family>; 7],
+    /// Blocks across the picture, where noise of rows makes those of a row one draw; else none.
+    pub rows_of: Option<usize>,
+    /// By family: what each block of the picture, then each group of rows and of columns, adds to `score`, `expected`
+    /// and `bound`.
+    pub blocks: [Vec<[f32; 3]>; 7],
+}
+
+impl FrameScore {
+    /// [`FrameScore::blocks`] of all families together.
+    pub(crate) fn over_families(&self) -> Vec<[f64; 3]> {
+        let count = self.blocks.iter().map(Vec::len).max().unwrap_or(0);
+        let mut sums = vec![[0.0; 3]; count];
+        for (to, from) in self.blocks.iter().flat_map(|family| family.iter().enumerate()) {
+            (0..3).for_each(|k| sums[to][k] += f64::from(from[k]));
+        }
+        sums
+    }
+}
+
+/// A frame to be scored.
+pub(crate) struct Scored<'a> {
+    pub real: &'a Plane<f32>,
+    pub mean: &'a Plane<f32>,
+    /// How far the content moves while a pixel is exposed, px; nothing without an exposure.
+    pub path: Option<&'a Plane<f32>>,
+    /// 1 where compared.
+    pub mask: Option<&'a Plane<f32>>,
+    /// What compression leaves of the noise where; the same everywhere if that is not known.
+    pub flips: Option<&'a Flips>,
+    /// Draws of how far another correct simulation is from this one, DN: behind a compression, and where the camera's
+    /// path wanders within the frame; nothing without either.
+    pub drawn: &'a [Arc<Plane<f32>>],
+    /// Whether the draws say what edges may be off by: they do behind a compression.
+    pub edges_drawn: bool,
+    /// Variance of single values because the simulation is read from pictures, DN^2.
+    pub given: Option<&'a [f32]>,
+}
+
+/// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
+pub(crate) fn crps(error: f64, variance: f64) -> f64 {
+    if variance < 1e-6 {
+        return error.abs();
+    }
+    let sigma = variance.sqrt();
+    let z = (error / sigma).abs();
+    let at = z * PER_DEVIATION;
+    let i = at as i32 as usize;
+    if i >= DEVIATIONS * PER_DEVIATION as usize {
+        return sigma * (z - FRAC_1_SQRT_PI);
+    }
+    let (table, f) = (&*STANDARD, at - i as f64);
+    sigma * (table[i] * (1.0 - f) + table[i + 1] * f)
+}
+
+/// Standard deviations up to which the score is tabled, and entries of the table in one: read linearly it is within
+/// 2e-6.
+const DEVIATIONS: usize = 8;
+/// See [`DEVIATIONS`].
+const PER_DEVIATION: f64 = 256.0;
+
+/// CRPS of an error under a normal distribution of variance 1.
+static STANDARD: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let of = |z: f64| {
+        let bell = (-0.5 * z * z).exp();
+        z * erf_beside(z * FRAC_1_SQRT_2, bell) + 2.0 * bell * FRAC_1_SQRT_TAU - FRAC_1_SQRT_PI
+    };
+    (0..=DEVIATIONS * PER_DEVIATION as usize).map(|i| of(i as f64 / PER_DEVIATION)).collect()
+});
+
+const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
+
+/// What a value drawn from the distribution itself scores on average.
+fn expected(variance: f64) -> f64 {
+    if variance < 1e-6 { 0.0 } else { variance.sqrt() * FRAC_1_SQRT_PI }
+}
+
+const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
+
+/// How a picture is cut into blocks.
+#[derive(Clone, Copy)]
+struct Blocks {
+    side: usize,
+    across: usize,
+    down: usize,
+}
+
+impl Blocks {
+    fn of(w: usize, h: usize) -> Self {
+        let side = w.div_ceil(BLOCKS_ACROSS).max(FEWEST_PX);
+        Self { side, across: w.div_ceil(side), down: h.div_ceil(side) }
+    }
+
+    fn at(&self, x: usize, y: usize) -> usize {
+        y / self.side * self.across + x / self.side
+    }
+
+    fn row(&self, y: usize) -> usize {
+        self.across * self.down + y / self.side
+    }
+
+    fn column(&self, x: usize) -> usize {
+        self.across * self.down + self.down + x / self.side
+    }
+
+    fn count(&self) -> usize {
+        self.across * self.down + self.down + self.across
+    }
+}
+
+/// Sums of scores, of what is expected and of how far that may go, by block, and the number.
+struct Sums {
+    blocks: Vec<[f64; 3]>,
+    count: f64,
+}
+
+impl Sums {
+    fn new(blocks: Blocks) -> Self {
+        Self { blocks: vec![[0.0; 3]; blocks.count()], count: 0.0 }
+    }
+
+    /// Adds a statistic with `variance`, of which `discrepancy` is what correct simulations may differ by as a rule.
+    fn add(&mut self, block: usize, error: f64, variance: f64, discrepancy: f64) {
+        let sums = &mut self.blocks[block];
+        sums[0] += crps(error, variance);
+        sums[1] += expected(variance);
+        sums[2] += expected(variance + (REACH * REACH - 1.0) * discrepancy);
+        self.count += 1.0;
+    }
+
+    fn done(&self) -> Option<Family> {
+        let sum = |k: usize| self.blocks.iter().map(|b| b[k]).sum::<f64>() / self.count;
+        (self.count > 0.0).then(|| Family { score: sum(0), expected: sum(1), bound: sum(2) })
+    }
+}
+
+/// What a model says of one value, and how far off it is.
+#[derive(Clone, Copy)]
+struct Seen {
+    /// Real minus mean, DN.
+    error: f32,
+    /// Variance of noise that is new in every value and frame, and of the pattern's, before anything averages it.
+    noise: Variances,
+    /// What of that pixels, bands and lines have.
+    left: Left,
+    /// Variance of rounding beyond that, DN^2.
+    rounding: f32,
+    /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
+    single: f32,
+    common: f32,
+}
+
+fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
+    let mean = frame.mean.data[i];
+    let (noise, left) = if tone.is_noisy() {
+        let colour = &frame.mean.data[i - i % 3..i - i % 3 + 3];
+        let (noise, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
+        let local = frame.flips.map(|f| f.left(frame.real.width, i, noise.free + noise.fixed));
+        (noise, local.unwrap_or(left))
+    } else {
+        (Variances::default(), Left::ALL)
+    };
+    let single = if frame.edges_drawn { 0.0 } else { edges[i] } + frame.given.map_or(0.0, |g| g[i]);
+    let drawn = frame.drawn.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
+    let variance = left.pixel * (noise.free + noise.fixed) + single + drawn;
+    let whole = rounded(mean, variance + noise.row);
+    Seen {
+        error: frame.real.data[i] - whole.mean,
+        noise,
+        left,
+        rounding: (whole.free - variance - noise.row).max(0.0),
+        single,
+        common: whole.common,
+    }
+}
+
+/// All values of a frame as a model sees them; nothing where they are not compared.
+pub(crate) struct SeenIn {
+    size: [usize; 2],
+    /// How well the variance of noise is known, as a part of it.
+    unsure: f32,
+    values: Vec<Option<Seen>>,
+    /// See [`Scored::drawn`].
+    drawn: Vec<Arc<Plane<f32>>>,
+}
+
+/// What a model says of the values of a frame.
+pub(crate) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
+    let size = [frame.real.width, frame.real.height];
+    let edges = edges(frame.mean, frame.path);
+    let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
+    let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
+    SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.drawn.to_vec() }
+}
+
+/// Scores a frame; `before` is the frame before it, where that is held out too.
+pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore {
+    let ([w, h], unsure, values) = (frame.size, frame.unsure, &frame.values);
+    let blocks = Blocks::of(w, h);
+    let mut sums: [Sums; 7] = std::array::from_fn(|_| Sums::new(blocks));
+    for (i, v) in values.iter().enumerate() {
+        let Some(v) = v else { continue };
+        let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
+        let off = v.single + v.common + mean_square(&frame.drawn, |draw| draw.data[i]);
+        let known = off + unsure * noise;
+        sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
+    }
+    bands(frame, blocks, &mut sums[1..4]);
+    lines(frame, blocks, &mut sums[4..6]);
+    if let Some(before) = before {
+        for (i, (a, b)) in values.iter().zip(&before.values).enumerate() {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
+            let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
+            let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
+            let off = drawn + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
+            // A fixed pattern is the same in both, as strong as their values make it.
+            let pattern = |v: &Seen| (v.left.pixel * v.noise.fixed).sqrt();
+            let noise = noise(a) + noise(b) + (pattern(a) - pattern(b)).powi(2);
+            let known = off + unsure * noise;
+            let block = blocks.at(i / 3 % w, i / 3 / w);
+            sums[6].add(block, (a.error - b.error).into(), (noise + off).into(), known.into());
+        }
+    }
+    let has_rows = values.iter().flatten().any(|v| v.noise.row > 0.0);
+    FrameScore { rows_of: has_rows.then_some(blocks.across), ..together(&sums) }
+}
+
+/// The families by their weights.
+fn together(sums: &[Sums; 7]) -> FrameScore {
+    let mut total = FrameScore { families: std::array::from_fn(|i| sums[i].done()), ..FrameScore::default() };
+    let weight: f64 = (0..7).filter(|&i| total.families[i].is_some()).map(|i| FAMILIES[i].1).sum();
+    total.blocks = std::array::from_fn(|i| {
+        let part = FAMILIES[i].1 / weight / sums[i].count.max(1.0);
+        sums[i].blocks.iter().map(|b| b.map(|v| (part * v) as f32)).collect()
+    });
+    for (family, (_, share)) in total.families.iter().zip(FAMILIES) {
+        if let Some(f) = family {
+            total.score += share / weight * f.score;
+            total.expected += share / weight * f.expected;
+            total.bound += share / weight * f.bound;
+        }
+    }
+    total
+}
+
+/// Mean over draws of the square of what a statistic sees of them, DN^2.
+fn mean_square(drawn: &[Arc<Plane<f32>>], of: impl Fn(&Plane<f32>) -> f32) -> f32 {
+    drawn.iter().map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32
+}
+
+/// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise
+/// and rounding, what correct simulations may differ by in single values and in colours.
+type Pooled = [f64; 8];
+
+/// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
+fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
+    let ([whole_w, whole_h], unsure) = (frame.size, f64::from(frame.unsure));
+    let (mut w, mut h) = (whole_w, whole_h);
+    let one = |v: &Option<Seen>| match v {
+        Some(v) => {
+            let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
+            let [a, b, c] = v.left.bands.map(free);
+            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, v.single.into(), v.common.into()]
+        }
+        None => [0.0; 8],
+    };
+    let mut level: Vec<Pooled> = Vec::new();
+    for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
+        // Sums of single values are not kept: they would take more than all else of a large picture.
+        let fine = match band {
+            0 => pooled(|i| one(&frame.values[i]), w, h),
+            _ => pooled(|i| level[i], w, h),
+        };
+        (w, h) = (w / 2, h / 2);
+        if w < 2 || h < 2 {
+            return;
+        }
+        let coarse = pooled(|i| fine[i], w, h);
+        let full = (size * size) as f64;
+        let averaged = |side: usize| -> Vec<Vec<f32>> {
+            frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
+        };
+        let drawn = [averaged(size), averaged(2 * size)];
+        for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
+            let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
+            let (f, g) = (fine[at], coarse[around]);
+            if f[2] < full || g[2] < 4.0 * full {
+                continue;
+            }
+            let error = f[0] / f[2] - g[0] / g[2];
+            // Three quarters of the variance of a block's mean remain beside the mean over four of them; of row noise,
+            // which is common to both blocks of a row, one half, and as much of a colour's error.
+            let free = 0.75 * f[3 + band] / (f[2] * f[2]);
+            let row = 0.5 * f[1] / f[2] / size as f64;
+            let differ = drawn[0].iter().zip(&drawn[1]).map(|(f, g)| f64::from(f[at] - g[around]).powi(2));
+            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + differ.sum::<f64>() / DRAWS as f64;
+            let known = off + unsure * (free + row);
+            sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
+        }
+        level = fine;
+    }
+}
+
+/// Sums over blocks of two by two of what is `at` the places of a picture of `w` by `h` px.
+fn pooled(at: impl Fn(usize) -> Pooled, w: usize, h: usize) -> Vec<Pooled> {
+    let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
+    for y in 0..h / 2 * 2 {
+        for x in 0..w / 2 * 2 {
+            for c in 0..3 {
+                let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
+                let value = at((y * w + x) * 3 + c);
+                (0..8).for_each(|k| to[k] += value[k]);
+            }
+        }
+    }
+    out
+}
+
+/// Sums over a row or a column: error, variance, row variance, number, what single values and colours may be off by;
+/// and what each draw is off by.
+#[derive(Clone, Copy, Default)]
+struct Line {
+    sums: [f64; 6],
+    drawn: [f64; DRAWS],
+}
+
+impl Line {
+    fn add(&mut self, v: &Seen, share: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
+        let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
+        let add = [v.error, free, v.noise.row, 1.0, v.single, v.common].map(f64::from);
+        (0..6).for_each(|k| self.sums[k] += add[k]);
+        self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
+    }
+
+    /// Variance of the mean that correct simulations may differ by.
+    fn off(&self) -> f64 {
+        let n = self.sums[3];
+        let drawn = self.drawn.iter().map(|d| (d / n).powi(2)).sum::<f64>() / DRAWS as f64;
+        self.sums[4] / (n * n) + self.sums[5] / n + drawn
+    }
+
+    /// Adds the mean, of which `row` is the share that noise of rows keeps.
+    fn count(&self, sums: &mut Sums, block: usize, row: f64, unsure: f64) {
+        let ([error, free, rows, n, ..], off) = (self.sums, self.off());
+        let noise = free / (n * n) + row * rows / n;
+        sums.add(block, error / n, noise + off, off + unsure * noise);
+    }
+}
+
+/// Means over rows and over columns.
+fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
+    let ([w, h], unsure) = (frame.size, f64::from(frame.unsure));
+    let mut rows = vec![Line::default(); h * 3];
+    let mut columns = vec![Line::default(); w * 3];
+    for (i, v) in frame.values.iter().enumerate() {
+        let Some(v) = v else { continue };
+        let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
+        rows[y * 3 + c].add(v, v.left.lines[0], &frame.drawn, i);
+        columns[x * 3 + c].add(v, v.left.lines[1], &frame.drawn, i);
+    }
+    for (i, r) in rows.iter().enumerate().filter(|(_, r)| r.sums[3] >= 0.25 * w as f64) {
+        r.count(&mut sums[0], blocks.row(i / 3), 1.0, unsure);
+    }
+    for (i, c) in columns.iter().enumerate().filter(|(_, c)| c.sums[3] >= 0.25 * h as f64) {
+        // Rows are drawn anew along a column.
+        c.count(&mut sums[1], blocks.column(i / 3), 1.0 / c.sums[3], unsure);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::expect::model::{P, Theta};
+    use shutterbug::plane::stats::erf;
+
+    #[test]
+    fn the_score_of_a_normal_variable_is_lowest_at_its_own_spread() {
+        // Mean over quantiles of the standard normal distribution scaled by 3.
+        let draws: Vec<f64> = (0..4000)
+            .map(|i| {
+                let u = (f64::from(i) + 0.5) / 4000.0;
+                // Inverse of the distribution by bisection of erf.
+                let (mut lo, mut hi) = (-6.0, 6.0);
+                for _ in 0..60 {
+                    let mid = 0.5 * (lo + hi);
+                    if 0.5 * (1.0 + erf(mid * std::f64::consts::FRAC_1_SQRT_2)) < u {
+                        lo = mid
+                    } else {
+                        hi = mid
+                    }
+                }
+                3.0 * lo
+            })
+            .collect();
+        let mean = |sigma: f64, shift: f64| {
+            draws.iter().map(|d| crps(d + shift, sigma * sigma)).sum::<f64>() / draws.len() as f64
+        };
+        let right = mean(3.0, 0.0);
+        assert!((right - 3.0 * FRAC_1_SQRT_PI).abs() < 2e-3, "{right}");
+        for (sigma, shift) in [(2.0, 0.0), (4.5, 0.0), (0.0, 0.0), (3.0, 1.0)] {
+            assert!(mean(sigma, shift) > right + 0.02, "{sigma} {shift}");
+        }
+    }
+
+    /// Values about `mean`, spread by `sigma_dn` and rounded.
+    fn delivered(mean: f32, sigma_dn: f64) -> Plane<f32> {
+        let draw = |x: usize, y: usize, c: usize| {
+            let bits = shutterbug::chain::rng::random_bits([x as u32, y as u32], c as u32, 7, [1, 2]);
+            let sum = bits.iter().map(|b| f64::from(*b) / f64::from(u32::MAX) - 0.5).sum::<f64>();
+            sigma_dn * sum * 3.0_f64.sqrt()
+        };
+        Plane::from_fn(64, 64, |x, y| [0, 1, 2].map(|c| (mean + draw(x, y, c) as f32).round()))
+    }
+
+    fn read_noise(sigma_dn: f64) -> Tone {
+        let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
+        Tone::new(&Theta::neutral().with(P::Read, sigma_dn / slope))
+    }
+
+    #[test]
+    fn little_noise_lowers_the_score_of_frames_that_have_it_and_not_of_others() {
+        // A solid colour between two whole DN: a model without noise expects one whole value everywhere.
+        for mean in [128.0, 128.3, 128.45] {
+            let flat = Plane::from_fn(64, 64, |_, _| [mean; 3]);
+            let gain = |sigma_dn: f64| {
+                let real = delivered(mean, sigma_dn);
+                let scored = Scored {
+                    real: &real,
+                    mean: &flat,
+                    path: None,
+                    mask: None,
+                    flips: None,
+                    drawn: &[],
+                    edges_drawn: false,
+                    given: None,
+                };
+                let [none, noisy] =
+                    [0.0, 1.0].map(|s| score_frame(&seen_in(&scored, &read_noise(s)), None).score);
+                1.0 - noisy / none
+            };
+            assert!(gain(1.0) > 0.1, "{mean}: {}", gain(1.0));
+            assert!(gain(0.0) < 0.0, "control, {mean}: {}", gain(0.0));
+        }
+    }
+
+    #[test]
+    fn frames_of_the_model_itself_score_what_it_expects() {
+        for (mean, sigma_dn) in [(128.2, 0.6), (128.5, 2.0), (128.0, 5.0)] {
+            let (real, flat) = (delivered(mean, sigma_dn), Plane::from_fn(64, 64, |_, _| [mean; 3]));
+            let scored = Scored {
+                real: &real,
+                mean: &flat,
+                path: None,
+                mask: None,
+                flips: None,
+                drawn: &[],
+                edges_drawn: false,
+                given: None,
+            };
+            let seen = score_frame(&seen_in(&scored, &read_noise(sigma_dn)), None).families[0]
+                .expect("pixels are there");
+            assert!((seen.score / seen.expected - 1.0).abs() < 0.05, "{mean} {sigma_dn}: {seen:?}");
+            let wrong = score_frame(&seen_in(&scored, &read_noise(0.5 * sigma_dn)), None).families[0]
+                .expect("as above");
+            assert!(wrong.score > 1.1 * wrong.expected, "control: {wrong:?}");
+        }
+    }
+
+    #[test]
+    fn row_noise_is_seen_by_row_means_and_not_by_pixels_alone() {
+        // Errors that are equal along a row, under a model with white noise of the same spread per pixel.
+        let real = Plane::from_fn(64, 64, |_, y| [128.0 + [4.0f32, -4.0][y % 2]; 3]);
+        let mean = Plane::from_fn(64, 64, |_, _| [128.0f32; 3]);
+        let scored = Scored {
+            real: &real,
+            mean: &mean,
+            path: None,
+            mask: None,
+            flips: None,
+            drawn: &[],
+            edges_drawn: false,
+            given: None,
+        };
+        let slope = f64::from(Tone::new(&Theta::neutral()).slope_at(128.0, 1));
+        let white = Tone::new(&Theta::neutral().with(P::Read, 4.0 / slope));
+        let row = Tone::new(&Theta::neutral().with(P::Row, 4.0 / slope));
+        let (white, row) =
+            (score_frame(&seen_in(&scored, &white), None), score_frame(&seen_in(&scored, &row), None));
+        assert!(row.score < 0.95 * white.score, "{row:?} {white:?}");
+        // The family that it is about tells clearly; single pixels cannot tell at all.
+        let family = |s: &FrameScore, i: usize| s.families[i].expect("there").score;
+        assert!(family(&row, 4) < 0.8 * family(&white, 4), "{row:?} {white:?}");
+        assert!((family(&row, 0) / family(&white, 0) - 1.0).abs() < 0.02, "{row:?} {white:?}");
+    }
+}

@@ -1,0 +1,134 @@
+//! Whether frames have been through JPEG, told from the frames alone: what has, has coefficients at multiples of the
+//! steps of its quality, whatever the picture shows and however noisy it was before (Fan and de Queiroz 2003). Noise
+//! hides what compression does to a simulated picture, and compression removes noise that the simulation expects; this
+//! tells of neither.
+
+use rayon::prelude::*;
+
+use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
+use crate::diagnose::evidence::{Evidence, spread_out};
+
+/// Frames that are looked at.
+const FRAMES: usize = 4;
+/// Standard deviation of a coefficient about its multiple: brightness and the three colours are rounded to whole DN.
+const ROUNDING: f32 = 0.4;
+/// Least step that shows beside rounding.
+const LEAST_STEP: f32 = 3.0;
+/// Multiples of a step that are told apart, to either side of 0: a coefficient is 1024 at most.
+const MULTIPLES: usize = 2 * 1024 / LEAST_STEP as usize + 3;
+/// Share of the coefficients that lie anywhere (clipped colours that the decoder has bent).
+const ANYWHERE: f32 = 0.1;
+/// Least evidence for a quality, nats: of all coefficients that differ, and of each.
+const LEAST_NATS: [f32; 2] = [50.0, 0.25];
+
+/// The quality of the compression that frames (places) have behind them; none if they have none of these.
+pub(crate) fn quality(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
+    let some = spread_out(frames, FRAMES);
+    let coefficients: Vec<[f32; AREA]> =
+        some.iter().flat_map(|&at| of_frame(&evidence.frames[at].dn)).collect();
+    let told = |quality: u8| {
+        let Sums { all, apart, places } = evidence_for(&coefficients, &steps(quality, false));
+        let clear = apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * places && all > 0.0;
+        clear.then_some((all, quality))
+    };
+    let told: Vec<_> = (5u8..=97).into_par_iter().filter_map(told).collect();
+    let best = told.into_iter().reduce(|best, other| if other.0 > best.0 { other } else { best });
+    tracing::debug!("compression: {best:?} (nats, quality) from {} blocks", coefficients.len());
+    best.map(|b| b.1)
+}
+
+/// Coefficients of the brightness of all whole blocks that nothing has clipped.
+fn of_frame(dn: &shutterbug::plane::Plane<f32>) -> Vec<[f32; AREA]> {
+    let dct = Dct::new();
+    let mut out = Vec::new();
+    for y0 in (0..dn.height / SIDE * SIDE).step_by(SIDE) {
+        for x0 in (0..dn.width / SIDE * SIDE).step_by(SIDE) {
+            let pixel = |i: usize| dn.pixel(x0 + i % SIDE, y0 + i / SIDE);
+            if (0..AREA).all(|i| pixel(i).iter().all(|v| (1.0..255.0).contains(v))) {
+                let luma = |p: &[f32]| 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2] - 128.0;
+                out.push(dct.forward(&std::array::from_fn(|i| luma(pixel(i)))));
+            }
+        }
+    }
+    out
+}
+
+/// Evidence, nats.
+struct Sums {
+    /// Of all coefficients.
+    all: f32,
+    /// Of coefficients that differ: those of one frequency about the same multiple count once, by their mean.
+    apart: f32,
+    /// Number of these.
+    places: f32,
+}
+
+/// Logarithm of how much likelier coefficients are with these steps than without. Only those beyond the first half step
+/// count: smooth pictures have small coefficients without any compression. A wall of one colour is one witness, however
+/// many blocks it fills: three solid colours whose means lay near multiples of a coarse step were 9000 nats for a
+/// quality of 5.
+fn evidence_for(coefficients: &[[f32; AREA]], steps: &[f32; AREA]) -> Sums {
+    let mut by_place = vec![(0.0f64, 0.0f64); AREA * MULTIPLES];
+    for block in coefficients {
+        for (i, (c, step)) in block.iter().zip(steps).enumerate() {
+            if *step >= LEAST_STEP && c.abs() > 0.5 * step {
+                let multiple = (c / step).round();
+                let off = (c - step * multiple) / ROUNDING;
+                let at = (-0.5 * off * off).exp() * 0.398_942_3 / ROUNDING * step;
+                let multiple = (multiple as i32 + MULTIPLES as i32 / 2).clamp(0, MULTIPLES as i32 - 1);
+                let (sum, count) = &mut by_place[i * MULTIPLES + multiple as usize];
+                *sum += f64::from(((1.0 - ANYWHERE) * at + ANYWHERE).ln());
+                *count += 1.0;
+            }
+        }
+    }
+    let seen = || by_place.iter().filter(|p| p.1 > 0.0);
+    let all: f64 = seen().map(|p| p.0).sum();
+    let apart: f64 = seen().map(|p| p.0 / p.1).sum();
+    Sums { all: all as f32, apart: apart as f32, places: seen().count() as f32 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shutterbug::chain::rng::random_bits;
+    use shutterbug::plane::Plane;
+
+    /// Edges and noise, rounded.
+    fn picture(sigma: f32) -> Plane<f32> {
+        Plane::from_fn(96, 64, |x, y| {
+            [0u32, 1, 2].map(|c| {
+                let bits = random_bits([x as u32, y as u32], c, 9, [3, 4]);
+                let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                let v = 60.0 + 25.0 * ((x / 9 + y / 7) % 5) as f32 + 0.3 * x as f32;
+                (v + 1.73 * sigma * noise).round()
+            })
+        })
+    }
+
+    fn told(dn: &Plane<f32>) -> Option<u8> {
+        quality(&Evidence::of_one(dn.clone()), &[0])
+    }
+
+    #[test]
+    fn a_quality_is_told_with_noise_and_without_and_none_where_there_is_none() {
+        for sigma in [0.0, 3.0, 10.0] {
+            let plain = picture(sigma);
+            assert_eq!(told(&plain), None, "control: noise of {sigma} DN");
+            for quality in [30, 62, 82] {
+                let packed = shutterbug::effects::jpeg::compressed(&plain, quality);
+                assert_eq!(told(&packed), Some(quality), "noise of {sigma} DN");
+            }
+        }
+    }
+
+    #[test]
+    fn a_few_solid_colours_near_multiples_of_a_step_are_no_compression() {
+        // Sixteen times 160, 320 and -160, the multiples of the step of the mean at a quality of 5.
+        let dn = Plane::from_fn(160, 120, |x, y| [[148.0, 168.0, 108.0][(x / 64 + y / 48) % 3]; 3]);
+        let evidence = Evidence::of_one(dn.clone());
+        let all = of_frame(&evidence.frames[0].dn);
+        assert!(evidence_for(&all, &steps(5, false)).all > 500.0, "control: every block speaks for it");
+        assert_eq!(told(&dn), None);
+    }
+}

@@ -1,0 +1,385 @@
+//! The end of a search: parameters that are freed last, and which kinds of noise there are.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::found::{FINER, FITS, Found, INTERVALS, REST};
+use super::support::restored;
+use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::expect::fitted::Fit;
+use crate::diagnose::expect::forward::Quality;
+use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete};
+use crate::diagnose::expect::room::{Room, is_description};
+use crate::diagnose::fit::{FILTERS, FINE};
+use crate::diagnose::judge::Scores;
+use crate::diagnose::judge::noise::{NOISES, NoiseData};
+use crate::diagnose::judge::placed::placed;
+use crate::diagnose::judge::residue::{Residue, outliers, residue, solved};
+use crate::diagnose::judge::smear::smear;
+use crate::diagnose::search::{Search, Watch, finest_of, last_of};
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+impl Search<'_> {
+    /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left
+    /// out; only what is scored at the end always is.
+    pub(crate) fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
+        self.forward.budget.stage = Stage::End;
+        let fitted = if searched { self.fit_to_the_end(found) } else { Ok(()) };
+        if in_time(fitted)?.is_none() || !searched {
+            found.leave_out(FITS);
+        }
+        watch.step("noise");
+        if in_time(self.noise_and_rest(found))?.is_none() {
+            let noises: Vec<_> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+            noises.into_iter().filter(|n| !found.set.contains(n)).for_each(|n| found.late.push(n));
+            found.late.dedup();
+            found.residue = Residue::unseen();
+            found.leave_out(REST);
+        }
+        watch.step("intervals");
+        if in_time(self.mean_intervals(found))?.is_none() {
+            found.leave_out(INTERVALS);
+        }
+        watch.step("scores");
+        // Before and after in the same places.
+        self.judge.kind = found.fit.theta.room.kind();
+        let report = &self.evidence.report;
+        if self.forward.budget.affords(report.len(), Quality::Fine) {
+            (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        } else {
+            (self.judge.quality, self.forward.native) = (Quality::Fit, false);
+            found.leave_out(FINER);
+        }
+        self.forward.budget.stage = Stage::Must;
+        found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
+        found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
+        (self.forward.budget.stage, found.quality) = (Stage::End, self.judge.quality);
+        Ok(())
+    }
+
+    /// What only makes a set better that is nearly right.
+    fn fit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+        if !found.set.is_empty() {
+            self.tune_choices(found)?;
+            self.exchange(found)?;
+            self.free_more(found)?;
+            self.refit_to_the_end(found)?;
+            self.tune_choices(found)?;
+            self.sharpen(found)?;
+        }
+        self.judge.quality = finest_of(&found.fit.theta);
+        self.prune_finely(found)
+    }
+
+    fn noise_and_rest(&mut self, found: &mut Found) -> Result<()> {
+        (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        self.choose_noise(found)?;
+        self.prune_beside_noise(found)?;
+        self.look_at_the_rest(found)
+    }
+
+    /// Frees parameters that every fit leaves neutral (tangential distortion), and keeps those that help.
+    pub(crate) fn free_more(&mut self, found: &mut Found) -> Result<()> {
+        let more: Vec<P> = found.set.iter().flat_map(|n| candidate_of(n).more.iter().copied()).collect();
+        if more.is_empty() {
+            return Ok(());
+        }
+        let was = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+        let mut free = free(&found.set);
+        free.extend(&more);
+        let target = self.target();
+        let frames = &self.evidence.fit;
+        let freed = crate::diagnose::fit::fit(self.forward, target, frames, &found.fit.theta, &free, FINE)?;
+        let now = self.judge.scores(self.forward, &freed.theta)?;
+        tracing::info!("with {more:?}: {:.3} to {:.3} DN", was.mean(), now.mean());
+        if self.prefers(&found.fit.theta, &freed.theta)? {
+            found.fit.theta = freed.theta;
+            found.more = more;
+        }
+        Ok(())
+    }
+
+    /// Fits filters, and all other values with them, once more to pictures of more samples.
+    pub(crate) fn sharpen(&mut self, found: &mut Found) -> Result<()> {
+        if !["sharpening", "defocus"].iter().any(|n| found.set.contains(n)) {
+            return Ok(());
+        }
+        let mut free = free(&found.set);
+        free.retain(|p| !p.is_time() && !p.is_remap());
+        let target = self.target();
+        let fit = crate::diagnose::fit::fit(
+            self.forward,
+            target,
+            &self.evidence.fit,
+            &found.fit.theta,
+            &free,
+            FILTERS,
+        )?;
+        found.fit.theta = fit.theta;
+        Ok(())
+    }
+
+    /// Chooses anew among qualities and patterns, now that the rest fits.
+    pub(crate) fn tune_choices(&mut self, found: &mut Found) -> Result<()> {
+        for name in found.set.clone() {
+            let candidate = candidate_of(name);
+            if is_discrete(candidate) {
+                found.fit.theta = self.add_discrete(candidate, &found.fit.theta.clone())?.theta;
+                found.fit.half.insert(candidate.parameters[0], 1.0);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes out what only coarse renders made look useful.
+    ///
+    /// The description is questioned only where the rest leaves more than the discrepancy can make: a part of it
+    /// without which nothing is left beyond that goes, however much better the frames are met with it. And an effect
+    /// without which more is left than the discrepancy can make, and with which no more is, stays: the verdict would
+    /// ask for it.
+    pub(crate) fn prune_finely(&mut self, found: &mut Found) -> Result<()> {
+        while !found.set.is_empty() {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            let passes = now.beyond_bounds().is_empty();
+            let mut weakest: Option<(usize, Theta, f64)> = None;
+            for i in 0..found.set.len() {
+                let name = found.set[i];
+                let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
+                let enough = scores.beyond_bounds().is_empty();
+                let needed = match (is_description(name), passes && !enough) {
+                    (true, _) if enough => false,
+                    (false, true) => self.is_there(found, name)?,
+                    _ => self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?,
+                };
+                if !needed && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
+                    weakest = Some((i, fit.theta, scores.mean()));
+                }
+            }
+            let Some((i, theta, gap)) = weakest else { break };
+            tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
+            found.set.remove(i);
+            found.fit.theta = theta;
+            self.refit_to_the_end(found)?;
+        }
+        Ok(())
+    }
+
+    /// Whether a member of the set is what its name says.
+    fn is_there(&mut self, found: &Found, name: &str) -> Result<bool> {
+        let (masks, theta) = (Some(self.masks), &found.fit.theta);
+        Ok(name != "flicker"
+            || crate::diagnose::fit::flicker::is_periodic(self.forward, self.evidence, masks, theta)?)
+    }
+
+    /// Decides which kinds of noise are there: all that can be, less those that nothing is lost without.
+    pub(crate) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
+        let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let fitted = found.fit.theta.clone();
+        let means = self.forward.simulate(&self.evidence.fit, &fitted, self.judge.quality)?;
+        self.judge.keep_stuck(&self.evidence.fit, &means);
+        let data = self.noise_data(&fitted, &self.evidence.fit)?;
+        let unseen = self.noise_data(&fitted, &self.evidence.choose)?;
+        tracing::debug!("noise {data:?}");
+        let theta = self.noisy(&data, &found.fit.theta, &names);
+        names.retain(|n| candidate_of(n).parameters.iter().any(|&p| theta.get(p) > self.base.get(p)));
+        let mut theta = self.noisy(&data, &found.fit.theta, &names);
+        let mut scores = self.judge.scores(self.forward, &theta)?;
+        let described = theta.room != Room::default();
+        loop {
+            let mut weakest: Option<(usize, Theta, Scores)> = None;
+            for i in 0..names.len() {
+                let rest: Vec<_> = names.iter().copied().filter(|n| *n != names[i]).collect();
+                let without = self.noisy(&data, &found.fit.theta, &rest);
+                let rest_scores = self.judge.scores(self.forward, &without)?;
+                // What factors and poses leave at edges spreads as noise does: noise that explains less than is left
+                // may be that.
+                let left = if described { (scores.mean() - scores.bound()).max(0.0) } else { 0.0 };
+                let clear = left == 0.0 || rest_scores.mean() - scores.mean() > left;
+                let needed = self.prefers_noise(&unseen, &without, &theta)? && clear;
+                tracing::info!(
+                    "without {}: {:.4}, with {:.4}: {needed}",
+                    names[i],
+                    rest_scores.mean(),
+                    scores.mean()
+                );
+                if !needed && weakest.as_ref().is_none_or(|w| rest_scores.mean() < w.2.mean()) {
+                    weakest = Some((i, without, rest_scores));
+                }
+            }
+            let Some((i, without, rest_scores)) = weakest else { break };
+            names.remove(i);
+            (theta, scores) = (without, rest_scores);
+        }
+        // Noise that may as well be none is not named, however its neighbours in the score have turned out.
+        loop {
+            self.noise_intervals(&names, &theta, found)?;
+            let clear = |n: &&str| self.is_clear_of_none(candidate_of(n).parameters, &theta, &found.fit);
+            let rest: Vec<&'static str> = names.iter().copied().filter(clear).collect();
+            if rest.len() == names.len() {
+                break;
+            }
+            tracing::info!("of {names:?} only {rest:?} have an interval without none");
+            theta = self.noisy(&data, &found.fit.theta, &rest);
+            names = rest;
+        }
+        found.fit.theta = theta;
+        found.set.extend(names);
+        Ok(())
+    }
+
+    /// Whether the interval of one of some parameters leaves out the given camera's value.
+    fn is_clear_of_none(&self, parameters: &[P], theta: &Theta, fit: &Fit) -> bool {
+        let half = |p: &P| fit.half.get(p).copied().unwrap_or(0.0);
+        parameters.iter().any(|p| (theta.get(*p) - self.base.get(*p)).abs() > half(p))
+    }
+
+    /// Takes out what the noise, now that it is known, has made superfluous: what was taken beside other noise may have
+    /// stood for that (chroma shared in pairs behind a compression, for the noise of rows).
+    pub(crate) fn prune_beside_noise(&mut self, found: &mut Found) -> Result<()> {
+        loop {
+            let now = self.judge.scores(self.forward, &found.fit.theta.clone())?.mean();
+            let mut least: Option<(f64, usize, Theta)> = None;
+            for i in (0..found.set.len()).filter(|&i| !candidate_of(found.set[i]).noise) {
+                if self.is_known(found.set[i]) {
+                    continue;
+                }
+                let theta = restored(&found.fit.theta, &self.base, candidate_of(found.set[i]));
+                let without = self.judge.scores(self.forward, &theta)?.mean();
+                if without <= now && least.as_ref().is_none_or(|l| without < l.0) {
+                    least = Some((without, i, theta));
+                }
+            }
+            let Some((without, i, theta)) = least else { return Ok(()) };
+            tracing::info!("beside the noise drops {}: {without:.4} DN without, {now:.4} with", found.set[i]);
+            found.set.remove(i);
+            found.fit.theta = theta;
+            self.refit_to_the_end(found)?;
+            self.choose_noise_anew(found)?;
+        }
+    }
+
+    /// Decides once more which kinds of noise there are, after the set has become another.
+    pub(crate) fn choose_noise_anew(&mut self, found: &mut Found) -> Result<()> {
+        found.set.retain(|n| !candidate_of(n).noise);
+        self.choose_noise(found)
+    }
+
+    /// What the set leaves on the frames to report by, see [`crate::diagnose::judge::residue`].
+    pub(crate) fn look_at_the_rest(&mut self, found: &mut Found) -> Result<()> {
+        let theta = &found.fit.theta.clone();
+        let frames = &self.evidence.report;
+        let mut means = self.forward.simulate(frames, theta, Quality::Fine)?;
+        let masks = self.forward.masked(Some(self.masks), theta.room.kind());
+        let masks = masks.as_deref().expect("there were some");
+        let judged = self.forward.masked(self.judge.masks, theta.room.kind());
+        // What is stuck is far off for a model that has none, and no sign of anything else.
+        let bare = theta.get(P::Hot) == 0.0;
+        let given = self.forward.outside.is_some();
+        let far = bare.then(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
+        means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        let left = self.noise_data(theta, frames)?;
+        found.residue = residue(self.evidence, frames, &means, masks, &left, theta);
+        let before = self.forward.simulate(frames, &self.base.clone(), Quality::Fine)?;
+        // Whether or not an exposure is among the candidates: left out of them it must not be sold as something else.
+        if self.names.iter().any(|n| candidate_of(n).needs_motion) {
+            let velocity: Vec<_> = frames.iter().map(|&at| self.forward.velocity(at, theta)).collect();
+            let seen = smear(self.evidence, frames, &means, self.masks, &velocity);
+            found.residue.smear = seen.unwrap_or_default();
+        }
+        found.residue.outliers =
+            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
+        found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
+        found.residue.placed = placed(self.evidence, frames, [&before, &means], masks);
+        tracing::info!("left: {:?}", found.residue);
+        Ok(())
+    }
+
+    /// `theta` with these kinds of noise as they were measured.
+    pub(crate) fn noisy(&self, data: &NoiseData, theta: &Theta, names: &[&str]) -> Theta {
+        let mut noisy = data.fit(theta, &self.base, names);
+        if names.contains(&"hot_pixels") {
+            noisy.set(P::Hot, self.judge.hot.fraction());
+        }
+        noisy
+    }
+
+    /// Half widths of the parameters that change the mean.
+    pub(crate) fn mean_intervals(&mut self, found: &mut Found) -> Result<()> {
+        let (free, target) = (found.free(), self.target());
+        let last = last_of(&free);
+        let (frames, level) = (&self.evidence.fit, &last[last.len() - 1]);
+        self.forward.native = false;
+        let half = crate::diagnose::fit::intervals::intervals(
+            self.forward,
+            target,
+            frames,
+            &found.fit.theta,
+            &free,
+            level,
+        );
+        self.forward.native = true;
+        let mut half = half?;
+        if let (Some(&f), Some(&c)) = (half.get(&P::FlickerF), half.get(&P::FlickerC)) {
+            // A phase counts from time 0, and the frequency is off all the way from there.
+            let (depth, middle_s) = (
+                found.fit.theta.get(P::FlickerC).hypot(found.fit.theta.get(P::FlickerS)),
+                self.forward.middle_s(),
+            );
+            half.insert(P::FlickerS, c.hypot(depth * std::f64::consts::TAU * f * middle_s));
+        }
+        found.fit.half.extend(half);
+        Ok(())
+    }
+
+    /// Half widths of the noise parameters, by leaving out one frame at a time (jackknife).
+    fn noise_intervals(&mut self, names: &[&'static str], theta: &Theta, found: &mut Found) -> Result<()> {
+        let parameters: Vec<P> =
+            names.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
+        if parameters.is_empty() {
+            return Ok(());
+        }
+        let frames = crate::diagnose::evidence::spread_out(&self.evidence.fit, 6);
+        let means = self.forward.pictures(&frames, theta, self.judge.quality)?;
+        let ahead = self.ahead_of_steps(&frames, theta)?;
+        let masks = Some(self.masks);
+        let whole = NoiseData::measure(self.evidence, &frames, &means, ahead.as_deref(), theta, masks);
+        let known = whole.errors(theta, names);
+        let mut spread: BTreeMap<P, Vec<f64>> = BTreeMap::new();
+        for i in 0..frames.len() {
+            let rest = |j: &usize| *j != i;
+            let rest_frames: Vec<_> = (0..frames.len()).filter(rest).map(|j| frames[j]).collect();
+            let others = |of: &Vec<Arc<Plane<f32>>>| -> Vec<_> {
+                (0..frames.len()).filter(rest).map(|j| of[j].clone()).collect()
+            };
+            let (rest_means, rest_ahead) = (others(&means), ahead.as_ref().map(others));
+            let ahead = rest_ahead.as_deref();
+            let part = NoiseData::measure(self.evidence, &rest_frames, &rest_means, ahead, theta, masks);
+            let part = part.fit(theta, &self.base, names);
+            parameters.iter().for_each(|&p| spread.entry(p).or_default().push(part.get(p)));
+        }
+        for (p, values) in spread {
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() * (n - 1.0) / n;
+            let half = match p {
+                // Single pixels are found or not.
+                P::Hot => {
+                    0.04 * theta.get(p) + 2.0 * theta.get(p) / (self.judge.hot.count().max(1) as f64).sqrt()
+                }
+                // What compression removes of noise is known from flat fields: where it removes most of it the model
+                // was seen to be off by up to 13 %.
+                P::Read | P::Shot | P::Dsnu | P::Prnu if theta.is_on(P::Quality) => {
+                    let chance = 2.4 * variance.sqrt().hypot(known.get(&p).copied().unwrap_or(0.0));
+                    chance.hypot(0.15 * theta.get(p))
+                }
+                // A pattern is the same in all frames, and a bin of brightness is off by the same in all of them: that
+                // comes from the bins. The flatness rule leaves a per cent beyond.
+                _ => 2.4 * variance.sqrt().hypot(known.get(&p).copied().unwrap_or(0.0)) + 0.01 * theta.get(p),
+            };
+            found.fit.half.insert(p, half);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,578 @@
+//! Which candidates explain the gap: each alone, then sets by forward selection with pruning, refitted jointly.
+
+pub(super) mod apart;
+pub(super) mod candidates;
+pub(super) mod choices;
+pub(super) mod comb;
+pub(super) mod decide;
+pub(super) mod ending;
+pub(super) mod exchange;
+pub(super) mod found;
+pub(super) mod levels;
+pub(super) mod objects;
+pub(super) mod pairs;
+pub(super) mod question;
+pub(super) mod searches;
+pub(super) mod shown;
+pub(super) mod support;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::{Evidence, spread_out};
+use crate::diagnose::expect::fitted::Fit;
+use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::model::{
+    CandidateSpec, P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves,
+};
+use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::expect::weighing::Weighing;
+use crate::diagnose::fit::cost::{Level, Target, cost_of, weighing_of};
+use crate::diagnose::fit::flicker::is_periodic;
+use crate::diagnose::fit::intervals::Slopes;
+use crate::diagnose::fit::normal::screened;
+use crate::diagnose::fit::starts::{best_starts, is_hopeful};
+use crate::diagnose::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
+use crate::diagnose::judge::noise::{NOISES, NoiseData, noiseless, shows_steps};
+use crate::diagnose::judge::{Judge, Scores};
+use found::{Alone, Found, SEARCH};
+use shown::Shown;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+/// Most effects of a set that change the mean.
+const MOST_EFFECTS: usize = 6;
+/// Candidates that get a joint fit in each round after the first.
+const SHORTLIST: usize = 4;
+/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how
+/// bright a lamp was, whose frequency is not known yet.
+const BENT: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
+/// Candidates that promise less than this share of what the best one promises wait, if that one gains.
+const LITTLE: f64 = 0.25;
+/// What share of a gap, counted from the floor, is nearly all of it.
+const NEARLY_ALL: f64 = 0.85;
+/// Beyond which difference sizes are compared instead of squares, DN.
+const COMPARED_DN: f64 = 1.5;
+
+/// Where the search stands, for people who wait.
+pub(crate) trait Watch {
+    /// A stage began: its name, and how many steps it has.
+    fn stage(&mut self, name: &str, steps: usize);
+    /// A step of the stage is about to be taken.
+    fn step(&mut self, what: &str);
+}
+
+/// All that a search works on.
+pub(crate) struct Search<'a> {
+    pub forward: &'a mut Forward,
+    pub judge: Judge<'a>,
+    pub evidence: &'a Evidence,
+    /// Where fits compare: as the judge does, but for stuck pixels.
+    pub masks: &'a [Plane<f32>],
+    /// The camera as given.
+    pub base: Theta,
+    /// Candidates that are considered.
+    pub names: Vec<&'static str>,
+    /// What of the description may be wrong.
+    pub room: Vec<&'static str>,
+    /// What the frames themselves show.
+    pub shown: Shown,
+}
+
+/// A candidate, its fit, and what that scored.
+pub(crate) type Tried = (&'static str, Fit, Scores);
+
+impl<'a> Search<'a> {
+    /// What fits compare with.
+    pub(crate) fn target(&self) -> Target<'a> {
+        Target { evidence: self.evidence, masks: Some(self.masks) }
+    }
+
+    fn fit_frames(&self) -> &'a [usize] {
+        &self.evidence.fit
+    }
+
+    /// Whether the stage has no more time.
+    pub(crate) fn late(&self) -> bool {
+        self.forward.budget.is_over()
+    }
+
+    /// Fits a set jointly from a start.
+    pub(crate) fn refit(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
+        let free = free(set);
+        if free.is_empty() {
+            return self.refit_poses(start);
+        }
+        let (target, frames) = (self.target(), self.fit_frames());
+        fit(self.forward, target, frames, start, &free, schedule)
+    }
+
+    /// The last fit of a set, with what was freed besides.
+    pub(crate) fn refit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+        let free = found.free();
+        if !free.is_empty() {
+            let (target, frames) = (self.target(), self.fit_frames());
+            let fit = fit(self.forward, target, frames, &found.fit.theta, &free, last_of(&free))?;
+            found.fit.theta = fit.theta;
+        }
+        Ok(())
+    }
+
+    /// Robust cost on the frames that fits see.
+    pub(crate) fn cost(&mut self, theta: &Theta, level: &Level, weighing: &Weighing) -> Result<f64> {
+        let frames = spread_out(self.fit_frames(), level.frames);
+        let target = self.target();
+        cost_of(self.forward, target, &frames, theta, level, weighing)
+    }
+
+    /// The weights under which costs of a stage are compared: those of the noise in `theta`.
+    pub(crate) fn weighing(&mut self, theta: &Theta, level: &Level) -> Result<Weighing> {
+        let frames = spread_out(self.fit_frames(), level.frames);
+        weighing_of(self.forward, &frames, theta, level, COMPARED_DN)
+    }
+
+    /// What the differences that `theta` leaves tell of the noise.
+    pub(crate) fn noise_data(&mut self, theta: &Theta, frames: &[usize]) -> Result<NoiseData> {
+        // At the end as well as what is reported: what few samples a pixel make of fine texture looks like noise.
+        let means = self.forward.pictures(frames, theta, self.judge.quality)?;
+        let masks = self.forward.masked(Some(self.masks), theta.room.kind());
+        let ahead = self.ahead_of_steps(frames, theta)?;
+        Ok(NoiseData::measure(self.evidence, frames, &means, ahead.as_deref(), theta, masks.as_deref()))
+    }
+
+    /// What is simulated ahead of a coarse converter, where its steps are seen one by one.
+    pub(crate) fn ahead_of_steps(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+    ) -> Result<Option<Vec<Arc<Plane<f32>>>>> {
+        if !shows_steps(theta) {
+            return Ok(None);
+        }
+        let plain = noiseless(theta).with(P::Bits, 0.0);
+        Ok(Some(self.forward.pictures(frames, &plain, self.judge.quality)?))
+    }
+
+    /// `theta` with all noise that can be seen: values are judged against the spread that they have.
+    pub(crate) fn with_noise(&mut self, theta: &Theta) -> Result<Theta> {
+        let names: Vec<&str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
+        let data = self.noise_data(theta, self.fit_frames())?;
+        let noisy = self.noisy(&data, theta, &names);
+        // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise
+        // that compression has weakened: it is some only if the score says so.
+        let silent = data.fit(theta, &self.base, &[]);
+        let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
+        if with?.mean() >= without?.mean() {
+            return Ok(silent);
+        }
+        Ok(noisy)
+    }
+
+    /// Fits a candidate beside a set; once, if there is a journal.
+    pub(crate) fn add(
+        &mut self,
+        candidate: &'static CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Fit> {
+        let key = format!("{} {set:?} {theta:?}", candidate.name);
+        let work = |search: &mut Self| {
+            let mut fit = search.add_anew(candidate, set, theta)?;
+            // A compression that can be read from the frames is there from the start, and noise is seen through it. How
+            // much sharpening lifts it has changed with the rest of the set. What bends or mixes values does so to
+            // their noise.
+            let lifted = set.contains(&"sharpening") && (moves(candidate) || candidate.name == "defocus");
+            let is_noisy = Tone::new(theta).is_noisy();
+            let mixes = mixes_pixels(candidate.name) || (is_noisy && !moves(candidate));
+            if lifted || (mixes && candidate.name != "jpeg" && fit.theta != *theta) {
+                fit.theta = search.with_noise(&fit.theta)?;
+            }
+            Ok(fit)
+        };
+        Forward::tried(self, |search| search.forward, ("candidate", &key), work)
+    }
+
+    fn add_anew(
+        &mut self,
+        candidate: &'static CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Fit> {
+        let mut joint = set.to_vec();
+        joint.push(candidate.name);
+        if is_discrete(candidate) {
+            return self.add_discrete(candidate, theta);
+        }
+        let target = self.target();
+        let starts = best_starts(self.forward, target, self.evidence, theta, candidate, 2)?;
+        let schedule = match candidate.name {
+            // Means over blocks know nothing of a px more or less of sharpness.
+            "sharpening" => DETAILS,
+            "defocus" if set.contains(&"sharpening") => DETAILS,
+            _ if moves(candidate) => COARSE,
+            _ => VALUES,
+        };
+        let last = schedule[schedule.len() - 1];
+        let weighing = self.weighing(theta, &last)?;
+        // Values are looked for with the geometry held, whose renders are kept, but together with the set's other
+        // values: a gain beside a white balance helps only if both move.
+        let who: Vec<_> =
+            joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
+        let mut best: Option<(f64, Theta)> = None;
+        let mut valleys: Vec<Theta> = Vec::new();
+        for start in &starts {
+            let mut found = self.refit(&who, start, &schedule[..1])?;
+            if valleys.iter().any(|v| is_near(v, &found.theta, &free(&who))) {
+                continue;
+            }
+            valleys.push(found.theta.clone());
+            found = self.refit(&who, &found.theta, &schedule[1..])?;
+            if set.contains(&"jpeg") {
+                found = self.beside_compression(&who, found, schedule)?;
+            }
+            let cost = self.cost(&found.theta, &last, &weighing)?;
+            if best.as_ref().is_none_or(|b| cost < b.0) {
+                best = Some((cost, found.theta));
+            }
+        }
+        let (cost, start) = best.expect("there is always a start");
+        if candidate.name == "flicker" && !is_periodic(self.forward, self.evidence, Some(self.masks), &start)?
+        {
+            tracing::info!("flicker: brightness goes up and down, but not as a sine");
+            return Ok(Fit { theta: theta.clone(), half: BTreeMap::new() });
+        }
+        let was = self.cost(theta, &last, &weighing)?;
+        // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
+        if cost >= was || !moves(candidate) {
+            return Ok(Fit { theta: start, half: BTreeMap::new() });
+        }
+        self.refit(&joint, &start, FINE)
+    }
+
+    /// Runs the search, for as long as there is time; what it had found by then is kept.
+    pub(crate) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
+        let before = self.judge.scores(self.forward, &self.base.clone())?;
+        self.forward.budget.go_on()?;
+        self.forward.budget.stage = Stage::Search;
+        let mut found = Found::nothing(&self.base, before);
+        let ended = self.look_for(&mut found, watch);
+        if in_time(ended)?.is_none() {
+            let tried = |n: &&str| found.set.is_empty() && found.alone.iter().any(|a| a.name == *n);
+            let late: Vec<_> = self.left_beside(&found.set).into_iter().filter(|n| !tried(n)).collect();
+            late.into_iter().for_each(|n| found.is_late(n));
+            found.leave_out(SEARCH);
+        }
+        watch.stage("the set to the end", 4);
+        watch.step("all parameters together");
+        let clock = Instant::now();
+        self.finish(&mut found, watch)?;
+        self.forward.budget.tell(clock.elapsed().as_secs_f64());
+        Ok(found)
+    }
+
+    fn look_for(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        let (packed, set) = self.shown.put(&self.base);
+        found.set = set;
+        found.fit.theta = packed.clone();
+        let start = self.with_noise(&packed)?;
+        found.fit.theta = start.clone();
+        let mut scores = self.judge.scores(self.forward, &start)?;
+        self.each_alone(watch, "each candidate alone", &start, &mut found.alone, &mut found.late)?;
+        for round in 0..MOST_EFFECTS {
+            let current = found.fit.clone();
+            let mut options: Vec<Tried> = if round == 0 {
+                let mean = found
+                    .alone
+                    .iter()
+                    .filter(|a| !candidate_of(a.name).noise && !found.set.contains(&a.name));
+                mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
+            } else if self.late() {
+                self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
+                break;
+            } else {
+                self.round(watch, &found.set, &current, &scores, &mut found.late)?
+            };
+            let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
+            if !closes_nearly_all(&scores, best) {
+                let beside = self.description_beside(watch, &found.set, &current.theta, &scores);
+                options.extend(in_time(beside)?.unwrap_or_default());
+            }
+            let late = self.late();
+            if late {
+                let unseen = self.room.iter().filter(|n| !found.set.contains(n)).copied();
+                unseen.collect::<Vec<_>>().into_iter().for_each(|n| found.is_late(n));
+                // What has been tried is taken in the time of the end.
+                self.forward.budget.stage = Stage::End;
+            }
+            let (mut set, mut chosen) =
+                (found.set.clone(), self.choose(&current.theta, &scores, options.clone())?);
+            if chosen.is_none() && !late && self.holds_to_description() {
+                (set, chosen) = self.by_way_of_another(watch, found, &scores, options)?;
+            }
+            let Some((name, fit, _)) = chosen else { break };
+            set.push(name);
+            let fit =
+                if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
+            // The noise shows better now.
+            let theta = self.with_noise(&fit.theta)?;
+            let better = self.judge.scores(self.forward, &theta)?;
+            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
+            (found.set, found.fit) = (set, Fit { theta, half: fit.half });
+            scores = better;
+            if late {
+                self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
+                break;
+            }
+            self.prune(&mut found.set, &mut found.fit, &mut scores)?;
+        }
+        Ok(())
+    }
+
+    /// As before a search, of which that much of the description may be wrong.
+    pub(crate) fn begin_anew(&mut self, room: Vec<&'static str>) {
+        self.room = room;
+        (self.judge.quality, self.forward.native) = (Quality::Fit, false);
+        self.judge.kind = self.base.room.kind();
+    }
+
+    /// Whether one finding leaves less on the frames to choose by than another, both where both can be scored.
+    pub(crate) fn explains_more(&mut self, one: &Found, other: &Found) -> Result<bool> {
+        self.judge.kind = one.fit.theta.room.kind().and(other.fit.theta.room.kind());
+        let [one, other] = [one, other].map(|f| self.judge.scores(self.forward, &f.fit.theta));
+        Ok(one?.mean() < other?.mean())
+    }
+
+    /// As behind the search that found this.
+    pub(crate) fn end_as(&mut self, found: &Found) {
+        self.room.clear();
+        (self.judge.quality, self.forward.native) = (Quality::Fine, true);
+        self.judge.kind = found.fit.theta.room.kind();
+    }
+
+    /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of
+    /// what the best of them closes; the best first.
+    pub(crate) fn promising(&mut self, watch: &mut dyn Watch, share: f64) -> Result<Vec<Theta>> {
+        let before = self.judge.scores(self.forward, &self.base.clone())?;
+        let start = self.with_noise(&self.base.clone())?;
+        let all = std::mem::take(&mut self.names);
+        self.names = all.iter().copied().filter(|n| moves(candidate_of(n))).collect();
+        let mut tried = Vec::new();
+        let looked = self.each_alone(watch, "where to compare", &start, &mut tried, &mut Vec::new());
+        self.names = all;
+        let gain = |a: &Alone| a.against.mean() - a.scores.mean();
+        looked?;
+        let best = tried.iter().map(gain).fold(0.0, f64::max);
+        let least = f64::max(share * before.mean(), 0.5 * best);
+        let mut promising: Vec<_> = tried.into_iter().filter(|a| gain(a) >= least).collect();
+        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        Ok(promising.into_iter().map(|a| a.fit.theta).collect())
+    }
+
+    fn each_alone(
+        &mut self,
+        watch: &mut dyn Watch,
+        stage: &str,
+        start: &Theta,
+        alone: &mut Vec<Alone>,
+        late: &mut Vec<&'static str>,
+    ) -> Result<()> {
+        watch.stage(stage, self.names.len());
+        for name in self.names.clone() {
+            watch.step(name);
+            match in_time(self.one_alone(name, start))? {
+                Some(one) => alone.push(one),
+                None => late.push(name),
+            }
+        }
+        Ok(())
+    }
+
+    fn one_alone(&mut self, name: &'static str, start: &Theta) -> Result<Alone> {
+        self.forward.budget.go_on()?;
+        let clock = Instant::now();
+        let candidate = candidate_of(name);
+        let fit = if candidate.noise {
+            let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
+            let theta = self.noisy(&data, &self.base, &[name]);
+            Fit { theta, half: BTreeMap::new() }
+        } else {
+            self.add(candidate, &[], start)?
+        };
+        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        self.log(name, &fit, &scores, clock);
+        let against = match name {
+            _ if candidate.noise => self.base.clone(),
+            _ if self.is_known(name) => self.with_noise(&self.base.clone())?,
+            _ => start.clone(),
+        };
+        let against = self.judge.scores(self.forward, &against)?;
+        Ok(Alone { name, fit, scores, against })
+    }
+
+    fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
+        let parameters = fit.theta.report(candidate_of(name), &BTreeMap::new());
+        let values: Vec<String> = parameters.iter().map(|(k, v)| format!("{k} {}", v.value)).collect();
+        let (count, spent_s) = self.forward.renders;
+        tracing::info!(
+            "{name}: {:.3} DN ({:.3}) in {:.1} s, {} [{count} renders, {spent_s:.1} s]",
+            scores.mean(),
+            scores.floor(),
+            clock.elapsed().as_secs_f64(),
+            values.join(", ")
+        );
+    }
+
+    /// Candidates that a round asks of.
+    fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
+        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise;
+        self.names.iter().copied().filter(beside).collect()
+    }
+
+    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
+    pub(crate) fn round(
+        &mut self,
+        watch: &mut dyn Watch,
+        set: &[&'static str],
+        current: &Fit,
+        now: &Scores,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Vec<Tried>> {
+        let (smooth, rest): (Vec<_>, Vec<_>) =
+            self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
+        watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
+        watch.step("ranking");
+        let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
+            late.extend(smooth.into_iter().chain(rest));
+            return Ok(Vec::new());
+        };
+        let mut out: Vec<Tried> = Vec::new();
+        for &(name, promised) in &ranked {
+            let little = promised < LITTLE * ranked[0].1;
+            if little && out.first().is_some_and(|first| self.gains(now, &first.2)) {
+                tracing::info!("{name} waits for the next round");
+                continue;
+            }
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        if closes_nearly_all(now, out.first()) {
+            return Ok(out);
+        }
+        let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
+        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n)) {
+            let (target, candidate) = (self.target(), candidate_of(name));
+            let hopeful = is_hopeful(self.forward, target, self.evidence, &current.theta, candidate);
+            if in_time(hopeful)?.unwrap_or(true) {
+                out.extend(self.beside(watch, name, set, current, late)?);
+            }
+        }
+        for name in rest {
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        Ok(out)
+    }
+
+    /// Fits a candidate beside the set and scores it, unless there is no more time.
+    fn beside(
+        &mut self,
+        watch: &mut dyn Watch,
+        name: &'static str,
+        set: &[&'static str],
+        current: &Fit,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Option<Tried>> {
+        watch.step(name);
+        let clock = Instant::now();
+        let mut work = || -> Result<(Fit, Scores)> {
+            self.forward.budget.go_on()?;
+            let fit = self.add(candidate_of(name), set, &current.theta)?;
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            Ok((fit, scores))
+        };
+        let Some((fit, scores)) = in_time(work())? else {
+            late.push(name);
+            return Ok(None);
+        };
+        self.log(name, &fit, &scores, clock);
+        Ok(Some((name, fit, scores)))
+    }
+
+    fn shortlist(
+        &mut self,
+        set: &[&'static str],
+        current: &Fit,
+        smooth: &[&'static str],
+    ) -> Result<Vec<(&'static str, f64)>> {
+        let held = free(set);
+        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
+        let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
+        all.sort();
+        all.dedup();
+        let level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
+        let (target, probe) = (self.target(), probe(&current.theta));
+        let slopes = Slopes::at(self.forward, target, self.fit_frames(), &probe, &all, &level)?;
+        let gains = screened(slopes.equations(), &all, &held, &groups);
+        let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
+        // What one step would not move beyond chance and discrepancy is not rendered for.
+        ranked.retain(|(name, _)| self.would_move(&slopes, &all, &held, candidate_of(name)));
+        ranked.truncate(SHORTLIST);
+        tracing::info!("worth a fit: {ranked:?}");
+        Ok(ranked)
+    }
+
+    /// Whether a step from none would move a candidate beside `held` by more than chance and discrepancy can.
+    fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
+        let a = &slopes.equations().a;
+        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| a[i][i] > 0.0);
+        let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
+        if own.is_empty() {
+            return false;
+        }
+        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own).collect();
+        of.sort_unstable();
+        of.dedup();
+        slopes.step(&of).is_none_or(|way| way.share > way.half)
+    }
+}
+
+/// The last stages of a fit. Through a lens pictures are read from ones of twice the size, which have four samples a
+/// pixel as it is.
+pub(crate) fn last_of(free: &[P]) -> Schedule {
+    if free.contains(&P::K1) { LAST_OF_LENS } else { LAST }
+}
+
+/// How well frames are rendered where sets are told apart that differ by little: what sixteen samples of a long
+/// exposure miss may be more than a filter changes.
+pub(crate) fn finest_of(theta: &Theta) -> Quality {
+    if theta.is_on(P::Exposure) { Quality::Finest } else { Quality::Fine }
+}
+
+/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
+/// may be nothing but the delay of an exposure, which promises about as much.
+fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
+    let Some((name, fit, scores)) = first else { return false };
+    // What is left may have been taken for noise, which no model is then far from.
+    if Tone::new(&fit.theta).is_noisy() {
+        return false;
+    }
+    let closed = now.mean() - scores.mean();
+    *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
+}
+
+/// Whether fits that began at different places have come to the same one, within a part of the steps of their
+/// derivatives.
+fn is_near(a: &Theta, b: &Theta, free: &[P]) -> bool {
+    a.scan_order == b.scan_order && free.iter().all(|&p| (a.get(p) - b.get(p)).abs() < 0.25 * p.spec().step)
+}
+
+/// `theta` moved off the places where a parameter has no slope because its partner is neutral.
+pub(crate) fn probe(theta: &Theta) -> Theta {
+    let mut probe = theta.clone();
+    if !theta.is_on(P::Sharpen) {
+        probe.set(P::Radius, 1.0);
+    }
+    probe
+}

@@ -1,0 +1,141 @@
+//! The searches of a diagnosis: with the description as it stands, with one that may be wrong, and without the places
+//! of what the scene does not have.
+
+use super::decide::{Facts, decide};
+use super::found::{Found, SEARCH};
+use super::objects::Objects;
+use super::question::{Question, Seen};
+use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::expect::forward::Forward;
+use crate::diagnose::expect::room::is_description;
+use crate::diagnose::report::Verdict;
+use crate::diagnose::search::{Search, Watch};
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+
+/// What the searches came to.
+pub(crate) struct Outcome<'a> {
+    /// The search that found it.
+    pub search: Search<'a>,
+    pub found: Found,
+    /// What the scene does not have; its places are compared nowhere.
+    pub objects: Option<Objects>,
+}
+
+/// Where frames are compared beside undescribed objects, and what the simulation shows there.
+pub(crate) struct Elsewhere {
+    masks: Vec<Plane<f32>>,
+    seen: Seen,
+}
+
+/// Searches, and where objects are found that the scene does not have, once more without their places. If something
+/// that is in no few places remains then, the objects are given up, and the frames are searched as a whole.
+///
+/// # Errors
+/// Those of the device; an interruption.
+pub(crate) fn search_all<'a>(
+    question: &Question<'a>,
+    forward: &'a mut Forward,
+    (seen, masks): (&'a Seen, Option<&'a [Plane<f32>]>),
+    elsewhere: &'a mut Option<Elsewhere>,
+    watch: &mut dyn Watch,
+) -> Result<Outcome<'a>> {
+    let mut search = question.search(forward, seen, masks);
+    let (first, objects) = searched(&mut search, watch)?;
+    let Some(objects) = objects else { return Ok(Outcome { search, found: first, objects: None }) };
+    let forward = search.forward;
+    forward.compared += 1;
+    forward.budget.stage = Stage::Must;
+    let seen_elsewhere = question.look(forward, Some(&objects.masks))?;
+    let elsewhere = &*elsewhere.insert(Elsewhere { masks: objects.masks.clone(), seen: seen_elsewhere });
+    let mut search = question.search(forward, &elsewhere.seen, Some(&elsewhere.masks));
+    search.forward.budget.stage = Stage::Search;
+    let again = in_time(searched(&mut search, watch))?.map(|(found, _)| found);
+    if let Some(found) = again.filter(|found| !leaves_unknown(&search, found)) {
+        return Ok(Outcome { search, found, objects: Some(objects) });
+    }
+    // What is left elsewhere is left by something that is no object: as if none had been found.
+    search.forward.compared -= 1;
+    let mut search = question.search(search.forward, seen, masks);
+    search.forward.budget.stage = Stage::Search;
+    let found = match in_time(searched(&mut search, watch))? {
+        Some((found, _)) => found,
+        None => {
+            search.end_as(&first);
+            Found { left_out: vec![SEARCH], ..first }
+        }
+    };
+    Ok(Outcome { search, found, objects: None })
+}
+
+/// Whether a search that came to its end leaves what no candidate explains.
+fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
+    found.is_whole() && decide(&Facts::of(search, found)).verdict == Verdict::UnknownEffect
+}
+
+/// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the
+/// frames to choose by than the discrepancy can make: a description is questioned only where no camera explains the
+/// frames. First of all by what is in few places: where these are, if the rest is explained without them, is returned
+/// too.
+fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
+    let room = std::mem::take(&mut search.room);
+    let exact = search.run(watch)?;
+    let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
+    if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
+        return Ok((exact, None));
+    }
+    let late = |mut found: Found, room: &[&'static str]| {
+        room.iter().for_each(|n| found.is_late(n));
+        Ok((found, None))
+    };
+    search.forward.budget.stage = Stage::Search;
+    if left.is_none() || search.late() || !exact.is_whole() {
+        return late(exact, &room);
+    }
+    let asked = room.contains(&"scene_radiance");
+    let Some(objects) = in_time(if asked { search.undescribed(&exact) } else { Ok(None) })? else {
+        return late(exact, &room);
+    };
+    if objects.is_some() {
+        return Ok((exact, objects));
+    }
+    tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
+    search.begin_anew(room.clone());
+    let promises = in_time(search.may_be_the_description(&exact.fit.theta))?;
+    search.begin_anew(room.clone());
+    let free = match promises {
+        Some(true) => in_time(search.run(watch))?,
+        Some(false) => {
+            search.end_as(&exact);
+            return Ok((exact, None));
+        }
+        None => None,
+    };
+    let Some(free) = free else {
+        search.end_as(&exact);
+        return late(exact, &room);
+    };
+    better_of(search, exact, free, &room)
+}
+
+/// The finding with a description that may be wrong, if that names a part of it, else the one with it as it stands.
+fn better_of(
+    search: &mut Search<'_>,
+    mut exact: Found,
+    free: Found,
+    room: &[&'static str],
+) -> Result<(Found, Option<Objects>)> {
+    search.forward.budget.stage = Stage::End;
+    let questioned = free.set.iter().any(|name| is_description(name));
+    if questioned && (free.is_whole() || in_time(search.explains_more(&free, &exact))? == Some(true)) {
+        let asked = room.contains(&"scene_radiance");
+        let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
+        return Ok((free, objects));
+    }
+    search.end_as(&exact);
+    if !free.is_whole() {
+        exact.leave_out(SEARCH);
+        room.iter().for_each(|n| exact.is_late(n));
+    }
+    Ok((exact, None))
+}

@@ -1,0 +1,134 @@
+//! What is wrong with a capture rather than with its camera: frames that are mirrored, in another order, linear, of
+//! another scene. No effect is any of that, yet a search finds effects that do a part of it, so these are looked for
+//! before, on small pictures of every real frame and of its simulation, and said first.
+
+mod geometry;
+mod order;
+mod thumbs;
+mod values;
+
+use super::describe::listed;
+use crate::diagnose::evidence::Evidence;
+use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::model::Theta;
+use crate::diagnose::report::{Report, Verdict};
+use crate::diagnose::search::found::Found;
+use shutterbug::error::Result;
+use shutterbug::plane::Plane;
+use thumbs::Thumb;
+
+/// Real and simulated frames, small, by place in the evidence.
+struct Pairs {
+    real: Vec<Thumb>,
+    simulated: Vec<Thumb>,
+    /// Place in `frames.csv` of each.
+    indices: Vec<usize>,
+}
+
+impl Pairs {
+    /// Median over the frames of what a real and a simulated one give.
+    fn median(&self, of: impl Fn(&Thumb, &Thumb) -> f64) -> f64 {
+        median(self.real.iter().zip(&self.simulated).map(|(r, s)| of(r, s)).collect())
+    }
+
+    /// How unlike the frames are, whatever their brightness: 0 alike, 1 nothing in common, 2 negatives.
+    fn unlike(&self, change: impl Fn(&Thumb) -> Thumb) -> f64 {
+        self.median(|r, s| r.unlike(&change(s)))
+    }
+}
+
+/// Looks at every frame of the evidence; `simulated` are the same frames as the given camera makes them, DN. A sentence
+/// for each thing that is wrong.
+fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
+    let small = |planes: Vec<&Plane<f32>>| planes.into_iter().map(Thumb::of).collect();
+    let pairs = Pairs {
+        real: small(evidence.frames.iter().map(|f| &*f.dn).collect()),
+        simulated: small(simulated.iter().collect()),
+        indices: evidence.frames.iter().map(|f| f.index).collect(),
+    };
+    let mut said = Vec::new();
+    said.extend(geometry::bars(&pairs));
+    said.extend(values::grey(&pairs));
+    // Each of these explains the same difference in its own way: the first that does.
+    let place =
+        geometry::turned(&pairs).or_else(|| order::order(&pairs)).or_else(|| geometry::zoomed(&pairs));
+    said.extend(place);
+    said.extend(values::coded(&pairs));
+    said.extend(order::strangers(&pairs));
+    said.extend(order::repeated(&pairs, evidence));
+    said
+}
+
+/// Renders every frame of the evidence as the given camera makes it, and looks.
+///
+/// # Errors
+/// Those of rendering.
+pub(crate) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) -> Result<Vec<String>> {
+    let all: Vec<usize> = (0..evidence.frames.len()).collect();
+    Ok(set_up(evidence, &forward.simulate(&all, given, Quality::Coarse)?))
+}
+
+/// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for
+/// which no time was left.
+pub(crate) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, found: &Found) {
+    if !found.is_whole() && (report.verdict != Verdict::NoGap || !found.is_checked()) {
+        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, &found.late));
+    }
+    if let Some(first) = said.first() {
+        let lead = "Look at the set-up before anything else";
+        report.sentence =
+            format!("{lead}: {first}. What follows takes the frames as they are. {}", report.sentence);
+    }
+    let unseen = unseen(evidence);
+    report.warnings.splice(0..0, said.iter().cloned().chain(unseen));
+}
+
+/// What is said where the time limit came before the search had ended.
+fn cut_short(report: &Report, late: &[&str]) -> String {
+    let named: Vec<_> = report.effects.iter().map(|e| e.name.replace('_', " ")).collect();
+    let so_far = match named.as_slice() {
+        [] => String::new(),
+        _ => format!(
+            " So far {} would close {:.0} % of that.",
+            listed(&named),
+            100.0 * report.gap.closed_fraction
+        ),
+    };
+    let names = listed(&late.iter().map(|n| n.replace('_', " ")).collect::<Vec<_>>());
+    let unseen = match late {
+        [] => String::new(),
+        _ => format!(" {names} were not looked at, and nothing is said of them."),
+    };
+    format!(
+        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far}{unseen} Run \
+         again with a longer --time-limit-s.",
+        report.gap.before
+    )
+}
+
+/// Frames that neither a fit nor a judgement has seen.
+fn unseen(evidence: &Evidence) -> Option<String> {
+    let seen =
+        |at: &usize| [&evidence.fit, &evidence.choose, &evidence.report].iter().any(|set| set.contains(at));
+    let places: Vec<usize> = (0..evidence.frames.len()).filter(|at| !seen(at)).collect();
+    if places.is_empty() {
+        return None;
+    }
+    let names = order::listed(places.iter().map(|&at| evidence.frames[at].index));
+    Some(format!(
+        "frames {names} were only compared at a small size, to see whether they show this scene at their time: fits \
+         and figures are of {} others",
+        evidence.frames.len() - places.len()
+    ))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+#[cfg(test)]
+mod tests;
