@@ -3,8 +3,9 @@ The compiled part: the C ABI as objects. `shutterbug` is what to use; this has n
 """
 
 from collections.abc import Sequence
+from numpy import float64
+from numpy.typing import NDArray
 from typing import Any, Final, final
-from typing_extensions import Buffer
 
 __all__ = ["VERSION", "Engine", "Frame", "Poses", "check_camera", "check_conventions", "devices", "import_camera", "motion_preset", "preset_text", "presets", "run_command_line", "statuses"]
 
@@ -83,7 +84,7 @@ class Poses:
     Poses over time in the library's own convention.
     """
     def __len__(self, /) -> int: ...
-    def __new__(cls, /, times_s: Buffer, values: Buffer, form: int, axes: int, direction: int, metres: float) -> Poses:
+    def __new__(cls, /, times_s: NDArray[float64], values: NDArray[float64], form: int, axes: int, direction: int, metres: float) -> Poses:
         """
         `times_s`: (n) of float64, s. `values`: (n, 16) of float64, 4x4 matrices row by row, or (n, 7). `form`, `axes`
         and `direction` are the numbers of `shutterbug_pose_convention`; `metres` is one unit of the translation.

@@ -5,10 +5,31 @@ use std::ffi::c_void;
 
 use pyo3::buffer::{Element, PyBuffer};
 use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::inspect::PyStaticExpr;
 use pyo3::prelude::*;
 use shutterbug::capi::shutterbug_image;
 
 use crate::abi::sized;
+
+/// An array of doubles.
+pub struct Doubles(pub PyBuffer<f64>);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Doubles {
+    type Error = PyErr;
+
+    /// The type that stubs give: of buffers, type checkers know nothing before Python 3.12.
+    const INPUT_TYPE: PyStaticExpr = PyStaticExpr::Subscript {
+        value: &PyStaticExpr::Attribute {
+            value: &PyStaticExpr::Name { id: "numpy.typing" },
+            attr: "NDArray",
+        },
+        slice: &PyStaticExpr::Attribute { value: &PyStaticExpr::Name { id: "numpy" }, attr: "float64" },
+    };
+
+    fn extract(array: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        PyBuffer::extract(array).map(Self)
+    }
+}
 
 const RGB8: u32 = 1;
 const RGBA8: u32 = 2;

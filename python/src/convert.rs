@@ -1,7 +1,6 @@
 //! Poses in any convention, and whether what is said of frames agrees with them.
 #![allow(unsafe_code)]
 
-use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shutterbug::capi::{
@@ -10,7 +9,7 @@ use shutterbug::capi::{
 };
 
 use crate::abi::sized;
-use crate::buffers::{Kind, Picture};
+use crate::buffers::{Doubles, Kind, Picture};
 use crate::status::exception;
 
 const NO_POSE: shutterbug_pose =
@@ -30,14 +29,14 @@ impl Poses {
     #[new]
     fn new(
         py: Python<'_>,
-        times_s: PyBuffer<f64>,
-        values: PyBuffer<f64>,
+        times_s: Doubles,
+        values: Doubles,
         form: u32,
         axes: u32,
         direction: u32,
         metres: f64,
     ) -> PyResult<Self> {
-        let (times, numbers) = (times_s.to_vec(py)?, values.to_vec(py)?);
+        let (times, numbers) = (times_s.0.to_vec(py)?, values.0.to_vec(py)?);
         let each = if form >= 2 { 16 } else { 7 };
         if numbers.len() != times.len() * each {
             let text = format!("{} times and {} numbers: each pose has {each}", times.len(), numbers.len());
