@@ -222,7 +222,8 @@ impl Tone {
     fn behind_steps(&self, channel: usize) -> Vec<[f32; 2]> {
         let last = (1.0 / self.step).round() as i32;
         let dn = |k: i32| self.plain(self.whole[channel] * k as f32 * self.step, channel);
-        let encoded: Vec<f32> = (0..=last).map(|k| if self.encoding_is_last { dn(k).round() } else { dn(k) }).collect();
+        let encoded: Vec<f32> =
+            (0..=last).map(|k| if self.encoding_is_last { dn(k).round() } else { dn(k) }).collect();
         let entries = (ENTRIES / self.step).ceil();
         let of = |i: usize| {
             let value = i as f32 / entries;
