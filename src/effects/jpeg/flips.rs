@@ -194,7 +194,7 @@ mod tests {
         for (sigma, quality) in [(1.5f32, 40u8), (4.0, 60), (9.0, 80)] {
             let variance = vec![sigma * sigma; plain.data.len()];
             let flips = Flips::of(&plain, &variance, quality);
-            let expected = packed_mean(&plain, &variance, quality);
+            let expected = packed_mean(&plain, &variance, &[], quality);
             let (mut seen, mut told) = ([0.0f64; 2], [0.0f64; 2]);
             for seed in 0..24u32 {
                 let noisy = Plane {

@@ -19,13 +19,15 @@ pub(crate) const ROUNDED2: f32 = 0.12;
 /// Rows of the conversion to brightness and two colours.
 pub(crate) const TO_YCC: [[f32; 3]; 3] = [LUMA, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
-/// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2.
-pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Plane<f32> {
+/// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2; `rows`:
+/// of noise that a row shares, in all colours alike, which lies in the coefficients of rows alone.
+pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quality: u8) -> Plane<f32> {
     let dct = Dct::new();
     let tables = [steps(quality, false), steps(quality, true)];
     let (w, h) = (dn.width, dn.height);
     let mut out = Plane::new(w, h, 3);
-    let strip = |(band, rows): (usize, &mut [f32])| {
+    let shared = |at: usize| rows.get(at).map_or(0.0, |v| v.sqrt());
+    let strip = |(band, strip): (usize, &mut [f32])| {
         for x0 in (0..w).step_by(SIDE) {
             let place = |i: usize| {
                 let (x, y) = ((x0 + i % SIDE).min(w - 1), (band * SIDE + i / SIDE).min(h - 1));
@@ -33,13 +35,13 @@ pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Pla
             };
             let block = block(&dct, &tables, |i| {
                 let at = place(i);
-                [0, 1, 2].map(|c| (dn.data[at + c].clamp(0.0, 255.0), variance[at + c]))
+                [0, 1, 2].map(|c| [dn.data[at + c].clamp(0.0, 255.0), variance[at + c], shared(at + c)])
             });
             for i in (0..AREA).filter(|i| x0 + i % SIDE < w && band * SIDE + i / SIDE < h) {
                 let to = 3 * ((i / SIDE) * w + x0 + i % SIDE);
                 let [y, b, r] = [0, 1, 2].map(|k| block[k][i]);
                 let rgb = [y + 1.402 * r, y - 0.344_136 * b - 0.714_136 * r, y + 1.772 * b];
-                rows[to..to + 3].copy_from_slice(&rgb.map(|v| (v + 128.0).clamp(0.0, 255.0)));
+                strip[to..to + 3].copy_from_slice(&rgb.map(|v| (v + 128.0).clamp(0.0, 255.0)));
             }
         }
     };
@@ -47,23 +49,29 @@ pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Pla
     out
 }
 
-/// Brightness less 128 and colours of one block.
-fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [(f32, f32); 3]) -> [[f32; AREA]; 3] {
-    let values: [[(f32, f32); 3]; AREA] = std::array::from_fn(value);
+/// Brightness less 128 and colours of one block. `value`: by colour the mean, the variance that is its own, and the size
+/// of the noise that its row shares.
+fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [[f32; 3]; 3]) -> [[f32; AREA]; 3] {
+    let values: [[[f32; 3]; 3]; AREA] = std::array::from_fn(value);
     std::array::from_fn(|k| {
         let weights = TO_YCC[k];
         let plane = std::array::from_fn(|i| {
-            let sum: f32 = (0..3).map(|c| weights[c] * values[i][c].0).sum();
+            let sum: f32 = (0..3).map(|c| weights[c] * values[i][c][0]).sum();
             if k == 0 { sum - 128.0 } else { sum }
         });
         let variance = (0..AREA)
-            .map(|i| (0..3).map(|c| weights[c] * weights[c] * values[i][c].1).sum::<f32>())
+            .map(|i| (0..3).map(|c| weights[c] * weights[c] * values[i][c][1]).sum::<f32>())
             .sum::<f32>()
             / AREA as f32;
-        let sigma = (variance + ROUNDED2).sqrt();
+        let shared = (0..AREA).map(|i| (0..3).map(|c| weights[c] * values[i][c][2]).sum::<f32>().powi(2));
+        // The noise of a row is the same along it: eight values that add up in one coefficient.
+        let rows = shared.sum::<f32>() / SIDE as f32;
+        let [own, with_rows] = [variance, variance + rows].map(|v| (v + ROUNDED2).sqrt());
         let table = &tables[usize::from(k > 0)];
         let mut coefficients = dct.forward(&plane);
-        coefficients.iter_mut().zip(table).for_each(|(c, step)| *c = rounded_mean(*c, sigma, *step));
+        for (i, (c, step)) in coefficients.iter_mut().zip(table).enumerate() {
+            *c = rounded_mean(*c, if i % SIDE == 0 { with_rows } else { own }, *step);
+        }
         dct.inverse(&coefficients)
     })
 }
@@ -96,9 +104,10 @@ const LEVELS: usize = 15;
 /// The least of them, and their ratio.
 const LEVEL: [f32; 2] = [0.5, std::f32::consts::SQRT_2];
 
-/// What a quality leaves of noise, by how much there was.
+/// What a quality leaves of noise, by how much there was: of white noise, and of noise that a row shares, in a pixel and
+/// in the mean of its row.
 #[derive(Debug)]
-pub struct Packing([Left; LEVELS]);
+pub struct Packing([Left; LEVELS], [[f32; 2]; LEVELS]);
 
 static KNOWN: LazyLock<Mutex<HashMap<u8, Arc<Packing>>>> = LazyLock::new(Mutex::default);
 
@@ -110,19 +119,24 @@ impl Packing {
     }
 
     fn drawn(quality: u8) -> Self {
-        let all: Vec<Left> = (0..LEVELS)
+        let sigma = |i: usize| LEVEL[0] * LEVEL[1].powi(i as i32);
+        let all: Vec<(Left, [f32; 2])> = (0..LEVELS)
             .into_par_iter()
-            .map(|i| drawn_at(quality, LEVEL[0] * LEVEL[1].powi(i as i32)))
+            .map(|i| (drawn_at(quality, sigma(i)), rows_at(quality, sigma(i))))
             .collect();
-        Self(all.try_into().expect("as many as there are levels"))
+        Self(std::array::from_fn(|i| all[i].0), std::array::from_fn(|i| all[i].1))
     }
 
     /// For noise of that variance before the compression, DN^2.
     pub fn left(&self, variance: f32) -> Left {
-        let at = (0.5 * (variance.max(1e-6) / (LEVEL[0] * LEVEL[0])).ln() / LEVEL[1].ln())
-            .clamp(0.0, (LEVELS - 1) as f32);
-        let i = (at as usize).min(LEVELS - 2);
-        self.0[i].mix(&self.0[i + 1], at - i as f32)
+        let (i, f) = level(variance);
+        self.0[i].mix(&self.0[i + 1], f)
+    }
+
+    /// What noise of that variance, DN^2, that a row shares keeps in a pixel, and in the mean of its row.
+    pub fn rows_left(&self, variance: f32) -> [f32; 2] {
+        let (i, f) = level(variance);
+        [0, 1].map(|k| self.1[i][k] * (1.0 - f) + self.1[i + 1][k] * f)
     }
 
     /// The variance before the compression over that measured behind it, by differences of a kind (see
@@ -141,6 +155,14 @@ impl Packing {
         }
         high
     }
+}
+
+/// Between which two levels a variance lies, and how far.
+fn level(variance: f32) -> (usize, f32) {
+    let at = (0.5 * (variance.max(1e-6) / (LEVEL[0] * LEVEL[0])).ln() / LEVEL[1].ln())
+        .clamp(0.0, (LEVELS - 1) as f32);
+    let i = (at as usize).min(LEVELS - 2);
+    (i, at - i as f32)
 }
 
 /// Size of the picture of noise, px.
@@ -171,9 +193,9 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
         data: mean.data.iter().zip(&noise.data).map(|(m, n)| (m + sigma * n).round()).collect(),
         ..mean.clone()
     };
-    let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], quality);
+    let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], &[], quality);
     // No noise is left to be averaged over.
-    let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], quality);
+    let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], &[], quality);
     let errors =
         Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen };
     Left {
@@ -183,6 +205,22 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
         lines: [true, false].map(|rows| lines(&errors, rows) / (sigma * sigma)),
     }
     .at_most(4.0)
+}
+
+/// See [`Packing::rows_left`].
+fn rows_at(quality: u8, sigma: f32) -> [f32; 2] {
+    let [mean, noise] = &*FLAT;
+    let silent = vec![0.0; mean.data.len()];
+    let value = |x: usize, y: usize, c: usize| mean.pixel(x, y)[c] + sigma * noise.pixel(0, y)[0];
+    let noisy = Plane::from_fn(DRAWN[0], DRAWN[1], |x, y| [0, 1, 2].map(|c| value(x, y, c).round()));
+    let expected = packed_mean(mean, &silent, &vec![sigma * sigma; mean.data.len()], quality);
+    let seen = packed_mean(&noisy, &silent, &[], quality);
+    let errors =
+        Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen };
+    // As many rows as there are do not have the variance that they were drawn with.
+    let drawn = square((0..DRAWN[1]).map(|y| sigma * noise.pixel(0, y)[0]));
+    [square(errors.data.iter().copied()), lines(&errors, true) / DRAWN[0] as f32]
+        .map(|v| (v / drawn).min(4.0))
 }
 
 pub(crate) fn square(values: impl Iterator<Item = f32>) -> f32 {
@@ -245,7 +283,7 @@ mod tests {
             a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.data.len() as f32
         };
         // Coefficients near a threshold go either way: libjpeg is as far from an exact transform here (1.5 DN).
-        let hard = packed_mean(&plain, &none, 60);
+        let hard = packed_mean(&plain, &none, &[], 60);
         assert!(off(&hard, &encoded) < 0.3 * off(&plain, &encoded), "{}", off(&hard, &encoded));
         let sigma = 6.0;
         let mut mean = Plane::<f32>::new(48, 32, 3);
@@ -266,10 +304,52 @@ mod tests {
             let one = super::super::compressed(&noisy, 60);
             mean.data.iter_mut().zip(&one.data).for_each(|(m, v)| *m += v / 40.0);
         }
-        let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], 60);
+        let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], &[], 60);
         // The mean of 40 has 1 DN of noise itself, 0.8 in size.
         assert!(off(&mean, &expected) < 0.9, "{}", off(&mean, &expected));
         assert!(off(&mean, &hard) > 1.3 * off(&mean, &expected), "control: {}", off(&mean, &hard));
+    }
+
+    #[test]
+    fn noise_of_rows_dithers_the_coefficients_of_rows_alone() {
+        let plain = Plane::from_fn(64, 64, |x, y| {
+            [0, 1, 2].map(|c| (60.0 + 8.0 * ((x / 3 + y / 5 + c) % 5) as f32 + (x * y % 7) as f32).round())
+        });
+        let (sigma, count) = (6.0f32, 200);
+        let normal = |y: usize, seed: u32| {
+            let bits = random_bits([y as u32, seed], 0, 6, [1, 1]);
+            sigma * 1.732 * bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum::<f32>()
+        };
+        let mut mean = Plane::<f32>::new(64, 64, 3);
+        for seed in 0..count {
+            let noisy = Plane::from_fn(64, 64, |x, y| {
+                let pixel = plain.pixel(x, y);
+                [0, 1, 2].map(|c| (pixel[c] + normal(y, seed)).round())
+            });
+            let one = super::super::compressed(&noisy, 50);
+            mean.data.iter_mut().zip(&one.data).for_each(|(m, v)| *m += v / count as f32);
+        }
+        let off = |a: &Plane<f32>| {
+            let sum = mean.data.iter().zip(&a.data).map(|(m, v)| (m - v).powi(2)).sum::<f32>();
+            (sum / mean.data.len() as f32).sqrt()
+        };
+        let (silent, noise) = (vec![0.0; plain.data.len()], vec![sigma * sigma; plain.data.len()]);
+        let [rows, white] =
+            [packed_mean(&plain, &silent, &noise, 50), packed_mean(&plain, &noise, &[], 50)].map(|p| off(&p));
+        // The mean of the draws has 0.4 DN of noise itself.
+        assert!(rows < 0.75 * white, "{rows} DN, control: as white noise {white}");
+    }
+
+    #[test]
+    fn strong_noise_of_rows_is_left_and_weak_noise_of_flat_blocks_is_not() {
+        let [weak, strong] = [1.0, 900.0].map(|v| Packing::of(30).rows_left(v));
+        assert!(weak.iter().all(|v| *v < 0.7), "{weak:?}");
+        assert!(strong.iter().all(|v| (v - 1.0).abs() < 0.1), "{strong:?}");
+        let fine = Packing::of(100).rows_left(4.0);
+        assert!(
+            fine.iter().all(|v| (v - 1.0).abs() < 0.1),
+            "control: the finest quality leaves it: {fine:?}"
+        );
     }
 
     #[test]

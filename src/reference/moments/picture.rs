@@ -174,10 +174,11 @@ fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
     if !tone.is_noisy() {
         return compressed(picture, quality);
     }
-    let variance = |i: usize| {
-        let spread = tone.spread_of(&picture.data[i - i % 3..i - i % 3 + 3], i % 3);
-        spread.free + spread.row + spread.fixed
+    let spread = |i: usize| tone.spread_of(&picture.data[i - i % 3..i - i % 3 + 3], i % 3);
+    let each = |i: usize| {
+        let spread = spread(i);
+        (spread.free + spread.fixed, spread.row)
     };
-    let variance: Vec<f32> = (0..picture.data.len()).map(variance).collect();
-    packed_mean(picture, &variance, quality)
+    let (variance, rows): (Vec<f32>, Vec<f32>) = (0..picture.data.len()).map(each).unzip();
+    packed_mean(picture, &variance, &rows, quality)
 }

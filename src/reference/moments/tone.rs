@@ -55,6 +55,10 @@ impl Behind {
     }
 }
 
+/// What compression leaves: of noise that is each value's own; of noise that a row shares, in a pixel and in the mean
+/// of its row.
+type Packed = (Left, [f32; 2]);
+
 /// Everything that happens to a value on its own.
 pub struct Tone {
     /// By channel.
@@ -79,7 +83,7 @@ pub struct Tone {
     /// What makes each colour of all three behind the encoding.
     behind: Option<Behind>,
     /// By channel and whole DN of the mean: what compression leaves of that.
-    packed: Option<[Vec<Left>; 3]>,
+    packed: Option<[Vec<Packed>; 3]>,
     /// What steps that mix pixels leave of it.
     pub(super) mixing: Mixing,
     /// Nothing but curves of single values follows the encoding: each of its values is delivered as one whole DN.
@@ -163,7 +167,7 @@ impl Tone {
             }
             if let Moments::File(of) = effect.moments() {
                 let packing = Packing::of(of(settings));
-                let left = |v: &Variances| packing.left(v.free + v.fixed);
+                let left = |v: &Variances| (packing.left(v.free + v.fixed), packing.rows_left(v.row));
                 self.packed = Some([0, 1, 2].map(|c| by_dn[c].iter().map(left).collect()));
             }
         }
@@ -319,7 +323,7 @@ impl Tone {
     /// without them.
     pub fn left(&self, mean_dn: &[f32], channel: usize) -> Left {
         let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
-        let mut left = self.packed.as_ref().map_or(Left::ALL, |t| t[channel][at]);
+        let mut left = self.packed.as_ref().map_or(Left::ALL, |t| t[channel][at].0);
         if self.mixing.left[channel] != Left::ALL {
             left = left.times(&self.mixing.left[channel]);
         }
@@ -333,6 +337,13 @@ impl Tone {
             left.pixel *= all / variance(channel).max(1e-9);
         }
         left
+    }
+
+    /// What compression leaves of the noise of rows in a channel of a pixel of these mean DN, and in the mean of its
+    /// row; all of it without.
+    pub fn rows_left(&self, mean_dn: &[f32], channel: usize) -> [f32; 2] {
+        let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
+        self.packed.as_ref().map_or([1.0; 2], |t| t[channel][at].1)
     }
 
     /// Spread of a channel of a pixel of these mean DN before compression.

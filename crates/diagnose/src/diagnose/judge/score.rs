@@ -193,6 +193,8 @@ struct Seen {
     error: f32,
     /// Variance of noise that is new in every value and frame, and of the pattern's, before anything averages it.
     noise: Variances,
+    /// Of the noise of rows: variance in the mean of a row, DN^2.
+    in_row: f32,
     /// What of that pixels, bands and lines have.
     left: Left,
     /// Variance of rounding beyond that, DN^2.
@@ -204,13 +206,15 @@ struct Seen {
 
 fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     let mean = frame.mean.data[i];
-    let (noise, left) = if tone.is_noisy() {
+    let (noise, in_row, left) = if tone.is_noisy() {
         let colour = &frame.mean.data[i - i % 3..i - i % 3 + 3];
-        let (noise, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
+        let (mut noise, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
         let local = frame.flips.map(|f| f.left(frame.real.width, i, noise.free + noise.fixed));
-        (noise, local.unwrap_or(left))
+        let [in_pixel, in_row] = tone.rows_left(colour, i % 3).map(|share| share * noise.row);
+        noise.row = in_pixel;
+        (noise, in_row, local.unwrap_or(left))
     } else {
-        (Variances::default(), Left::ALL)
+        (Variances::default(), 0.0, Left::ALL)
     };
     let single = if frame.edges_drawn { 0.0 } else { edges[i] } + frame.given.map_or(0.0, |g| g[i]);
     let drawn = frame.drawn.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
@@ -219,6 +223,7 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     Seen {
         error: frame.real.data[i] - whole.mean,
         noise,
+        in_row,
         left,
         rounding: (whole.free - variance - noise.row).max(0.0),
         single,
@@ -380,7 +385,7 @@ struct Line {
 impl Line {
     fn add(&mut self, v: &Seen, share: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
         let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
-        let add = [v.error, free, v.noise.row, 1.0, v.single, v.common].map(f64::from);
+        let add = [v.error, free, v.in_row, 1.0, v.single, v.common].map(f64::from);
         (0..6).for_each(|k| self.sums[k] += add[k]);
         self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
     }
