@@ -43,6 +43,14 @@ impl Search<'_> {
     /// Puts simpler effects, or ones that explain the frames better, in the place of members of the set; notes the rest
     /// of each class.
     pub(crate) fn exchange(&mut self, found: &mut Found) -> Result<()> {
+        // Of effects that do nearly the same, few samples a pixel may hide what the one does and the other does not.
+        let quality = std::mem::replace(&mut self.judge.quality, Quality::Fine);
+        let done = self.exchange_all(found);
+        self.judge.quality = quality;
+        done
+    }
+
+    fn exchange_all(&mut self, found: &mut Found) -> Result<()> {
         let mut scores = self.judge.scores(self.forward, &found.fit.theta.clone())?;
         // Each exchange explains more, or as much with less: it cannot go round.
         for _ in 0..2 * self.names.len() {
