@@ -75,6 +75,7 @@ fn photograph(context: &std::sync::Arc<shutterbug::gpu::Context>, folder: &Path,
 }
 
 #[test]
+#[ignore = "long: a minute and a half"]
 fn the_lens_is_found_in_photographs_of_a_board() {
     let Some(watched) = device("photographs") else { return };
     let context = &watched.0;
