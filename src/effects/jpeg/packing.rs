@@ -49,8 +49,8 @@ pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quali
     out
 }
 
-/// Brightness less 128 and colours of one block. `value`: by colour the mean, the variance that is its own, and the size
-/// of the noise that its row shares.
+/// Brightness less 128 and colours of one block. `value`: by colour the mean, the variance that is its own, and the
+/// size of the noise that its row shares.
 fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [[f32; 3]; 3]) -> [[f32; AREA]; 3] {
     let values: [[[f32; 3]; 3]; AREA] = std::array::from_fn(value);
     std::array::from_fn(|k| {
@@ -104,8 +104,8 @@ const LEVELS: usize = 15;
 /// The least of them, and their ratio.
 const LEVEL: [f32; 2] = [0.5, std::f32::consts::SQRT_2];
 
-/// What a quality leaves of noise, by how much there was: of white noise, and of noise that a row shares, in a pixel and
-/// in the mean of its row.
+/// What a quality leaves of noise, by how much there was: of white noise, and of noise that a row shares, in a pixel
+/// and in the mean of its row.
 #[derive(Debug)]
 pub struct Packing([Left; LEVELS], [[f32; 2]; LEVELS]);
 
