@@ -5,23 +5,27 @@
 //! promise says which candidates resemble a member of the set; whether they explain the frames as well is decided by
 //! fits and scores, as every other question is.
 
+use std::sync::Arc;
+
 use super::found::Found;
 use super::support::restored;
+use crate::diagnose::evidence::blocks::pooled;
 use crate::diagnose::evidence::spread_out;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::linear::solve;
-use crate::diagnose::expect::model::{P, candidate_of, free, is_discrete, mixes_pixels, moves};
+use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves};
 use crate::diagnose::expect::room::is_description;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::VALUES;
-use crate::diagnose::fit::cost::Level;
-use crate::diagnose::fit::normal::linearise;
+use crate::diagnose::fit::cost::{Level, hide};
+use crate::diagnose::fit::normal::{assemble, linearise};
 use crate::diagnose::judge::{Scores, gain};
 use crate::diagnose::search::Search;
 use shutterbug::chain::{ParamKind, Work};
 use shutterbug::effects;
 use shutterbug::error::Result;
+use shutterbug::plane::Plane;
 
 /// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what
 /// few samples a pixel miss.
@@ -161,7 +165,7 @@ impl Search<'_> {
         self.names.iter().copied().filter(is_choice).filter(open).collect()
     }
 
-    /// What single parameters do to the frames beside the set as it is.
+    /// What single parameters, and the set's members, do to the frames beside the set as it is.
     fn doings(&mut self, found: &Found) -> Result<Doings> {
         let others = self.names.iter().copied().filter(|n| self.may_change(n));
         let more = others.flat_map(|n| candidate_of(n).parameters.iter().copied());
@@ -171,31 +175,49 @@ impl Search<'_> {
         let frames = spread_out(&self.evidence.fit, LOOK.frames);
         let (target, probe) = (self.target(), crate::diagnose::search::probe(&found.fit.theta));
         let e = linearise(self.forward, target, &frames, &probe, &all, &LOOK, None)?;
-        let steps = all.iter().map(|&p| (found.fit.theta.get(p) - self.base.get(p)) / p.spec().step);
-        Ok(Doings { a: e.a, steps: steps.collect(), all })
+        let members: Vec<_> = found.set.iter().copied().filter(|n| self.may_change(n)).collect();
+        let mut values = e.values;
+        for member in &members {
+            let without = restored(&found.fit.theta, &self.base, candidate_of(member));
+            let done = self.difference(&frames, &found.fit.theta, &without)?;
+            values.iter_mut().zip(done).for_each(|(frame, done)| frame.1.push(done));
+        }
+        let e = assemble(values, all.len() + members.len(), e.weighing);
+        Ok(Doings { a: e.a, all, members })
+    }
+
+    /// By frame: what is simulated of one point less that of another, ahead of compression, as fits compare it.
+    fn difference(&mut self, frames: &[usize], theta: &Theta, other: &Theta) -> Result<Vec<Vec<f32>>> {
+        let smooth = [theta, other].map(|t| t.with(P::Quality, 0.0));
+        let [a, b] = smooth.each_ref().map(|t| self.forward.pictures(frames, t, LOOK.quality));
+        let (a, b, target) = (a?, b?, self.target());
+        let one = |(&at, (a, b)): (&usize, (&Arc<Plane<f32>>, &Arc<Plane<f32>>))| {
+            let mut data: Vec<f32> = a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect();
+            hide(target, at, &mut data);
+            pooled(&data, a.width, a.height, LOOK.block)
+        };
+        Ok(frames.iter().zip(a.iter().zip(&b)).map(one).collect())
     }
 }
 
-/// What parameters do to the frames, to first order at the solution: products of their derivatives in units of their
-/// steps.
+/// What parameters do to the frames, to first order at the solution, and what members of the set do there: products of
+/// the derivatives, in units of the parameters' steps, and of the differences that the members make.
 struct Doings {
     all: Vec<P>,
+    /// Behind the parameters.
+    members: Vec<&'static str>,
     a: Vec<Vec<f64>>,
-    /// How far each is from the camera as given.
-    steps: Vec<f64>,
 }
 
 impl Doings {
-    fn places<'a>(&'a self, of: &'a [P]) -> impl Iterator<Item = usize> + 'a {
-        (0..self.all.len()).filter(|&i| of.contains(&self.all[i]) && self.a[i][i] > 0.0)
-    }
-
-    /// How much of what `out` do is left that the parameters `by` cannot do: squares, weighted.
-    fn left(&self, out: &[P], by: &[P]) -> f64 {
-        let moved: Vec<usize> = self.places(out).collect();
-        let with = |i: usize| moved.iter().map(|&j| self.a[i][j] * self.steps[j]).sum::<f64>();
-        let whole: f64 = moved.iter().map(|&i| self.steps[i] * with(i)).sum();
-        let at: Vec<usize> = self.places(by).collect();
+    /// How much of what the members `out` do is left that the parameters `by` cannot do: squares, weighted.
+    fn left(&self, out: &[&str], by: &[P]) -> f64 {
+        let members = self.members.iter().enumerate().filter(|(_, m)| out.contains(m));
+        let moved: Vec<usize> = members.map(|(k, _)| self.all.len() + k).collect();
+        let with = |i: usize| moved.iter().map(|&j| self.a[i][j]).sum::<f64>();
+        let whole: f64 = moved.iter().map(|&i| with(i)).sum();
+        let at: Vec<usize> =
+            (0..self.all.len()).filter(|&i| by.contains(&self.all[i]) && self.a[i][i] > 0.0).collect();
         let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| self.a[i][j]).collect()).collect();
         let b: Vec<f64> = at.iter().map(|&i| with(i)).collect();
         let done = solve(&a, &b, 1e-6).map_or(0.0, |x| x.iter().zip(&b).map(|(x, b)| x * b).sum::<f64>());
@@ -204,12 +226,11 @@ impl Doings {
 
     /// Of the candidates `others` those that do, beside `rest`, most of what the members `out` do; the most like first.
     fn alike(&self, out: &[&str], rest: &[&'static str], others: &[&'static str]) -> Vec<&'static str> {
-        let own: Vec<P> = out.iter().flat_map(|n| candidate_of(n).parameters.iter().copied()).collect();
         let held = crate::diagnose::expect::model::free(rest);
-        let without = self.left(&own, &held);
+        let without = self.left(out, &held);
         let like = |name: &&'static str| {
             let by: Vec<P> = held.iter().chain(candidate_of(name).parameters).copied().collect();
-            (*name, 1.0 - self.left(&own, &by) / without.max(1e-12))
+            (*name, 1.0 - self.left(out, &by) / without.max(1e-12))
         };
         let mut alike: Vec<_> = others.iter().map(like).filter(|a| a.1 > RESEMBLES).collect();
         alike.sort_by(|a, b| b.1.total_cmp(&a.1));
