@@ -5,8 +5,6 @@
 //! promise says which candidates resemble a member of the set; whether they explain the frames as well is decided by
 //! fits and scores, as every other question is.
 
-use std::sync::Arc;
-
 use super::found::Found;
 use super::support::restored;
 use crate::diagnose::evidence::blocks::pooled;
@@ -25,7 +23,6 @@ use crate::diagnose::search::Search;
 use shutterbug::chain::{ParamKind, Work};
 use shutterbug::effects;
 use shutterbug::error::Result;
-use shutterbug::plane::Plane;
 
 /// Where slopes are compared: of blocks, whose steps are long enough for what a short exposure does to show beside what
 /// few samples a pixel miss.
@@ -191,12 +188,13 @@ impl Search<'_> {
         let smooth = [theta, other].map(|t| t.with(P::Quality, 0.0));
         let [a, b] = smooth.each_ref().map(|t| self.forward.pictures(frames, t, LOOK.quality));
         let (a, b, target) = (a?, b?, self.target());
-        let one = |(&at, (a, b)): (&usize, (&Arc<Plane<f32>>, &Arc<Plane<f32>>))| {
-            let mut data: Vec<f32> = a.data.iter().zip(&b.data).map(|(a, b)| a - b).collect();
-            hide(target, at, &mut data);
-            pooled(&data, a.width, a.height, LOOK.block)
+        let one = |i: usize| {
+            let pairs = a[i].data.iter().zip(&b[i].data);
+            let mut data: Vec<f32> = pairs.map(|(a, b)| a - b).collect();
+            hide(target, frames[i], &mut data);
+            pooled(&data, a[i].width, a[i].height, LOOK.block)
         };
-        Ok(frames.iter().zip(a.iter().zip(&b)).map(one).collect())
+        Ok((0..frames.len()).map(one).collect())
     }
 }
 
