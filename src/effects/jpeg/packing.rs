@@ -194,10 +194,7 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
         ..mean.clone()
     };
     let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], &[], quality);
-    // No noise is left to be averaged over.
-    let seen = packed_mean(&noisy, &vec![0.0; mean.data.len()], &[], quality);
-    let errors =
-        Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen };
+    let errors = errors(&noisy, &expected, quality);
     Left {
         pixel: square(errors.data.iter().copied()) / (sigma * sigma),
         high_pass: [2, 4].map(|apart| high_pass(&errors, apart) / (sigma * sigma)),
@@ -207,6 +204,13 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
     .at_most(4.0)
 }
 
+/// What one noisy picture behind compression is beside the mean over many.
+fn errors(noisy: &Plane<f32>, expected: &Plane<f32>, quality: u8) -> Plane<f32> {
+    // No noise is left to be averaged over.
+    let seen = packed_mean(noisy, &vec![0.0; noisy.data.len()], &[], quality);
+    Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen }
+}
+
 /// See [`Packing::rows_left`].
 fn rows_at(quality: u8, sigma: f32) -> [f32; 2] {
     let [mean, noise] = &*FLAT;
@@ -214,9 +218,7 @@ fn rows_at(quality: u8, sigma: f32) -> [f32; 2] {
     let value = |x: usize, y: usize, c: usize| mean.pixel(x, y)[c] + sigma * noise.pixel(0, y)[0];
     let noisy = Plane::from_fn(DRAWN[0], DRAWN[1], |x, y| [0, 1, 2].map(|c| value(x, y, c).round()));
     let expected = packed_mean(mean, &silent, &vec![sigma * sigma; mean.data.len()], quality);
-    let seen = packed_mean(&noisy, &silent, &[], quality);
-    let errors =
-        Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen };
+    let errors = errors(&noisy, &expected, quality);
     // As many rows as there are do not have the variance that they were drawn with.
     let drawn = square((0..DRAWN[1]).map(|y| sigma * noise.pixel(0, y)[0]));
     [square(errors.data.iter().copied()), lines(&errors, true) / DRAWN[0] as f32]

@@ -322,8 +322,7 @@ impl Tone {
     /// What mixing, subsampling and compression leave of the spread of a channel of a pixel of these mean DN; all of it
     /// without them.
     pub fn left(&self, mean_dn: &[f32], channel: usize) -> Left {
-        let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
-        let mut left = self.packed.as_ref().map_or(Left::ALL, |t| t[channel][at].0);
+        let mut left = self.packed_at(mean_dn, channel).map_or(Left::ALL, |packed| packed.0);
         if self.mixing.left[channel] != Left::ALL {
             left = left.times(&self.mixing.left[channel]);
         }
@@ -342,8 +341,12 @@ impl Tone {
     /// What compression leaves of the noise of rows in a channel of a pixel of these mean DN, and in the mean of its
     /// row; all of it without.
     pub fn rows_left(&self, mean_dn: &[f32], channel: usize) -> [f32; 2] {
+        self.packed_at(mean_dn, channel).map_or([1.0; 2], |packed| packed.1)
+    }
+
+    fn packed_at(&self, mean_dn: &[f32], channel: usize) -> Option<&Packed> {
         let at = (mean_dn[channel] + 0.5).clamp(0.0, 255.0) as usize;
-        self.packed.as_ref().map_or([1.0; 2], |t| t[channel][at].1)
+        self.packed.as_ref().map(|t| &t[channel][at])
     }
 
     /// Spread of a channel of a pixel of these mean DN before compression.
