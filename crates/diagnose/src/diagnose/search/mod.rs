@@ -35,7 +35,7 @@ use crate::diagnose::fit::intervals::Slopes;
 use crate::diagnose::fit::normal::screened;
 use crate::diagnose::fit::starts::{best_starts, is_hopeful};
 use crate::diagnose::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
-use crate::diagnose::judge::noise::{NOISES, NoiseData, noiseless, shows_steps};
+use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
 use crate::diagnose::judge::{Judge, Scores};
 use found::{Alone, Found, SEARCH};
 use shown::Shown;
@@ -142,17 +142,14 @@ impl<'a> Search<'a> {
         Ok(NoiseData::measure(self.evidence, frames, &means, ahead.as_deref(), theta, masks.as_deref()))
     }
 
-    /// What is simulated ahead of a coarse converter, where its steps are seen one by one.
+    /// What is simulated ahead of a coarse converter or a file, where their steps are seen one by one.
     pub(crate) fn ahead_of_steps(
         &mut self,
         frames: &[usize],
         theta: &Theta,
     ) -> Result<Option<Vec<Arc<Plane<f32>>>>> {
-        if !shows_steps(theta) {
-            return Ok(None);
-        }
-        let plain = noiseless(theta).with(P::Bits, 0.0);
-        Ok(Some(self.forward.pictures(frames, &plain, self.judge.quality)?))
+        let pictures = |plain| self.forward.pictures(frames, &plain, self.judge.quality);
+        ahead_of_steps(theta).map(pictures).transpose()
     }
 
     /// `theta` with all noise that can be seen: values are judged against the spread that they have.

@@ -5,6 +5,7 @@ use std::borrow::Borrow;
 use rayon::prelude::*;
 
 use super::NoiseData;
+use super::coefficients::shows_coefficients;
 use super::steps::Steps;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
@@ -24,7 +25,7 @@ const HIGH_PASS: f64 = 1.5;
 /// Fewest values of a bin of brightness.
 const FEWEST: usize = 200;
 /// Bins of brightness.
-const BINS: usize = 32;
+pub(super) const BINS: usize = 32;
 /// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
 const LEAST_OF_THREE: f32 = 24.0;
 /// Frames whose values lie in such a range show a pixel's pattern alike, DN.
@@ -39,9 +40,9 @@ const LEAST_STEP_DN: f32 = 3.0;
 const LITTLE: f64 = 4e-3;
 
 /// Linear values, and their slope by DN, by whole DN and channel.
-struct Tables {
+pub(super) struct Tables {
     linear: Vec<[f32; 3]>,
-    slopes: Vec<[f32; 3]>,
+    pub(super) slopes: Vec<[f32; 3]>,
 }
 
 impl Tables {
@@ -51,26 +52,26 @@ impl Tables {
         Self { linear, slopes }
     }
 
-    fn decode(&self, dn: f32, c: usize) -> f32 {
+    pub(super) fn decode(&self, dn: f32, c: usize) -> f32 {
         let i = dn as usize;
         self.linear[i][c] + (self.linear[i + 1][c] - self.linear[i][c]) * (dn - i as f32)
     }
 }
 
 /// The frames that noise is measured in.
-struct Compared<'a, M> {
-    evidence: &'a Evidence,
+pub(super) struct Compared<'a, M> {
+    pub(super) evidence: &'a Evidence,
     /// Places.
-    frames: &'a [usize],
+    pub(super) frames: &'a [usize],
     means: &'a [M],
-    flats: Vec<Vec<bool>>,
-    tables: Tables,
-    tone: &'a Tone,
+    pub(super) flats: Vec<Vec<bool>>,
+    pub(super) tables: Tables,
+    pub(super) tone: &'a Tone,
     /// The same camera with a little noise, where colours are made of each other behind the encoding.
     mixed: Option<Tone>,
     /// Whether noise is measured of brightness.
     luma: bool,
-    /// The simulated values ahead of a coarse converter, DN; nothing where steps are not seen one by one.
+    /// The simulated values ahead of a coarse converter, DN; nothing where its steps are not seen one by one.
     ahead: Option<&'a [M]>,
 }
 
@@ -166,8 +167,8 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
 }
 
 impl NoiseData {
-    /// Measures. `means`: simulated values of `frames` (places), DN; `ahead`: the same ahead of a coarse converter (see
-    /// [`shows_steps`]), nothing without one.
+    /// Measures. `means`: simulated values of `frames` (places), DN; `ahead`: the same ahead of what rounds them
+    /// coarsely (see [`ahead_of_steps`]), nothing without such.
     pub(crate) fn measure<M: Borrow<Plane<f32>> + Sync>(
         evidence: &Evidence,
         frames: &[usize],
@@ -189,7 +190,9 @@ impl NoiseData {
         let (luma, tables) = (is_luma(theta), Tables::of(&tone));
         let a_little = Tone::new(&noiseless(theta).with(P::Read, LITTLE));
         let mixed = a_little.mixes_colours().then_some(a_little);
-        let compared = Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma, ahead };
+        let steps = ahead.filter(|_| shows_steps(theta));
+        let compared =
+            Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma, ahead: steps };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
         let rows_apart = if mixed { APART[1] } else { 1 };
@@ -199,7 +202,12 @@ impl NoiseData {
         for f in 0..frames.len() {
             values.add_rows([w, h], rows_apart, |i| compared.seen_at(f, i, true).map(|e| e[0]));
         }
-        values.reduce(&tone, theta, usize::from(apart == APART[1]))
+        let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]));
+        let files = ahead.filter(|_| shows_coefficients(theta));
+        if let Some(told) = files.and_then(|ahead| compared.told_by_coefficients(theta, ahead)) {
+            (data.total, data.row2) = (told.total, told.row2);
+        }
+        data
     }
 }
 
@@ -219,7 +227,7 @@ struct Values {
 }
 
 /// The bin of brightness of a value, DN.
-fn bin_of(dn: f32) -> usize {
+pub(super) fn bin_of(dn: f32) -> usize {
     ((dn / 8.0) as usize).min(BINS - 1)
 }
 
@@ -405,9 +413,16 @@ fn quantum(tone: &Tone, mean_dn: f32) -> f64 {
 
 /// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
 /// behind it.
-pub(crate) fn shows_steps(theta: &Theta) -> bool {
+fn shows_steps(theta: &Theta) -> bool {
     let tone = Tone::new(theta);
     tone.step_linear(1) > 0.0 && tone.keeps_steps()
+}
+
+/// `theta` ahead of what rounds its values to steps that are seen one by one: a coarse converter, or a file's
+/// coefficients. Nothing where there is no such.
+pub(crate) fn ahead_of_steps(theta: &Theta) -> Option<Theta> {
+    let seen = shows_steps(theta) || shows_coefficients(theta);
+    seen.then(|| noiseless(theta).with(P::Bits, 0.0).with(P::Quality, 0.0))
 }
 
 /// A camera without noise.

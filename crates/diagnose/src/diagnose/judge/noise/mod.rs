@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 use crate::diagnose::expect::discrepancy::SPREAD_ERROR;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::fit::intervals::Way;
-pub(crate) use measure::{flat_map, noiseless, shows_steps};
+pub(crate) use measure::{ahead_of_steps, flat_map};
 
+mod coefficients;
 mod measure;
 mod steps;
 

@@ -53,28 +53,16 @@ impl Steps {
 
     /// The most likely noise; nothing where it lies at an end of what is looked for, or nothing was seen.
     pub(super) fn told(&self) -> Option<Told> {
-        let [mut low, mut high] = WIDTHS.map(f64::ln);
-        let ends = [low, high];
-        // One valley: wider noise takes more values to other steps everywhere.
-        const GOLDEN: f64 = 0.618_033_988_749_895;
-        for _ in 0..40 {
-            let [a, b] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
-            if self.likelihood(a) > self.likelihood(b) { high = b } else { low = a }
-        }
-        let at = 0.5 * (low + high);
-        if self.counts.is_empty() || ends.iter().any(|e| (at - e).abs() < 1e-3) {
+        if self.counts.is_empty() {
             return None;
         }
-        const STEP: f64 = 0.05;
-        let [below, here, above] = [at - STEP, at, at + STEP].map(|w| self.likelihood(w));
-        // Of the logarithm of the variance, which is twice that of the width.
-        let information = (2.0 * here - below - above) / (STEP * STEP) / 4.0;
-        Some(Told { variance: (2.0 * at).exp(), count: 3.0 * information.max(0.0) })
+        most_likely(WIDTHS, |log_width| self.likelihood(log_width.exp()))
     }
 
-    /// Logarithm of the likelihood of noise of a width, given as its logarithm.
-    fn likelihood(&self, log_width: f64) -> f64 {
-        let width = log_width.exp();
+    /// Logarithm of the likelihood of noise of a width, steps.
+    pub(super) fn likelihood(&self, width: f64) -> f64 {
+        // Where in its bin of places a value lies is not known.
+        let width = width.hypot(1.0 / (PLACES as f64 * 12f64.sqrt()));
         let below = |t: f64| 0.5 + 0.5 * erf(t / width * std::f64::consts::FRAC_1_SQRT_2);
         let mut sum = 0.0;
         for (place, counts) in self.counts.iter().enumerate() {
@@ -95,6 +83,28 @@ impl Steps {
         }
         sum
     }
+}
+
+/// The most likely noise between two widths, given the logarithm of the likelihood by the logarithm of the width;
+/// nothing where it lies at an end. The variance is the square of the width.
+pub(super) fn most_likely(widths: [f64; 2], likelihood: impl Fn(f64) -> f64) -> Option<Told> {
+    let [mut low, mut high] = widths.map(f64::ln);
+    let ends = [low, high];
+    // One valley: wider noise takes more values to other steps everywhere.
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    for _ in 0..24 {
+        let [a, b] = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+        if likelihood(a) > likelihood(b) { high = b } else { low = a }
+    }
+    let at = 0.5 * (low + high);
+    if ends.iter().any(|e| (at - e).abs() < 1e-3) {
+        return None;
+    }
+    const STEP: f64 = 0.05;
+    let [below, here, above] = [at - STEP, at, at + STEP].map(likelihood);
+    // Of the logarithm of the variance, which is twice that of the width.
+    let information = (2.0 * here - below - above) / (STEP * STEP) / 4.0;
+    Some(Told { variance: (2.0 * at).exp(), count: 3.0 * information.max(0.0) })
 }
 
 #[cfg(test)]
