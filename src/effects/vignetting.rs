@@ -1,5 +1,6 @@
 //! Light falls off towards the corners: L (1 + a1 q + a2 q^2), q = squared distance from (cx, cy) over the squared half
-//! diagonal of the picture (CAPTURE contract). Linear radiance. Where the polynomial is negative no light arrives.
+//! diagonal of the picture (docs/reference/camera.md). Linear radiance. Where the polynomial is negative no light
+//! arrives.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
