@@ -7,8 +7,8 @@
  *           call can give ARGUMENT, STRUCT_SIZE and PANIC; any call on a handle can give HANDLE, BUSY, POISONED and
  *           FORKED. All other errors of a call stand at its "Errors:". "device" there stands for DEVICE_LOST,
  *           OUT_OF_MEMORY, VULKAN and, if the call waits, TIMEOUT.
- * HANDLES   Pointers that are numbers: they are never followed, only looked up. Null, made-up, destroyed and
- *           wrong-kind handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives
+ * HANDLES   A handle is a number in a table, not an address: it is looked up, never followed. Null, made-up, destroyed
+ *           and wrong-kind handles give SHUTTERBUG_HANDLE. Destroying null is fine; destroying twice gives
  *           SHUTTERBUG_HANDLE.
  * OWNERSHIP You own all memory that you pass. The library keeps none of it after the call, except shared memory
  *           (shutterbug_memory) and the Vulkan objects of a shutterbug_host_device. What a *_create, *_submit, *_import
@@ -21,8 +21,9 @@
  *           doing. Destroying such a handle returns OK and does not touch the parent's object. The child creates its
  *           own engines.
  * UNITS     Seconds, metres, pixels; the names end in the unit. Pixel (0,0) is top left, its centre is (0.5, 0.5), x
- *           points right, y points down. A camera looks along +z (x right, y down). A pose maps camera to world
- *           coordinates. See docs/conventions.md.
+ *           points right, y points down. Pictures are stored top row first. A camera looks along +z (x right, y down).
+ *           World coordinates are metres in any right-handed frame. A pose maps camera to world coordinates;
+ *           quaternions are x y z w. See docs/conventions.md.
  * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
  * STRUCTS   Set struct_size = sizeof(struct) before you pass one, for outputs too, and zero the rest (= {0}) before you
@@ -359,12 +360,13 @@ typedef struct shutterbug_motion_convention {
 } shutterbug_motion_convention;
 
 enum {                          /* presets of shutterbug_motion_preset */
-    SHUTTERBUG_MOTION_OWN = 0,  /* what the sharp planes hold: pixels, previous to current, y down */
+    SHUTTERBUG_MOTION_OWN = 0,  /* this library's own: pixels, previous to current, y down */
     SHUTTERBUG_MOTION_FSR2 = 1, /* current to previous, pixels, y down */
     SHUTTERBUG_MOTION_FSR2_UV = 2, /* the same in UV */
     SHUTTERBUG_MOTION_UNITY = 3,   /* previous to current, NDC, y up */
     SHUTTERBUG_MOTION_STREAMLINE = 4, /* current to previous, NDC, y up */
-    SHUTTERBUG_MOTION_OPTICAL_FLOW = 5 /* forward flow in pixels, y down (OpenCV; EXR forward.u, forward.v) */
+    SHUTTERBUG_MOTION_OPTICAL_FLOW = 5 /* current to next, pixels, y down (OpenCV; EXR forward.u, forward.v;
+                                        * SHUTTERBUG_MOTION). Taken as OWN: the same where content moves on alike */
 };
 
 /* Fills in a convention (struct_size set by you). Change what your host does differently. Needs no engine; any thread,
@@ -475,16 +477,15 @@ typedef struct shutterbug_agreement {
  * Errors: INPUT (camera), FORMAT, TOO_SMALL. */
 shutterbug_status shutterbug_check_conventions(const shutterbug_camera *camera, const shutterbug_view *first,
                                                const shutterbug_view *second, shutterbug_agreement *agreement,
-                                                   char *text,
-                                               uint64_t text_capacity);
+                                               char *text, uint64_t text_capacity);
 
 /* What moves by itself in a frame from outside, as a rigid body. Its poses reach over the frame as the camera's do;
  * what has an id that no body has rests in the world. */
 typedef struct shutterbug_body {
     uint32_t id;         /* of shutterbug_outside.ids; each body another */
     uint32_t pose_count; /* 2 or more */
-    const shutterbug_stamped_pose *poses; /* world_from_camera is here world from the body's own frame, whichever that
-                                           * is */
+    const shutterbug_stamped_pose *poses; /* for a body, world_from_camera holds world_from_body; any frame of the body
+                                           * will do */
 } shutterbug_body;
 
 /* A further picture of a frame from outside, of an instant of its own. Everything but the instant is as of the first
@@ -497,19 +498,26 @@ typedef struct shutterbug_picture {
 } shutterbug_picture;
 
 /* One frame of your own renderer: colour, and one of three things that say how it moves. All pictures have the camera's
- * size plus the margin on every side, rendered by the camera's nominal pinhole from where it nominally is. depth,
- * pose_count poses Of what rests, and with ids and bodies of what moves rigidly. The poses reach over all of the frame
- * and color_time_s, else TIME: give those of your physics steps, at any times. Between them a curve through four (of
- * two poses a straight line). Every line is taken from where the camera was then, silhouettes are kept apart by depth,
- * and lens, shutter and blur read the colour once. A margin that is too small for turns (and, with nearest_m, for
- * movement) is TOO_SMALL and told, unless SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set. With further pictures of other
- * instants each line is taken from the three that are nearest to it in time, read together where they show one surface;
- * what one did not see is taken from the others. motion images Of what moves anyhow, by one vector a pixel where it
- * arrives: its motion at the image's instant. What a line sees has come the way that they say from color_time_s on:
- * their integral over time, linear between images, even before the first and after the last. Two or three images of a
- * camera that shakes faster than they follow each other can be worse than one. depth, two poses pose_count 0: motion is
- * taken from one to the other and goes on evenly, also beyond them. With the last two, what comes in from beyond the
- * picture is its repeated border. */
+ * size plus the margin on every side. Render them with the nominal pinhole, from the nominal pose.
+ *
+ *   depth, poses (pose_count 2 or more)
+ *       For what rests; with ids and bodies also for what moves rigidly. The poses cover all of the frame and
+ *       color_time_s, else TIME: give those of your physics steps, at any times. Between poses lies a curve through
+ *       four of them; two make a straight line. Every line is taken from where the camera was then. Depth keeps
+ *       silhouettes apart. Lens, shutter and blur read the colour once. A margin that is too small for turns (and, with
+ *       nearest_m, for movement) is TOO_SMALL, and the error says how much is needed, unless
+ *       SHUTTERBUG_OUTSIDE_REPEAT_BORDER is set. With further pictures, of other instants, each line is taken from the
+ *       three that are nearest to it in time, read together where they show one surface; what one did not see is taken
+ *       from the others.
+ *   motion images (motion_count 1 to 6)
+ *       For any motion: one vector a pixel, at the place where content arrives. It says how content moves at the
+ *       image's instant. What a line sees has come this way since color_time_s: the integral of the vectors over time,
+ *       linear between images, constant before the first and after the last. Two images of a camera that shakes faster
+ *       than they follow each other can be worse than one.
+ *   depth, two poses (pose_count 0)
+ *       Motion goes from one pose to the other and continues evenly, also beyond them.
+ *
+ * With the last two, what enters from beyond the picture is its repeated border. */
 typedef struct shutterbug_outside {
     uint32_t struct_size;
     uint32_t frame_index;
@@ -525,7 +533,7 @@ typedef struct shutterbug_outside {
     const shutterbug_image *color;   /* any colour format */
     const shutterbug_image *motions; /* motion_count images, RG16F or RG32F */
     const shutterbug_motion_convention *motion_convention; /* with motions */
-    const shutterbug_image *depth;   /* R32F; for resting scenes */
+    const shutterbug_image *depth;   /* R32F */
     const shutterbug_depth_convention *depth_convention; /* with depth */
     const shutterbug_stamped_pose *poses; /* with depth: pose_count of them, at increasing times; 0: two, which enclose
                                            * color_time_s */
@@ -586,7 +594,8 @@ enum {                        /* plane of shutterbug_frame_read */
                                * not rounded to 8 bits: RGB16, RGBA16 (sRGB), and RGBA32F, RGBA16F (the linear light of
                                * the same, 1 = white) */
     SHUTTERBUG_COLOR = 2,     /* ideal camera at time_s, linear, alpha = coverage: RGBA32F, RGBA16F */
-    SHUTTERBUG_MOTION = 3,    /* px from time_s to time_s + frame_period_s: RG32F, RG16F */
+    SHUTTERBUG_MOTION = 3,    /* px, y down, from this frame (time_s) to the next (time_s + frame_period_s), stored
+                               * where content is at time_s: RG32F, RG16F */
     SHUTTERBUG_DEPTH = 4,     /* m along the optical axis, infinite where nothing is: R32F */
     SHUTTERBUG_RADIANCE = 5,  /* linear, 1 = white: what reaches the sensor, with lens, shutter and blur, before
                                * defocus, glare, noise and encoding; alpha 1: RGBA32F, RGBA16F */
@@ -700,8 +709,7 @@ shutterbug_status shutterbug_memory_use_image(shutterbug_engine *engine, const s
  * VK_QUEUE_FAMILY_EXTERNAL before a frame and acquire it from there afterwards. The fd is treated as by
  * shutterbug_memory_import_fd. Errors: see above. */
 shutterbug_status shutterbug_memory_import_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
-                                                    int fd,
-                                                    uint64_t bytes, shutterbug_memory **memory);
+                                                    int fd, uint64_t bytes, shutterbug_memory **memory);
 /* A new image on the engine's device, an opaque fd of its memory that is yours, and the memory's size: what the call
  * above, or another user of the same device and driver, needs to import it. Errors: see above. */
 shutterbug_status shutterbug_memory_export_image_fd(shutterbug_engine *engine, const shutterbug_gpu_image *image,
@@ -724,8 +732,7 @@ shutterbug_status shutterbug_semaphore_import_fd(shutterbug_engine *engine, int 
 /* A new one, and an opaque fd of it that is yours to close or to import elsewhere; timelines start at 0. Errors: see
  * above. */
 shutterbug_status shutterbug_semaphore_export_fd(shutterbug_engine *engine, uint32_t kind,
-                                                 shutterbug_semaphore **semaphore,
-                                                 int *fd);
+                                                 shutterbug_semaphore **semaphore, int *fd);
 /* Frees the handle; the semaphore (unless it is your own) goes with the last frame that uses it. Errors: none but the
  * common ones. */
 shutterbug_status shutterbug_semaphore_destroy(shutterbug_semaphore *semaphore);

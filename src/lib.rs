@@ -1,5 +1,5 @@
-//! What one real, cheap, moving camera would have delivered of a rendered scene: rolling shutter, motion blur, lens,
-//! noise and the rest of a sensor's effects, as Vulkan compute kernels.
+//! Simulates what a cheap moving camera delivers of a rendered scene: rolling shutter, motion blur, lens, noise and the
+//! rest of a sensor's effects, as Vulkan compute kernels.
 //!
 //! `cargo add shutterbug`. The build compiles shaders and needs a C++ compiler, or Debian's `libshaderc-dev`. A run
 //! needs a Vulkan 1.2 device; a software driver (Mesa's lavapipe) is enough. The command line is the crate
@@ -107,8 +107,8 @@
 //!
 //! # Frames of another renderer
 //!
-//! [`engine::OutsideEngine`] takes pictures with depth or motion, and the camera's path, and gives the disturbed frame:
-//! for simulators that have a renderer of their own. [`capi`] is the same for C.
+//! Frames of another renderer are called *frames from outside*. [`engine::OutsideEngine`] takes pictures with depth or
+//! motion, and the camera's path, and gives the disturbed frame. [`capi`] is the same for C.
 //!
 //! # Where to look
 //!

@@ -54,7 +54,7 @@ void add_light(inout Arriving sum, vec3 offset_m, vec3 color, vec3 attenuation, 
     }
 }
 
-// Blinn-Phong from both sides, summed over the point lights (CAPTURE contract).
+// Blinn-Phong from both sides, summed over the point lights.
 vec3 blinn_phong(vec3 kd) {
     vec3 to_eye = normalize(to_eye_m());
     vec3 n = normalize(in_normal);

@@ -1,10 +1,10 @@
 //! Which instants of a frame are rendered, and how each is weighed into the lines that integrate over it.
 //!
-//! A line with start s and exposure e delivers the mean of L(t) over `[s, s + e]` (CAPTURE contract, `rolling_shutter`
-//! and `motion_blur`). The plan renders N pictures at equally spaced instants `t_k`, the first at the first line's
-//! start and the last at the last line's end, takes L to be linear in time between neighbours and integrates that
-//! exactly: the weight of instant k in a line is the mean, over the line's exposure, of the hat function that is 1 at
-//! `t_k` and 0 at its neighbours. Properties, all tested:
+//! A line with start s and exposure e delivers the mean of L(t) over `[s, s + e]` (docs/reference/camera.md,
+//! `rolling_shutter` and `motion_blur`). The plan renders N pictures at equally spaced instants `t_k`, the first at the
+//! first line's start and the last at the last line's end, takes L to be linear in time between neighbours and
+//! integrates that exactly: the weight of instant k in a line is the mean, over the line's exposure, of the hat
+//! function that is 1 at `t_k` and 0 at its neighbours. Properties, all tested:
 //!
 //! * the weights of a line are not negative and sum to 1;
 //! * anything linear in time is integrated exactly, for e = 0 too: `sum w_k t_k = s + e/2` for every line. No line

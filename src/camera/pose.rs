@@ -15,7 +15,8 @@ impl Pose {
     /// The transform that changes nothing.
     pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation_m: DVec3::ZERO };
 
-    /// Between `self` (at 0) and `other` (at 1): linear position, rotation on the shorter arc (CAPTURE contract).
+    /// Between `self` (at 0) and `other` (at 1): linear position, rotation on the shorter arc
+    /// (docs/reference/capture.md).
     pub fn interpolate(&self, other: &Self, at: f64) -> Self {
         Self {
             rotation: self.rotation.slerp(other.rotation, at).normalize(),

@@ -1,4 +1,5 @@
-//! A capture: the folder that holds a camera, a scene, a trajectory and the times of the frames (CAPTURE contract).
+//! A capture: the folder that holds a camera, a scene, a trajectory and the times of the frames
+//! (docs/reference/capture.md).
 
 mod camera_toml;
 mod effect_tables;

@@ -1,7 +1,7 @@
-//! One colour a pixel, then demosaicked (CAPTURE contract). The filters stand before the sensor, but choosing a colour
-//! commutes with everything that a sensor does to each pixel and channel, so the choice is made where the others are
-//! filled in: behind noise and converter, before the white balance. Thus noise is spread over neighbours as in a real
-//! camera. Digital numbers before the tone curve.
+//! One colour a pixel, then demosaicked (docs/reference/camera.md). The filters stand before the sensor, but choosing a
+//! colour commutes with everything that a sensor does to each pixel and channel, so the choice is made where the others
+//! are filled in: behind noise and converter, before the white balance. Thus noise is spread over neighbours as in a
+//! real camera. Digital numbers before the tone curve.
 //!
 //! Bilinear: means of the neighbours that have the colour. Malvar-He-Cutler: the same corrected by the Laplacian of the
 //! pixel's own colour (Malvar, He, Cutler: "High-quality linear interpolation for demosaicing of Bayer-patterned color

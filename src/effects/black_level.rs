@@ -1,5 +1,5 @@
-//! What the sensor delivers without light: offset + (1 - offset) L (CAPTURE contract), so that white stays white. From
-//! electrons to digital numbers.
+//! What the sensor delivers without light: offset + (1 - offset) L (docs/reference/camera.md), so that white stays
+//! white. From electrons to digital numbers.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

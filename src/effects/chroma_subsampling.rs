@@ -1,6 +1,6 @@
-//! Colour is kept at half the resolution: 4:2:0 halves columns and rows, 4:2:2 columns (CAPTURE contract). The colour
-//! difference of a block is that of its mean, and all of its pixels get it; brightness (ITU-R BT.601, as in JFIF)
-//! stays. Encoded values.
+//! Colour is kept at half the resolution: 4:2:0 halves columns and rows, 4:2:2 columns (docs/reference/camera.md). The
+//! colour difference of a block is that of its mean, and all of its pixels get it; brightness (ITU-R BT.601, as in
+//! JFIF) stays. Encoded values.
 
 use super::gaussian;
 use crate::chain::{

@@ -1,7 +1,7 @@
-//! The lens is not in focus: a Gaussian of `sigma_px` on L (CAPTURE contract), the usual model of a small blur; or,
-//! with `disc_radius_px`, the uniform disc that an open round aperture makes of a point (geometric optics), whose rim
-//! cuts a pixel by its share. Both together apply one after the other. Linear radiance; what lies beyond the picture's
-//! border is taken to be like the border.
+//! The lens is not in focus: a Gaussian of `sigma_px` on L (docs/reference/camera.md), the usual model of a small blur;
+//! or, with `disc_radius_px`, the uniform disc that an open round aperture makes of a point (geometric optics), whose
+//! rim cuts a pixel by its share. Both together apply one after the other. Linear radiance; what lies beyond the
+//! picture's border is taken to be like the border.
 //!
 //! By depth, as a thin lens does: a point at distance d is spread over a disc of diameter A fx |1/f - 1/d| px, for an
 //! aperture of diameter A m and a focus at f m, both small beside f (Potmesil, Chakravarty: "A lens and aperture camera

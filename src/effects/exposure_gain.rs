@@ -1,5 +1,5 @@
-//! Brightness of the whole picture: gain L (CAPTURE contract). Exposure set otherwise than assumed, or an amplifier's
-//! gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
+//! Brightness of the whole picture: gain L (docs/reference/camera.md). Exposure set otherwise than assumed, or an
+//! amplifier's gain. Linear radiance, before all noise: a gain behind the noise is [`super::ColorMatrix`]'s.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

@@ -1,7 +1,8 @@
-//! No two pixels are alike: L (1 + prnu n1) + dsnu n2, n1 and n2 normal (CAPTURE contract; DSNU and PRNU as the spatial
-//! standard deviations of EMVA 1288, 4). Gains are those of the response to light: the mean of [`super::DarkCurrent`],
-//! which no light made, is left alone, so that what EMVA 1288 calls PRNU is `prnu` at any exposure. The pattern belongs
-//! to the sensor: it depends on `sensor_seed` only, not on the frame or the run. Electrons.
+//! No two pixels are alike: L (1 + prnu n1) + dsnu n2, n1 and n2 normal (docs/reference/camera.md; DSNU and PRNU as the
+//! spatial standard deviations of EMVA 1288, 4). Gains are those of the response to light: the mean of
+//! [`super::DarkCurrent`], which no light made, is left alone, so that what EMVA 1288 calls PRNU is `prnu` at any
+//! exposure. The pattern belongs to the sensor: it depends on `sensor_seed` only, not on the frame or the run.
+//! Electrons.
 
 use super::DarkCurrent;
 use crate::chain::rng::{FIXED_FRAME, random_normal, seed_words};

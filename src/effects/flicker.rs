@@ -1,5 +1,5 @@
-//! Lamps on alternating current: L (1 + depth sin(2 pi f t + phase)), t = time of the line (CAPTURE contract), so that
-//! a rolling shutter sees bands, one every 1/f of readout. Linear radiance.
+//! Lamps on alternating current: L (1 + depth sin(2 pi f t + phase)), t = time of the line (docs/reference/camera.md),
+//! so that a rolling shutter sees bands, one every 1/f of readout. Linear radiance.
 //!
 //! The time of a line is the start of its exposure; with `average = "exposure"` the light is averaged over the exposure
 //! instead, as a sensor does: the sine of its middle times sin(x)/x, x = pi f exposure, which is nothing where the

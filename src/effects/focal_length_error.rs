@@ -1,5 +1,5 @@
-//! The lens is longer or shorter than `camera.toml` says: true fx, fy = ratio times those (CAPTURE contract). Acts
-//! where an engine is given its intrinsics: [`crate::capture::Capture::true_intrinsics`].
+//! The lens is longer or shorter than `camera.toml` says: true fx, fy = ratio times those (docs/reference/camera.md).
+//! Acts where an engine is given its intrinsics: [`crate::capture::Capture::true_intrinsics`].
 
 use crate::camera::Intrinsics;
 use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};

@@ -1,5 +1,5 @@
-//! From linear values to encoded ones: srgb(L)^exponent, clipped to 0..1 (CAPTURE contract; srgb: IEC 61966-2-1). Every
-//! camera encodes, so it is part of every chain; when it is off the exponent is 1.
+//! From linear values to encoded ones: srgb(L)^exponent, clipped to 0..1 (docs/reference/camera.md; srgb: IEC
+//! 61966-2-1). Every camera encodes, so it is part of every chain; when it is off the exponent is 1.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

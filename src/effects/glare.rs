@@ -1,5 +1,5 @@
-//! Veiling glare: (1 - veil) L + veil level (CAPTURE contract). Light scattered in the lens lifts all of the picture
-//! alike, so contrast is lost most in the shadows. Linear radiance.
+//! Veiling glare: (1 - veil) L + veil level (docs/reference/camera.md). Light scattered in the lens lifts all of the
+//! picture alike, so contrast is lost most in the shadows. Linear radiance.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

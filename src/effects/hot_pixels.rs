@@ -1,6 +1,6 @@
-//! Pixels stuck at white, the same in every frame and run (CAPTURE contract): exactly `count`, or `fraction` of the
-//! picture's, at places that depend on `sensor_seed` and the picture's size. All channels of the pixel are stuck; under
-//! a colour filter mosaic that is the one that it has. Electrons.
+//! Pixels stuck at white, the same in every frame and run (docs/reference/camera.md): exactly `count`, or `fraction` of
+//! the picture's, at places that depend on `sensor_seed` and the picture's size. All channels of the pixel are stuck;
+//! under a colour filter mosaic that is the one that it has. Electrons.
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
 use crate::chain::{

@@ -1,4 +1,4 @@
-//! Every line is the mean of the linear radiance over [start, start + exposure] (CAPTURE contract; the paper's
+//! Every line is the mean of the linear radiance over [start, start + exposure] (docs/reference/camera.md; the paper's
 //! section 3.3).
 
 use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};

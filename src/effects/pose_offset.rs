@@ -1,5 +1,6 @@
 //! The camera is not mounted as assumed: true camera = trajectory camera, then this rotation in its optical frame
-//! (CAPTURE contract). Acts where an engine is given its trajectory: [`crate::capture::Capture::true_trajectory`].
+//! (docs/reference/camera.md). Acts where an engine is given its trajectory:
+//! [`crate::capture::Capture::true_trajectory`].
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! Noise of reading a pixel: normal, independent by pixel and channel, new in every frame (CAPTURE contract).
+//! Noise of reading a pixel: normal, independent by pixel and channel, new in every frame (docs/reference/camera.md).
 //! Electrons.
 //!
 //! Real sensors' noise is not wholly new in every frame: `frame_correlation` is the correlation of a pixel's noise with

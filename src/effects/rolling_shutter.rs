@@ -1,5 +1,5 @@
-//! Lines are read one after another: line i of N in scan order starts at timestamp + readout i/N (CAPTURE contract;
-//! the paper's eq. 1 with the readout in seconds instead of frames).
+//! Lines are read one after another: line i of N in scan order starts at timestamp + readout i/N
+//! (docs/reference/camera.md; the paper's eq. 1 with the readout in seconds instead of frames).
 
 use crate::camera::ScanOrder;
 use crate::chain::{Choice, Effect, Fit, Held, Law, Number, ParamSpec, Settings, Stage};

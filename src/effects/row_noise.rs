@@ -1,5 +1,5 @@
-//! Noise of the amplifiers that a row or a column shares: one normal value a row and frame (CAPTURE contract), and one
-//! a column and frame with `column_sigma`; the same in all channels. Electrons.
+//! Noise of the amplifiers that a row or a column shares: one normal value a row and frame (docs/reference/camera.md),
+//! and one a column and frame with `column_sigma`; the same in all channels. Electrons.
 
 use crate::chain::rng::{random_normal, seed_words};
 use crate::chain::{

@@ -1,5 +1,6 @@
-//! The ISP's unsharp mask: v + amount (v - Gaussian of v), on encoded values (CAPTURE contract). A negative amount
-//! softens, as ISPs do against noise: -1 is the Gaussian itself. Encoded values; clipped only when they are rounded.
+//! The ISP's unsharp mask: v + amount (v - Gaussian of v), on encoded values (docs/reference/camera.md). A negative
+//! amount softens, as ISPs do against noise: -1 is the Gaussian itself. Encoded values; clipped only when they are
+//! rounded.
 
 use super::gaussian;
 use crate::chain::{

@@ -1,5 +1,5 @@
-//! Light comes in whole photons: Poisson on electrons, `full_well_e` at L = 1 (CAPTURE contract), new in every frame,
-//! independent by pixel and channel. From linear radiance to electrons.
+//! Light comes in whole photons: Poisson on electrons, `full_well_e` at L = 1 (docs/reference/camera.md), new in every
+//! frame, independent by pixel and channel. From linear radiance to electrons.
 //!
 //! Below a mean of 12 electrons the distribution function is inverted by adding up its terms, which is exact to the
 //! rounding of an `f32` (2e-7 of probability). Above, its inverse is expanded in the root of the mean, to the third

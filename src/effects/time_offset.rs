@@ -1,5 +1,5 @@
-//! The camera's clock is not the trajectory's: true start = timestamp + offset (CAPTURE contract). Acts where a frame
-//! is requested: [`crate::capture::Capture::shutter`].
+//! The camera's clock is not the trajectory's: true start = timestamp + offset (docs/reference/camera.md). Acts where a
+//! frame is requested: [`crate::capture::Capture::shutter`].
 
 use crate::chain::{Effect, Fit, Law, Number, ParamSpec, Settings, Stage};
 

@@ -1,5 +1,6 @@
 //! Light falls off towards the corners: L (1 + a1 q + a2 q^2), q = squared distance from (cx, cy) over the squared half
-//! diagonal of the picture (CAPTURE contract). Linear radiance. Where the polynomial is negative no light arrives.
+//! diagonal of the picture (docs/reference/camera.md). Linear radiance. Where the polynomial is negative no light
+//! arrives.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
@@ -9,8 +10,14 @@ use crate::chain::{
 pub struct Vignetting;
 
 pub(super) const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("a1", "", (-2.0, 2.0), 0.0, "change of brightness per q")
-        .fit(Fit::by(0.01).within(-1.5, 0.5).trial(Law::Down, 0.1, 0.6).graded(4e-3, 4e-1)),
+    ParamSpec::number(
+        "a1",
+        "",
+        (-2.0, 2.0),
+        0.0,
+        "change of brightness per q (squared distance from (cx, cy) over the squared half diagonal)",
+    )
+    .fit(Fit::by(0.01).within(-1.5, 0.5).trial(Law::Down, 0.1, 0.6).graded(4e-3, 4e-1)),
     ParamSpec::number("a2", "", (-2.0, 2.0), 0.0, "change of brightness per squared q")
         .fit(Fit::by(0.01).within(-1.0, 1.5).trial(Law::Even, -0.2, 0.1)),
 ];

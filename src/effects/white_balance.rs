@@ -1,5 +1,5 @@
-//! Gains of red and blue on linear values, green = 1 (CAPTURE contract). Digital numbers before the tone curve, behind
-//! the noise, which it scales too.
+//! Gains of red and blue on linear values, green = 1 (docs/reference/camera.md). Digital numbers before the tone curve,
+//! behind the noise, which it scales too.
 
 use crate::chain::{
     At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,

@@ -1,11 +1,12 @@
-//! A capture's frames on the device: owns the resources, records one submission a frame, reads the picture back.
+//! A capture's frames on the device: owns the resources, records one command submission per frame, reads the picture
+//! back.
 //!
 //! ```text
 //! frame ─ source (a scene by one of four methods | pictures from outside) ─ radiance
 //!       ─ chain of pixel effects ─ readback ─ Frame
 //! ```
 //!
-//! Every instant comes from the request: nothing depends on a previous call, so frames may be asked for in any order.
+//! All times come from the request. Nothing depends on a previous call, so frames may be asked for in any order.
 //!
 //! [`EngineOf`] has what all frames share: slots, the chain, delivery. A `Source` makes the radiance, and there are
 //! two: [`Scenes`] and [`Outside`]. What the four methods of a scene differ in is a `scene::Renderer`.

@@ -1,7 +1,7 @@
 //! Files in and out, for everything that reads or writes one.
 //!
 //! In: regular files only and of limited size, because captures come from strangers ([`read`]). Out: a file appears
-//! complete or not at all ([`write_atomic`]). A program that keeps account of both is told ([`set_watcher`]).
+//! complete or not at all ([`write_atomic`]). A caller can register a watcher of reads and writes ([`set_watcher`]).
 
 mod read;
 mod watch;

@@ -1,8 +1,8 @@
 //! Explicit Vulkan, kept small: the only module that names `ash`.
 //!
 //! [`Context`] is the only holder of instance, device, queue and allocator. Every wrapper holds an `Arc` of it and
-//! frees its own handle in `Drop`. Storage images stay in `GENERAL`; one global memory barrier stands between dependent
-//! commands (`commands.rs`, the only file with barriers).
+//! frees its own handle in `Drop`. Storage images stay in layout `VK_IMAGE_LAYOUT_GENERAL`; one global memory barrier
+//! stands between dependent commands (`commands.rs`, the only file with barriers).
 #![allow(unsafe_code)]
 
 mod bind;

@@ -9,9 +9,9 @@ use super::io::{MAX_DECODED_BYTES, MAX_SIDE_PX};
 use crate::error::Error;
 use crate::files::{self, Limit, write_atomic};
 
-/// Channels of a motion plane: px moved over one frame interval, from this frame to the next (CAPTURE contract).
+/// Channels of a motion plane: px moved over one frame interval, from this frame to the next.
 pub const MOTION_CHANNELS: [&str; 2] = ["forward.u", "forward.v"];
-/// Channel of a depth plane: metres along the optical axis (CAPTURE contract).
+/// Channel of a depth plane: metres along the optical axis.
 pub const DEPTH_CHANNELS: [&str; 1] = ["Z"];
 /// Channels of a colour plane: linear radiance.
 pub const COLOR_CHANNELS: [&str; 3] = ["R", "G", "B"];

@@ -1,4 +1,4 @@
-//! Scene to samples on the device: colour, motion and depth by the hardware's rasterizer.
+//! Rasterizes a scene on the device: samples of colour, motion and depth.
 
 mod exact_place;
 mod geometry;

@@ -1,10 +1,10 @@
-//! The CPU oracle, in two parts.
+//! The CPU oracle, in three parts.
 //!
 //! Twins of the kernels: one file a kernel or include, of the same stem, written to be read, in the kernels' own `f32`
 //! and in the same order of operations, so that a difference means a mistake, not a rounding (up to divisions, square
 //! roots and powers, which devices may round in their own way).
 //!
-//! `moments`: the same list on means and spreads, without drawing noise.
+//! `moments` propagates mean and variance through the same list of effects, without drawing noise.
 //!
 //! `raster` and `accumulate`: the scene rendered from first principles in double precision. Nothing there is tuned to
 //! agree with a device: a ray is cast through every sample, the nearest triangle that it meets is shaded, samples are

@@ -1,4 +1,4 @@
-//! Radiance of a surface point (CAPTURE contract, section 1): unlit, or lit by point lights after Blinn and Phong.
+//! Radiance of a surface point (docs/reference/capture.md): unlit, or lit by point lights after Blinn and Phong.
 
 use std::sync::LazyLock;
 

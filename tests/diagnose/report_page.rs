@@ -106,6 +106,20 @@ fn a_report_with_nothing_in_it_is_a_page_too() {
 }
 
 #[test]
+fn a_gap_below_the_floor_leaves_nothing_unexplained() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut report = sample(folder.path(), 2, "desk");
+    assert!(page_of(&report, folder.path()).0.contains(">unexplained</text>"), "control: above the floor");
+    report.waterfall.iter_mut().filter(|s| s.name == "unexplained").for_each(|s| s.to = 1.38);
+    report.gap.held_out_frames = 1;
+    let (html, page) = page_of(&report, folder.path());
+    assert!(html.contains(">below the floor</text>") && !html.contains(">unexplained</text>"));
+    let kinds: Vec<_> = page.all("#waterfall rect").iter().filter_map(|e| e.attribute("class")).collect();
+    assert_eq!(kinds, ["total", "closed", "closed", "below", "total"]);
+    assert!(html.contains(">held-out frame</span> that no fit"), "one frame is no frames");
+}
+
+#[test]
 fn a_report_comes_back_as_it_was_written_with_figures_that_are_not_finite() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut report = sample(folder.path(), 2, "desk");

@@ -17,8 +17,8 @@ const CRATES: [(&str, &str); 3] = [
     ("shutterbug_cli", "crates/cli/src"),
 ];
 
-/// The rooms of a diagnosis: each may name those before it.
-const ROOMS: [&str; 9] =
+/// The layers of a diagnosis: each may name those before it.
+const LAYERS: [&str; 9] =
     ["report", "evidence", "expect", "fit", "judge", "search", "tell", "gyro", "unpaired"];
 
 type Module = Vec<String>;
@@ -193,16 +193,16 @@ fn sources_of((name, folder): (&'static str, &str)) -> Sources {
     Sources::new(name, texts)
 }
 
-/// Files of a diagnosis that name a room behind their own, or stand in none.
+/// Files of a diagnosis that name a layer behind their own, or stand in none.
 fn out_of_order(sources: &Sources) -> Vec<String> {
-    let room = |m: &Module| match &m[..] {
-        [first, room, ..] if first == "diagnose" => Some(ROOMS.iter().position(|r| r == room)),
+    let layer = |m: &Module| match &m[..] {
+        [first, layer, ..] if first == "diagnose" => Some(LAYERS.iter().position(|r| r == layer)),
         _ => None,
     };
     let mut wrong = Vec::new();
     for (from, named) in sources.edges() {
-        let Some(own) = room(from) else { continue };
-        for to in named.iter().filter(|to| room(to).is_some_and(|there| own.is_none() || there > own)) {
+        let Some(own) = layer(from) else { continue };
+        for to in named.iter().filter(|to| layer(to).is_some_and(|there| own.is_none() || there > own)) {
             wrong.push(format!("{} names {}", from.join("/"), to.join("/")));
         }
     }
@@ -210,12 +210,12 @@ fn out_of_order(sources: &Sources) -> Vec<String> {
 }
 
 #[test]
-fn rooms_of_a_diagnosis_name_only_those_before_them() {
+fn layers_of_a_diagnosis_name_only_those_before_them() {
     let sources = sources_of(CRATES[1]);
     assert_eq!(out_of_order(&sources), Vec::<String>::new());
     let folders = sources.code.keys().filter(|m| m.len() == 2 && m[0] == "diagnose").count();
-    assert_eq!(folders, ROOMS.len(), "each room has a line in ROOMS");
-    // Controls: the other way round, and a room that the list does not have.
+    assert_eq!(folders, LAYERS.len(), "each layer has a line in LAYERS");
+    // Controls: the other way round, and a layer that the list does not have.
     let planted = |from: &str, uses: &str| {
         let texts = [("diagnose/mod.rs", ""), ("diagnose/judge/mod.rs", "struct A;"), (from, uses)];
         let texts = texts.map(|(file, text)| (module_of(Path::new(file)), text.to_owned()));

@@ -4,12 +4,12 @@
 //! The difference of two frames is noise alone where the scene rests. Its variance over intensity gives full well and
 //! read noise of the delivered picture ([`ptc`]), means of rows and columns give row noise, neighbours their
 //! correlation ([`spatial`]). An ISP mixes colours and smooths, so those are not yet the sensor's: [`fit`] finds
-//! sensor, colour matrix and smoothing ([`model`]) whose simulated frames measure the same.
+//! sensor, colour matrix and smoothing ([`model`]) whose simulated frames give the same measurements.
 //!
 //! `camera.toml` holds the same camera for the engine's chain, whose own simulation it was fitted to. `docs/sensor.md`
-//! has what both reach on three pairs of a Nao robot's canteen, and what they miss. Where an ISP clips at black and
-//! takes colours towards luma behind that, vivid colours pile up at a share of luma: the factor of `saturation` is read
-//! from there.
+//! has what both reach on three pairs of photographs by a Nao robot in a canteen, and what they miss. Where an ISP
+//! clips at black and takes colours towards luma behind that, vivid colours pile up at a share of luma: the factor of
+//! `saturation` is read from there.
 //!
 //! What pictures cannot tell: the tone curve (sRGB is taken), the fixed pattern from two frames (it is in both), edge
 //! noise from frames that are displaced.

@@ -5,7 +5,7 @@
 //! capture ─ evidence ─ expect ─ fit ─ judge ─ search ─ tell ─ report.json, camera.toml, pictures
 //! ```
 //!
-//! The folders are rooms in this order, and a file names only rooms before its own (`tests/property/circles.rs`):
+//! The folders form layers in this order, and a file names only layers before its own (`tests/property/circles.rs`):
 //! `report` is the plain data that is told, `evidence` the frames and their three parts, `expect` what a camera is
 //! expected to deliver, `fit` the parameters that do it best, `judge` what is scored and what is left, `search` which
 //! effects are taken. `gyro` and `unpaired` are diagnoses of other footage.

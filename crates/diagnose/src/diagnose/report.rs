@@ -1,4 +1,4 @@
-//! What a diagnosis found, as data: `report.json` (CAPTURE contract, section 5) and everything that a page about it
+//! What a diagnosis found, as data: `report.json` (docs/reference/report.md) and everything that a page about it
 //! needs.
 //!
 //! Grey levels are DN (0 to 255). Unless said otherwise figures are of held-out frames, which no fit has seen. Paths

@@ -1,5 +1,5 @@
-//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest says what
-//! of ([`recorded_reads`]).
+//! The folder of a command's `--out`: it holds only what this program made there ([`Out`]), and its manifest lists the
+//! inputs of each file ([`recorded_reads`]).
 
 mod account;
 mod lock;

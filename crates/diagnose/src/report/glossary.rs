@@ -36,11 +36,6 @@ pub(super) const TERMS: &[Term] = &[
         "Continuous ranked probability score: a proper score of a predicted distribution against an observed value. \
          It is in the unit of the value, and equals the absolute error where the prediction has no spread.",
     ),
-    term(
-        "margin",
-        "Discrepancy, margin",
-        "What two correct simulations of the same camera may differ by. A gap within the margin is none.",
-    ),
     term("dn", "DN", "Digital number: one grey level of an 8-bit picture, 0 to 255."),
     term(
         "floor",
@@ -52,6 +47,11 @@ pub(super) const TERMS: &[Term] = &[
         "held_out",
         "Held-out frames",
         "Frames that no fit and no choice has seen. All figures of a report are of these.",
+    ),
+    term(
+        "margin",
+        "Margin of a diagnosis",
+        "What two correct simulations of the same camera may differ by. A gap within it counts as no gap.",
     ),
     term(
         "shapley",

@@ -5,8 +5,8 @@
 //! strangers.
 //!
 //! Charts are SVG written by the template from the coordinates of `chart.rs`. A plotting library was weighed and left
-//! out: its SVG carries fixed colours and positions without names, so the page could neither follow paper and dark
-//! screens by its style sheet nor be read aloud, and what is needed is two lines and some bars.
+//! out: its SVG carries fixed colours and positions without names. The page's style sheet could not adapt it to print
+//! or dark mode, and it could not be read aloud. What is needed is two lines and some bars.
 
 mod chart;
 mod embed;

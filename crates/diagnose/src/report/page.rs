@@ -209,20 +209,25 @@ fn waterfall(report: &Report) -> (Vec<Bar>, f64) {
             (from, to) if total => (0.0, from.max(to)),
             both => both,
         };
-        let kind = match step.name.as_str() {
-            _ if total => "total",
-            "unexplained" => "unexplained",
-            _ if to > from => "worse",
+        let rest = step.name == "unexplained";
+        // A gap below the floor leaves nothing to explain.
+        let below = rest && to > from;
+        let kind = match (total, rest, to > from) {
+            (true, ..) => "total",
+            (_, true, true) => "below",
+            (_, true, false) => "unexplained",
+            (.., true) => "worse",
             _ => "closed",
         };
         let change = to - from;
         let label = match (total, change < 0.0) {
             (true, _) => format!("{to:.2}"),
+            (false, false) if below => format!("{change:.2}"),
             (false, true) => format!("\u{2212}{:.2}", -change),
             (false, false) => format!("+{change:.2}"),
         };
         Bar {
-            name: super::plain_name(&step.name),
+            name: if below { "below the floor".to_owned() } else { super::plain_name(&step.name) },
             kind,
             x: scale * from.min(to),
             width: (scale * change.abs()).max(1.0),

@@ -5,8 +5,8 @@
 //! * An answer is sealed by its SHA-256, printed and written to `seals.txt` before the diagnosis starts. The answer
 //!   itself is on no disk until the diagnosis has ended: it is drawn again from the seed, and must have the sealed
 //!   hash.
-//! * The diagnosis is a process of its own that is given the capture's folder, and the name of an effect only where the
-//!   question is what it says without that candidate.
+//! * The diagnosis is a process of its own that is given the capture's folder and, for runs without one candidate, the
+//!   name of that candidate.
 //! * A run that was interrupted goes on where it stopped: a case that has a `score.json` is done.
 
 #[cfg(all(test, feature = "added-effect"))]

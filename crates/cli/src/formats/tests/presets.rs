@@ -8,7 +8,7 @@ use shutterbug::capture::CameraFile;
 use shutterbug::chain::Value;
 use shutterbug::effects::{self, MotionBlur, RollingShutter};
 
-/// Parameters of the CAPTURE contract, section 3, for the effects that presets use.
+/// Parameters of docs/reference/camera.md for the effects that presets use.
 fn contract() -> HashMap<&'static str, Vec<&'static str>> {
     HashMap::from([
         ("lens_distortion", vec!["k1", "k2", "p1", "p2", "k3"]),

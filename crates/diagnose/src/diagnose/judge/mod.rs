@@ -1,7 +1,7 @@
 //! Scores of parameters on frames that no fit has seen, and whether a gain is beyond chance.
 //!
 //! A search looks at the frames to choose by; the frames to report by are scored once, at the end. Standard errors come
-//! from blocks of the picture (see [`score`]): each block, over all frames, is one draw.
+//! from blocks of the picture (see [`score`]): each block, over all frames, counts as one sample.
 
 pub(super) mod hot;
 pub(super) mod noise;

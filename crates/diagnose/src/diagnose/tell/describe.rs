@@ -200,7 +200,8 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
             gap.before, gap.renderer_difference
         ),
         Verdict::Explained => format!(
-            "{lacks}: with that the gap falls from {:.2} to {:.2} DN ({percent:.0} % of it).{parts}",
+            "{lacks}: with what was found, the gap falls from {:.2} to {:.2} DN ({percent:.0} % of what can be \
+             closed).{parts}",
             gap.before, gap.after
         ),
         Verdict::PartlyExplained => format!(

@@ -1,4 +1,4 @@
-//! What a diagnosis says: the report with its sentences, places, percepts and pictures.
+//! Writes what a diagnosis says: the report with its sentences, places, percepts and pictures.
 
 pub(super) mod advice;
 pub(super) mod asked;

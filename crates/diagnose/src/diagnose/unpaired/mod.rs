@@ -5,10 +5,10 @@
 //! simulated frames ─ effects put on them ─ marks ──┴─ distance ─ choice of effects ─ Report
 //! ```
 //!
-//! Marks are noise by brightness, its likeness from neighbour to neighbour, noise of rows and columns, the width of the
-//! sharpest edges, and the places of red and blue. What a compression, shared colour or a coarse converter does can be
-//! read from the real frames alone. Brightness, colours, shading and fall-off may be content and are never named; lens,
-//! pose, readout and exposure time cannot be known from frames that are not paired.
+//! Marks are noise by brightness, its correlation between neighbours, noise of rows and columns, the width of the
+//! sharpest edges, and the places of red and blue. What compression, chroma subsampling or a converter of few bits does
+//! can be read from the real frames alone. Brightness, colours, shading and vignetting may be content and are never
+//! named; lens, pose, readout and exposure time cannot be known from frames that are not paired.
 
 mod bounds;
 mod choose;

@@ -2,9 +2,8 @@
 //!
 //! Neither is a number that a search could try. Both are worked out anew for every camera that is considered, from
 //! frames that it is not judged by: factors on the radiance from the frames that fits see, the pose of a judged frame
-//! from half of its tiles, while the other half is scored. What a camera leaves beside the best description that goes
-//! with it is what it is judged by, so a camera's effect cannot hide in the description, nor the description in an
-//! effect, where frames tell them apart.
+//! from half of its tiles, while the other half is scored. Each camera is scored by the residual after its best-fitting
+//! description. So neither can hide the other, where frames tell them apart.
 
 pub(crate) mod grid;
 pub(crate) mod known;

@@ -1,4 +1,4 @@
-//! Frames of any simulator beside real ones (CAPTURE contract, section 2): two folders of pictures instead of a scene.
+//! Frames of any simulator beside real ones (docs/pairs.md): two folders of pictures instead of a scene.
 //!
 //! The simulated frames are the scene. With depth and the camera's path, or with motion, they say what each line of a
 //! sensor would have seen (see [`warp`]), so that effects of geometry are candidates as they are in a capture. Without

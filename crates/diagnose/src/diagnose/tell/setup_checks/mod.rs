@@ -1,6 +1,6 @@
 //! What is wrong with a capture rather than with its camera: frames that are mirrored, in another order, linear, of
-//! another scene. No effect is any of that, yet a search finds effects that do a part of it, so these are looked for
-//! before, on small pictures of every real frame and of its simulation, and said first.
+//! another scene. None of these is a camera effect, yet a search finds effects that do a part of it. So these are
+//! looked for before, on small pictures of every real frame and of its simulation, and said first.
 
 mod geometry;
 mod order;

@@ -1,4 +1,4 @@
-//! What pictures show whatever they are pictures of: the marks that a camera leaves, measured in single frames.
+//! Traces of the camera that do not depend on content, called marks, measured in single frames.
 //!
 //! Noise is measured between near pixels of flat blocks.
 
