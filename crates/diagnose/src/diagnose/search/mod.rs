@@ -438,8 +438,10 @@ impl<'a> Search<'a> {
     ) -> Result<Vec<Tried>> {
         let (smooth, rest): (Vec<_>, Vec<_>) =
             self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
-        watch.stage(&format!("candidates beside {}", set.join(" + ")), rest.len() + SHORTLIST + 1);
-        watch.step("ranking");
+        // At most: what promises nothing is not fitted.
+        let most = 1 + SHORTLIST + BENT.len() + rest.len();
+        watch.stage(&format!("candidates beside {}", set.join(" + ")), most);
+        watch.step("which of them promise most");
         let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
             late.extend(smooth.into_iter().chain(rest));
             return Ok(Vec::new());
