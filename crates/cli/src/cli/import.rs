@@ -46,6 +46,7 @@ pub fn run(args: &Import) -> Result<()> {
     for note in &prepared.notes {
         tracing::warn!("{}: {note}", args.input.display());
     }
+    out.check_same()?;
     report(args, folder, &prepared, &delivered);
     let broken = delivered.broken.map(|(found, expected)| Error::input(&args.input, None, found, expected));
     broken.or(prepared.broken()).map_or(Ok(()), Err)

@@ -11,7 +11,7 @@ use super::prepared::{Pictures, Prepared};
 use super::wire::Fault;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read, write_atomic};
-use shutterbug_diagnose::out::Out;
+use shutterbug_diagnose::out::{Out, make_folder};
 
 /// Pictures that are worked on at a time, and bytes of them.
 const BATCH: usize = 32;
@@ -66,7 +66,7 @@ pub fn deliver(
     }
     let place = if pictures.is_empty() { folder.to_owned() } else { folder.join(pictures) };
     if !matches!(prepared.pictures, Pictures::Missing) {
-        std::fs::create_dir_all(&place).map_err(|e| Error::io(&place, "create the folder", e))?;
+        make_folder(&place)?;
     }
     let done = names.iter().flatten().count();
     let fixed = prepared.names.as_deref();
