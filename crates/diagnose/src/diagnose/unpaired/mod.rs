@@ -207,3 +207,21 @@ fn radiance_of(path: &Path, linear: bool) -> Result<Plane<f32>> {
     let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
     Ok(Plane { channels: 4, data, ..plane })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_are_not_begun_without_time_for_them() {
+        let frames: Vec<_> = (0..4)
+            .map(|k| Arc::new(Plane::from_fn(64, 48, |x, y| [((x * y + k) % 200) as f32; 3])))
+            .collect();
+        let begun =
+            Instant::now().checked_sub(Duration::from_secs(30)).expect("the clock has run for so long");
+        let late = Budget::new(begun, Some(Duration::from_secs(20)));
+        assert!(matches!(measured(&frames, 0.0, &late), Err(Error::OutOfTime { .. })));
+        let early = Budget::new(Instant::now(), Some(Duration::from_secs(600)));
+        measured(&frames, 0.0, &early).expect("control");
+    }
+}

@@ -424,4 +424,24 @@ mod tests {
         let same = lies(&sim, &sim);
         assert!(same.rms_px.is_some_and(|r| r < 0.02), "{:?}", same.rms_px);
     }
+
+    /// Whoever says that there is no time is asked soon, and again and again.
+    #[test]
+    fn an_alignment_ends_when_its_time_does() {
+        use shutterbug::error::Error;
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        let (a, b) = (picture(texture), picture(|x, y| texture(x + 2.0, y)));
+        for most in [0, 5, 20] {
+            let asked = AtomicUsize::new(0);
+            let go_on = || match asked.fetch_add(1, Ordering::SeqCst) {
+                n if n < most => Ok(()),
+                _ => Err(Error::OutOfTime { limit_s: 1.0 }),
+            };
+            let ended = |e: Error| matches!(e, Error::OutOfTime { .. });
+            assert!(lies(&a, &b, &go_on).is_err_and(ended), "{most}");
+            assert_eq!(asked.swap(0, Ordering::SeqCst), most + 1);
+            assert!(motion(&a, &b, &go_on).is_err_and(ended), "{most}");
+            assert_eq!(asked.load(Ordering::SeqCst), most + 1);
+        }
+    }
 }
