@@ -43,6 +43,7 @@ pub mod series;
 pub mod spatial;
 pub mod statics;
 mod tables;
+mod wave;
 
 pub use calibration::calibrate_noise;
 pub use frames::{Encoding, Frame};

@@ -2,14 +2,16 @@
 //! means go up and down with the light. The period in lines times the delay between lines is the light's period. A
 //! global shutter shows no stripes.
 //!
-//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance) and
-//! by their phase, which is the same in all parts of a line.
+//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance), by
+//! their phase, which is the same in all parts of a line, and by their being one wave in all places ([`super::wave`]).
+//! Lines that are printed across the whole picture are so, too: only a second picture tells them from a light's.
 
 use std::f64::consts::{LN_2, TAU};
 
 use serde::Serialize;
 
 use super::frames::Encoding;
+use super::wave;
 use shutterbug::plane::Plane;
 
 /// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8
@@ -81,7 +83,10 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         let Some(frequency) = spectrum.fundamental(threshold[axis]) else { continue };
         let Some(frequency) = refined(&mean, frequency) else { continue };
         let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
-        if amplitude < LEAST_DEPTH || !in_phase(&parts, frequency) {
+        if amplitude < LEAST_DEPTH
+            || !in_phase(&parts, frequency)
+            || !wave::is_one(&parts, frequency, MOST_HARMONICS)
+        {
             continue;
         }
         let readout = readout(rows, lines, frequency, amplitude, noise, light_hz);
@@ -338,6 +343,24 @@ mod tests {
         // Open for a whole number of periods, every line sees the same.
         let whole = photograph([320, 480], delay, 1.0, 0.5, 0.05, false);
         assert!(find_stripes(&[whole], Encoding::Linear, 500.0).readout.is_none());
+    }
+
+    /// A chessboard is a wave along its lines, but not the same one in all places.
+    #[test]
+    fn a_chessboard_is_no_stripe() {
+        let board = Plane::from_fn(320, 480, |x, y| {
+            let (u, v) = ((x as f64 - 60.0) / 31.0, (y as f64 - 30.0 + 0.06 * x as f64) / 40.0);
+            let inside = (0.0..7.0).contains(&u) && (0.0..10.0).contains(&v);
+            let dark = inside && (u as usize + v as usize) % 2 == 0 && (u as usize) % 3 != 2;
+            [if dark { 0.05 } else { 0.5 }]
+        });
+        let found = find_stripes(std::slice::from_ref(&board), Encoding::Linear, 200.0);
+        assert!(found.readout.is_none(), "{found:?}");
+        // Control: without the comparison of places it would be a light.
+        let parts = lines_of(&[board], Encoding::Linear, true);
+        let spectrum = Spectrum::of(&mean_of(&parts));
+        let wave = spectrum.fundamental((240.0 / ALPHA).ln()).expect("a line of the spectrum");
+        assert!(in_phase(&parts, wave), "control");
     }
 
     #[test]
