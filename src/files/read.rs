@@ -34,7 +34,7 @@ impl Limit {
     }
 
     /// The limit, bytes.
-    pub fn bytes(self) -> u64 {
+    pub const fn bytes(self) -> u64 {
         self.bytes
     }
 }
