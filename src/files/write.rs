@@ -155,7 +155,12 @@ mod tests {
         let path = folder.path().join("a.txt");
         fs::write(&path, "before").expect("written");
         let full = || Err(Error::io(&path, "write", io::Error::other("disk full")));
-        assert!(put(&path, b"after", Existing::Replace, full).expect_err("full").to_string().contains("disk full"));
+        assert!(
+            put(&path, b"after", Existing::Replace, full)
+                .expect_err("full")
+                .to_string()
+                .contains("disk full")
+        );
         assert_eq!(fs::read_to_string(&path).expect("there"), "before");
         assert_eq!(fs::read_dir(folder.path()).expect("listed").count(), 1);
     }

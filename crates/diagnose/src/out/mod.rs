@@ -201,7 +201,8 @@ impl Held {
         if identity(&self.root) == self.identity {
             return Ok(());
         }
-        let found = "another folder or none: the one that the run began to write to was moved, replaced or removed";
+        let found =
+            "another folder or none: the one that the run began to write to was moved, replaced or removed";
         Err(Error::input(&self.root, None, found, "the folder left in its place until the run has ended"))
     }
 
