@@ -17,18 +17,23 @@ struct Fits {
     whole: f64,
     common: f64,
     own: f64,
-    /// Degrees of freedom: by which both differ, and of what the blocks' own leave.
+    /// Degrees of freedom: of the one wave, by which both differ, and of what the blocks' own leave.
+    waves: f64,
     between: f64,
     within: f64,
 }
 
 /// Whether all `parts` of the lines (values by line) show one wave of `frequency` (cycles a line) and its harmonics up
-/// to that number: it is most of what they show, or they differ from it by chance alone.
+/// to that number: it is most of what they show, or beyond chance in all of them together, and they differ from it by
+/// chance alone.
 pub(super) fn is_one(parts: &[Vec<f64>], frequency: f64, harmonics: usize) -> bool {
-    let Some(fits) = fits(parts, frequency, harmonics) else { return true };
+    let Some(fits) = fits(parts, frequency, harmonics) else { return false };
     let most = fits.common < 0.5 * fits.whole;
-    let ratio = (fits.common - fits.own) / fits.between / (fits.own / fits.within).max(1e-300);
-    most || ratio < most_by_chance(fits.between)
+    let ratio = |explained: f64, freedom: f64| {
+        explained / freedom / (fits.own / fits.within).max(1e-300) / most_by_chance(freedom)
+    };
+    let there = ratio(fits.whole - fits.common, fits.waves) > 1.0;
+    most || (there && ratio(fits.common - fits.own, fits.between) < 1.0)
 }
 
 /// What a ratio of variances exceeds once in a hundred times, if its denominator is well known (Wilson and Hilferty,
@@ -49,7 +54,7 @@ fn fits(parts: &[Vec<f64>], frequency: f64, harmonics: usize) -> Option<Fits> {
     };
     let count = 2 * harmonics;
     let (mut a, mut b) = (DMatrix::zeros(count, count), DVector::zeros(count));
-    let mut sums = Fits { whole: 0.0, common: 0.0, own: 0.0, between: 0.0, within: 0.0 };
+    let mut sums = Fits { whole: 0.0, common: 0.0, own: 0.0, waves: count as f64, between: 0.0, within: 0.0 };
     let places = |block: usize| block * lines / blocks..(block + 1) * lines / blocks;
     for (part, block) in parts.iter().flat_map(|p| (0..blocks).map(move |b| (p, b))) {
         let place = places(block);
@@ -103,6 +108,7 @@ mod tests {
         assert!(!is_one(&parts(&|p, i| if p < 2 { turn(i) } else { 0.0 }, 0.1), 0.025, 4));
         assert!(!is_one(&parts(&|p, i| if p % 2 == 0 { turn(i) } else { -0.4 * turn(i) }, 0.1), 0.025, 4));
         assert!(!is_one(&parts(&|_, i| if i < 160.0 { turn(i) } else { 0.0 }, 0.1), 0.025, 4));
+        assert!(!is_one(&parts(&|_, _| 0.0, 0.1), 0.025, 4), "noise alone");
         // Light that some of the surface gets less of is the light's all the same.
         assert!(is_one(&parts(&|p, i| (1.0 - 0.04 * p as f64) * turn(i), 0.01), 0.025, 4));
     }
