@@ -324,21 +324,23 @@ fn content([a, b]: &[Plane<f32>; 2]) -> Option<String> {
     };
     let (sum, difference) = (with(1.0), with(-1.0));
     // Products of sum and difference's squares: noise has no part in what is left of the same.
-    let shared = |k: usize| (apart(&sum, k) - apart(&difference, k), apart(&difference, k));
-    let ((own, noise), (far, moving)) = (shared(0), shared(APART_PX));
+    let same = |k: usize| apart(&sum, k) - apart(&difference, k);
+    let (own, noise) = (same(0), apart(&difference, 0));
     // How well such means are known if all pixels of a block are alike.
     let error = |square: f64| 1.96 * square * REPEAT_PX as f64 / (a.data.len() as f64).sqrt();
-    let said = |share: f64, what: &str| {
+    let said = |share: f64, what: &str, far_px: usize| {
         format!(
-            "a {what} that is no pixel's own: {:.0} % of it is shared by pixels that lie {APART_PX} px apart",
+            "a {what} that is no pixel's own: {:.0} % of it is shared by pixels that lie {far_px} px apart",
             100.0 * share.min(1.0)
         )
     };
-    if moving - 0.5 * noise > error(noise) {
-        return Some(said(moving / noise, "difference of the pictures"));
+    // Noise has nothing in common from block to block. A pattern has: dust, what the light is like.
+    let moving = apart(&difference, REPEAT_PX);
+    if moving > error(noise) {
+        return Some(said(moving / noise, "difference of the pictures", REPEAT_PX));
     }
-    let chance = error(apart(&sum, 0)) + error(noise);
-    (own > chance && far - 0.5 * own > chance).then(|| said(far / own, "pattern"))
+    let (far, chance) = (same(APART_PX), error(apart(&sum, 0)) + error(noise));
+    (own > chance && far - 0.5 * own > chance).then(|| said(far / own, "pattern", APART_PX))
 }
 
 /// Mean product of pixels that lie so far apart, along rows and along columns.
@@ -447,8 +449,11 @@ mod tests {
         };
         let mut dice = Dice(5);
         let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + 0.05 * dice.normal()).collect();
-        let room = |x: usize, y: usize| if (x / 23 + y / 31) % 2 == 0 { 0.6 } else { 0.3 };
-        let refused = |r: Result<Flat>| r.map_or_else(|e| e.to_string(), |f| format!("found {f:?}"));
+        // Boxes of several sizes: not one period.
+        let tone = |i: usize, j: usize| ((i * 73_856_093) ^ (j * 19_349_663)) % 97;
+        let room = |x: usize, y: usize| 0.2 + 0.002 * (tone(x / 37, y / 29) + tone(x / 61, y / 53)) as f32;
+        let refused =
+            |r: Result<Flat>| r.map_or_else(|e| e.to_string(), |f| format!("a flat field: {:?}", f.prnu));
         let scene = refused(measured(&|x, y, _| room(x, y)));
         assert!(scene.contains("a pattern that is no pixel's own"), "{scene}");
         let moving = refused(measured(&|x, y, frame| room(x + 9 * frame, y)));
