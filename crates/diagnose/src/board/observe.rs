@@ -76,9 +76,10 @@ pub fn observe(
     for (index, picture) in pictures.iter().enumerate() {
         let grey = read_grey(picture, &mut size, &pictures[0])?;
         // A copy is no second view, and would only make the first one count more.
-        if let Some(before) = known.insert(hash_of(&grey), &picture.name) {
+        let first = *known.entry(hash_of(&grey)).or_insert(&picture.name);
+        if first != picture.name {
             left_out
-                .push(LeftOut { name: picture.name.clone(), why: format!("the same picture as {before}") });
+                .push(LeftOut { name: picture.name.clone(), why: format!("the same picture as {first}") });
             continue;
         }
         let seen = match source {

@@ -1,6 +1,7 @@
 //! Frames of one static scene: read, checked, and decoded to linear values.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::hash::{DefaultHasher, Hasher as _};
 use std::path::{Path, PathBuf};
 
@@ -116,9 +117,16 @@ impl Distinct {
         }
         let mut hasher = DefaultHasher::new();
         frame.encoded.data.iter().for_each(|v| hasher.write_u32(v.to_bits()));
-        let Some(before) = self.0.insert(hasher.finish(), frame.path.clone()) else { return Ok(()) };
-        let found = format!("the same picture as {}", before.display());
-        Err(Error::input(&frame.path, None, found, "another exposure"))
+        match self.0.entry(hasher.finish()) {
+            Entry::Vacant(place) => {
+                place.insert(frame.path.clone());
+                Ok(())
+            }
+            Entry::Occupied(before) => {
+                let found = format!("the same picture as {}", before.get().display());
+                Err(Error::input(&frame.path, None, found, "another exposure"))
+            }
+        }
     }
 }
 
