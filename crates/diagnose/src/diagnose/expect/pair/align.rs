@@ -431,7 +431,7 @@ mod tests {
         use shutterbug::error::Error;
         use std::sync::atomic::{AtomicUsize, Ordering};
         let (a, b) = (picture(texture), picture(|x, y| texture(x + 2.0, y)));
-        for most in [0, 5, 20] {
+        for most in [0, 5, 15] {
             let asked = AtomicUsize::new(0);
             let go_on = || match asked.fetch_add(1, Ordering::SeqCst) {
                 n if n < most => Ok(()),
