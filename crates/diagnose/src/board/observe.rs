@@ -77,12 +77,8 @@ pub fn observe(
         let grey = read_grey(picture, &mut size, &pictures[0])?;
         // A copy is no second view, and would only make the first one count more.
         let first = *known.entry(hash_of(&grey)).or_insert(&picture.name);
-        if first != picture.name {
-            left_out
-                .push(LeftOut { name: picture.name.clone(), why: format!("the same picture as {first}") });
-            continue;
-        }
         let seen = match source {
+            _ if first != picture.name => Err(format!("the same picture as {first}")),
             Source::Pictures => look(&grey, target, &mut spacings),
             Source::Table(table, _) => match table.get(&picture.name) {
                 Some(seen) => {

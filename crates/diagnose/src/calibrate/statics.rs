@@ -114,14 +114,8 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     if let Some(g) = gain.iter().find(|g| (*g - 1.0).abs() > MAX_GAIN_CHANGE) {
         return Err(refuse(format!("a brightness of {g:.3} times the first frame's: another exposure")));
     }
-    if let Some(share) = unlike(&frames) {
-        let found = format!("a coarse difference of {:.0} % of the scene's own contrast", 100.0 * share);
+    if let Some(found) = other_scene(&frames) {
         return Err(refuse(found));
-    }
-    if let Some(px) = wanders(&frames) {
-        return Err(refuse(format!(
-            "parts of the picture that lie {px:.0} px beside the first frame's, in more than half of those that tell"
-        )));
     }
     let blocks = Blocks::measure(&frames);
     let textured: Vec<f64> =
@@ -160,6 +154,18 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
         masked_fraction,
     };
     Ok(AlignedPair { frames, usable, registration })
+}
+
+/// What shows that the second frame is of another scene, or from another place, if anything does.
+fn other_scene(frames: &[Plane<f32>; 2]) -> Option<String> {
+    if let Some(share) = unlike(frames) {
+        return Some(format!("a coarse difference of {:.0} % of the scene's own contrast", 100.0 * share));
+    }
+    wanders(frames).map(|px| {
+        format!(
+            "parts of the picture that lie {px:.0} px beside the first frame's, in more than half of those that tell"
+        )
+    })
 }
 
 /// The usual difference of the means of blocks over the scene's own contrast, where that is more than noise and a scene

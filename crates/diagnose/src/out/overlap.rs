@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::identity;
 
-/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed, and a folder
-/// that is mounted twice is one; neither needs to exist.
+/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed, and a
+/// folder that is mounted twice is one; neither needs to exist.
 ///
 /// # Errors
 /// The first input that the folder overlaps.

@@ -132,7 +132,7 @@ pub fn diagnose_unpaired(
     // As long again as the user's command took is left for it.
     let took = own.as_ref().map_or(Duration::ZERO, |o| o.took.mul_f64(AGAIN));
     let mut clock = Clock::new(Budget::new(begun, options.time_limit.map(|l| l.saturating_sub(took))));
-    // The same of simulated frames takes longer, as effects are put on them: what has no time for this has none for that.
+    // The same of simulated frames takes longer, as effects are put on them.
     clock.has_measured(marks_took)?;
     let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
         if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
