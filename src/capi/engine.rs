@@ -16,6 +16,7 @@ use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use super::{camera, log};
 use crate::camera::Pose;
+use crate::files::Limit;
 use crate::gpu::{
     Context, ContextOptions, DeviceChoice, DeviceKind, HostDevice, HostHandles, Loader, Validation,
 };
@@ -222,6 +223,10 @@ pub unsafe extern "C" fn shutterbug_engine_set_trajectory(
     })
 }
 
+/// Most poses of a path: as many as a file of them can hold, with eight numbers of a digit each in a line. What a count
+/// that was never set asks for is no memory's size.
+const MOST_POSES: usize = (Limit::TABLE.bytes() / 16) as usize;
+
 /// Checked poses of the caller.
 ///
 /// # Safety
@@ -230,7 +235,7 @@ pub(super) unsafe fn stamped_poses(
     poses: *const shutterbug_stamped_pose,
     count: usize,
 ) -> Outcome<(Vec<f64>, Vec<Pose>)> {
-    let too_many = count > isize::MAX as usize / size_of::<shutterbug_stamped_pose>();
+    let too_many = count > MOST_POSES;
     if poses.is_null() || !poses.is_aligned() || count == 0 || too_many {
         return Err(Fault::argument("poses is null, misaligned, or their count is 0 or absurd"));
     }
@@ -352,4 +357,18 @@ pub extern "C" fn shutterbug_version_text() -> *const c_char {
         Err(_) => c"",
     };
     TEXT.as_ptr()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_that_was_never_set_is_refused_before_anything_is_read() {
+        let pose = std::ptr::NonNull::<shutterbug_stamped_pose>::dangling().as_ptr();
+        for count in [0, MOST_POSES + 1, 0xffff_ffff, usize::MAX] {
+            // SAFETY: refused by its count; no pose is read.
+            assert!(unsafe { stamped_poses(pose, count) }.is_err(), "{count}");
+        }
+    }
 }

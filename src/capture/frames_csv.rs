@@ -32,6 +32,7 @@ pub fn parse_frames(path: &Path, text: &str) -> Result<Vec<FrameEntry>> {
     for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let (number, line) = (index + 1, line.trim());
         if line.is_empty() || line.starts_with('#') {
+            check_unit(path, number, line)?;
             continue;
         }
         let (timestamp_ns, filename) = parse_line(path, number, line)?;
@@ -72,6 +73,18 @@ pub fn clock_epoch_ns(first_timestamp_ns: i64) -> i64 {
     }
     // The smallest i64 has no whole second before it.
     first_timestamp_ns.saturating_sub(first_timestamp_ns.rem_euclid(SECOND_NS))
+}
+
+/// A header that states another unit is believed, not the numbers below it: all of them would be read as ns.
+fn check_unit(path: &Path, number: usize, line: &str) -> Result<()> {
+    let first = line.split(',').next().unwrap_or_default();
+    let unit = first.split_once('[').and_then(|(_, rest)| rest.split_once(']')).map(|(unit, _)| unit.trim());
+    match unit.filter(|u| ["s", "ms", "us", "\u{b5}s", "\u{3bc}s"].contains(u)) {
+        Some(unit) => {
+            Err(Error::input(path, number, format!("timestamps in `[{unit}]`"), "timestamps in [ns]"))
+        }
+        None => Ok(()),
+    }
 }
 
 fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(i64, &'a str)> {
@@ -119,6 +132,17 @@ mod tests {
         assert_eq!(plain.len(), 2);
         assert_eq!((plain[0].timestamp_ns, plain[0].start_s), (1_700_000_000_000_000_001, 1e-9));
         assert_eq!((plain[1].start_s, plain[1].filename.as_str()), (0.033_333_334, "b.jpg"));
+    }
+
+    #[test]
+    fn a_header_with_another_unit_is_no_header_of_ns() {
+        for unit in ["s", "ms", "us", "\u{b5}s"] {
+            let text = format!("# frames\n#timestamp [{unit}],filename\n10000000,a.png\n");
+            let said = parse_frames(Path::new("f.csv"), &text).expect_err("refused").to_string();
+            assert!(said.contains(&format!("f.csv:2: found timestamps in `[{unit}]`")), "{said}");
+        }
+        let text = "#timestamp [ns],filename [s]\n# of [my] camera\n1,a.png\n";
+        assert!(parse_frames(Path::new("f.csv"), text).is_ok(), "control");
     }
 
     #[test]

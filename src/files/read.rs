@@ -34,7 +34,7 @@ impl Limit {
     }
 
     /// The limit, bytes.
-    pub fn bytes(self) -> u64 {
+    pub const fn bytes(self) -> u64 {
         self.bytes
     }
 }
@@ -104,7 +104,7 @@ fn open(path: &Path) -> std::io::Result<File> {
     options.open(path)
 }
 
-fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
+pub(super) fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
     if about.is_file() {
         return Ok(());
     }

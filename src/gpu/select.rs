@@ -1,6 +1,6 @@
 //! Which device: what there is, what each lacks, and the choice by index, UUID or name.
 
-use std::ffi::CStr;
+use std::ffi::{CStr, OsString};
 
 use ash::{Entry, Instance, vk};
 
@@ -160,6 +160,16 @@ pub const LIBRARY_VARIABLE: &str = "SHUTTERBUG_VULKAN_LIBRARY";
 /// The Vulkan loader of this machine, or the one of [`LIBRARY_VARIABLE`].
 pub(super) fn load() -> Result<Entry> {
     let named = std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty());
+    // To open a pipe would wait for somebody who writes to it. A name without a folder is looked for by the system.
+    let irregular =
+        |file: &&OsString| std::path::Path::new(file).metadata().is_ok_and(|about| !about.is_file());
+    if let Some(file) = named.as_ref().filter(irregular) {
+        let reason = format!(
+            "{LIBRARY_VARIABLE} names {}, which is no regular file",
+            std::path::Path::new(file).display()
+        );
+        return Err(Error::NoVulkanLoader { reason });
+    }
     // SAFETY: loading a Vulkan loader, the system's or one that the user names, runs its initialisers, which is what it
     // is for.
     let loaded = unsafe { named.as_ref().map_or_else(|| Entry::load(), |file| Entry::load_from(file)) };

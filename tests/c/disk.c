@@ -7,7 +7,8 @@
  * A record of the log: op, number of the file, offset, lengths of two texts, the texts.
  *   O  file made or emptied (path) W bytes written (offset; bytes) T cut (offset = new length)
  *   S  file synchronised D folder synchronised (path)
- *   R  renamed (from, to) U removed (path) M folder made (path) X folder removed (path) */
+ *   R  renamed (from, to) L given a second name (first, second) U removed (path)
+ *   M  folder made (path) X folder removed (path) */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -174,6 +175,8 @@ int ftruncate64(int fd, off64_t length) {
         return done; \
     }
 NAME('R', rename, 1, (const char *from, const char *to), (from, to), from, to)
+NAME('L', linkat, 1, (int at, const char *from, int there, const char *to, int flags), (at, from, there, to, flags), from,
+     to)
 NAME('U', unlink, 0, (const char *path), (path), path, NULL)
 NAME('M', mkdir, 1, (const char *path, mode_t mode), (path, mode), path, NULL)
 NAME('X', rmdir, 0, (const char *path), (path), path, NULL)

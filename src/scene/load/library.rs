@@ -94,6 +94,7 @@ impl<'a> Library<'a> {
             }
             if file.is_none() {
                 let name = &operand[words[at].0..words[at].1];
+                self.root.refuse_irregular(self.canonical_obj, &unescape(name), place)?;
                 tracing::warn!(
                     "{}:{line}: no material file `{name}`; its materials are grey",
                     self.obj.display()

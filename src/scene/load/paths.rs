@@ -45,6 +45,21 @@ impl Root {
         Ok(canonical)
     }
 
+    /// Refuses a name that leads to what is there but cannot be read as a file.
+    ///
+    /// # Errors
+    /// A folder, pipe, socket or device; as [`Self::resolve`].
+    pub(super) fn refuse_irregular(&self, referrer: &Path, name: &str, place: Place<'_>) -> Result<()> {
+        match self.located(referrer, name, place)? {
+            Some(path) if !path.is_file() => {
+                let what = if path.is_dir() { "a folder" } else { "a pipe, socket or device" };
+                let found = format!("`{name}`, which is {what}");
+                Err(Error::input(place.path, place.line, found, "a regular file"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The canonical path of the regular file called `name` beside `referrer` (canonical, inside the root); `None` if
     /// there is none. Backslashes separate folders as slashes do. Where the exact name is absent, one that differs in
     /// case only is taken (the first in byte order).
@@ -53,6 +68,12 @@ impl Root {
     /// A name that leads outside the root by `..`, by an absolute path, by a drive letter or by a symbolic link,
     /// whether that file exists or not: the answer must not tell what exists outside.
     pub(super) fn resolve(&self, referrer: &Path, name: &str, place: Place<'_>) -> Result<Option<PathBuf>> {
+        // A pipe or a device would block or never end.
+        Ok(self.located(referrer, name, place)?.filter(|path| path.is_file()))
+    }
+
+    /// As [`Self::resolve`], of whatever is there.
+    fn located(&self, referrer: &Path, name: &str, place: Place<'_>) -> Result<Option<PathBuf>> {
         let outside = || {
             let found = format!("the path `{}`, which leads outside {}", name, self.shown.display());
             Error::input(place.path, place.line, found, "a file inside the capture's folder")
@@ -71,8 +92,7 @@ impl Root {
         if !canonical.starts_with(&self.canonical) {
             return Err(outside());
         }
-        // A pipe or a device would block or never end.
-        Ok(canonical.is_file().then_some(canonical))
+        Ok(Some(canonical))
     }
 
     /// How a canonical path inside the root is shown.

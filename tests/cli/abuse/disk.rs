@@ -46,6 +46,7 @@ enum Op {
     Sync(u32),
     SyncNames(String),
     Rename(String, String),
+    Link(String, String),
     Remove(String),
     RemoveFolder(String),
 }
@@ -70,6 +71,7 @@ fn log(path: &Path, root: &Path) -> Vec<Op> {
             b'S' => ops.push(Op::Sync(file)),
             b'D' => ops.push(Op::SyncNames(name(a))),
             b'R' => ops.push(Op::Rename(name(a), name(b))),
+            b'L' => ops.push(Op::Link(name(a), name(b))),
             b'U' => ops.push(Op::Remove(name(a))),
             b'X' => ops.push(Op::RemoveFolder(name(a))),
             // Folders are made as their files are.
@@ -119,7 +121,11 @@ fn names_of(ops: &[Op], mut more: impl FnMut(usize) -> usize) -> BTreeMap<String
     let mut by_folder: BTreeMap<&str, (usize, Vec<usize>)> = BTreeMap::new();
     for (at, op) in ops.iter().enumerate() {
         match op {
-            Op::Open(_, name) | Op::Rename(_, name) | Op::Remove(name) | Op::RemoveFolder(name) => {
+            Op::Open(_, name)
+            | Op::Rename(_, name)
+            | Op::Link(_, name)
+            | Op::Remove(name)
+            | Op::RemoveFolder(name) => {
                 by_folder.entry(folder_of(name)).or_default().1.push(at);
             }
             Op::SyncNames(folder) => {
@@ -141,6 +147,7 @@ fn names_of(ops: &[Op], mut more: impl FnMut(usize) -> usize) -> BTreeMap<String
                     let file = names.remove(from).expect("renamed where it was made");
                     names.insert(to.clone(), file);
                 }
+                Op::Link(from, to) => drop(names.insert(to.clone(), names[from])),
                 Op::Remove(name) => drop(names.remove(name)),
                 Op::RemoveFolder(name) => drop(gone.insert(name.as_str(), at)),
                 _ => {}
@@ -297,11 +304,14 @@ fn controls(ops: &[Op]) {
     assert!(fails(&keep(|op| !matches!(op, Op::SyncNames(_)))), "names that are not synchronised");
     let finals: HashMap<&String, &String> = ops
         .iter()
-        .filter_map(|op| if let Op::Rename(from, to) = op { Some((from, to)) } else { None })
+        .filter_map(|op| match op {
+            Op::Rename(from, to) | Op::Link(from, to) => Some((from, to)),
+            _ => None,
+        })
         .collect();
     let in_place: Vec<Op> = ops
         .iter()
-        .filter(|op| !matches!(op, Op::Rename(..)))
+        .filter(|op| !matches!(op, Op::Rename(..) | Op::Link(..)))
         .map(|op| match op {
             Op::Open(file, name) => Op::Open(*file, finals.get(name).map_or(name, |n| *n).clone()),
             other => other.clone(),

@@ -5,6 +5,7 @@
 mod diagnosis;
 mod disk;
 mod effects;
+mod fourth;
 mod messages;
 mod mutations;
 mod output;

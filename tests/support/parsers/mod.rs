@@ -12,7 +12,7 @@ use shutterbug::scene::load_obj;
 use shutterbug_cli::formats::{Profiles, parse_camera, read_euroc, read_kitti, read_target, read_times};
 use shutterbug_cli::import::{Recording, Request};
 use shutterbug_diagnose::board::read_corners;
-use shutterbug_diagnose::diagnose::{Pair, Report, example_of_a_journal, read_journal};
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, Pair, Report, example_of_a_journal, read_journal};
 use shutterbug_diagnose::out::{Out, OutRules};
 
 const CAMERA: &str =
@@ -242,7 +242,7 @@ fn pairs(folder: &Path) -> Vec<Parser> {
         }
     }
     let whole = "sim,real\ns0.png,r1.png\ns1.png,r2.png\ns2.png,r3.png\ns3.png,r4.png\n";
-    let read = move |path: &Path| Pair::read(&sim, &real, Some(path), None);
+    let read = move |path: &Path| Pair::read(&sim, &real, Some(path), None, &DiagnoseOptions::default());
     vec![Parser::new("match.csv", whole, file(folder, "match.csv", read))]
 }
 

@@ -259,10 +259,10 @@ pub struct Diagnose {
     #[arg(long)]
     pub real: Option<PathBuf>,
     /// CSV file with lines `sim,real`
-    #[arg(long = "match", requires = "sim")]
+    #[arg(long = "match", requires = "sim", conflicts_with = "capture")]
     pub matches: Option<PathBuf>,
     /// The folders show different moments: compare camera traces only
-    #[arg(long, requires = "sim", conflicts_with = "matches")]
+    #[arg(long, requires = "sim", conflicts_with_all = ["matches", "capture"])]
     pub unpaired: bool,
     /// A distance of your own, before and after, as "fid {a} {b}": a command that is given two folders of pictures and
     /// prints a number in its last line. It is split into words as by a shell, and run without one

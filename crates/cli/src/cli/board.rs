@@ -62,6 +62,7 @@ pub fn run(args: &Board) -> Result<()> {
              corners there"
         ));
     }
+    out.check_same()?;
     let to = args.out.display();
     say(format_args!(
         "{} frames written to {to}: `shutterbug diagnose` names what the pinhole lacks",

@@ -1,6 +1,5 @@
 //! `shutterbug calibrate noise A B ... --out DIR`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::args::{CalibrateNoise, EncodingName};
@@ -15,7 +14,7 @@ use shutterbug_diagnose::calibrate::{
     Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
     paper_settings,
 };
-use shutterbug_diagnose::out::{Out, OutRules};
+use shutterbug_diagnose::out::{Out, OutRules, make_folder};
 
 /// Runs the command.
 pub fn run(args: &CalibrateNoise) -> Result<()> {
@@ -68,7 +67,7 @@ fn check_sizes(base: &CameraFile, frames: &[Frame]) -> Result<()> {
 }
 
 fn write(out: &Path, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {
-    fs::create_dir_all(out).map_err(|e| Error::io(out, "create the folder", e))?;
+    make_folder(out)?;
     write_png_atomic(&out.join("noise.png"), &figure::figure(done)?)?;
     write_png_atomic(&out.join("ptc.png"), &chart::photon_transfer(done)?)?;
     write_camera(&out.join("camera.toml"), &chain_settings(&done.chain_camera)?, done, base)?;

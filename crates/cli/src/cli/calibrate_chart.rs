@@ -15,11 +15,11 @@ use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::plane::{read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
-use shutterbug_diagnose::calibrate::dark::DarkSums;
+use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
 use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, likeness};
 use shutterbug_diagnose::calibrate::readout::find_stripes;
-use shutterbug_diagnose::calibrate::{Encoding, Frame};
+use shutterbug_diagnose::calibrate::{Distinct, Encoding, Frame};
 use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Channel of a pattern's file.
@@ -72,19 +72,29 @@ fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(shutterbug_diagnose::board::pictures(given)?.into_iter().map(|p| p.path).collect())
 }
 
-/// Reads pictures one after another; all must be of the first one's size.
-fn each(paths: &[PathBuf], size: &mut Option<[usize; 2]>, mut take: impl FnMut(&Frame)) -> Result<()> {
-    for path in paths {
-        let frame = Frame::read(path)?;
-        let found = [frame.encoded.width, frame.encoded.height];
-        let wanted = *size.get_or_insert(found);
-        if found != wanted {
-            let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], paths[0].display());
-            return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
+/// What pictures of one measurement have in common, and must not have.
+#[derive(Default)]
+struct Together {
+    size: Option<[usize; 2]>,
+    distinct: Distinct,
+}
+
+impl Together {
+    /// Reads pictures one after another; all must be of the first one's size, and none a copy of another.
+    fn each(&mut self, paths: &[PathBuf], mut take: impl FnMut(&Frame)) -> Result<()> {
+        for path in paths {
+            let frame = Frame::read(path)?;
+            let found = [frame.encoded.width, frame.encoded.height];
+            let wanted = *self.size.get_or_insert(found);
+            if found != wanted {
+                let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], paths[0].display());
+                return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
+            }
+            self.distinct.add(&frame)?;
+            take(&frame);
         }
-        take(&frame);
+        Ok(())
     }
-    Ok(())
 }
 
 /// `calibrate flat`.
@@ -93,18 +103,21 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         (listed(&args.frames)?, if args.dark.is_empty() { Vec::new() } else { listed(&args.dark)? });
     let out = args.common.open("calibrate flat", &[args.frames.clone(), args.dark.clone()].concat())?;
     let encoding = args.common.encoding();
-    let mut size = None;
+    let mut together = Together::default();
     let mut sums: Option<FlatSums> = None;
-    each(&bright, &mut size, |f| {
+    together.each(&bright, |f| {
         let new = || FlatSums::new(f.encoded.width, f.encoded.height, encoding);
         sums.get_or_insert_with(new).add(&f.encoded, f.step);
     })?;
     let found = sums.expect("a picture at least").measure(&args.frames[0])?;
     let mut offsets: Option<DarkSums> = None;
-    each(&dark, &mut size, |f| {
+    together.each(&dark, |f| {
         offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
     })?;
     let offsets = offsets.map(|d| d.measure(&args.dark[0])).transpose()?;
+    if let Some(dark) = &offsets {
+        check_dark(&args.dark[0], dark, &found)?;
+    }
     let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
     out.start()?;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
@@ -126,6 +139,16 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
 }
 
+/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel.
+fn check_dark(path: &Path, dark: &Dark, flat: &Flat) -> Result<()> {
+    if dark.level + dark.temporal.hypot(flat.temporal * flat.level) < flat.level {
+        return Ok(());
+    }
+    let found = format!("pictures with a mean of {:.4} of white", dark.level);
+    let expected = format!("pictures with the cap on, darker than the {:.4} of the flat field", flat.level);
+    Err(Error::input(path, None, found, expected))
+}
+
 fn same_sensor(path: &Path, found: &Flat) -> Result<shutterbug_diagnose::calibrate::flat::Likeness> {
     let other = read_exr_plane(path, &PATTERN)?;
     if [other.width, other.height] != found.size_px {
@@ -142,7 +165,7 @@ fn same_sensor(path: &Path, found: &Flat) -> Result<shutterbug_diagnose::calibra
 
 fn flat_text(
     f: &Flat,
-    dark: Option<&shutterbug_diagnose::calibrate::dark::Dark>,
+    dark: Option<&Dark>,
     other: Option<&shutterbug_diagnose::calibrate::flat::Likeness>,
 ) -> String {
     let percent = |v: f64| format!("{:.3} %", 100.0 * v);
@@ -244,11 +267,11 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
         ));
     }
     let out = args.common.open("calibrate readout", &args.photos)?;
-    let (mut photographs, mut size) = (Vec::new(), None);
-    each(&args.photos, &mut size, |f| photographs.push(f.encoded.clone()))?;
+    let (mut photographs, mut together) = (Vec::new(), Together::default());
+    together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
     let found = find_stripes(&photographs, args.common.encoding(), args.led_hz);
     out.start()?;
-    let size = size.unwrap_or_default();
+    let size = together.size.unwrap_or_default();
     let report = json!({ "led_hz": args.led_hz, "stripes": found });
     let Some(r) = &found.readout else {
         args.common.write(size, &report, &[])?;
@@ -265,10 +288,16 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     args.common.write(size, &report, &[("rolling_shutter", &values)])?;
     let (lines, first) =
         if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
+    let alone = if args.photos.len() == 1 {
+        "  one picture does not tell the light's stripes from lines that are printed across all of it: a second one of \
+         the same place does\n"
+    } else {
+        ""
+    };
     print(format!(
         "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
          delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
-         one picture does not tell whether {first} is read first\n",
+         one picture does not tell whether {first} is read first\n{alone}",
         r.period_lines,
         100.0 * r.depth,
         1e6 * r.line_delay_s,

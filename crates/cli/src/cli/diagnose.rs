@@ -49,8 +49,9 @@ fn of_capture(args: &Diagnose, begun: Instant, folder: &Path) -> Result<()> {
 }
 
 fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<()> {
-    let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref())?;
-    if !pair.shows_one_place()? {
+    let options = options(args, begun);
+    let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref(), &options)?;
+    if !pair.shows_one_place(&options)? {
         say(
             "the frames that go together do not show the same place: the folders are compared as with --unpaired",
         );
@@ -59,7 +60,7 @@ fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<(
     let out = open(args, &[sim, real])?;
     out.working(JOURNAL_FILE)?;
     let mut lines = Lines::new();
-    let diagnosis = diagnose_pair(&pair, &options(args, begun), &mut lines);
+    let diagnosis = diagnose_pair(&pair, &options, &mut lines);
     lines.bar.finish_and_clear();
     write(args, &out, diagnosis?, &pair.capture)
 }

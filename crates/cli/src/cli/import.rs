@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::args_import::Import;
 use super::interrupt::Interrupt;
 use super::terminal::{print, say};
-use crate::import::{Delivered, Prepared, Recording, deliver};
+use crate::import::{Delivered, Prepared, RUN_FILE, Recording, deliver};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there, write_atomic};
 use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
@@ -14,7 +14,6 @@ use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
 /// The options and sources of an import, in its folder.
-const RUN_FILE: &str = "import.json";
 
 /// Runs the command.
 pub fn run(args: &Import) -> Result<()> {
@@ -43,9 +42,10 @@ pub fn run(args: &Import) -> Result<()> {
     let prepared = recording.prepare(&args.request(), &mut progress)?;
     let goes_on = begin(args, folder, &out)?;
     let delivered = write(args, folder, &prepared, (&out, goes_on))?;
-    for note in &prepared.notes {
+    for note in prepared.notes.iter().chain(&delivered.note) {
         tracing::warn!("{}: {note}", args.input.display());
     }
+    out.check_same()?;
     report(args, folder, &prepared, &delivered);
     let broken = delivered.broken.map(|(found, expected)| Error::input(&args.input, None, found, expected));
     broken.or(prepared.broken()).map_or(Ok(()), Err)

@@ -1,7 +1,6 @@
 //! `shutterbug simulate CAPTURE --out DIR`.
 
 use std::collections::VecDeque;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -24,7 +23,7 @@ use shutterbug::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Tic
 use shutterbug::error::{Error, Result};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::{read_rgb8, write_exr_plane, write_png_atomic};
-use shutterbug_diagnose::out::{Out, OutRules};
+use shutterbug_diagnose::out::{Out, OutRules, make_folder};
 
 /// Frames that wait for the disk at most; more would only take memory.
 const WRITE_QUEUE: usize = 4;
@@ -82,6 +81,7 @@ pub fn run(args: &Simulate) -> Result<()> {
     if done < requests.len() {
         return Err(Error::Interrupted { done: total - requests.len() + done, total });
     }
+    out.check_same()?;
     say(format_args!("{done} frames written to {}", args.out.display()));
     Ok(())
 }
@@ -262,7 +262,7 @@ fn write_plane(args: &Simulate, stem: &str, planes: &Planes, plane: PlaneName) -
         PlaneName::Depth => (&planes.depth_m, &["Z"]),
     };
     let folder = args.out.join(plane_folder(plane));
-    fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create the folder", e))?;
+    make_folder(&folder)?;
     write_exr_plane(&folder.join(format!("{stem}.exr")), source, names)
 }
 

@@ -90,6 +90,22 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Filter<S> for Counted {
     }
 }
 
+/// A line of the log whose message steers no terminal. The log's own colours are escape sequences; it has escaped those
+/// of messages itself, but neither line ends nor what moves the cursor back.
+fn steerless(line: &[u8]) -> Vec<u8> {
+    let body = line.strip_suffix(b"\n").unwrap_or(line);
+    let mut out = Vec::with_capacity(line.len());
+    for &byte in body {
+        if (byte < b' ' && byte != 0x1b) || byte == 0x7f {
+            out.extend(byte.escape_ascii());
+        } else {
+            out.push(byte);
+        }
+    }
+    out.extend(&line[body.len()..]);
+    out
+}
+
 /// Stderr for the log: a line cannot fail.
 struct Stderr;
 
@@ -103,11 +119,25 @@ impl<'a> MakeWriter<'a> for Stderr {
 
 impl io::Write for Stderr {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let _ = io::stderr().lock().write_all(bytes);
+        let _ = io::stderr().lock().write_all(&steerless(bytes));
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::steerless;
+
+    #[test]
+    fn a_message_moves_no_cursor_and_keeps_its_letters() {
+        assert_eq!(
+            steerless(b"\x1b[33m WARN\x1b[0m a\x08\r\x07\n\x7fb\n"),
+            b"\x1b[33m WARN\x1b[0m a\\x08\\r\\x07\\n\\x7fb\n"
+        );
+        assert_eq!(steerless("Käfig".as_bytes()), "Käfig".as_bytes());
     }
 }

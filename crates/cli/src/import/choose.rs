@@ -28,8 +28,9 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
     timed.thin(request.every.max(1));
     let Timed { times_ns, frame_of } = timed;
     let period_ns = periods_ns(&times_ns);
-    let mut texts = Vec::new();
+    let (mut texts, mut camera_px) = (Vec::new(), None);
     if let Some(camera) = chosen.camera(&mut notes)? {
+        camera_px = Some([camera.intrinsics.width, camera.intrinsics.height]);
         let rate_hz = if period_ns > 0 { Some(1e9 / period_ns as f64) } else { None };
         match rate_hz {
             None => notes.push("no camera.toml: one frame states no frame period".to_owned()),
@@ -49,6 +50,7 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
         times_ns,
         names: None,
         poses: poses.unwrap_or_default(),
+        camera_px,
         texts,
         notes,
         pictures: Pictures::Log { log: log.clone(), topic: pictures, frame_of },

@@ -1,5 +1,6 @@
 //! Writes an import to disk: the pictures one by one, each completely or not at all, then the tables that name them.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use super::prepared::{Pictures, Prepared};
 use super::wire::Fault;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read, write_atomic};
-use shutterbug_diagnose::out::Out;
+use shutterbug_diagnose::out::{Out, make_folder};
 
 /// Pictures that are worked on at a time, and bytes of them.
 const BATCH: usize = 32;
@@ -29,6 +30,8 @@ pub struct Delivered {
     pub files: Vec<&'static str>,
     /// Pictures that could not be made, and why the first could not.
     pub left_out: Option<(usize, String)>,
+    /// What a reader should know of the pictures' sizes.
+    pub note: Option<String>,
     /// What became apparent only while the pictures were read.
     pub broken: Option<Damage>,
 }
@@ -45,6 +48,7 @@ struct Writer<'w, 'a> {
     batch: Vec<(usize, Make<'a>)>,
     batch_bytes: usize,
     faults: Vec<(usize, Fault)>,
+    sizes: Sizes,
     watch: &'w mut Watch<'a>,
 }
 
@@ -66,15 +70,17 @@ pub fn deliver(
     }
     let place = if pictures.is_empty() { folder.to_owned() } else { folder.join(pictures) };
     if !matches!(prepared.pictures, Pictures::Missing) {
-        std::fs::create_dir_all(&place).map_err(|e| Error::io(&place, "create the folder", e))?;
+        make_folder(&place)?;
     }
     let done = names.iter().flatten().count();
     let fixed = prepared.names.as_deref();
-    let (batch, faults) = (Vec::new(), Vec::new());
-    let mut writer = Writer { folder: place, fixed, names, done, batch, batch_bytes: 0, faults, watch };
+    let (batch, faults, sizes) = (Vec::new(), Vec::new(), Sizes::default());
+    let mut writer =
+        Writer { folder: place, fixed, names, done, batch, batch_bytes: 0, faults, sizes, watch };
     let broken = writer.pictures(prepared)?;
     let (names, faults) = (writer.names, writer.faults);
-    finish(prepared, folder, names, faults, broken)
+    let note = writer.sizes.note(prepared)?;
+    Ok(Delivered { note, ..finish(prepared, folder, names, faults, broken)? })
 }
 
 /// Frames that an earlier run has finished.
@@ -120,7 +126,7 @@ fn finish(
         write_atomic(&folder.join(name), text.as_bytes())?;
         files.push(name);
     }
-    Ok(Delivered { frames: motion.frames.len(), files, left_out, broken })
+    Ok(Delivered { frames: motion.frames.len(), files, left_out, note: None, broken })
 }
 
 impl<'a> Writer<'_, 'a> {
@@ -179,13 +185,14 @@ impl<'a> Writer<'_, 'a> {
         let batch = std::mem::take(&mut self.batch);
         self.batch_bytes = 0;
         let (folder, fixed) = (&self.folder, self.fixed);
-        let made: Vec<(usize, Result<std::result::Result<String, Fault>>)> = batch
+        let made: Vec<(usize, Result<Made>)> = batch
             .into_par_iter()
             .map(|(frame, make)| (frame, written(folder, fixed.map(|f| f[frame].as_str()), frame, make)))
             .collect();
         for (frame, result) in made {
             match result? {
-                Ok(name) => {
+                Ok((name, size)) => {
+                    self.sizes.add(size, &name);
                     self.names[frame] = Some(name);
                     self.done += 1;
                 }
@@ -196,25 +203,53 @@ impl<'a> Writer<'_, 'a> {
     }
 }
 
-fn written(
-    folder: &Path,
-    fixed: Option<&str>,
-    frame: usize,
-    make: Make<'_>,
-) -> Result<std::result::Result<String, Fault>> {
+/// Columns and rows of pictures, px, with how many have them and the first of these.
+#[derive(Default)]
+struct Sizes(BTreeMap<[u32; 2], (usize, String)>);
+
+impl Sizes {
+    fn add(&mut self, size: [u32; 2], name: &str) {
+        self.0.entry(size).or_insert_with(|| (0, name.to_owned())).0 += 1;
+    }
+
+    /// What there is to say where sizes differ: from the camera's, else from most others'.
+    ///
+    /// # Errors
+    /// No picture has the camera's size.
+    fn note(&self, prepared: &Prepared) -> Result<Option<String>> {
+        let most = self.0.iter().max_by_key(|(_, (count, _))| *count).map(|(size, _)| *size);
+        let Some(usual) = prepared.camera_px.or(most) else { return Ok(None) };
+        let others = || self.0.iter().filter(|(size, _)| **size != usual);
+        let Some((size, (_, name))) = others().max_by_key(|(_, (count, _))| *count) else { return Ok(None) };
+        let count: usize = others().map(|(_, (count, _))| count).sum();
+        let all: usize = self.0.values().map(|(count, _)| count).sum();
+        let found = format!("{count} of {all} pictures of another size ({name}: {}x{} px)", size[0], size[1]);
+        let whose = if prepared.camera_px.is_some() { "the camera has" } else { "most have" };
+        let expected = format!("{}x{} px, as {whose}", usual[0], usual[1]);
+        if count == all && !self.0.is_empty() {
+            return Err(Error::input(&prepared.path, None, found, expected));
+        }
+        Ok(Some(format!("found {found}; expected {expected}")))
+    }
+}
+
+/// A picture's name and size, or what is wrong with it.
+type Made = std::result::Result<(String, [u32; 2]), Fault>;
+
+fn written(folder: &Path, fixed: Option<&str>, frame: usize, make: Make<'_>) -> Result<Made> {
     let file = match make() {
         Ok(file) => file,
         Err(fault) => return Ok(Err(fault)),
     };
     let name = fixed.map_or_else(|| format!("{frame:06}.{}", file.ending), str::to_owned);
     write_atomic(&folder.join(&name), &file.bytes)?;
-    Ok(Ok(name))
+    Ok(Ok((name, file.size)))
 }
 
 /// A picture's file as it is, looked at once.
 fn copied(path: &Path) -> std::result::Result<PictureFile, Fault> {
     let fault = |e: Error| Fault::new(e.to_string(), "a whole JPEG or PNG");
     let bytes = read(path, Limit::PICTURE).map_err(fault)?;
-    shutterbug::plane::decode_picture(path, &bytes).map_err(fault)?;
-    Ok(PictureFile { ending: "", bytes })
+    let picture = shutterbug::plane::decode_picture(path, &bytes).map_err(fault)?;
+    Ok(PictureFile { ending: "", bytes, size: [picture.width(), picture.height()] })
 }

@@ -62,6 +62,7 @@ fn prepared(
     request: &Request,
 ) -> Result<Prepared> {
     let Motion { camera, frames, poses, mut notes } = motion;
+    let camera_px = camera.as_ref().map(|c| [c.intrinsics.width, c.intrinsics.height]);
     if let Some(camera) = camera {
         // Its place on the body is in the trajectory now.
         let rate_hz = camera.rate_hz.or_else(|| rate_hz(&frames));
@@ -80,6 +81,7 @@ fn prepared(
         times_ns: kept.iter().map(|f| f.timestamp_ns).collect(),
         names: Some(kept.into_iter().map(|f| f.filename).collect()),
         poses,
+        camera_px,
         texts,
         notes,
         pictures,

@@ -45,21 +45,29 @@ fn picture(all: &Gathered, place: usize) -> String {
     format!("{size} {}", one_line(&super::shortened(&first.encoding)))
 }
 
+/// Most letters that a column is widened for: a name may have any length, and pushes only its own line.
+const MOST_WIDE: usize = 60;
+
 /// Columns side by side; numbers stand at the right of theirs.
 fn table(rows: &[[String; 7]]) -> String {
-    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
+    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0).min(MOST_WIDE);
     let widths: Vec<usize> = (0..7).map(width).collect();
     let mut text = String::new();
     for row in rows {
         let cells = row.iter().enumerate().map(|(c, cell)| match c {
-            2..=5 => format!("{cell:>w$}", w = widths[c]),
-            _ => format!("{cell:<w$}", w = widths[c]),
+            2..=5 => padding(cell, widths[c]) + cell,
+            _ => cell.clone() + &padding(cell, widths[c]),
         });
         let line = cells.collect::<Vec<_>>().join("  ");
         text += line.trim_end();
         text.push('\n');
     }
     text
+}
+
+/// Blanks that are missing to a width. Not by a format's own width, which ends at 65535 with a panic.
+fn padding(cell: &str, width: usize) -> String {
+    " ".repeat(width.saturating_sub(cell.chars().count()))
 }
 
 /// What a data set holds.
@@ -74,4 +82,19 @@ pub(super) fn of_folder(prepared: &super::Prepared) -> String {
         prepared.poses.len(),
         if files.is_empty() { "nothing".to_owned() } else { files.join(", ") }
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_of_any_length_is_a_cell() {
+        let row =
+            |name: String| [name, "b".into(), "1".into(), "-".into(), "0".into(), "0".into(), String::new()];
+        let text = table(&[row("a".to_owned()), row("x".repeat(70_000))]);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], format!("a{}  b  1  -  0  0", " ".repeat(MOST_WIDE - 1)));
+        assert!(lines[1].starts_with("xxx") && lines[1].ends_with("x  b  1  -  0  0"));
+    }
 }

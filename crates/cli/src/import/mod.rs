@@ -41,6 +41,9 @@ pub use prepared::{Prepared, Request};
 
 use shutterbug::error::{Error, Result};
 
+/// What an import writes beside the pictures' tables: everything that decides what is written.
+pub const RUN_FILE: &str = "import.json";
+
 /// What is wrong with a recording of which a part can be imported: what was found, and what was expected.
 pub type Damage = (String, String);
 
@@ -112,15 +115,17 @@ impl Recording {
     /// # Errors
     /// A topic, frame or file that is not there or is of another kind; content that cannot be used.
     pub fn prepare(&self, request: &Request, progress: &mut Progress<'_>) -> Result<Prepared> {
-        match &self.0 {
+        let prepared = match &self.0 {
             Kind::Log(log) => {
                 let all = gather::gather(log, &mut |at| progress(at, log.bytes))?;
-                choose::choose(log, &all, request)
+                choose::choose(log, &all, request)?
             }
-            Kind::Folder(kind, path) => folders::prepare(*kind, path, request),
-            Kind::KittiPoses(path) => folders::prepare_poses(path, request),
-            Kind::Video(video) => Ok(video_plan::prepare(video.clone(), request)),
-        }
+            Kind::Folder(kind, path) => folders::prepare(*kind, path, request)?,
+            Kind::KittiPoses(path) => folders::prepare_poses(path, request)?,
+            Kind::Video(video) => video_plan::prepare(video.clone(), request),
+        };
+        prepared.check_names()?;
+        Ok(prepared)
     }
 }
 

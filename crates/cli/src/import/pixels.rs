@@ -15,6 +15,8 @@ pub(super) struct PictureFile {
     /// "png" or "jpg".
     pub(super) ending: &'static str,
     pub(super) bytes: Vec<u8>,
+    /// Columns and rows, px.
+    pub(super) size: [u32; 2],
 }
 
 /// How the values of an encoding lie.
@@ -127,9 +129,9 @@ fn packed(format: &str, data: &[u8]) -> Result<PictureFile, Fault> {
         Ok(image::ImageFormat::Jpeg) => "jpg",
         _ => return Err(not_packed(format, data)),
     };
-    decode_picture(Path::new("picture"), data)
+    let picture = decode_picture(Path::new("picture"), data)
         .map_err(|e| Fault::new(format!("a picture that does not decode ({e})"), "a whole JPEG or PNG"))?;
-    Ok(PictureFile { ending, bytes: data.to_vec() })
+    Ok(PictureFile { ending, bytes: data.to_vec(), size: [picture.width(), picture.height()] })
 }
 
 /// Whether a picture can be made of a message, as far as that is seen without its values.
@@ -194,7 +196,7 @@ fn raw(
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
     image::ImageEncoder::write_image(encoder, &values, width, height as u32, color)
         .map_err(|e| Fault::new(format!("a picture that cannot be written as PNG ({e})"), "one that can"))?;
-    Ok(PictureFile { ending: "png", bytes })
+    Ok(PictureFile { ending: "png", bytes, size: [width, height as u32] })
 }
 
 /// A row as grey or red, green, blue; values of two bytes in the machine's order.

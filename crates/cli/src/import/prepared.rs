@@ -7,7 +7,8 @@ use super::video::Video;
 use crate::formats::Motion;
 use shutterbug::camera::{Pose, Stamp};
 use shutterbug::capture::FrameEntry;
-use shutterbug::error::Error;
+use shutterbug::error::{Error, Result};
+use shutterbug_diagnose::out::MANIFEST_FILE;
 
 /// What of a recording is wanted.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +44,8 @@ pub struct Prepared {
     pub(super) names: Option<Vec<String>>,
     /// World from camera at increasing times, ns; empty where they are not known.
     pub(super) poses: Vec<(i64, Pose)>,
+    /// Columns and rows of the camera's pictures, px, where it is known.
+    pub(super) camera_px: Option<[u32; 2]>,
     /// Further files: name and text.
     pub(super) texts: Vec<(&'static str, String)>,
     /// What was left out or assumed.
@@ -65,7 +68,34 @@ pub(super) enum Pictures {
     Missing,
 }
 
+/// Files that an import or a diagnosis has beside the pictures.
+const OWN: [&str; 8] = [
+    MANIFEST_FILE,
+    super::RUN_FILE,
+    "frames.csv",
+    "camera.toml",
+    "trajectory.tum",
+    "imu.csv",
+    "scene.obj",
+    "lights.toml",
+];
+
 impl Prepared {
+    /// Refuses pictures under the names of files that are something else; on some disks capitals make no difference.
+    pub(super) fn check_names(&self) -> Result<()> {
+        let is_own = |name: &&String| {
+            let small = name.to_lowercase();
+            OWN.contains(&small.as_str()) || small.starts_with(".shutterbug")
+        };
+        match self.names.iter().flatten().find(is_own) {
+            Some(name) => {
+                let found = format!("a picture called `{name}`, as one of the files beside the pictures is");
+                Err(Error::input(&self.path, None, found, "names such as 000000.png"))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// How many frames there will be, if all can be read.
     pub fn frames(&self) -> usize {
         self.times_ns.len()

@@ -32,5 +32,6 @@ pub(super) fn prepare(video: Video, request: &Request) -> Prepared {
     let broken = broken.map(|(found, expected)| Error::input(&video.path, None, found, expected));
     let path = video.path.clone();
     let pictures = Pictures::Video { video, frame_of };
-    Prepared { path, times_ns, names: None, poses: Vec::new(), texts: Vec::new(), notes, pictures, broken }
+    let (poses, texts, names, camera_px) = (Vec::new(), Vec::new(), None, None);
+    Prepared { path, times_ns, names, poses, camera_px, texts, notes, pictures, broken }
 }

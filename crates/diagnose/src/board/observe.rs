@@ -1,6 +1,7 @@
 //! What the pictures show of the target, one picture in memory at a time.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher as _};
 use std::path::Path;
 
 use glam::DVec2;
@@ -71,9 +72,13 @@ pub fn observe(
     let mut offsets: Vec<DVec2> = Vec::new();
     let mut size: Option<[u32; 2]> = None;
     let mut spacings = Vec::new();
+    let mut known: BTreeMap<u64, &str> = BTreeMap::new();
     for (index, picture) in pictures.iter().enumerate() {
         let grey = read_grey(picture, &mut size, &pictures[0])?;
+        // A copy is no second view, and would only make the first one count more.
+        let first = *known.entry(hash_of(&grey)).or_insert(&picture.name);
         let seen = match source {
+            _ if first != picture.name => Err(format!("the same picture as {first}")),
             Source::Pictures => look(&grey, target, &mut spacings),
             Source::Table(table, _) => match table.get(&picture.name) {
                 Some(seen) => {
@@ -110,6 +115,12 @@ pub fn observe(
     let size =
         size.ok_or_else(|| Error::input(Path::new("board"), None, "no picture", "pictures of the board"))?;
     Ok(Observed { views, left_out, size, even_is_dark })
+}
+
+fn hash_of(grey: &Plane<u8>) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    hasher.write(&grey.data);
+    hasher.finish()
 }
 
 fn too_few(count: usize) -> String {

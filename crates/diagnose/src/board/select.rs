@@ -84,8 +84,7 @@ pub fn fit_board(
     if bundle.starts_s.is_some() {
         (bundle, free) = with_readout(&bundle, &free)?;
     }
-    let deviations = bundle.deviations(&free, bundle.spread_px()?)?.unwrap_or_default();
-    let half = free.iter().zip(&deviations).map(|(i, d)| (PARAMETERS[*i], 1.96 * d)).collect();
+    let half = check_known(&bundle, &free, frames)?;
     // Of a sensor that reads from its far end the first line is the last one here.
     let late_s = READOUTS.iter().map(|i| (-bundle.camera.values[*i]).max(0.0)).sum();
     let path =
@@ -98,6 +97,53 @@ pub fn fit_board(
         poses: bundle.poses,
         path,
     })
+}
+
+/// Half widths of the parameters' 95 % intervals.
+///
+/// # Errors
+/// A camera that no points agree on: further off than the next point is, or with an interval that reaches down to
+/// nothing.
+fn check_known(bundle: &Bundle, free: &[usize], frames: &Path) -> Result<Vec<(&'static str, f64)>> {
+    let refuse = |found: String| {
+        let expected = "points of one board in sharp pictures from several sides";
+        Err(Error::input(frames, None, found, expected))
+    };
+    let off_px = rms(bundle)?;
+    let apart_px = next_px(&bundle.points);
+    if !(off_px < 0.5 * apart_px) {
+        return refuse(format!(
+            "points that no camera and board explain: they are off by {off_px:.1} px rms, and the next one lies \
+             {apart_px:.1} px away"
+        ));
+    }
+    let deviations = bundle.deviations(free, bundle.spread_px()?)?;
+    let deviations = deviations.filter(|all| all.iter().all(|d| d.is_finite()));
+    let Some(deviations) = deviations else {
+        return refuse("views that leave the camera open".to_owned());
+    };
+    let half: Vec<_> = free.iter().zip(&deviations).map(|(i, d)| (PARAMETERS[*i], 1.96 * d)).collect();
+    // A lens or a readout may well be nothing; a focal length or a principal point is not.
+    for ((name, half), i) in half.iter().zip(free).filter(|(_, i)| PINHOLE.contains(i)) {
+        let value = bundle.camera.values[*i];
+        if !(*half < value.abs()) {
+            return refuse(format!(
+                "views that leave the camera open: {name} {value:.0} +- {half:.0} px (95 %)"
+            ));
+        }
+    }
+    Ok(half)
+}
+
+/// How far the nearest other point of a view is from a point, px: the middle one of all.
+fn next_px(points: &[Vec<Point>]) -> f64 {
+    let nearest = |all: &Vec<Point>, p: &Point| {
+        let others = all.iter().filter(|o| o.on_board_m != p.on_board_m);
+        others.map(|o| (o.px - p.px).length()).fold(f64::INFINITY, f64::min)
+    };
+    let mut all: Vec<f64> = points.iter().flat_map(|v| v.iter().map(|p| nearest(v, p))).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn check(target: &Target, views: &[View], frames: &Path) -> Result<()> {

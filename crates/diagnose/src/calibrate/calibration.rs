@@ -2,11 +2,11 @@
 
 use super::frames::{Encoding, Frame};
 use super::model::IspCamera;
-use super::noise::{Calibration, NoiseOptions, Pictures, compare, mean_variance, measure_noise};
+use super::noise::{Calibration, Comparison, NoiseOptions, Pictures, compare, mean_variance, measure_noise};
 use super::search::{By, Levelled, fit_camera, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
 use super::statics::{Registration, difference};
-use shutterbug::error::Result;
+use shutterbug::error::{Error, Result};
 
 /// Measures the noise of two or more frames of one static scene and fits a camera that makes the same.
 ///
@@ -18,7 +18,7 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     let (real, pairs) = measure_noise(frames, encoding)?;
     let step = frames[0].step;
     if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
-        return Err(shutterbug::Error::input(
+        return Err(Error::input(
             &frames[0].path,
             None,
             "no intensity at which the noise is whole",
@@ -37,6 +37,7 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     }
     let chain = level(chain_camera, &pairs, &real, step, options, by)?;
     let comparison_chain = compare(&real, &chain.simulated);
+    check_matched(frames, &comparison_chain)?;
     let resting = pairs.iter().all(|p| !p.registration.moved);
     let usable = &pairs[0].usable;
     let mut calibration = Calibration {
@@ -69,6 +70,21 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     };
     calibration.notes = notes(&calibration, frames);
     Ok(calibration)
+}
+
+/// A camera without any noise misses its variance by the whole of it: one that misses by more is no finding.
+fn check_matched(frames: &[Frame], chain: &Comparison) -> Result<()> {
+    let off = chain.mean_deviation;
+    if !off.iter().any(|d| !(*d < 1.0)) {
+        return Ok(());
+    }
+    let [r, g, b] = off.map(|d| 100.0 * d);
+    let found = format!(
+        "differences that no camera's noise explains: the nearest one misses their variance by {r:.0} {g:.0} {b:.0} % \
+         in the mean (R, G, B)"
+    );
+    let expected = format!("the static scene of {}, lit alike", frames[0].path.display());
+    Err(Error::input(&frames[1].path, None, found, expected))
 }
 
 const NAMES: [&str; 3] = ["red", "green", "blue"];
@@ -144,4 +160,29 @@ fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
         );
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shutterbug::plane::Plane;
+
+    #[test]
+    fn a_camera_that_misses_as_much_as_none_would_is_no_finding() {
+        let frames = ["a", "b"].map(|name| Frame::from_plane(name, Plane::new(1, 1, 3), 0.0));
+        let with = |mean_deviation: [f64; 3]| {
+            let chain = Comparison {
+                variance_ratio: Default::default(),
+                mean_deviation,
+                within_10_percent: [0.0; 3],
+                within_10_percent_or_chance: [0.0; 3],
+                correlation_error: [0.0; 3],
+            };
+            check_matched(&frames, &chain).map_err(|e| e.to_string())
+        };
+        assert_eq!(with([0.1, 0.5, 0.9]), Ok(()));
+        let said = with([0.1, 1.3, 0.1]).expect_err("refused");
+        assert!(said.contains("b: found ") && said.contains("10 130 10 %"), "{said}");
+        assert!(with([f64::NAN, 0.1, 0.1]).is_err());
+    }
 }

@@ -18,6 +18,9 @@ const AROUND_PX: usize = 16;
 const BLOCK_PX: usize = 32;
 /// Side of the blocks of JPEG, and twice that of a colour pattern's: both repeat, and belong to no single sensor.
 const REPEAT_PX: usize = 8;
+/// Half a side of the blocks of JPEG: of pixels that lie so far apart, half lie in two of them, which have nothing in
+/// common; and no interpolation of colours reaches as far.
+const APART_PX: usize = REPEAT_PX / 2;
 /// Shifts by which a pattern is compared with another that it has nothing to do with.
 const SHIFTS: usize = 64;
 
@@ -157,6 +160,9 @@ impl FlatSums {
                 "a surface that is neither black nor white: 0.01 to 0.98",
             );
         }
+        if self.squares.iter().all(|s| *s == 0.0) {
+            return refuse("pictures without any noise".to_owned(), "pictures as a sensor takes them");
+        }
         if self.blocks.len() < 16 {
             return refuse(format!("{}x{} px", self.size[0], self.size[1]), "at least 128x128 px");
         }
@@ -197,6 +203,10 @@ impl FlatSums {
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
         let [a1, a2, corner, tilt, uneven] = shape;
+        if let Some(what) = content(&halves) {
+            let expected = "an evenly lit surface without edges, and a camera at rest";
+            return Err(Error::input(path, None, what, expected));
+        }
         Ok(Flat {
             frames,
             size_px: self.size,
@@ -305,6 +315,45 @@ fn mean_square(plane: &Plane<f32>) -> f64 {
     plane.data.iter().map(|v| f64::from(v * v)).sum::<f64>() / plane.data.len().max(1) as f64
 }
 
+/// What two halves of the pictures show that no pixel has of its own, if that is most of what they show: of the same
+/// in both, of what differs.
+fn content([a, b]: &[Plane<f32>; 2]) -> Option<String> {
+    let with = |sign: f32| Plane {
+        data: a.data.iter().zip(&b.data).map(|(a, b)| a + sign * b).collect(),
+        ..a.clone()
+    };
+    let (sum, difference) = (with(1.0), with(-1.0));
+    // Products of sum and difference's squares: noise has no part in what is left of the same.
+    let same = |k: usize| apart(&sum, k) - apart(&difference, k);
+    let (own, noise) = (same(0), apart(&difference, 0));
+    // How well such means are known if all pixels of a block are alike.
+    let error = |square: f64| 1.96 * square * REPEAT_PX as f64 / (a.data.len() as f64).sqrt();
+    let said = |share: f64, what: &str, far_px: usize| {
+        format!(
+            "a {what} that is no pixel's own: {:.0} % of it is shared by pixels that lie {far_px} px apart",
+            100.0 * share.min(1.0)
+        )
+    };
+    // Noise has nothing in common from block to block. A pattern has: dust, what the light is like.
+    let moving = apart(&difference, REPEAT_PX);
+    if moving > error(noise) {
+        return Some(said(moving / noise, "difference of the pictures", REPEAT_PX));
+    }
+    let (far, chance) = (same(APART_PX), error(apart(&sum, 0)) + error(noise));
+    (own > chance && far - 0.5 * own > chance).then(|| said(far / own, "pattern", APART_PX))
+}
+
+/// Mean product of pixels that lie so far apart, along rows and along columns.
+fn apart(p: &Plane<f32>, distance: usize) -> f64 {
+    let (w, h) = (p.width, p.height);
+    let mean = |step: usize, columns: usize, rows: usize| {
+        let row = |y: usize| (0..columns).map(move |x| y * w + x);
+        let all = (0..rows).flat_map(row);
+        all.map(|i| f64::from(p.data[i] * p.data[i + step])).sum::<f64>() / (columns * rows).max(1) as f64
+    };
+    0.5 * (mean(distance, w - distance, h) + mean(distance * w, w, h - distance))
+}
+
 /// How alike two patterns of one size are.
 pub fn likeness(a: &Plane<f32>, b: &Plane<f32>) -> Likeness {
     let scale = (mean_square(a) * mean_square(b)).sqrt().max(1e-30);
@@ -382,5 +431,35 @@ mod tests {
             none.prnu,
             none.itself
         );
+    }
+
+    /// Copies of a photograph with noise, photographs by a camera that moves, and a sensor's pattern behind a
+    /// compression that leaves the means of its blocks.
+    #[test]
+    fn a_scene_is_no_flat_field() {
+        let (w, h) = (320, 256);
+        let measured = |at: &dyn Fn(usize, usize, usize) -> f32| {
+            let mut sums = FlatSums::new(w, h, Encoding::Linear);
+            for frame in 0..4 {
+                let mut dice = Dice(99 + (frame << 16) as u64);
+                let picture = Plane::from_fn(w, h, |x, y| [at(x, y, frame) + 0.005 * dice.normal()]);
+                sums.add(&picture, 0.0);
+            }
+            sums.measure(std::path::Path::new("flat"))
+        };
+        let mut dice = Dice(5);
+        let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + 0.05 * dice.normal()).collect();
+        // Boxes of several sizes: not one period.
+        let tone = |i: usize, j: usize| ((i * 73_856_093) ^ (j * 19_349_663)) % 97;
+        let room = |x: usize, y: usize| 0.2 + 0.002 * (tone(x / 37, y / 29) + tone(x / 61, y / 53)) as f32;
+        let refused =
+            |r: Result<Flat>| r.map_or_else(|e| e.to_string(), |f| format!("a flat field: {:?}", f.prnu));
+        let scene = refused(measured(&|x, y, _| room(x, y)));
+        assert!(scene.contains("a pattern that is no pixel's own"), "{scene}");
+        let moving = refused(measured(&|x, y, frame| room(x + 9 * frame, y)));
+        assert!(moving.contains("a difference of the pictures that is no pixel's own"), "{moving}");
+        let packed = |x: usize, y: usize, _: usize| 0.5 * gains[y / 8 * 8 * w + x / 8 * 8];
+        measured(&packed).expect("a sensor's own pattern behind a compression");
+        measured(&|x, y, _| 0.5 * gains[y * w + x]).expect("control");
     }
 }

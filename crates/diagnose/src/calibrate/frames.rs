@@ -1,5 +1,8 @@
 //! Frames of one static scene: read, checked, and decoded to linear values.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::hash::{DefaultHasher, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use shutterbug::error::{Error, Result};
@@ -96,6 +99,34 @@ impl Frame {
     /// A frame from memory.
     pub fn from_plane(name: &str, encoded: Plane<f32>, step: f32) -> Self {
         Self { path: PathBuf::from(name), encoded, step, jpeg: None }
+    }
+}
+
+/// Pictures that were read, by their values: a copy is no second exposure, and says nothing that the first does not.
+#[derive(Debug, Default)]
+pub struct Distinct(BTreeMap<u64, PathBuf>);
+
+impl Distinct {
+    /// Notes a picture.
+    ///
+    /// # Errors
+    /// One whose values are those of a picture before, unless both are black, as a cap leaves them.
+    pub fn add(&mut self, frame: &Frame) -> Result<()> {
+        if frame.encoded.data.iter().all(|v| *v == 0.0) {
+            return Ok(());
+        }
+        let mut hasher = DefaultHasher::new();
+        frame.encoded.data.iter().for_each(|v| hasher.write_u32(v.to_bits()));
+        match self.0.entry(hasher.finish()) {
+            Entry::Vacant(place) => {
+                place.insert(frame.path.clone());
+                Ok(())
+            }
+            Entry::Occupied(before) => {
+                let found = format!("the same picture as {}", before.get().display());
+                Err(Error::input(&frame.path, None, found, "another exposure"))
+            }
+        }
     }
 }
 
@@ -220,6 +251,20 @@ mod tests {
             assert_eq!(facts.quality, u32::from(quality));
         }
         assert_eq!(jpeg_facts(b"\x89PNG"), None);
+    }
+
+    #[test]
+    fn a_copy_is_no_other_exposure() {
+        let frame = |name: &str, value: f32| {
+            Frame::from_plane(name, Plane::from_fn(4, 4, |x, _| [value * x as f32; 3]), 0.0)
+        };
+        let mut seen = Distinct::default();
+        seen.add(&frame("a", 0.1)).expect("new");
+        seen.add(&frame("b", 0.2)).expect("another");
+        let said = seen.add(&frame("c", 0.1)).expect_err("a copy").to_string();
+        assert!(said.contains("c: found the same picture as a"), "{said}");
+        seen.add(&frame("d", 0.0)).expect("black");
+        seen.add(&frame("e", 0.0)).expect("black again");
     }
 
     #[test]

@@ -43,8 +43,9 @@ pub mod series;
 pub mod spatial;
 pub mod statics;
 mod tables;
+mod wave;
 
 pub use calibration::calibrate_noise;
-pub use frames::{Encoding, Frame};
+pub use frames::{Distinct, Encoding, Frame};
 pub use noise::{Calibration, Comparison, Measured, NoiseOptions, Pictures, measure_noise};
 pub use tables::{ChainCamera, chain_settings, paper_settings};

@@ -2,14 +2,16 @@
 //! means go up and down with the light. The period in lines times the delay between lines is the light's period. A
 //! global shutter shows no stripes.
 //!
-//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance) and
-//! by their phase, which is the same in all parts of a line.
+//! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance), by
+//! their phase, which is the same in all parts of a line, and by their being one wave in all places ([`super::wave`]).
+//! Lines that are printed across the whole picture are so, too: only a second picture tells them from a light's.
 
 use std::f64::consts::{LN_2, TAU};
 
 use serde::Serialize;
 
 use super::frames::Encoding;
+use super::wave;
 use shutterbug::plane::Plane;
 
 /// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8
@@ -81,7 +83,10 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         let Some(frequency) = spectrum.fundamental(threshold[axis]) else { continue };
         let Some(frequency) = refined(&mean, frequency) else { continue };
         let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
-        if amplitude < LEAST_DEPTH || !in_phase(&parts, frequency) {
+        if amplitude < LEAST_DEPTH
+            || !in_phase(&parts, frequency)
+            || !wave::is_one(&parts, frequency, MOST_HARMONICS)
+        {
             continue;
         }
         let readout = readout(rows, lines, frequency, amplitude, noise, light_hz);
@@ -338,6 +343,23 @@ mod tests {
         // Open for a whole number of periods, every line sees the same.
         let whole = photograph([320, 480], delay, 1.0, 0.5, 0.05, false);
         assert!(find_stripes(&[whole], Encoding::Linear, 500.0).readout.is_none());
+    }
+
+    /// Lines that are printed on a part of the picture, whose parts agree in phase.
+    #[test]
+    fn a_print_on_a_part_of_the_picture_is_no_stripe() {
+        let mut dice = Dice(3);
+        let print = Plane::from_fn(320, 480, |_, y| {
+            let dark = y > 280 && (y / 10) % 2 == 0;
+            [if dark { 0.1 } else { 0.5 } * (1.0 + 0.05 * dice.normal()) as f32]
+        });
+        let found = find_stripes(std::slice::from_ref(&print), Encoding::Linear, 200.0);
+        assert!(found.readout.is_none(), "{found:?}");
+        // Control: without the comparison of places it would be a light.
+        let parts = lines_of(&[print], Encoding::Linear, true);
+        let spectrum = Spectrum::of(&mean_of(&parts));
+        let wave = spectrum.fundamental((240.0 / ALPHA).ln()).expect("a line of the spectrum");
+        assert!(in_phase(&parts, wave), "control");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! that one edge suffices. Where displacement v and gradient g make v g as large as a fifth of the noise, the pixel is
 //! left out: that adds at most 5 % to a variance.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::blocks::{BLOCK_PX, Blocks, for_each_block, luma, percentile};
@@ -14,6 +15,10 @@ use shutterbug::plane::Plane;
 
 /// Largest whole shift that is searched and taken back, px.
 const MAX_SHIFT_PX: i32 = 8;
+/// Of all places that a block of [`BLOCK_PX`] may have come from, chance makes one in ten thousand look so much better
+/// than another: a ratio of two squared differences of noise that is smooth over 1.5 px, with as many degrees of
+/// freedom as a block has of it (1024 over 4 pi 1.5^2; Fisher's z).
+const CHANCE: f64 = 0.29;
 /// Brightness changes beyond this are another exposure, not flicker.
 const MAX_GAIN_CHANGE: f64 = 0.2;
 /// Usual difference of the means of blocks beyond which it is another scene: a share of the scene's contrast, and so
@@ -109,8 +114,7 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     if let Some(g) = gain.iter().find(|g| (*g - 1.0).abs() > MAX_GAIN_CHANGE) {
         return Err(refuse(format!("a brightness of {g:.3} times the first frame's: another exposure")));
     }
-    if let Some(share) = unlike(&frames) {
-        let found = format!("a coarse difference of {:.0} % of the scene's own contrast", 100.0 * share);
+    if let Some(found) = other_scene(&frames) {
         return Err(refuse(found));
     }
     let blocks = Blocks::measure(&frames);
@@ -152,6 +156,18 @@ pub fn align(a: &Frame, b: &Frame, encoding: Encoding) -> Result<AlignedPair> {
     Ok(AlignedPair { frames, usable, registration })
 }
 
+/// What shows that the second frame is of another scene, or from another place, if anything does.
+fn other_scene(frames: &[Plane<f32>; 2]) -> Option<String> {
+    if let Some(share) = unlike(frames) {
+        return Some(format!("a coarse difference of {:.0} % of the scene's own contrast", 100.0 * share));
+    }
+    wanders(frames).map(|px| {
+        format!(
+            "parts of the picture that lie {px:.0} px beside the first frame's, in more than half of those that tell"
+        )
+    })
+}
+
 /// The usual difference of the means of blocks over the scene's own contrast, where that is more than noise and a scene
 /// at rest have: another scene. What moves in a part of the scene leaves most blocks as they are.
 fn unlike([a, b]: &[Plane<f32>; 2]) -> Option<f64> {
@@ -176,15 +192,50 @@ fn unlike([a, b]: &[Plane<f32>; 2]) -> Option<f64> {
     (usual > MOST_UNLIKE * contrast + NOISE_OF_A_BLOCK * noise).then(|| usual / contrast)
 }
 
-/// The whole shift with the least squared difference of the fine structure (ramps would take a change of brightness or
-/// plain chance for a shift).
+/// Fine structure: ramps would take a change of brightness or plain chance for a shift.
+fn fine(plane: &Plane<f32>) -> Plane<f32> {
+    let (mut narrow, wide) = (gaussian(plane, 1.5), gaussian(plane, 6.0));
+    narrow.data.iter_mut().zip(&wide.data).for_each(|(n, w)| *n -= w);
+    narrow
+}
+
+/// How far blocks lie beside where they were, px in the median, where that is 2 px or more in most of those that tell:
+/// a camera that turned or came nearer, which no shift of the whole takes back. Slopes do not tell so much: they see no
+/// texture where things moved by more than its grain.
+fn wanders([a, b]: &[Plane<f32>; 2]) -> Option<f64> {
+    let (a, b) = (fine(&luma(a)), fine(&luma(b)));
+    let mut blocks: Vec<Vec<usize>> = Vec::new();
+    for_each_block(a.width, a.height, |pixels| blocks.push(pixels.collect()));
+    let side = 2 * MAX_SHIFT_PX + 1;
+    let cost = |block: &[usize], [dx, dy]: [i32; 2]| -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for i in block {
+            let (x, y) = ((i % a.width) as i32 + dx, (i / a.width) as i32 + dy);
+            if (0..a.width as i32).contains(&x) && (0..a.height as i32).contains(&y) {
+                sum += f64::from(b.data[y as usize * a.width + x as usize] - a.data[*i]).powi(2);
+                count += 1;
+            }
+        }
+        (2 * count > block.len()).then(|| sum / count as f64)
+    };
+    // 0 for a block that lies where it was.
+    let beside_px = |block: &Vec<usize>| -> Option<f64> {
+        let all = (0..side * side).map(|i| [i % side - MAX_SHIFT_PX, i / side - MAX_SHIFT_PX]);
+        let mut costs: Vec<_> = all.filter_map(|shift| Some((cost(block, shift)?, shift))).collect();
+        costs.sort_by(|p, q| p.0.total_cmp(&q.0));
+        let ((best, shift), usual) = (*costs.first()?, costs[costs.len() / 2].0);
+        let px = f64::from(shift[0]).hypot(f64::from(shift[1]));
+        let displaced = px >= 2.0 && best < CHANCE * cost(block, [0, 0])?;
+        (best < CHANCE * usual).then_some(if displaced { px } else { 0.0 })
+    };
+    let found: Vec<f64> = blocks.par_iter().filter_map(beside_px).collect();
+    let displaced: Vec<f64> = found.iter().copied().filter(|px| *px > 0.0).collect();
+    (2 * displaced.len() > found.len()).then(|| percentile(&displaced, 0.5))
+}
+
+/// The whole shift with the least squared difference of the fine structure.
 fn whole_shift(a: &Plane<f32>, b: &Plane<f32>) -> [i32; 2] {
     let margin = MAX_SHIFT_PX as usize;
-    let fine = |plane: &Plane<f32>| {
-        let (mut narrow, wide) = (gaussian(plane, 1.5), gaussian(plane, 6.0));
-        narrow.data.iter_mut().zip(&wide.data).for_each(|(n, w)| *n -= w);
-        narrow
-    };
     let (a, b) = (fine(a), fine(b));
     let cost = |dx: i32, dy: i32| -> f64 {
         let mut sum = 0.0;
@@ -197,7 +248,6 @@ fn whole_shift(a: &Plane<f32>, b: &Plane<f32>) -> [i32; 2] {
         }
         sum
     };
-    use rayon::prelude::*;
     let side = 2 * MAX_SHIFT_PX + 1;
     let costs: Vec<f64> = (0..side * side)
         .into_par_iter()
@@ -356,5 +406,41 @@ fn without_outliers(
 fn clear(mask: &mut [bool], width: usize, (x0, y0): (usize, usize), side: usize) {
     for y in y0..y0 + side {
         mask[y * width + x0..y * width + x0 + side].fill(false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nearer by 3 %: no shift takes that back, and half of the picture lies beside where it was.
+    #[test]
+    fn a_camera_that_came_nearer_is_told_from_one_at_rest() {
+        let frame = |nearer: f64, seed: u64, shift: f64| {
+            let mut dice = seed;
+            let mut noise = || {
+                dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (dice >> 40) as f64 / f64::from(1 << 24) - 0.5
+            };
+            let plane = Plane::from_fn(384, 320, |x, y| {
+                let at = |v: usize, middle: f64| middle + (v as f64 + shift - middle) / nearer;
+                let (u, v) = (at(x, 192.0), at(y, 160.0));
+                // Boxes of several sizes: not one period.
+                let tone = |side: f64| {
+                    let (i, j) = ((u / side) as u64, (v / side) as u64);
+                    (i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663)) % 97
+                };
+                let value = 0.2 + 0.003 * (tone(9.0) + tone(23.0)) as f64 + 0.02 * noise();
+                [value as f32; 3]
+            });
+            Frame::from_plane("frame", plane, 1.0 / 255.0)
+        };
+        let first = frame(1.0, 1, 0.0);
+        let said = align(&first, &frame(1.03, 2, 0.0), Encoding::Srgb).map(|_| ()).expect_err("nearer");
+        assert!(said.to_string().contains("px beside the first frame's"), "{said}");
+        align(&first, &frame(1.0, 3, 0.0), Encoding::Srgb).expect("control: at rest");
+        let moved =
+            align(&first, &frame(1.0, 4, 3.0), Encoding::Srgb).expect("control: a shift is taken back");
+        assert!(moved.registration.moved);
     }
 }

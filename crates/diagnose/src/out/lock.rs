@@ -48,8 +48,11 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Removed while it is held: who opened it before finds that it is another file now.
-        let _ = fs::remove_file(&self.path);
+        // Removed while it is held: who opened it before finds that it is another file now. If the folder was replaced,
+        // the one there is another run's.
+        if same_file(&self.path, &self.file) {
+            let _ = fs::remove_file(&self.path);
+        }
         let _ = self.file.unlock();
     }
 }

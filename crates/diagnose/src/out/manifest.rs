@@ -9,7 +9,7 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Limit, read_if_there, replace};
+use shutterbug::files::{Existing, Limit, put, read_if_there};
 
 use super::account::{recorded_reads, sha256_hex};
 
@@ -121,8 +121,8 @@ impl Manifest {
         kept
     }
 
-    /// Writes it, complete, into a folder, and opens it so that lines can be appended.
-    pub(super) fn write(&self, folder: &Path) -> Result<Appender> {
+    /// Writes it, complete, into a folder, and opens it so that lines can be appended. `existing`: of a manifest there.
+    pub(super) fn write(&self, folder: &Path, existing: Existing) -> Result<Appender> {
         let path = folder.join(MANIFEST_FILE);
         let files = self.files.iter().flat_map(|(name, lines)| {
             lines.iter().map(|(bytes, sha256)| Line::File {
@@ -135,7 +135,7 @@ impl Manifest {
         let folders = self.folders.iter().map(|f| Line::Folder { folder: f.clone() });
         let lines = std::iter::once(start(&self.command)).chain(files).chain(working).chain(folders);
         let text: String = lines.map(|l| json(&l)).collect();
-        replace(&path, text.as_bytes(), || Ok(()))?;
+        put(&path, text.as_bytes(), existing, || Ok(()))?;
         sync_names(folder).map_err(|e| Error::io(&path, "write", e))?;
         let file = OpenOptions::new().append(true).open(&path).map_err(|e| Error::io(&path, "write", e))?;
         Ok(Appender { path, file, manifest: self.clone() })

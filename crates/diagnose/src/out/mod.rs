@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
 
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{is_temporary, replace};
+use shutterbug::files::{Existing, identity, is_temporary, put};
 
 use lock::{LOCK_FILE, Lock};
 use manifest::{Appender, Manifest, sync_names};
@@ -44,7 +44,11 @@ pub struct Out(Arc<Held>);
 #[derive(Debug)]
 struct Held {
     root: PathBuf,
+    /// Which folder it is: its path can come to lead to another.
+    identity: Option<(u64, u64)>,
     command: &'static str,
+    overwrite: bool,
+    goes_on: bool,
     state: Mutex<State>,
     /// Whether the folder was not there before.
     made: bool,
@@ -54,7 +58,11 @@ struct Held {
 #[derive(Debug)]
 enum State {
     Opened(Manifest),
-    Writing(Appender),
+    Writing {
+        appender: Appender,
+        /// What an earlier run made, and this one makes again where it is not as it was.
+        earlier: BTreeSet<String>,
+    },
 }
 
 static OPEN: Mutex<Vec<Weak<Held>>> = Mutex::new(Vec::new());
@@ -77,8 +85,16 @@ impl Out {
         let manifest = Manifest::read(root)?.unwrap_or_default();
         check(root, &manifest, rules, true)?;
         let state = Mutex::new(State::Opened(manifest));
-        let held =
-            Arc::new(Held { root: root.to_owned(), command: rules.command, state, made, lock: Some(lock) });
+        let held = Arc::new(Held {
+            root: root.to_owned(),
+            identity: identity(root),
+            command: rules.command,
+            overwrite: rules.overwrite,
+            goes_on: rules.goes_on,
+            state,
+            made,
+            lock: Some(lock),
+        });
         let mut open = OPEN.lock().unwrap_or_else(|e| e.into_inner());
         open.retain(|h| h.strong_count() > 0);
         open.push(Arc::downgrade(&held));
@@ -90,7 +106,7 @@ impl Out {
     pub fn has(&self, name: &str) -> bool {
         match &*self.0.state() {
             State::Opened(manifest) => manifest.is_whole(&self.0.root, name),
-            State::Writing(appender) => appender.manifest.is_whole(&self.0.root, name),
+            State::Writing { appender, .. } => appender.manifest.is_whole(&self.0.root, name),
         }
     }
 
@@ -102,6 +118,7 @@ impl Out {
     pub fn start(&self) -> Result<()> {
         let mut state = self.0.state();
         let State::Opened(before) = &*state else { return Ok(()) };
+        self.0.check_same()?;
         remove_temporary(&self.0.root);
         let mut touched = BTreeSet::new();
         for name in before.names().filter(|n| before.is_whole(&self.0.root, n)) {
@@ -116,7 +133,7 @@ impl Out {
         for folder in touched.iter().filter(|f| f.exists()) {
             sync_names(folder).map_err(|e| Error::io(folder, "write", e))?;
         }
-        *state = State::Writing(before.emptied(self.0.command).write(&self.0.root)?);
+        *state = self.0.writing(before, &before.emptied(self.0.command))?;
         Ok(())
     }
 
@@ -127,8 +144,9 @@ impl Out {
     pub fn go_on(&self) -> Result<()> {
         let mut state = self.0.state();
         let State::Opened(before) = &*state else { return Ok(()) };
+        self.0.check_same()?;
         remove_temporary(&self.0.root);
-        *state = State::Writing(before.kept(&self.0.root, self.0.command).write(&self.0.root)?);
+        *state = self.0.writing(before, &before.kept(&self.0.root, self.0.command))?;
         Ok(())
     }
 
@@ -137,26 +155,36 @@ impl Out {
     /// # Errors
     /// A manifest that cannot be written.
     pub fn working(&self, name: &str) -> Result<()> {
+        self.0.check_same()?;
         match &mut *self.0.state() {
-            State::Writing(appender) => appender.working(name),
+            State::Writing { appender, .. } => appender.working(name),
             State::Opened(manifest) if manifest.is_working(name) => Ok(()),
             State::Opened(manifest) => {
+                let existing = self.0.existing_manifest(manifest);
                 if manifest.command.is_empty() {
                     self.0.command.clone_into(&mut manifest.command);
                 }
-                let mut appender = manifest.write(&self.0.root)?;
+                let mut appender = manifest.write(&self.0.root, existing)?;
                 appender.working(name)?;
                 *manifest = appender.manifest;
                 Ok(())
             }
         }
     }
+
+    /// To be asked before the user is told that something lies in the folder.
+    ///
+    /// # Errors
+    /// A path that leads to another folder by now, or to none.
+    pub fn check_same(&self) -> Result<()> {
+        self.0.check_same()
+    }
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
         drop(self.lock.take());
-        if self.made {
+        if self.made && self.check_same().is_ok() {
             // Of a run that never began nothing is left. A folder that holds something stays.
             let _ = fs::remove_dir(&self.root);
         }
@@ -168,13 +196,51 @@ impl Held {
         self.state.lock().unwrap_or_else(|e| e.into_inner())
     }
 
+    /// The user may have moved the folder, and made one of their own under its name.
+    fn check_same(&self) -> Result<()> {
+        if identity(&self.root) == self.identity {
+            return Ok(());
+        }
+        let found =
+            "another folder or none: the one that the run began to write to was moved, replaced or removed";
+        Err(Error::input(&self.root, None, found, "the folder left in its place until the run has ended"))
+    }
+
+    /// Whether a manifest that stands there is a run's.
+    fn existing_manifest(&self, before: &Manifest) -> Existing {
+        if self.overwrite || !before.command.is_empty() { Existing::Replace } else { Existing::Keep }
+    }
+
+    /// Whether a file of that name is a run's, or was given up by the user.
+    fn existing(&self, name: &str) -> Existing {
+        let ours = match &*self.state() {
+            State::Writing { appender, earlier } => {
+                appender.manifest.names_file(name) || earlier.contains(name)
+            }
+            State::Opened(_) => false,
+        };
+        if self.overwrite || ours { Existing::Replace } else { Existing::Keep }
+    }
+
+    /// Begins to write with the manifest `now`.
+    fn writing(&self, before: &Manifest, now: &Manifest) -> Result<State> {
+        let appender = now.write(&self.root, self.existing_manifest(before))?;
+        let earlier = if self.goes_on { before.names().cloned().collect() } else { BTreeSet::new() };
+        Ok(State::Writing { appender, earlier })
+    }
+
     /// Puts a file below the folder in place, named.
     fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
+        self.check_same()?;
         self.refuse_links(name)?;
-        replace(path, bytes, || match &mut *self.state() {
-            State::Writing(appender) => appender.file(name, bytes),
-            // A bug, but none that may cost a file.
-            State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
+        put(path, bytes, self.existing(name), || {
+            // Once more, as a large file takes its time.
+            self.check_same()?;
+            match &mut *self.state() {
+                State::Writing { appender, .. } => appender.file(name, bytes),
+                // A bug, but none that may cost a file.
+                State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
+            }
         })
     }
 
@@ -203,6 +269,17 @@ fn name_below(root: &Path, path: &Path) -> Option<String> {
     (!name.as_os_str().is_empty()).then(|| name.to_string_lossy().replace('\\', "/"))
 }
 
+/// Makes a folder and those above it, but not in the place of an open one that has gone.
+///
+/// # Errors
+/// A folder that cannot be made; one below an open one whose path leads elsewhere by now.
+pub fn make_folder(path: &Path) -> Result<()> {
+    if let Some((held, _)) = holder(path) {
+        held.check_same()?;
+    }
+    fs::create_dir_all(path).map_err(|e| Error::io(path, "create the folder", e))
+}
+
 /// Names a file below an open folder that grows in place; elsewhere there is no manifest to name it in.
 ///
 /// # Errors
@@ -218,7 +295,7 @@ pub fn grows(path: &Path) -> Result<()> {
 pub fn made_elsewhere(path: &Path) -> Result<()> {
     let Some((held, name)) = holder(path) else { return Ok(()) };
     match &mut *held.state() {
-        State::Writing(appender) => appender.folder(&name),
+        State::Writing { appender, .. } => appender.folder(&name),
         State::Opened(_) => Ok(()),
     }
 }

@@ -3,21 +3,22 @@
 use std::path::{Path, PathBuf};
 
 use shutterbug::error::{Error, Result};
+use shutterbug::files::identity;
 
-/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed; neither
-/// needs to exist.
+/// Refuses an output folder that is one of the inputs, contains one or lies inside one. Links are followed, and a
+/// folder that is mounted twice is one; neither needs to exist.
 ///
 /// # Errors
 /// The first input that the folder overlaps.
 pub fn refuse_overlap<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let whole = resolved(out);
+    let whole = Place::of(out);
     for input in inputs {
-        let other = resolved(input);
-        let how = if whole == other {
+        let other = Place::of(input);
+        let how = if whole.is(&other) {
             "is"
-        } else if whole.starts_with(&other) {
+        } else if whole.lies_below(&other) {
             "lies inside"
-        } else if other.starts_with(&whole) {
+        } else if other.lies_below(&whole) {
             "contains"
         } else {
             continue;
@@ -26,6 +27,30 @@ pub fn refuse_overlap<'a>(out: &Path, inputs: impl IntoIterator<Item = &'a Path>
         return Err(Error::input(out, None, found, "an --out apart from what is read"));
     }
     Ok(())
+}
+
+/// Where a path leads.
+struct Place {
+    path: PathBuf,
+    /// What it is and what the folders above it are, the nearest first.
+    identities: Vec<Option<(u64, u64)>>,
+}
+
+impl Place {
+    fn of(path: &Path) -> Self {
+        let path = resolved(path);
+        let identities = path.ancestors().map(identity).collect();
+        Self { path, identities }
+    }
+
+    fn is(&self, other: &Self) -> bool {
+        self.path == other.path || (self.identities[0].is_some() && self.identities[0] == other.identities[0])
+    }
+
+    fn lies_below(&self, other: &Self) -> bool {
+        let folder = other.identities[0];
+        self.path.starts_with(&other.path) || (folder.is_some() && self.identities[1..].contains(&folder))
+    }
 }
 
 /// The path without links: of what does not exist yet, that of the nearest folder that does.
@@ -77,5 +102,26 @@ mod tests {
         for (out, input) in [("capture", "cap"), ("cap2/real", "cap"), ("out", "cap/camera.toml")] {
             assert_eq!(said(out, input), None, "{out} on {input}");
         }
+    }
+
+    /// A second mount has another path without links, and the same folders; `/proc/self/fd` is such a path here.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_is_itself_by_any_path() {
+        use std::os::fd::AsRawFd as _;
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("cap/real")).expect("made");
+        let open = std::fs::File::open(at("cap")).expect("opened");
+        let mounted = PathBuf::from(format!("/proc/self/fd/{}", open.as_raw_fd()));
+        // As `resolved` leaves a mount: nothing of its path is the capture's.
+        let place = |path: PathBuf| Place { identities: path.ancestors().map(identity).collect(), path };
+        let (first, second) = (Place::of(&at("cap")), place(mounted.clone()));
+        assert!(first.is(&second) && !first.path.starts_with(&second.path));
+        assert!(place(mounted.join("real/new")).lies_below(&first));
+        assert!(!first.lies_below(&place(mounted.join("real"))));
+        assert!(Place::of(&at("cap/real")).lies_below(&second));
+        assert!(!Place::of(&at("other")).lies_below(&second) && !Place::of(&at("other")).is(&second));
+        assert!(!Place::of(&at("none")).is(&Place::of(&at("nothing"))));
     }
 }

@@ -122,7 +122,7 @@ impl Journal {
             return Ok(());
         }
         Err(Error::DiagnosisInterrupted {
-            at: self.at.clone(),
+            at: if self.at.is_empty() { "the beginning".to_owned() } else { self.at.clone() },
             kept: self.file.as_ref().map(|f| f.0.clone()),
         })
     }

@@ -53,7 +53,7 @@ pub fn diagnose_gyro(real: &Path, options: &DiagnoseOptions, progress: &mut dyn 
             return Err(Error::DiagnosisInterrupted { at: "displacements".to_owned(), kept: None });
         }
         progress.step("displacements", &footage.frames[pair[0]].name, k + 1, count);
-        steps.push(paths::Step::of(&footage, *pair)?);
+        steps.push(paths::Step::of(&footage, *pair, &|| budget.go_on())?);
     }
     progress.step("times of lines", "all pairs of frames", 1, 1);
     let timed = paths::fit(&footage, &steps);

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::input::Footage;
 use crate::diagnose::expect::linear::solve;
-use crate::diagnose::expect::pair::lies;
+use crate::diagnose::expect::pair::{GoOn, lies};
 use crate::diagnose::expect::undistort::undistort;
 use shutterbug::error::Result;
 
@@ -65,10 +65,10 @@ pub(super) struct Timed {
 
 impl Step {
     /// # Errors
-    /// Frames that cannot be read.
-    pub(super) fn of(footage: &Footage, frames: [usize; 2]) -> Result<Self> {
+    /// Frames that cannot be read; no time is left.
+    pub(super) fn of(footage: &Footage, frames: [usize; 2], go_on: GoOn<'_>) -> Result<Self> {
         let [a, b] = [footage.picture(frames[0])?, footage.picture(frames[1])?];
-        let lies = lies(&a, &b);
+        let lies = lies(&a, &b, go_on)?;
         let (w, h) = (a.width, a.height);
         let k = footage.intrinsics();
         let (focal, centre) = (DVec2::new(k.fx, k.fy), DVec2::new(k.cx, k.cy));

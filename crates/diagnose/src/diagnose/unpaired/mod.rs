@@ -121,15 +121,19 @@ pub fn diagnose_unpaired(
         own.begin((sim, &sims), (real, &reals), camera.linear, &limits)
     };
     let own = own.map(begin).transpose()?;
+    budget.go_on()?;
     let evidence = Evidence::of_frames(fit.real.iter().chain(&held.real).cloned());
     let shown = crate::diagnose::search::shown::Shown::in_frames(&evidence, &names, &Theta::neutral());
+    budget.go_on()?;
     let (base, read_off) = shown.put(&Theta::neutral());
-    let marks = Fingerprint::of(&fit.real, simulated::packed_dn2(&base));
+    let (marks, marks_took) = measured(&fit.real, simulated::packed_dn2(&base), &budget)?;
     let steps = simulated::NAMES.len();
     let mut step = 0;
     // As long again as the user's command took is left for it.
     let took = own.as_ref().map_or(Duration::ZERO, |o| o.took.mul_f64(AGAIN));
     let mut clock = Clock::new(Budget::new(begun, options.time_limit.map(|l| l.saturating_sub(took))));
+    // The same of simulated frames takes longer, as effects are put on them.
+    clock.has_measured(marks_took)?;
     let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
         if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
             return Err(Error::DiagnosisInterrupted {
@@ -153,6 +157,22 @@ pub fn diagnose_unpaired(
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
     crate::diagnose::expect::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
+}
+
+/// The marks of frames, and what measuring them took. That of one frame tells whether there is time for all.
+///
+/// # Errors
+/// No time is left.
+fn measured(frames: &[Arc<Plane<f32>>], packed_dn2: f64, budget: &Budget) -> Result<(Fingerprint, Duration)> {
+    if budget.is_limited() {
+        let begun = Instant::now();
+        Fingerprint::of(&frames[..1], packed_dn2);
+        let rounds = frames.len().div_ceil(rayon::current_num_threads());
+        budget.go_on_for(rounds as f64 * begun.elapsed().as_secs_f64())?;
+    }
+    let begun = Instant::now();
+    let marks = Fingerprint::of(frames, packed_dn2);
+    Ok((marks, begun.elapsed()))
 }
 
 fn read(
@@ -186,4 +206,22 @@ fn radiance_of(path: &Path, linear: bool) -> Result<Plane<f32>> {
     let plane = linear_of(path, linear)?;
     let data = plane.data.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 1.0]).collect();
     Ok(Plane { channels: 4, data, ..plane })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_are_not_begun_without_time_for_them() {
+        let frames: Vec<_> = (0..4)
+            .map(|k| Arc::new(Plane::from_fn(64, 48, |x, y| [((x * y + k) % 200) as f32; 3])))
+            .collect();
+        let begun =
+            Instant::now().checked_sub(Duration::from_secs(30)).expect("the clock has run for so long");
+        let late = Budget::new(begun, Some(Duration::from_secs(20)));
+        assert!(matches!(measured(&frames, 0.0, &late), Err(Error::OutOfTime { .. })));
+        let early = Budget::new(Instant::now(), Some(Duration::from_secs(600)));
+        measured(&frames, 0.0, &early).expect("control");
+    }
 }

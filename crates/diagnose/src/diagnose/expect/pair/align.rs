@@ -4,6 +4,8 @@
 
 use rayon::prelude::*;
 
+use super::GoOn;
+use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Below this frames are compared as they lie, px: reading a picture between its pixels would change it by more.
@@ -249,8 +251,11 @@ fn window(seen: &[[f64; 4]]) -> Window {
 }
 
 /// How the simulated frame lies on the real one (both DN, shape `[height, width, 3]`).
-pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>) -> Lies {
-    let (field, seen, left) = displacements(&Grey::of(real), &Grey::of(sim));
+///
+/// # Errors
+/// No time is left.
+pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>, go_on: GoOn<'_>) -> Result<Lies> {
+    let (field, seen, left) = displacements(&Grey::of(real), &Grey::of(sim), go_on)?;
     let (w, h) = (real.width, real.height);
     let shift = Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32));
     let good = |i: usize| {
@@ -262,22 +267,24 @@ pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>) -> Lies {
         let cell = (y * field.ny / h).min(field.ny - 1) * field.nx + (x * field.nx / w).min(field.nx - 1);
         [f32::from(u8::from(open[cell]))]
     });
-    Lies { rms_px: field.rms(&seen), left_px: left.rms(&seen), shift, alike }
+    Ok(Lies { rms_px: field.rms(&seen), left_px: left.rms(&seen), shift, alike })
 }
 
 /// Displacements, what windows see at their end, and what single windows would still move by.
-fn displacements(real: &Grey, sim: &Grey) -> (Field, Vec<Window>, Field) {
+fn displacements(real: &Grey, sim: &Grey, go_on: GoOn<'_>) -> Result<(Field, Vec<Window>, Field)> {
     let mut levels = vec![(real.soft(), sim.soft())];
     while levels.last().is_some_and(|(a, _)| a.w >= 2 * SMALLEST_PX) {
         let (a, b) = levels.last().expect("not empty");
         levels.push((a.half(), b.half()));
     }
     let (a, b) = levels.last().expect("not empty");
+    go_on()?;
     let mut field = Field::zero(a.w, a.h);
     let whole = whole_shift(a, b);
     field.at.fill(whole);
     for (k, (a, b)) in levels.iter().enumerate().rev() {
         for _ in 0..ROUNDS {
+            go_on()?;
             let seen = windows(a, b, &field);
             field.step(&seen);
         }
@@ -295,14 +302,17 @@ fn displacements(real: &Grey, sim: &Grey) -> (Field, Vec<Window>, Field) {
         }
     };
     let left = Field { at: seen.iter().map(alone).collect(), ..field };
-    (field, seen, left)
+    Ok((field, seen, left))
 }
 
 /// Where the content of each pixel of one picture is in another one, px from there (both DN, shape `[height, width,
 /// 3]`): as [`lies`] has it, and from there on in windows of [`FINE_PX`].
-pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>) -> Plane<f32> {
+///
+/// # Errors
+/// No time is left.
+pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>, go_on: GoOn<'_>) -> Result<Plane<f32>> {
     let (a, b) = (Grey::of(from), Grey::of(to));
-    let (coarse, ..) = displacements(&a, &b);
+    let (coarse, ..) = displacements(&a, &b, go_on)?;
     let (w, h) = (a.w, a.h);
     let mut field = Field::across((w / FINE_PX).max(ACROSS), w, h);
     for i in 0..field.at.len() {
@@ -311,10 +321,11 @@ pub(super) fn motion(from: &Plane<f32>, to: &Plane<f32>) -> Plane<f32> {
     }
     let (a, b) = (a.soft(), b.soft());
     for _ in 0..ROUNDS {
+        go_on()?;
         let seen = windows(&a, &b, &field);
         field.step(&seen);
     }
-    Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32))
+    Ok(Plane::from_fn(w, h, |x, y| field.read(x as f64, y as f64, (w, h)).map(|v| v as f32)))
 }
 
 /// Windows of two pictures that lie on each other but for little: middle (px), and the normal equations of how the
@@ -389,6 +400,7 @@ mod tests {
             let (u, v) = turn(x, y);
             20.0 + 0.7 * texture(u, v)
         });
+        let lies = |a: &Plane<f32>, b: &Plane<f32>| super::lies(a, b, &|| Ok(())).expect("in time");
         let found = lies(&real, &sim);
         let (mut off, mut count) = (0.0, 0.0);
         for (x, y) in (20..300).step_by(20).flat_map(|x| (20..220).step_by(20).map(move |y| (x, y))) {
@@ -411,5 +423,25 @@ mod tests {
         );
         let same = lies(&sim, &sim);
         assert!(same.rms_px.is_some_and(|r| r < 0.02), "{:?}", same.rms_px);
+    }
+
+    /// Whoever says that there is no time is asked soon, and again and again.
+    #[test]
+    fn an_alignment_ends_when_its_time_does() {
+        use shutterbug::error::Error;
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        let (a, b) = (picture(texture), picture(|x, y| texture(x + 2.0, y)));
+        for most in [0, 5, 15] {
+            let asked = AtomicUsize::new(0);
+            let go_on = || match asked.fetch_add(1, Ordering::SeqCst) {
+                n if n < most => Ok(()),
+                _ => Err(Error::OutOfTime { limit_s: 1.0 }),
+            };
+            let ended = |e: Error| matches!(e, Error::OutOfTime { .. });
+            assert!(lies(&a, &b, &go_on).is_err_and(ended), "{most}");
+            assert_eq!(asked.swap(0, Ordering::SeqCst), most + 1);
+            assert!(motion(&a, &b, &go_on).is_err_and(ended), "{most}");
+            assert_eq!(asked.load(Ordering::SeqCst), most + 1);
+        }
     }
 }

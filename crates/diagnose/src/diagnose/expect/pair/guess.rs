@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::align::{self, EXACT_PX, lies};
 use super::sample::{read, shifted};
-use super::{Geometry, SimFrames, encoded};
+use super::{Geometry, GoOn, SimFrames, encoded};
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::linear::solve;
 use shutterbug::error::Result;
@@ -45,10 +45,11 @@ struct Flow {
 /// Puts flow in the place of motion where it is good enough; says so, or why not.
 ///
 /// # Errors
-/// Real frames that cannot be read.
+/// Real frames that cannot be read; no time is left.
 pub(super) fn motion(
     sim: &mut SimFrames,
     real_of: &dyn Fn(usize) -> Result<Plane<u8>>,
+    go_on: GoOn<'_>,
 ) -> Result<Option<String>> {
     let count = sim.frames.len();
     let next: Vec<usize> = (0..count.saturating_sub(1)).filter(|i| sim.follows(i + 1)).collect();
@@ -56,7 +57,8 @@ pub(super) fn motion(
         return Ok(None);
     }
     let dn: Vec<Plane<f32>> = sim.frames.iter().map(|f| encoded(&f.radiance)).collect();
-    let flows: Vec<Flow> = next.par_iter().map(|&i| flow(&dn[i], &dn[i + 1])).collect();
+    let flows: Vec<Flow> =
+        next.par_iter().map(|&i| flow(&dn[i], &dn[i + 1], go_on)).collect::<Result<_>>()?;
     let mean = |of: &dyn Fn(&Flow) -> f64| flows.iter().map(of).sum::<f64>() / flows.len() as f64;
     let share = mean(&|f| share(&f.good));
     let [as_it_lies, along] = [0, 1].map(|k| mean(&|f| f.differs_dn[k]));
@@ -79,7 +81,7 @@ pub(super) fn motion(
              with trajectory.tum, or motion/"
         )));
     }
-    let left = beside(sim, &dn, (&next, &flows), real_of)?;
+    let left = beside(sim, &dn, (&next, &flows), real_of, go_on)?;
     tracing::info!("beside the real frames: {left:?}");
     let Some([before_px, left_px]) = left else { return Ok(None) };
     if before_px > EXACT_PX && left_px > (MOST_LEFT * before_px).min(MOST_LEFT_PX) {
@@ -94,7 +96,7 @@ pub(super) fn motion(
         frame.open.data.iter_mut().zip(&flow.good.data).for_each(|(o, g)| *o *= g);
         frame.motion[0] = Some(flow.motion);
     }
-    sim.add_backward_motion();
+    sim.add_backward_motion(go_on)?;
     sim.geometry = Geometry::Motion;
     Ok(Some(format!(
         "motion was estimated by optical flow between neighbouring simulated frames ({measured}): give \
@@ -108,8 +110,8 @@ fn share(good: &Plane<f32>) -> f64 {
 }
 
 /// Flow from one frame to the next, both DN.
-fn flow(a: &Plane<f32>, b: &Plane<f32>) -> Flow {
-    let (forth, back) = (align::motion(a, b), align::motion(b, a));
+fn flow(a: &Plane<f32>, b: &Plane<f32>, go_on: GoOn<'_>) -> Result<Flow> {
+    let (forth, back) = (align::motion(a, b, go_on)?, align::motion(b, a, go_on)?);
     let (w, h) = (a.width, a.height);
     let mut good = Plane::new(w, h, 1);
     let (mut sums, mut count) = ([0.0f64; 4], 0.0f64);
@@ -133,13 +135,13 @@ fn flow(a: &Plane<f32>, b: &Plane<f32>) -> Flow {
         count += 1.0;
     }
     let mean = sums.map(|s| s / count.max(1.0));
-    Flow {
+    Ok(Flow {
         motion: forth,
         good,
         differs_dn: [mean[0], mean[1]],
         length_px: mean[2].sqrt(),
         again_px: mean[3].sqrt(),
-    }
+    })
 }
 
 /// How far the real frames lie beside the simulated ones where both show the same, px, and what lines that are read
@@ -149,6 +151,7 @@ fn beside(
     dn: &[Plane<f32>],
     (next, flows): (&[usize], &[Flow]),
     real_of: &dyn Fn(usize) -> Result<Plane<u8>>,
+    go_on: GoOn<'_>,
 ) -> Result<Option<[f64; 2]>> {
     // Displacement, motion, and line and column as parts of the picture.
     let mut seen: Vec<([f64; 2], [f64; 2], [f64; 2])> = Vec::new();
@@ -160,7 +163,7 @@ fn beside(
             // That pairs have one size is said where they are compared.
             return Ok(None);
         }
-        let lies = lies(&real.to_f32(), &dn[i]);
+        let lies = lies(&real.to_f32(), &dn[i], go_on)?;
         let places = (0..ACROSS * ACROSS).map(|k| [k % ACROSS, k / ACROSS]);
         for [x, y] in places.map(|[x, y]| [(2 * x + 1) * w / (2 * ACROSS), (2 * y + 1) * h / (2 * ACROSS)]) {
             let k = y * w + x;
@@ -220,7 +223,7 @@ mod tests {
 
     #[test]
     fn a_flow_is_known_and_known_to_be_good() {
-        let found = flow(&picture([0.0, 0.0]), &picture([3.0, -1.0]));
+        let found = flow(&picture([0.0, 0.0]), &picture([3.0, -1.0]), &|| Ok(())).expect("in time");
         assert!(share(&found.good) > 0.8, "{}", share(&found.good));
         let at = |x: usize, y: usize| found.motion.pixel(x, y).to_vec();
         for (x, y) in [(40, 30), (80, 60), (110, 90)] {
@@ -231,7 +234,7 @@ mod tests {
         assert!(found.differs_dn[1] < 0.2 * found.differs_dn[0], "{:?}", found.differs_dn);
         // Control: another picture is no place to flow to.
         let other = Plane::from_fn(160, 120, |x, y| [((x * 7919 + y * 104_729) % 251) as f32; 3]);
-        let none = flow(&picture([0.0, 0.0]), &other);
+        let none = flow(&picture([0.0, 0.0]), &other, &|| Ok(())).expect("in time");
         assert!(share(&none.good) < 0.5 || none.differs_dn[1] > 0.5 * none.differs_dn[0]);
     }
 

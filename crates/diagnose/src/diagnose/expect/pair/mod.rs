@@ -18,11 +18,15 @@ mod warp;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
 use super::forward::Forward;
-use crate::diagnose::evidence::Evidence;
+use super::options::DiagnoseOptions;
+use crate::diagnose::evidence::budget::Budget;
+use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX};
 use crate::diagnose::report::Alignment;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::capture::{CameraFile, Capture, FrameEntry};
@@ -47,6 +51,22 @@ const ASSUMED_PERIOD_S: f64 = 1.0 / 30.0;
 /// Frames that are looked at to see whether both folders show the same place.
 const LOOKED_AT: usize = 6;
 
+/// Nothing, as long as there is time and nobody asked to stop. Asked between steps that take a second at most: what is
+/// read and measured before the first comparison may take hours.
+pub(crate) type GoOn<'a> = &'a (dyn Fn() -> Result<()> + Sync);
+
+/// What a diagnosis asks while it reads and aligns pairs.
+fn going_on(options: &DiagnoseOptions) -> impl Fn() -> Result<()> + Sync + use<> {
+    let budget = Budget::new(options.begun.unwrap_or_else(Instant::now), options.time_limit);
+    let stop = options.stop.clone();
+    move || match &stop {
+        Some(stop) if stop.load(Ordering::SeqCst) => {
+            Err(Error::DiagnosisInterrupted { at: "reading the pairs".to_owned(), kept: None })
+        }
+        _ => budget.go_on(),
+    }
+}
+
 /// Two folders, matched frame by frame.
 pub struct Pair {
     /// What stands for a capture: camera, path and times, without a scene.
@@ -62,15 +82,21 @@ pub struct Pair {
 
 impl Pair {
     /// Reads and matches the frames of two folders. `matches` is a file with lines `sim,real`; `camera` replaces the
-    /// sim folder's `camera.toml`.
+    /// sim folder's `camera.toml`. Of `options` the time limit counts, and whether to stop.
     ///
     /// # Errors
-    /// Folders that are empty, names that do not match, pictures of different sizes, planes of another size, files that
-    /// cannot be read; with the file and what was expected.
-    pub fn read(sim: &Path, real: &Path, matches: Option<&Path>, camera: Option<&Path>) -> Result<Self> {
+    /// Folders that are empty, names that do not match, pictures of different sizes or a few px high, planes of another
+    /// size, files that cannot be read; with the file and what was expected. [`Error::OutOfTime`].
+    pub fn read(
+        sim: &Path,
+        real: &Path,
+        matches: Option<&Path>,
+        camera: Option<&Path>,
+        options: &DiagnoseOptions,
+    ) -> Result<Self> {
+        let go_on = going_on(options);
         let matched = matched::matched(sim, real, matches)?;
-        let first = sim.join(&matched[0].sim);
-        let size = planes::size_of(&first)?;
+        let size = size_of(&sim.join(&matched[0].sim))?;
         let mut notes = kinds::notes(sim, &matched[0].sim)?;
         notes.extend(kinds::notes(real, &matched[0].real)?);
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
@@ -78,6 +104,7 @@ impl Pair {
         let times_s = matched::times_s(sim, &matched, period_s)?;
         let mut frames = Vec::new();
         for m in &matched {
+            go_on()?;
             frames.push(planes::read(
                 sim,
                 m,
@@ -86,10 +113,10 @@ impl Pair {
             )?);
         }
         let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
-        let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes)?;
+        let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes, &go_on)?;
         if sim_frames.geometry == Geometry::None && stills::parts(matched.len()) == 1 {
             let real_of = |i: usize| read_rgb8(&real.join(&matched[i].real));
-            notes.extend(guess::motion(&mut sim_frames, &real_of)?);
+            notes.extend(guess::motion(&mut sim_frames, &real_of, &go_on)?);
         }
         let parts = stills::parts(matched.len());
         if parts > 1 {
@@ -123,8 +150,9 @@ impl Pair {
     /// beside the simulated frames says that they are meant to.
     ///
     /// # Errors
-    /// Real frames that cannot be read.
-    pub fn shows_one_place(&self) -> Result<bool> {
+    /// Real frames that cannot be read. [`Error::OutOfTime`].
+    pub fn shows_one_place(&self, options: &DiagnoseOptions) -> Result<bool> {
+        let go_on = going_on(options);
         if self.sim.geometry != Geometry::None {
             return Ok(true);
         }
@@ -138,7 +166,7 @@ impl Pair {
                 // Pairs have one size: that is said where they are compared.
                 return Ok(true);
             }
-            alike += usize::from(lies(&picture.to_f32(), &encoded(radiance)).rms_px.is_some());
+            alike += usize::from(lies(&picture.to_f32(), &encoded(radiance), &go_on)?.rms_px.is_some());
         }
         Ok(2 * alike >= some.len())
     }
@@ -192,6 +220,7 @@ impl SimFrames {
         sim: &Path,
         k: &Intrinsics,
         notes: &mut Vec<String>,
+        go_on: GoOn<'_>,
     ) -> Result<Option<Trajectory>> {
         let depth = self.frames.iter().all(|f| f.depth.is_some());
         let motion = self.frames.iter().any(|f| f.motion[0].is_some());
@@ -204,10 +233,10 @@ impl SimFrames {
             return Ok(Some(trajectory));
         }
         if motion {
-            self.add_backward_motion();
+            self.add_backward_motion(go_on)?;
         }
         if depth && motion {
-            if let Some(tracked) = track::track(self, k) {
+            if let Some(tracked) = track::track(self, k, go_on)? {
                 notes.push(format!(
                     "the camera's path was worked out from depth and motion (it leaves {:.2} px): give \
                      trajectory.tum for what it does between frames",
@@ -240,14 +269,16 @@ impl SimFrames {
     }
 
     /// Where content was one period before, from where that of the frame before went.
-    fn add_backward_motion(&mut self) {
+    fn add_backward_motion(&mut self, go_on: GoOn<'_>) -> Result<()> {
         for i in 1..self.frames.len() {
+            go_on()?;
             if !self.follows(i) {
                 continue;
             }
             let Some(forward) = self.frames[i - 1].motion[0].clone() else { continue };
             self.frames[i].motion[1] = Some(sample::backward(&forward));
         }
+        Ok(())
     }
 
     /// Of all pictures and planes.
@@ -267,6 +298,17 @@ impl SimFrames {
         let step_s = self.times_s[i] - self.times_s[i - 1];
         (step_s / self.period_s - 1.0).abs() < 0.5
     }
+}
+
+/// Columns and rows of the simulated frames, px, by the first of them.
+fn size_of(first: &Path) -> Result<[u32; 2]> {
+    let size = planes::size_of(first)?;
+    if size.iter().min() < Some(&LEAST_SIDE_PX) {
+        let found = format!("a picture of {}x{} px", size[0], size[1]);
+        let expected = format!("at least {LEAST_SIDE_PX} px a side, or nothing can be told apart");
+        return Err(Error::input(first, None, found, expected));
+    }
+    Ok(size)
 }
 
 /// Values of linear radiance, DN.
@@ -326,10 +368,11 @@ pub(crate) fn align(forward: &mut Forward, evidence: &Evidence) -> Result<Aligne
         Geometry::Motion => "given frames and motion",
         Geometry::None => "given frames",
     };
-    let look = |at: usize| {
-        forward.budget.go_on()?;
-        Ok(lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance)))
+    let go_on = || {
+        forward.journal.lock().unwrap_or_else(|e| e.into_inner()).go_on()?;
+        forward.budget.go_on()
     };
+    let look = |at: usize| lies(&evidence.frames[at].dn, &encoded(&outside.frame(at).radiance), &go_on);
     let all: Vec<_> = (0..evidence.frames.len()).map(look).collect::<Result<_>>()?;
     let seen: Vec<f64> = all.iter().filter_map(|l| l.rms_px).collect();
     let before_px = (2 * seen.len() > all.len()).then(|| rms(&seen));

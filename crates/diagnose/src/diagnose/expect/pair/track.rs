@@ -3,9 +3,10 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
-use super::SimFrames;
+use super::{GoOn, SimFrames};
 use crate::diagnose::expect::linear::solve;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
+use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Samples across a picture.
@@ -26,20 +27,24 @@ pub(super) struct Tracked {
 
 /// The path through the instants of all frames and one period behind the last; nothing where frames do not follow each
 /// other or the planes disagree. What the camera's motion does not explain is put down as content's own.
-pub(super) fn track(sim: &mut SimFrames, k: &Intrinsics) -> Option<Tracked> {
+///
+/// # Errors
+/// No time is left.
+pub(super) fn track(sim: &mut SimFrames, k: &Intrinsics, go_on: GoOn<'_>) -> Result<Option<Tracked>> {
     let mut poses = vec![Pose::IDENTITY];
     let mut times_s = vec![sim.times_s[0]];
     let mut left = Vec::new();
     for i in 0..sim.frames.len() {
+        go_on()?;
         let last = i + 1 == sim.frames.len();
         if !last && !sim.follows(i + 1) {
-            return None;
+            return Ok(None);
         }
         let frame = &mut sim.frames[i];
         let (Some(depth), Some(motion)) = (&frame.depth, &frame.motion[0]) else {
-            if last { break } else { return None }
+            if last { break } else { return Ok(None) }
         };
-        let step = step(depth, motion, k)?;
+        let Some(step) = step(depth, motion, k) else { return Ok(None) };
         let rest = rest(depth, motion, k, &step);
         left.push(median(rest.data.chunks_exact(2).step_by(11).map(|v| f64::from(v[0].hypot(v[1])))));
         // Below this a place goes with the camera: planes are written in half floats.
@@ -57,10 +62,10 @@ pub(super) fn track(sim: &mut SimFrames, k: &Intrinsics) -> Option<Tracked> {
     }
     let left_px = left.iter().fold(0.0f64, |a, b| a.max(*b));
     if left_px > MOST_LEFT_PX || poses.len() < 2 {
-        return None;
+        return Ok(None);
     }
-    let path = Trajectory::new(std::path::Path::new("depth and motion"), times_s, poses).ok()?.smoothed();
-    Some(Tracked { path, left_px })
+    let path = Trajectory::new(std::path::Path::new("depth and motion"), times_s, poses).ok();
+    Ok(path.map(|path| Tracked { path: path.smoothed(), left_px }))
 }
 
 /// Content of one frame in the space of the camera of the next.
@@ -175,7 +180,7 @@ mod tests {
             period_s: 0.1,
             geometry: Geometry::None,
         };
-        let found = track(&mut sim, &k).expect("a path");
+        let found = track(&mut sim, &k, &|| Ok(())).expect("in time").expect("a path");
         let step = found.path.pose_at(0.1).inverse().then_from(&found.path.pose_at(0.0));
         assert!((step.translation_m - truth.translation_m).length() < 1e-3, "{step:?}");
         assert!(step.rotation.angle_between(truth.rotation) < 1e-3, "{step:?}");
