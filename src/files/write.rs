@@ -93,7 +93,10 @@ fn give_name(temporary: &Path, path: &Path, existing: Existing) -> Result<()> {
         // A second name is never put over a first one, unlike the new name of a renamed file.
         match fs::hard_link(temporary, path) {
             // A first name that cannot be removed is removed by the next run.
-            Ok(()) => return Ok(drop(fs::remove_file(temporary))),
+            Ok(()) => {
+                let _ = fs::remove_file(temporary);
+                return Ok(());
+            }
             Err(e) if e.kind() == ErrorKind::AlreadyExists => return Err(is_there(path)),
             // File systems without second names; another reason keeps the file from being renamed as well.
             Err(_) if path.symlink_metadata().is_ok() => return Err(is_there(path)),

@@ -13,7 +13,6 @@ use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
-/// The options and sources of an import, in its folder.
 
 /// Runs the command.
 pub fn run(args: &Import) -> Result<()> {

@@ -50,7 +50,7 @@ fn fits(parts: &[Vec<f64>], frequency: f64, harmonics: usize) -> Option<Fits> {
     let harmonics = ((0.45 / frequency) as usize).clamp(1, harmonics);
     let wave = |line: usize, k: usize| {
         let turn = TAU * frequency * (k / 2 + 1) as f64 * line as f64;
-        if k % 2 == 0 { turn.cos() } else { turn.sin() }
+        if k.is_multiple_of(2) { turn.cos() } else { turn.sin() }
     };
     let count = 2 * harmonics;
     let (mut a, mut b) = (DMatrix::zeros(count, count), DVector::zeros(count));
