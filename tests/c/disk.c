@@ -175,8 +175,8 @@ int ftruncate64(int fd, off64_t length) {
         return done; \
     }
 NAME('R', rename, 1, (const char *from, const char *to), (from, to), from, to)
-NAME('L', linkat, 1, (int at, const char *from, int there, const char *to, int flags), (at, from, there, to, flags), from,
-     to)
+NAME('L', linkat, 1, (int at, const char *from, int there, const char *to, int flags), (at, from, there, to, flags),
+     from, to)
 NAME('U', unlink, 0, (const char *path), (path), path, NULL)
 NAME('M', mkdir, 1, (const char *path, mode_t mode), (path, mode), path, NULL)
 NAME('X', rmdir, 0, (const char *path), (path), path, NULL)

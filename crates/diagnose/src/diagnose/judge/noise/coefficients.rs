@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::measure::{BINS, Compared, bin_of};
 use super::steps::{Steps, Told as Noise, most_likely};
+use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
+use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
 use shutterbug::plane::Plane;
@@ -88,7 +89,18 @@ struct Block {
     seen: [f32; AREA],
 }
 
-impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
+/// The frames whose blocks are looked at.
+pub(super) struct Blocks<'a> {
+    pub evidence: &'a Evidence,
+    /// Places.
+    pub frames: &'a [usize],
+    /// By frame, where the simulated picture is flat.
+    pub flats: &'a [Vec<bool>],
+    pub tables: &'a Tables,
+    pub tone: &'a Tone,
+}
+
+impl Blocks<'_> {
     fn block(&self, dct: &Dct, f: usize, [x0, y0]: [usize; 2], ahead: &Plane<f32>) -> Option<Block> {
         let real = &self.evidence.frames[self.frames[f]].dn;
         let (mut planes, mut color) = ([[0.0; AREA]; 2], [0.0f32; 3]);
@@ -114,7 +126,7 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
     }
 
     /// What the rows of blocks from `y0` on show in all frames.
-    fn blocks(&self, y0: usize, table: &[f32; AREA], ahead: &[M]) -> Vec<Bin> {
+    fn strip<M: Borrow<Plane<f32>>>(&self, y0: usize, table: &[f32; AREA], ahead: &[M]) -> Vec<Bin> {
         let (dct, mut bins) = (Dct::new(), vec![Bin::default(); BINS]);
         let width = ahead[0].borrow().width;
         let places = (0..ahead.len()).flat_map(|f| (0..width / SIDE).map(move |i| (f, i * SIDE)));
@@ -140,11 +152,11 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
 
     /// What the coefficients tell of the noise; nothing where no block is flat enough or all steps are small.
     /// `ahead`: the simulated frames before the file.
-    pub(super) fn told_by_coefficients(&self, theta: &Theta, ahead: &[M]) -> Option<Told> {
+    pub(super) fn told<M: Borrow<Plane<f32>> + Sync>(&self, theta: &Theta, ahead: &[M]) -> Option<Told> {
         let table = steps(theta.get(P::Quality) as u8, false);
         let height = ahead[0].borrow().height;
         let strips: Vec<Vec<Bin>> =
-            (0..height / SIDE).into_par_iter().map(|i| self.blocks(i * SIDE, &table, ahead)).collect();
+            (0..height / SIDE).into_par_iter().map(|i| self.strip(i * SIDE, &table, ahead)).collect();
         let mut bins = vec![Bin::default(); BINS];
         strips.into_iter().for_each(|strip| bins.iter_mut().zip(strip).for_each(|(a, b)| a.append(b)));
         bins.retain(|b| !b.own[0].is_empty());
@@ -200,7 +212,6 @@ fn step_of(key: i32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::evidence::Evidence;
     use crate::diagnose::judge::noise::{NoiseData, ahead_of_steps};
     use shutterbug::chain::rng::random_bits;
     use shutterbug::effects::jpeg::compressed;

@@ -5,8 +5,9 @@ use std::borrow::Borrow;
 use rayon::prelude::*;
 
 use super::NoiseData;
-use super::coefficients::shows_coefficients;
+use super::coefficients::{Blocks, shows_coefficients};
 use super::steps::Steps;
+use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::{Tone, noise_gain, row_kept, row_seen, shared};
@@ -24,8 +25,6 @@ const APART: [usize; 2] = [2, 4];
 const HIGH_PASS: f64 = 1.5;
 /// Fewest values of a bin of brightness.
 const FEWEST: usize = 200;
-/// Bins of brightness.
-pub(super) const BINS: usize = 32;
 /// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
 const LEAST_OF_THREE: f32 = 24.0;
 /// Frames whose values lie in such a range show a pixel's pattern alike, DN.
@@ -39,34 +38,15 @@ const LEAST_STEP_DN: f32 = 3.0;
 /// Noise by which colours are compared with greys, a fraction of full scale.
 const LITTLE: f64 = 4e-3;
 
-/// Linear values, and their slope by DN, by whole DN and channel.
-pub(super) struct Tables {
-    linear: Vec<[f32; 3]>,
-    pub(super) slopes: Vec<[f32; 3]>,
-}
-
-impl Tables {
-    fn of(tone: &Tone) -> Self {
-        let linear = (0..257).map(|dn| [0, 1, 2].map(|c| tone.decode(dn as f32, c))).collect();
-        let slopes = (0..256).map(|dn| [0, 1, 2].map(|c| tone.slope_at(dn as f32, c))).collect();
-        Self { linear, slopes }
-    }
-
-    pub(super) fn decode(&self, dn: f32, c: usize) -> f32 {
-        let i = dn as usize;
-        self.linear[i][c] + (self.linear[i + 1][c] - self.linear[i][c]) * (dn - i as f32)
-    }
-}
-
 /// The frames that noise is measured in.
-pub(super) struct Compared<'a, M> {
-    pub(super) evidence: &'a Evidence,
+struct Compared<'a, M> {
+    evidence: &'a Evidence,
     /// Places.
-    pub(super) frames: &'a [usize],
+    frames: &'a [usize],
     means: &'a [M],
-    pub(super) flats: Vec<Vec<bool>>,
-    pub(super) tables: Tables,
-    pub(super) tone: &'a Tone,
+    flats: Vec<Vec<bool>>,
+    tables: Tables,
+    tone: &'a Tone,
     /// The same camera with a little noise, where colours are made of each other behind the encoding.
     mixed: Option<Tone>,
     /// Whether noise is measured of brightness.
@@ -204,7 +184,9 @@ impl NoiseData {
         }
         let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]));
         let files = ahead.filter(|_| shows_coefficients(theta));
-        if let Some(told) = files.and_then(|ahead| compared.told_by_coefficients(theta, ahead)) {
+        let Compared { flats, tables, .. } = &compared;
+        let blocks = Blocks { evidence, frames, flats, tables, tone: &tone };
+        if let Some(told) = files.and_then(|ahead| blocks.told(theta, ahead)) {
             (data.total, data.row2) = (told.total, told.row2);
         }
         data
@@ -224,11 +206,6 @@ struct Values {
     row_own: [f64; 2],
     /// Behind a coarse converter, by bin.
     steps: Vec<Steps>,
-}
-
-/// The bin of brightness of a value, DN.
-pub(super) fn bin_of(dn: f32) -> usize {
-    ((dn / 8.0) as usize).min(BINS - 1)
 }
 
 /// Where the simulated picture is flat.

@@ -13,6 +13,7 @@ pub(crate) use measure::{ahead_of_steps, flat_map};
 mod coefficients;
 mod measure;
 mod steps;
+mod tables;
 
 /// Relative error of a bin's variance beyond chance.
 pub(crate) const BIN_ERROR: f64 = SPREAD_ERROR as f64;
