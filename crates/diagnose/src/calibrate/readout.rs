@@ -3,7 +3,7 @@
 //! global shutter shows no stripes.
 //!
 //! Stripes are told from content by their spectrum (a line that stands out of its own surroundings beyond chance), by
-//! their phase, which is the same in all parts of a line, and by their being one wave in all places ([`super::wave`]).
+//! their phase, which is the same in all parts of a line, and by their being one wave in all places (`wave.rs`).
 //! Lines that are printed across the whole picture are so, too: only a second picture tells them from a light's.
 
 use std::f64::consts::{LN_2, TAU};
