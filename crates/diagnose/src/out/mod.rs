@@ -233,7 +233,7 @@ impl Held {
     fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
         self.check_same()?;
         self.refuse_links(name)?;
-        put(path, bytes, self.existing(name), || {
+        let written = put(path, bytes, self.existing(name), || {
             // Once more, as a large file takes its time.
             self.check_same()?;
             match &mut *self.state() {
@@ -241,7 +241,13 @@ impl Held {
                 // A bug, but none that may cost a file.
                 State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
             }
-        })
+        });
+        written.map_err(|e| self.reason(e))
+    }
+
+    /// The folder may be replaced between a check and a write: then that is why the write failed.
+    fn reason(&self, error: Error) -> Error {
+        self.check_same().err().unwrap_or(error)
     }
 
     /// A folder that is a link would lead out of the output.
@@ -274,10 +280,13 @@ fn name_below(root: &Path, path: &Path) -> Option<String> {
 /// # Errors
 /// A folder that cannot be made; one below an open one whose path leads elsewhere by now.
 pub fn make_folder(path: &Path) -> Result<()> {
-    if let Some((held, _)) = holder(path) {
-        held.check_same()?;
-    }
-    fs::create_dir_all(path).map_err(|e| Error::io(path, "create the folder", e))
+    let held = holder(path).map(|(held, _)| held);
+    held.as_ref().map_or(Ok(()), |h| h.check_same())?;
+    let made = fs::create_dir_all(path).map_err(|e| Error::io(path, "create the folder", e));
+    made.map_err(|e| match held {
+        Some(held) => held.reason(e),
+        None => e,
+    })
 }
 
 /// Names a file below an open folder that grows in place; elsewhere there is no manifest to name it in.
@@ -373,5 +382,23 @@ fn remove_temporary(folder: &Path) {
             // Nothing depends on it: it is in the way of nobody.
             let _ = fs::remove_file(entry.path());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Between the last check and the write itself nothing can be checked.
+    #[test]
+    fn a_write_that_fails_as_the_folder_has_gone_says_so() {
+        let above = tempfile::tempdir().unwrap();
+        let root = above.path().join("out");
+        let rules = OutRules { command: "test", inputs: &[], overwrite: false, goes_on: false };
+        let out = Out::open(&root, &rules).unwrap();
+        let refused = || Error::io(&root.join("a.png"), "write", std::io::ErrorKind::NotFound.into());
+        assert!(out.0.reason(refused()).to_string().contains("a.png: cannot write"), "control");
+        fs::rename(&root, above.path().join("moved")).unwrap();
+        assert!(out.0.reason(refused()).to_string().contains("found another folder or none"));
     }
 }
