@@ -414,8 +414,9 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
 }
 
 macro_rules! every_call {
-    ($($name:ident: $work:expr, $kinds:expr;)+) => {$(
+    ($($(#[$long:meta])* $name:ident: $work:expr, $kinds:expr;)+) => {$(
         #[test]
+        $(#[$long])*
         fn $name() {
             fail_all(stringify!($name), $work, &$kinds);
         }
@@ -426,11 +427,15 @@ const DRAWN: [&str; 2] = ["vkCreateGraphicsPipelines", "vkCreateFramebuffer"];
 
 every_call! {
     device_lost_and_out_of_memory_at_every_call_of_an_outside_frame: Work::Outside, ["vkCreateComputePipelines"];
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_accumulation: Work::Scene(1, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_of_method_paper: Work::Scene(2, ""), DRAWN;
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
     device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits:
         Work::Finer, ["vkCreateComputePipelines"];
     device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];

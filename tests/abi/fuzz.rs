@@ -12,7 +12,7 @@ fn random_sequences_of_calls_break_nothing() {
     let Some(fuzz) = build("cc", "-std=c11", "fuzz/calls.c", &extra) else { return };
     // A program of 4096 bytes takes up to a minute. Shorter ones reach the same calls, and more of them fit.
     let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
-    let (seconds, most) = if long { ("600", "4096") } else { ("8", "512") };
+    let (seconds, most) = if long { ("600", "4096") } else { ("4", "256") };
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs().to_string();
     let fuzz = |arguments: &[&str]| {
         // Leaks are capi_install's: here the loader unloads drivers.
@@ -23,7 +23,7 @@ fn random_sequences_of_calls_break_nothing() {
     // The same programs each time, then others.
     let mut reached = String::new();
     // 24 was a frame given up between its parts, whose slot was recorded again.
-    for (seed, seconds, most) in [("24", "0", "4096"), ("1", "6", most), (now.as_str(), seconds, most)] {
+    for (seed, seconds, most) in [("24", "0", "4096"), ("1", "3", most), (now.as_str(), seconds, most)] {
         let (code, text) = fuzz(&[seed, seconds, "", "", most]);
         if code == Some(NO_DEVICE) {
             assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{text}");

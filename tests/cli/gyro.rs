@@ -215,6 +215,7 @@ fn a_gyro_tells_readout_exposure_and_clocks() {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn a_sensor_that_reads_from_below_and_one_that_reads_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let effects = "[rolling_shutter]\nreadout_time_s = 0.012\nscan_order = \"bottom_to_top\"\n[motion_blur]\n\

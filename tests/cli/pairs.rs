@@ -55,6 +55,7 @@ fn near(found: f64, truth: f64) {
 }
 
 #[test]
+#[ignore = "long: two minutes"]
 fn depth_and_motion_are_enough_for_a_shutter_in_a_room_lit_otherwise() {
     let Some(data) = shared() else { return };
     // With all candidates it takes two minutes of processor time. Those that are left move, blur, light or scatter
@@ -111,6 +112,7 @@ fn pictures_alone_tell_a_shutter_where_flow_is_good_enough() {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn pictures_that_lie_roughly_on_each_other_tell_values_and_sharpness_and_no_geometry() {
     let Some(data) = shared() else { return };
     let found = report(&data.join("p01/sim"), &data.join("p01/real"), &[]);
@@ -139,6 +141,7 @@ fn folders_of_different_moments_tell_noise_and_shared_colour() {
 
 /// Real frames that are the simulated ones: nothing is found, paired or not, and a gap is not invented.
 #[test]
+#[ignore = "long: a minute"]
 fn a_folder_beside_itself_has_no_gap() {
     let Some(data) = shared() else { return };
     let sim = data.join("p01/sim");

@@ -192,7 +192,7 @@ fn a_write_that_fails_is_one_clear_line_and_loses_no_frame() {
     // What stands in the third frame's place cannot be replaced by a file. (Of a full disk: tests/abuse.)
     fs::create_dir(dir.path().join("000002.png")).unwrap();
     let output = simulate(dir.path(), &["--frames-in-flight", "1"]);
-    assert_refused(&output, 1, &["000002.png", "cannot write", "Is a directory"]);
+    assert_refused(&output, 1, &["000002.png", "found a folder"]);
     fs::remove_dir(dir.path().join("000002.png")).unwrap();
     assert_eq!(frames(dir.path()).len(), 2);
 }

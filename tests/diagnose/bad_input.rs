@@ -16,6 +16,7 @@ impl Progress for Silent {
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn frames_that_cannot_be_judged_are_refused() {
     let Some(context) = device("bad_frames") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -68,6 +68,7 @@ fn displace(capture: &mut Capture) {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn vignetting_is_found_beside_surfaces_of_other_colours_and_not_without_factors() {
     let Some(device) = device("vignetting_beside_colours") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -89,6 +90,7 @@ fn vignetting_is_found_beside_surfaces_of_other_colours_and_not_without_factors(
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn poses_that_are_off_are_named_and_no_effect_of_the_camera() {
     let Some(device) = device("poses_that_are_off") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -75,6 +75,7 @@ fn shutter_and_blur_are_told_apart_and_camera_toml_reproduces_them() {
 }
 
 #[test]
+#[ignore = "long: more than a minute"]
 fn values_and_noise_are_told_apart() {
     let Some(context) = device("values_and_noise") else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -107,6 +108,7 @@ fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn without_motion_time_is_undetermined() {
     let Some(context) = device("without_motion") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -70,6 +70,7 @@ fn run(
 }
 
 #[test]
+#[ignore = "long: more than a minute"]
 fn an_interrupted_diagnosis_goes_on_to_the_same_report() {
     let Some(context) = device("resume") else { return };
     let folder = tempfile::tempdir().unwrap();

@@ -98,6 +98,7 @@ fn a_still_frame_is_the_oracles() {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn lens_shutter_and_blur_hold_as_well_as_shutter_and_blur() {
     let Some(watched) = device("lens_shutter_and_blur_hold_as_well_as_shutter_and_blur") else { return };
     let scene = untextured();

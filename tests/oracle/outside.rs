@@ -91,6 +91,7 @@ const LENS: &str =
 const SCALES: [f64; 3] = [1.004, 1.0, 0.996];
 
 #[test]
+#[ignore = "long: more than a minute"]
 fn a_lens_shutter_and_blur_read_the_colour_once() {
     let test = "a_lens_shutter_and_blur_read_the_colour_once";
     let Some(engine) = engine(test, options(0, 1)) else { return };

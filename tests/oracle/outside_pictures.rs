@@ -31,6 +31,7 @@ fn deliver(engine: Handle, name: &str, end_s: f64, flies: bool, count: usize) ->
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn several_pictures_come_nearer_than_one() {
     let Some(engine) = engine("several_pictures_come_nearer_than_one", options(4, 1)) else { return };
     eprintln!("| motion | effects | 1 picture | 2 | 3 | 5 |");
