@@ -142,6 +142,38 @@ fn resume_renders_only_what_is_missing_and_refuses_another_run() {
     assert_eq!(bytes_of_all(dir.path()), whole);
 }
 
+/// Frames that move more and less: each kind is drawn from triangles of its own, cut for all frames of that kind.
+#[test]
+fn frames_that_are_made_later_are_to_the_bit_those_of_one_run() {
+    if !device_is_there("frames_that_are_made_later_are_to_the_bit_those_of_one_run") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let capture = dir.path().join("capture");
+    fs::create_dir(&capture).unwrap();
+    for entry in fs::read_dir(DEMO).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file()) {
+        fs::copy(&entry, capture.join(entry.file_name().unwrap())).unwrap();
+    }
+    let camera = fs::read_to_string(capture.join("camera.toml")).unwrap();
+    let camera = camera.replace("0.033333333", "0.009") + "\n[rolling_shutter]\nreadout_time_s = 0.008\n";
+    fs::write(capture.join("camera.toml"), camera).unwrap();
+    let row = |i: u64| format!("{},{i:06}.png\n", 10_000_000_000 + i * 9_000_000);
+    let rows: String = (0..40).map(row).collect();
+    fs::write(capture.join("frames.csv"), format!("#timestamp [ns],filename\n{rows}")).unwrap();
+    let out = dir.path().join("out");
+    let run = |more: &[&str]| {
+        let mut command = shutterbug();
+        command.arg("simulate").arg(&capture).arg("--out").arg(&out).args(more).output().unwrap()
+    };
+    assert!(run(&[]).status.success());
+    let whole = bytes_of_all(&out);
+    for i in 16..40 {
+        fs::remove_file(out.join(format!("{i:06}.png"))).unwrap();
+    }
+    assert!(run(&["--resume"]).status.success());
+    assert!(bytes_of_all(&out) == whole, "frames differ");
+}
+
 #[test]
 fn an_interrupted_run_keeps_its_frames_and_goes_on() {
     if !device_is_there("an_interrupted_run_keeps_its_frames_and_goes_on") {

@@ -53,8 +53,11 @@ pub fn run(args: &Simulate) -> Result<()> {
     }
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: validation() })?;
-    let mut requests: Vec<_> = todo.iter().map(|&f| request(args, &capture, f)).collect();
-    requests.iter_mut().for_each(|r| r.statistics = description.relights());
+    // Of all frames, also those that are there: how triangles are cut for one depends on all that are announced, and so
+    // do the last bits of its picture.
+    let mut all: Vec<_> = (0..total).map(|f| request(args, &capture, f)).collect();
+    all.iter_mut().for_each(|r| r.statistics = description.relights());
+    let requests: Vec<_> = todo.iter().map(|&f| all[f].clone()).collect();
     // The set-up's effects: from here on the path is the true camera's.
     let capture = Capture { trajectory: capture.true_trajectory(), ..capture };
     let options = engine_options(args);
@@ -63,7 +66,7 @@ pub fn run(args: &Simulate) -> Result<()> {
     let stems: Vec<_> = (0..total).map(|f| stem(&capture, f)).collect();
     let (scene, path) = (Arc::new(capture.scene), Arc::new(capture.trajectory));
     let counts = [scene.indices.len() / 3, scene.objects.len()];
-    let engine = Engine::new(&context, scene, path, *camera, options, &requests);
+    let engine = Engine::new(&context, scene, path, *camera, options, &all);
     let mut engine = engine.map_err(|e| of_scene(e, &args.capture, counts))?;
     let mut timings = Timings::default();
     let start = Instant::now();
