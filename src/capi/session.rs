@@ -15,7 +15,7 @@ use crate::effects::{
     RollingShutter, TimeOffset,
 };
 use crate::engine::{
-    Delivery, Engine, EngineOptions, Flight, Frame, FrameRequest, OutsideEngine, OutsideFrame, Ticket,
+    Delivery, Engine, EngineOptions, Flight, Frame, FrameRequest, Method, OutsideEngine, OutsideFrame, Ticket,
 };
 use crate::gpu::Context;
 use crate::scene::{Scene, Shading, load_obj};
@@ -287,7 +287,9 @@ impl Session {
             time_limit: self.settings.time_limit,
         };
         let camera = true_intrinsics(self.camera.as_ref().expect("the request has one"));
-        let expected = std::slice::from_ref(request);
+        // Announced to the exact method, the first frame would be drawn from triangles of its own.
+        let exact = matches!(options.method, Method::Exact(_));
+        let expected = if exact { &[] } else { std::slice::from_ref(request) };
         let made = Engine::new(&self.context, scene, trajectory.clone(), camera, options, expected);
         self.engine = Some(self.watch(made)?);
         Ok(())

@@ -133,6 +133,38 @@ fn frames_do_not_depend_on_their_order_or_on_the_run() {
     assert_ne!(first[0], first[1], "control");
 }
 
+/// Frames that nobody announced, some in calm and some in a jolt, first of all and after others.
+#[test]
+fn frames_do_not_depend_on_those_before_them() {
+    let Some(context) = device("frames_do_not_depend_on_those_before_them") else { return };
+    let base = named("pan");
+    let start = base.path.pose_at(0.01);
+    let times: Vec<f64> = (-100..=2900).map(|i| f64::from(i) * 1e-3).collect();
+    let turned = |t: f64| {
+        let jolt = (-((t - 0.52) / 0.01).powi(2)).exp();
+        start.rotation * DQuat::from_rotation_z(0.3 * jolt) * DQuat::from_rotation_y(0.2 * t)
+    };
+    let poses = times.iter().map(|&t| Pose { rotation: turned(t), ..start }).collect();
+    let path = Arc::new(Trajectory::new(Path::new("jolt"), times.clone(), poses).unwrap());
+    let take = Take { path, ..base.clone() };
+    for exposure_s in [0.0, 0.01] {
+        let frames = [0.1, 0.51, 1.5].map(|start| request(start, 0.02, exposure_s, ScanOrder::TopToBottom));
+        let fresh = || engine(&context, &take, exact(), 4, &[]);
+        let alone = frames.each_ref().map(|f| fresh().render(f).unwrap().picture);
+        assert_ne!(alone[0], alone[2], "control");
+        for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+            let mut engine = fresh();
+            for i in order {
+                let after = engine.render(&frames[i]).unwrap().picture;
+                let apart = after.data.iter().zip(&alone[i].data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+                eprintln!("exposure {exposure_s}, {i} of {order:?}: {apart} levels apart");
+                // With blur the margin stays as wide as any frame needed, and a wider picture is rounded otherwise.
+                assert!(apart <= u8::from(exposure_s > 0.0), "{i} of {order:?}");
+            }
+        }
+    }
+}
+
 /// A camera that turns fast, close to a wall, with most of the room beside and behind it.
 #[test]
 fn what_is_behind_the_camera_does_not_smear_over_the_picture() {

@@ -110,10 +110,8 @@ impl Cuts {
         let class = self.class_of(span).map(|strength| (strength, blurred));
         let of_class =
             self.announced.iter().filter(|(_, c)| class.is_none_or(|(strength, _)| *c == strength));
-        let mut frames: Vec<Span> = of_class.map(|(span, _)| *span).collect();
-        if class.is_none() {
-            frames.push(span);
-        }
+        // Of what was not announced nothing counts here: a frame is not to depend on which was asked for first.
+        let frames: Vec<Span> = of_class.map(|(span, _)| *span).collect();
         let views = Views { frames: &frames, everywhere: class.is_none() };
         let mut limits = source.limits;
         if class.is_some_and(|(_, blurred)| blurred) {
