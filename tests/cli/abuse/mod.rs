@@ -5,6 +5,7 @@
 mod diagnosis;
 mod disk;
 mod effects;
+mod fifth;
 mod fourth;
 mod messages;
 mod mutations;

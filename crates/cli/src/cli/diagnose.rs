@@ -28,7 +28,7 @@ const JOURNAL_FILE: &str = "progress.jsonl";
 pub fn run(args: &Diagnose) -> Result<()> {
     let begun = Instant::now();
     match (&args.capture, &args.sim, &args.real) {
-        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, begun, sim, real),
+        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, &options(args, begun), sim, real),
         (_, Some(sim), Some(real)) => of_pair(args, begun, sim, real),
         (_, None, Some(real)) => of_gyro(args, begun, real),
         (Some(capture), ..) => of_capture(args, begun, capture),
@@ -55,7 +55,7 @@ fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<(
         say(
             "the frames that go together do not show the same place: the folders are compared as with --unpaired",
         );
-        return of_unpaired(args, begun, sim, real);
+        return of_unpaired(args, &options, sim, real);
     }
     let out = open(args, &[sim, real])?;
     out.working(JOURNAL_FILE)?;
@@ -65,10 +65,10 @@ fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<(
     write(args, &out, diagnosis?, &pair.capture)
 }
 
-fn of_unpaired(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<()> {
+fn of_unpaired(args: &Diagnose, options: &DiagnoseOptions, sim: &Path, real: &Path) -> Result<()> {
     let out = open(args, &[sim, real])?;
     let mut lines = Lines::new();
-    let found = diagnose_unpaired(sim, real, &options(args, begun), &mut lines);
+    let found = diagnose_unpaired(sim, real, options, &mut lines);
     lines.bar.finish_and_clear();
     let found = found?;
     out.start()?;

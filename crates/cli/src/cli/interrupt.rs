@@ -1,15 +1,22 @@
 //! Ctrl-C and SIGTERM: finish what is in flight, then stop.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 
 /// Set once the user asks to stop.
 #[derive(Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
+/// A process can have one handler: whoever listens later listens to the same.
+static HEARD: LazyLock<Interrupt> = LazyLock::new(Interrupt::handle);
+
 impl Interrupt {
     /// Listens for the signals. A second signal ends the process at once.
     pub fn listen() -> Self {
+        HEARD.clone()
+    }
+
+    fn handle() -> Self {
         let interrupt = Self::default();
         let flag = interrupt.0.clone();
         let set = ctrlc::set_handler(move || {

@@ -14,7 +14,7 @@ const MOST_OUTLIERS: f64 = 1e-4;
 /// resemble.
 ///
 /// Measured: a gain and a white balance close 93 % of a gamma's gap (withheld captures of seeds up to 606).
-const RESEMBLED: f64 = 0.97;
+pub(crate) const RESEMBLED: f64 = 0.97;
 /// Share of the gap that must be closed for effects to be named beside an unknown one; less, where a part of the
 /// picture is explained altogether.
 ///

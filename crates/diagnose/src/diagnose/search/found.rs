@@ -98,6 +98,11 @@ impl Found {
         !self.left_out.contains(&REST)
     }
 
+    /// Whether the figures are of frames of few samples a pixel, which are off by themselves.
+    pub(crate) fn is_coarse(&self) -> bool {
+        self.left_out.contains(&FINER)
+    }
+
     /// What the report says of stages for which there was no time.
     pub(crate) fn said(&self) -> Option<String> {
         let out = &self.left_out;

@@ -9,8 +9,8 @@ use super::describe::{describe, undetermined, without_motion, without_time};
 use super::output::{Diagnosis, show, time_of_writing};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
-use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::{Budget, Count, Stage, in_time};
+use crate::diagnose::evidence::{Evidence, RealFrame};
 use crate::diagnose::expect::compared::Shown;
 use crate::diagnose::expect::cover::Cover;
 use crate::diagnose::expect::forward::Forward;
@@ -160,6 +160,9 @@ fn diagnose_given(
         report.input.kind = "pair".to_owned();
         report.input.method = aligned.method.to_owned();
         report.input.alignment = Some(aligned.of(&frames));
+        if aligned.is_rough() {
+            say_rough(&mut report);
+        }
     }
     let camera = corrected(given, &found, &mut report)?;
     let percepts = add_percepts(given, &mut search, &mut found, (&frames, &camera), &mut report)?;
@@ -323,6 +326,26 @@ fn say_objects(report: &mut Report, objects: &Objects) {
     report.sentence.insert_str(0, &covers);
 }
 
+/// Says of frames that had to be warped what was not judged. What is said of the whole must have been seen in most of it.
+fn say_rough(report: &mut Report) {
+    let beside_px = report.input.alignment.as_ref().and_then(|a| a.rms_px).unwrap_or(0.0);
+    let share = report.input.compared_share;
+    let rest = if share < 0.5 {
+        if matches!(report.verdict, Verdict::NoGap | Verdict::Explained) {
+            report.verdict = Verdict::Undetermined;
+        }
+        ", too little to say anything of the whole"
+    } else {
+        ""
+    };
+    let said = format!(
+        " Where things lie was not judged: the real frames lie {beside_px:.1} px beside the simulated ones, which were \
+         warped onto them. All this is of the {:.0} % of the picture that fit then{rest}.",
+        100.0 * share
+    );
+    report.sentence.push_str(&said);
+}
+
 /// Candidates for which there was no time.
 fn add_late(report: &mut Report, found: &Found) {
     for name in &found.late {
@@ -341,6 +364,8 @@ struct Told {
     aligned: bool,
     /// Whether there are a few stills only.
     stills: bool,
+    /// Whether all real frames are one and the same picture.
+    same: bool,
 }
 
 impl Told {
@@ -351,6 +376,7 @@ impl Told {
             geometry: given.pair.map(|p| p.sim.geometry),
             aligned: aligned.is_some_and(|a| a.is_rough()),
             stills: given.pair.is_some_and(|p| p.stills),
+            same: are_one(&evidence.frames),
         }
     }
 
@@ -359,6 +385,9 @@ impl Told {
         let (candidate, moves) = (candidate_of(name), changes_places(name));
         if self.geometry == Some(Geometry::None) && candidate.needs_motion {
             return Some(undetermined(name, NO_MOTION[0], NO_MOTION[1]));
+        }
+        if self.same && (candidate.noise || name == "hot_pixels") {
+            return Some(undetermined(name, ONE_FRAME[0], ONE_FRAME[1]));
         }
         if self.stills && needs_more(name) {
             return Some(undetermined(name, FEW[0], FEW[1]));
@@ -376,11 +405,21 @@ const NO_MOTION: [&str; 2] = [
     "pictures alone do not say how the content moves while a frame is taken",
     "depth/ with trajectory.tum, or motion/, beside the simulated frames",
 ];
+/// Why noise is not told of by one frame that is there several times, and what to give.
+const ONE_FRAME: [&str; 2] = [
+    "all real frames are one and the same: noise and what the scene shows stay alike",
+    "frames that were taken one after another",
+];
 /// Why geometry is not told of by frames that had to be warped, and what to give.
 const ROUGH: [&str; 2] = [
     "each simulated frame was warped to lie on the real one, which hides what moves places",
     "simulated frames at the poses of the real ones, or depth/ with trajectory.tum beside them",
 ];
+
+/// Whether frames are one picture, several times.
+fn are_one(frames: &[RealFrame]) -> bool {
+    frames.len() > 1 && frames.windows(2).all(|two| two[0].dn.data == two[1].dn.data)
+}
 
 /// How far the fastest tenth of the picture moves over one frame period, px.
 fn typical_motion_px(forward: &Forward, evidence: &Evidence) -> f64 {

@@ -16,6 +16,8 @@ use crate::diagnose::judge::quantile_of_length;
 use shutterbug::error::Result;
 use shutterbug::plane::srgb_decode;
 
+/// Effects that are measured in flat places.
+pub(super) const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "read_noise"];
 /// Noise of single pixels: it shows at each brightness, and from neighbour to neighbour.
 const OF_PIXELS: [&str; 3] = ["shot_noise", "fixed_pattern_noise", "read_noise"];
 /// Steps of a fit.
@@ -33,10 +35,26 @@ pub(super) struct Chosen {
     pub counted: Vec<bool>,
     /// Noise that was found, and is not like that of the real frames.
     pub withdrawn: Vec<&'static str>,
+    /// What was found, and makes traces of frames that no fit has seen no more alike.
+    pub denied: Vec<&'static str>,
     /// Of what was not found: from which strength on it would show.
     pub shows_from: BTreeMap<&'static str, ShowsFrom>,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
+}
+
+/// Nothing is chosen yet.
+fn none() -> Chosen {
+    Chosen {
+        theta: Theta::neutral(),
+        set: Vec::new(),
+        half: BTreeMap::new(),
+        counted: Vec::new(),
+        withdrawn: Vec::new(),
+        denied: Vec::new(),
+        shows_from: BTreeMap::new(),
+        late: Vec::new(),
+    }
 }
 
 /// Chooses effects one by one for as long as the next makes marks agree better beyond chance.
@@ -51,20 +69,16 @@ pub(super) fn choose(
     clock: &mut Clock,
     mut step: impl FnMut(&'static str) -> Result<()>,
 ) -> Result<Chosen> {
-    let mut chosen = Chosen {
-        theta: base.clone(),
-        set: Vec::new(),
-        half: BTreeMap::new(),
-        counted: Vec::new(),
-        withdrawn: Vec::new(),
-        shows_from: BTreeMap::new(),
-        late: Vec::new(),
-    };
+    let mut chosen = Chosen { theta: base.clone(), ..none() };
     let begun = Instant::now();
     let plain = simulated.fingerprint(base);
     clock.has_measured(begun.elapsed())?;
     let clock = &*clock;
     let counted = common(real, &plain);
+    // Without flat places in both, other traces would have to tell of noise alone, and content does.
+    let seen = |n: &&'static str| noise_is_seen(&counted) || !NOISES.contains(n);
+    let names: Vec<&'static str> = names.iter().copied().filter(seen).collect();
+    let names = &names[..];
     let mut left = squares(&apart(real, &plain), &counted);
     let mut began = BTreeMap::new();
     let seen = Seen { real, simulated, counted: &counted, clock };
@@ -100,6 +114,27 @@ pub(super) fn choose(
         chosen.half = half_widths(real, simulated, &chosen);
     }
     Ok(chosen)
+}
+
+/// Whether both folders have flat places of like brightness, in which noise can be compared.
+pub(super) fn noise_is_seen(counted: &[bool]) -> bool {
+    counted[..BINS].iter().any(|c| *c)
+}
+
+impl Chosen {
+    /// Gives up effects that make the traces of frames which no fit has seen no more alike, the worst first. `distance`:
+    /// what these traces are apart.
+    pub(super) fn deny(&mut self, mut distance: impl FnMut(&Theta) -> f64) {
+        while !self.set.is_empty() {
+            let now = distance(&self.theta);
+            let without = |n: &&'static str| (distance(&self.theta.without(candidate_of(n))), *n);
+            let worst = self.set.iter().map(without).min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, name)) = worst.filter(|w| w.0 <= now) else { break };
+            self.theta = self.theta.without(candidate_of(name));
+            self.set.retain(|n| *n != name);
+            self.denied.push(name);
+        }
+    }
 }
 
 /// What a choice is made by.
@@ -354,6 +389,32 @@ mod tests {
         let base = Theta::neutral();
         let real = Fingerprint::of(&room(5, 5).delivered(hidden, 77), 0.0);
         choose(&real, &room(9, 5), &base, names, &mut Clock::default(), |_| Ok(())).expect("nothing stops it")
+    }
+
+    #[test]
+    fn what_frames_unseen_by_a_fit_speak_against_is_not_named() {
+        let theta = Theta::neutral().with(P::Row, 0.02).with(P::Hot, 1e-3).with(P::Read, 0.01);
+        let set = vec!["row_noise", "hot_pixels", "read_noise"];
+        let mut chosen = Chosen { theta, set, ..none() };
+        // The rows make traces less alike, the read noise as much as nothing: neither is supported.
+        chosen.deny(|t| 1.0 + 9.0 * t.get(P::Row) - 100.0 * t.get(P::Hot));
+        assert_eq!((chosen.set, chosen.denied), (vec!["hot_pixels"], vec!["row_noise", "read_noise"]));
+        assert!(chosen.theta.get(P::Row) == 0.0 && chosen.theta.get(P::Hot) == 1e-3);
+    }
+
+    #[test]
+    fn without_flat_places_no_noise_is_looked_for() {
+        let hidden = Theta::neutral().with(P::Row, 0.02);
+        let mut real = Fingerprint::of(&room(5, 5).delivered(&hidden, 77), 0.0);
+        real.0[..BINS].fill(None);
+        let mut asked = Vec::new();
+        let step = |name: &'static str| {
+            asked.push(name);
+            Ok(())
+        };
+        let chosen = choose(&real, &room(9, 5), &Theta::neutral(), &FEW, &mut Clock::default(), step);
+        assert!(chosen.expect("nothing stops it").set.iter().all(|n| !NOISES.contains(n)));
+        assert!(asked.contains(&"hot_pixels") && !asked.iter().any(|n| NOISES.contains(n)), "{asked:?}");
     }
 
     #[test]

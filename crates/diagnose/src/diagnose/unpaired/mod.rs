@@ -29,7 +29,7 @@ use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
 use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, pictures};
 use crate::diagnose::report::Report;
-use choose::{Chosen, choose};
+use choose::{Chosen, choose, noise_is_seen};
 use clock::Clock;
 use fingerprint::Fingerprint;
 use shutterbug::capture::CameraFile;
@@ -134,7 +134,7 @@ pub fn diagnose_unpaired(
     let mut clock = Clock::new(Budget::new(begun, options.time_limit.map(|l| l.saturating_sub(took))));
     // The same of simulated frames takes longer, as effects are put on them.
     clock.has_measured(marks_took)?;
-    let chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
+    let mut chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
         if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
             return Err(Error::DiagnosisInterrupted {
                 at: format!("effects that leave marks, {name}"),
@@ -145,7 +145,13 @@ pub fn diagnose_unpaired(
         step += 1;
         Ok(())
     })?;
-    let noise_seen = chosen.counted[..marks::BINS].iter().any(|c| *c);
+    let packed = simulated::packed_dn2(&chosen.theta);
+    let unseen = Fingerprint::of(&held.real, packed);
+    chosen.deny(|theta| {
+        let made = Fingerprint::of(&held.simulated.delivered(theta, 2), packed);
+        fingerprint::distance(&fingerprint::apart(&unseen, &made))
+    });
+    let noise_seen = noise_is_seen(&chosen.counted);
     let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names, noise_seen };
     let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
     report.input.capture = format!("{} beside {}", sim.display(), real.display());

@@ -7,6 +7,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::bounds::ShowsFrom;
+use super::choose::NOISES;
 use super::fingerprint::{Fingerprint, apart, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::simulated::packed_dn2;
@@ -15,6 +16,7 @@ use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::changes_places;
 use crate::diagnose::judge::quantile;
 use crate::diagnose::report::*;
+use crate::diagnose::search::decide::RESEMBLED;
 use crate::diagnose::tell::describe::{listed, undetermined, without_time};
 use crate::diagnose::tell::output::{make_folders, write_five};
 use shutterbug::error::Result;
@@ -36,14 +38,15 @@ const MAY_BE_CONTENT: &str = "what it does to brightness or colours may be what 
 const HIDDEN_BY_COMPRESSION: [&str; 5] =
     ["shot_noise", "row_noise", "read_noise", "chroma_subsampling", "quantization"];
 
-/// Effects that are measured in flat places.
-const NOISES: [&str; 4] = ["shot_noise", "row_noise", "fixed_pattern_noise", "read_noise"];
 /// Why they are not told of.
 const NO_FLAT_PLACES: &str = "the folders have no flat places of like brightness";
 
 /// Why noise that was found is not named.
 const OTHER_NOISE: &str = "something like it is there, but neither its growth with brightness nor its likeness from \
     neighbour to neighbour fits";
+
+/// Why what was found is not named.
+const DENIED: &str = "found, but it makes the traces of frames that no fit has seen no more alike";
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
@@ -92,7 +95,8 @@ pub(super) fn report(
         _ if !what.chosen.late.is_empty() => Verdict::Undetermined,
         (true, true) => Verdict::NoGap,
         (false, true) => Verdict::Explained,
-        (false, false) => Verdict::PartlyExplained,
+        (false, false) if gap.closed_fraction >= RESEMBLED => Verdict::PartlyExplained,
+        (false, false) => Verdict::UnknownEffect,
         (true, false) => Verdict::UnknownEffect,
     };
     let effects = effects(what, &real, &gap);
@@ -220,6 +224,9 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         if what.chosen.late.contains(n) {
             return without_time(n);
         }
+        if what.chosen.denied.contains(n) {
+            return rejected(n, DENIED, gap.after);
+        }
         if what.chosen.withdrawn.contains(n) {
             return undetermined(n, OTHER_NOISE, "simulated frames of the same moments as the real ones");
         }
@@ -329,6 +336,11 @@ fn sentence(
         Verdict::PartlyExplained => format!(
             "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}); they still differ in \
              {rest}.",
+            gap.after, gap.before
+        ),
+        Verdict::UnknownEffect if !effects.is_empty() => format!(
+            "The simulation lacks {names} (traces {:.1} standard errors apart, before {:.1}), which is not all: they \
+             still differ in {rest}, and no known effect explains that.",
             gap.after, gap.before
         ),
         Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),

@@ -72,9 +72,12 @@ pub(crate) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) ->
 /// which no time was left.
 pub(crate) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, found: &Found) {
     if !found.is_whole() && (report.verdict != Verdict::NoGap || !found.is_checked()) {
-        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, &found.late));
+        (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, found));
     }
     if let Some(first) = said.first() {
+        if report.verdict == Verdict::NoGap {
+            report.verdict = Verdict::Undetermined;
+        }
         let lead = "Look at the set-up before anything else";
         report.sentence =
             format!("{lead}: {first}. What follows takes the frames as they are. {}", report.sentence);
@@ -84,7 +87,8 @@ pub(crate) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, f
 }
 
 /// What is said where the time limit came before the search had ended.
-fn cut_short(report: &Report, late: &[&str]) -> String {
+fn cut_short(report: &Report, found: &Found) -> String {
+    let late = &found.late[..];
     let named: Vec<_> = report.effects.iter().map(|e| e.name.replace('_', " ")).collect();
     let so_far = match named.as_slice() {
         [] => String::new(),
@@ -99,8 +103,10 @@ fn cut_short(report: &Report, late: &[&str]) -> String {
         [] => String::new(),
         _ => format!(" {names} were not looked at, and nothing is said of them."),
     };
+    let rendered =
+        if found.is_coarse() { " from a render of few samples a pixel, which is off by itself" } else { "" };
     format!(
-        "The frames differ by {:.2} DN, and the time limit came before the search had ended.{so_far}{unseen} Run \
+        "The frames differ by {:.2} DN{rendered}, and the time limit came before the search had ended.{so_far}{unseen} Run \
          again with a longer --time-limit-s.",
         report.gap.before
     )
