@@ -145,7 +145,7 @@ typedef struct shutterbug_engine_options {
     uint32_t frames_in_flight; /* 1 to 8 (0: 2) */
     uint32_t motion_images;    /* of methods paper (1 to 6, 0: 2) and fast (2, 4 or 6, 0: 4) */
     uint32_t max_blur_samples; /* of paper, fast and frames from outside: 1 to 4096 (0: 240) */
-    uint32_t max_side_px;      /* larger cameras are refused (0: 16384) */
+    uint32_t max_side_px;      /* larger cameras are refused (0, and all above: 16384) */
     double time_limit_s;       /* longest wait for the device (0: 600) */
     uint64_t seed;             /* of all noise: same seed and frame_index, same picture */
     const char *device;        /* index, UUID or part of the name; null: the first usable, software devices last */

@@ -223,12 +223,13 @@ impl fmt::Display for Error {
             }
             Self::Parameter { effect, name, value, min, max, unit } => write!(
                 f,
-                "{effect}.{name} = {value}{} is outside {min} to {max}{}",
+                "{effect}.{name} = {}{} is outside {min} to {max}{}",
+                Quoted(*value),
                 spaced(unit),
                 spaced(unit)
             ),
             Self::NotWhole { effect, name, value } => {
-                write!(f, "{effect}.{name} = {value} is not a whole number")
+                write!(f, "{effect}.{name} = {} is not a whole number", Quoted(*value))
             }
             Self::Contradiction { effect, what } => write!(f, "{effect}: {what}"),
             Self::ChainOrder { effect, needs, reached } => {
@@ -324,6 +325,30 @@ impl std::error::Error for Error {
         match self {
             Self::Io { source, .. } => Some(source),
             _ => None,
+        }
+    }
+}
+
+/// At most 40 characters of what stands in a file: a number may be written with any count of digits.
+pub(crate) fn shortened(text: &str) -> String {
+    let mut short: String = text.chars().take(40).collect();
+    if short.len() < text.len() {
+        short += "...";
+    }
+    short
+}
+
+/// A number as a message quotes it, in the precision that is asked for: 1e300 written out has 301 digits.
+#[derive(Clone, Copy, Debug)]
+pub struct Quoted(pub f64);
+
+impl fmt::Display for Quoted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0.abs();
+        if (1e-9..1e15).contains(&size) || size == 0.0 || !size.is_finite() {
+            fmt::Display::fmt(&self.0, f)
+        } else {
+            fmt::LowerExp::fmt(&self.0, f)
         }
     }
 }

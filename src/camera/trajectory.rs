@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DQuat, DVec3};
 
 use super::{Pose, Stamp, StampFault};
-use crate::error::{Error, Result};
+use crate::error::{Error, Quoted, Result, shortened};
 
 /// How far outside its span a trajectory still answers, with its first or last pose, s. Stamps are whole nanoseconds;
 /// this is the rounding of sums such as `start_s + readout_time_s + exposure_time_s`, not an extrapolation.
@@ -75,7 +75,11 @@ impl Trajectory {
                 // The second comparison is for steps too small for an f64 at this distance from the epoch.
                 && (time <= last_time || times_s.last().is_some_and(|&before| time_s <= before))
             {
-                let found = format!("time {written} s after {last_written} s in line {last_number}");
+                let found = format!(
+                    "time {} s after {} s in line {last_number}",
+                    shortened(written),
+                    shortened(last_written)
+                );
                 return Err(Error::input(path, number, found, "times that increase"));
             }
             last = Some((number, time, written));
@@ -206,9 +210,11 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &
     }
     let time = Stamp::parse_seconds(fields[0]).map_err(|fault| {
         let (found, expected) = match fault {
-            StampFault::NotANumber => (format!("time `{}`", fields[0]), "a finite number of seconds"),
+            StampFault::NotANumber => {
+                (format!("time `{}`", shortened(fields[0])), "a finite number of seconds")
+            }
             StampFault::TooFar => {
-                (format!("time {} s", fields[0]), "seconds within 292 years of zero; is it in ns?")
+                (format!("time {} s", shortened(fields[0])), "seconds within 292 years of zero; is it in ns?")
             }
         };
         Error::input(path, number, found, expected)
@@ -217,15 +223,14 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &
     for (value, (name, field)) in
         values.iter_mut().zip(["tx", "ty", "tz", "qx", "qy", "qz", "qw"].iter().zip(&fields[1..]))
     {
-        *value =
-            field.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
-                Error::input(path, number, format!("{name} = `{field}`"), "a finite number")
-            })?;
+        *value = field.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
+            Error::input(path, number, format!("{name} = `{}`", shortened(field)), "a finite number")
+        })?;
     }
     let [tx, ty, tz, qx, qy, qz, qw] = values;
     if let Some(far) = values[..3].iter().find(|v| v.abs() > MAX_COORDINATE_M) {
         let expected = format!("metres, at most {MAX_COORDINATE_M:e}");
-        return Err(Error::input(path, number, format!("a coordinate of {far} m"), expected));
+        return Err(Error::input(path, number, format!("a coordinate of {} m", Quoted(*far)), expected));
     }
     let rotation = DQuat::from_xyzw(qx, qy, qz, qw);
     let length = rotation.length();
@@ -233,7 +238,8 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &
     let is_unit = (length - 1.0).abs() <= QUATERNION_TOLERANCE;
     if !is_unit {
         let expected = format!("a unit quaternion qx qy qz qw (length 1 within {QUATERNION_TOLERANCE})");
-        return Err(Error::input(path, number, format!("a quaternion of length {length:.6}"), expected));
+        let found = format!("a quaternion of length {:.6}", Quoted(length));
+        return Err(Error::input(path, number, found, expected));
     }
     Ok((time, fields[0], Pose { rotation: rotation.normalize(), translation_m: DVec3::new(tx, ty, tz) }))
 }

@@ -11,6 +11,7 @@ use super::image::View;
 use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use crate::camera::{Intrinsics, Pose};
+use crate::error::Quoted;
 use crate::plane::{PixelFormat, Plane};
 use crate::reference::unpack::{ColorPush, decode_table, unpack_color};
 
@@ -255,6 +256,7 @@ pub unsafe extern "C" fn shutterbug_check_conventions(
             let pose = &view.world_from_camera;
             let length = DQuat::from_array(pose.rotation_xyzw).length();
             if !((length - 1.0).abs() <= 1e-3) || pose.translation_m.iter().any(|v| !v.is_finite()) {
+                let length = Quoted(length);
                 let text =
                     format!("{what}: the pose is no number, or its quaternion's length {length} not 1");
                 return Err(Fault::argument(text));

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::status::{Fault, Outcome};
 use super::types::shutterbug_camera;
 use crate::camera::ScanOrder;
-use crate::capture::CameraFile;
+use crate::capture::{CameraFile, parse_json};
 
 /// Flag of the struct: the camera rests during each frame.
 pub const CAMERA_STATIC: u32 = 1;
@@ -58,8 +58,8 @@ pub fn from_text(text: &str) -> Outcome<CameraFile> {
         return Ok(CameraFile::parse(Path::new("camera text"), text)?);
     }
     let path = Path::new("camera JSON");
-    let value: Value = serde_json::from_str(text).map_err(|e| {
-        crate::error::Error::input(path, e.line(), e.to_string(), "JSON with the keys of camera.toml")
+    let value: Value = parse_json(text.as_bytes()).map_err(|e| {
+        crate::error::Error::input(path, e.line, e.found, "JSON with the keys of camera.toml, each once")
     })?;
     Ok(CameraFile::parse(path, &toml_of(&value)?)?)
 }
@@ -145,6 +145,14 @@ mod tests {
         let fault = |text: &str| from_text(text).expect_err("refused").text;
         assert!(fault(&JSON.replace("height", "hight")).contains("did you mean `height`"), "a typing error");
         assert!(fault("{\"width\": ").contains("camera JSON:1"), "{}", fault("{\"width\": "));
+        let twice = fault(&JSON.replace("\"cy\"", "\"cx\""));
+        assert!(
+            twice.starts_with("camera JSON:2") && twice.contains("the key `cx` a second time"),
+            "{twice}"
+        );
+        assert!(
+            fault(&JSON.replace("motion_blur", "rolling_shutter")).contains("`rolling_shutter` a second")
+        );
         assert!(fault(&JSON.replace("true", "null")).contains("`static`"));
         assert!(fault(&TOML.replace("0.03", "nan")).contains("readout_time_s"));
     }

@@ -6,6 +6,7 @@ use super::handle::{code, guarded};
 use super::image::View;
 use super::status::{Fault, Outcome, Status};
 use super::types::*;
+use crate::error::Quoted;
 use crate::plane::{PixelFormat, Plane};
 use crate::reference::unpack::{MotionPush, unpack_motion};
 
@@ -48,7 +49,7 @@ pub(super) fn motion_scale(
         }
     }
     if !(c.interval_s >= 0.0 && c.interval_s <= 1e9) {
-        return Err(Fault::argument(format!("motion convention: interval_s is {}", c.interval_s)));
+        return Err(Fault::argument(format!("motion convention: interval_s is {}", Quoted(c.interval_s))));
     }
     let sign = if c.direction == 1 { -1.0 } else { 1.0 };
     let up = if c.y_axis == 1 { -1.0 } else { 1.0 };
@@ -84,7 +85,10 @@ pub(super) fn depth_decode(d: &shutterbug_depth_convention) -> Outcome<Option<[f
             let (middle, slope) = (0.5 * (d.near_m + d.far_m), 0.5 * (d.near_m - d.far_m));
             Ok(Some([(d.near_m * d.far_m) as f32, middle as f32, slope as f32]))
         }
-        1..=4 => Err(Fault::argument(format!("depth convention: near {} m, far {} m", d.near_m, d.far_m))),
+        1..=4 => {
+            let [near, far] = [d.near_m, d.far_m].map(Quoted);
+            Err(Fault::argument(format!("depth convention: near {near} m, far {far} m")))
+        }
         kind => Err(Fault::argument(format!("depth convention: there is no kind {kind}"))),
     }
 }
@@ -145,7 +149,10 @@ pub unsafe extern "C" fn shutterbug_motion_convert(
     let convert = || unsafe {
         let (from, to) = (View::new(&named(from, "from")?, "from")?, View::new(&named(to, "to")?, "to")?);
         if !(frame_interval_s > 0.0 && frame_interval_s.is_finite()) {
-            return Err(Fault::argument(format!("frame_interval_s is {frame_interval_s}, not above 0")));
+            return Err(Fault::argument(format!(
+                "frame_interval_s is {}, not above 0",
+                Quoted(frame_interval_s)
+            )));
         }
         if !from.format.is_motion() || from.memory != 0 {
             return Err(Fault::new(super::status::FORMAT, "from is RG16F or RG32F in host memory"));

@@ -16,6 +16,7 @@ use super::status::{self, Fault, Outcome, Status};
 use super::types::*;
 use super::{camera, log};
 use crate::camera::Pose;
+use crate::error::Quoted;
 use crate::files::Limit;
 use crate::gpu::{
     Context, ContextOptions, DeviceChoice, DeviceKind, HostDevice, HostHandles, Loader, Validation,
@@ -259,13 +260,14 @@ const MAX_COORDINATE_M: f64 = 1e9;
 fn pose_of(pose: &shutterbug_pose, index: usize) -> Outcome<Pose> {
     let far = pose.translation_m.iter().find(|v| !(v.abs() <= MAX_COORDINATE_M));
     if let Some(far) = far {
-        return Err(Fault::argument(format!("pose {index}: a coordinate of {far} m")));
+        return Err(Fault::argument(format!("pose {index}: a coordinate of {} m", Quoted(*far))));
     }
     let rotation = DQuat::from_array(pose.rotation_xyzw);
     let length = rotation.length();
     if !((length - 1.0).abs() <= 1e-3) {
         return Err(Fault::argument(format!(
-            "pose {index}: a quaternion of length {length}, not 1 within 1e-3"
+            "pose {index}: a quaternion of length {}, not 1 within 1e-3",
+            Quoted(length)
         )));
     }
     Ok(Pose { rotation: rotation.normalize(), translation_m: DVec3::from(pose.translation_m) })

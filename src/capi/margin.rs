@@ -6,6 +6,7 @@ use super::session::Session;
 use super::status::{Fault, Outcome, Status};
 use super::types::*;
 use crate::engine::{BorderRays, MarginNeed, OutsideLens};
+use crate::error::Quoted;
 
 /// `shutterbug_engine_margin`.
 ///
@@ -42,7 +43,10 @@ fn margin(session: &Session, bound: &shutterbug_motion_bound) -> Outcome<[u32; 2
         ("nearest_m", bound.nearest_m),
     ];
     if let Some((name, value)) = numbers.iter().find(|(_, v)| !(*v >= 0.0 && v.is_finite())) {
-        return Err(Fault::argument(format!("shutterbug_motion_bound.{name} is {value}, not 0 or above")));
+        return Err(Fault::argument(format!(
+            "shutterbug_motion_bound.{name} is {}, not 0 or above",
+            Quoted(*value)
+        )));
     }
     if !bound.color_delay_s.is_finite() || bound.reserved != 0 {
         return Err(Fault::argument(

@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::status::{self, Fault, Outcome};
 use super::types::shutterbug_engine_options;
 use crate::engine::{AccumulationOptions, ExactOptions, FastOptions, Method, PaperOptions};
+use crate::error::Quoted;
 
 /// Flag of the options: load the validation layer.
 pub const ENGINE_VALIDATION: u32 = 1;
@@ -62,6 +63,11 @@ fn method_of(code: u32, motion_images: u32, max_samples: u32) -> Outcome<Method>
         4 => {
             let motion_images =
                 if motion_images == 0 { FastOptions::default().motion_images } else { motion_images };
+            // Two go into one image of paths: the engine would take the next even number in silence.
+            if ![2, 4, 6].contains(&motion_images) {
+                let text = format!("motion_images is {motion_images}, not 2, 4 or 6 (method FAST)");
+                return Err(Fault::argument(text));
+            }
             Ok(Method::Fast(FastOptions { motion_images, max_samples, ..FastOptions::default() }))
         }
         other => Err(Fault::new(status::UNSUPPORTED, format!("this library has no method {other}"))),
@@ -83,7 +89,7 @@ pub fn settings(o: &shutterbug_engine_options) -> Outcome<Settings> {
         return Err(Fault::argument(format!("samples is {samples}, not 1, 4 or 16")));
     }
     if !(o.time_limit_s >= 0.0 && o.time_limit_s <= 1e9) {
-        return Err(Fault::argument(format!("time_limit_s is {}, not 0 to 1e9", o.time_limit_s)));
+        return Err(Fault::argument(format!("time_limit_s is {}, not 0 to 1e9", Quoted(o.time_limit_s))));
     }
     let max_samples = within("max_blur_samples", or(o.max_blur_samples, 240), 4096)?;
     let motion_images = within("motion_images", o.motion_images, 6)?;

@@ -17,6 +17,7 @@ use crate::engine::{
     Delivery, MAX_BODIES, MAX_OUTSIDE_MOTIONS, MAX_PICTURES, OutsideBodies, OutsideFrame, OutsideMotion,
     OutsidePicture, PixelSource,
 };
+use crate::error::Quoted;
 use crate::gpu::Context;
 use crate::reference::unpack::Encoding;
 
@@ -110,7 +111,10 @@ fn check_numbers(o: &shutterbug_outside) -> Outcome<()> {
         return Err(Fault::argument("either motion images or depth are given: one of them, not both"));
     }
     if o.motion_count > 1 && !(o.motion_step_s > 0.0) {
-        return Err(Fault::argument(format!("motion_step_s is {}, with several images", o.motion_step_s)));
+        return Err(Fault::argument(format!(
+            "motion_step_s is {}, with several images",
+            Quoted(o.motion_step_s)
+        )));
     }
     Ok(())
 }
@@ -123,7 +127,7 @@ fn check_poses(o: &shutterbug_outside) -> Outcome<()> {
         return Err(Fault::argument("pose_count poses go with depth, not with motion images"));
     }
     if !(o.nearest_m >= 0.0 && o.nearest_m.is_finite()) {
-        return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", o.nearest_m)));
+        return Err(Fault::argument(format!("nearest_m is {}, not 0 or above", Quoted(o.nearest_m))));
     }
     let of_paths = [o.flags & OUTSIDE_REPEAT_BORDER, o.body_count, o.picture_count];
     if o.pose_count == 0 && (of_paths != [0; 3] || o.nearest_m != 0.0) {

@@ -58,7 +58,7 @@ pub(super) fn read_effects(
         let line = table.get(effect.id()).map(|t| toml.line(t.span()));
         warnings.extend(
             effect
-                .check(&settings, frame_period_s)
+                .warnings(&settings, frame_period_s)
                 .map_err(|problem| at(toml, line, problem, String::new()))?,
         );
     }

@@ -4,6 +4,7 @@
 mod camera_toml;
 mod effect_tables;
 mod frames_csv;
+mod json;
 mod lights;
 mod text;
 mod tum;
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
 pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
+pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;
 
 use crate::camera::{Intrinsics, Lens, Pose, ShutterTiming, Trajectory};

@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shortened};
 use crate::files::{Limit, read};
 
 /// The whole of a UTF-8 text file. `purpose` completes "no such file; expected ..." when it is missing.
@@ -113,8 +113,8 @@ fn describe(value: &DeValue) -> String {
             let short: String = s.chars().take(40).collect();
             format!("{short:?}{}", if short.len() < s.len() { "..." } else { "" })
         }
-        DeValue::Integer(i) => i.to_string(),
-        DeValue::Float(f) => f.to_string(),
+        DeValue::Integer(i) => shortened(&i.to_string()),
+        DeValue::Float(f) => shortened(&f.to_string()),
         DeValue::Boolean(b) => b.to_string(),
         DeValue::Datetime(d) => format!("the date {d}"),
         DeValue::Array(a) => format!("a list of {}", a.len()),

@@ -120,6 +120,14 @@ pub trait Effect: Sync {
     fn check(&self, _settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
         Ok(Vec::new())
     }
+    /// All that is worth saying of its settings: what changes nothing beside the others, and what [`Self::check`] says.
+    ///
+    /// # Errors
+    /// Those of [`Self::check`].
+    fn warnings(&self, settings: &Settings, frame_period_s: f64) -> Result<Vec<String>> {
+        let said = self.check(settings, frame_period_s)?;
+        Ok(settings.idle(self.id(), self.specs()).into_iter().chain(said).collect())
+    }
     /// Which of its parts change anything with these settings, one bit a part: kernels are made without the others. 0:
     /// none, the effect is left out, so that neutral parameters return the input bit for bit.
     fn variant(&self, settings: &Settings) -> u32 {

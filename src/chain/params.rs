@@ -1,9 +1,10 @@
 //! Parameters as data: one list of specs drives `camera.toml`, range checks, reports, fits (`fit`) and blind trials.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::{Effect, Fit};
-use crate::error::{Error, Result};
+use crate::error::{Error, Quoted, Result};
 
 /// What values a parameter takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,12 +54,19 @@ pub struct ParamSpec {
     pub about: &'static str,
     /// How a diagnosis finds it; nothing for what no diagnosis looks for.
     pub fit: Option<Fit>,
+    /// Other parameters of its effect: while all of them are neutral it changes nothing. Empty: it counts alone.
+    pub beside: &'static [&'static str],
 }
 
 impl ParamSpec {
     /// The same, which a diagnosis looks for.
     pub const fn fit(self, fit: Fit) -> Self {
         Self { fit: Some(fit), ..self }
+    }
+
+    /// The same, which counts only beside one of these parameters of its effect.
+    pub const fn beside(self, beside: &'static [&'static str]) -> Self {
+        Self { beside, ..self }
     }
 
     /// A real number from `range.0` to `range.1`.
@@ -69,7 +77,7 @@ impl ParamSpec {
         neutral: f64,
         about: &'static str,
     ) -> Self {
-        Self { name, unit, kind: ParamKind::Number { min: range.0, max: range.1, neutral }, about, fit: None }
+        Self::of(name, unit, ParamKind::Number { min: range.0, max: range.1, neutral }, about)
     }
 
     /// A whole number from `range.0` to `range.1`; neutral is `range.0`.
@@ -79,23 +87,21 @@ impl ParamSpec {
         range: (f64, f64),
         about: &'static str,
     ) -> Self {
-        Self {
-            name,
-            unit,
-            kind: ParamKind::Integer { min: range.0, max: range.1, neutral: range.0 },
-            about,
-            fit: None,
-        }
+        Self::of(name, unit, ParamKind::Integer { min: range.0, max: range.1, neutral: range.0 }, about)
     }
 
     /// One of `options`; the first is neutral.
     pub const fn choice(name: &'static str, options: &'static [&'static str], about: &'static str) -> Self {
-        Self { name, unit: "", kind: ParamKind::Choice { options, neutral: options[0] }, about, fit: None }
+        Self::of(name, "", ParamKind::Choice { options, neutral: options[0] }, about)
     }
 
     /// Three real numbers of at most `max` each.
     pub const fn vector3(name: &'static str, unit: &'static str, max: f64, about: &'static str) -> Self {
-        Self { name, unit, kind: ParamKind::Vector3 { max }, about, fit: None }
+        Self::of(name, unit, ParamKind::Vector3 { max }, about)
+    }
+
+    const fn of(name: &'static str, unit: &'static str, kind: ParamKind, about: &'static str) -> Self {
+        Self { name, unit, kind, about, fit: None, beside: &[] }
     }
 }
 
@@ -108,6 +114,16 @@ pub enum Value {
     Choice(&'static str),
     /// Three real numbers.
     Vector3([f64; 3]),
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(n) => write!(f, "{}", Quoted(*n)),
+            Self::Choice(c) => write!(f, "{c:?}"),
+            Self::Vector3([x, y, z]) => write!(f, "[{}, {}, {}]", Quoted(*x), Quoted(*y), Quoted(*z)),
+        }
+    }
 }
 
 /// Which effects are on, and their parameters: a flat table keyed by stem and name, so that nothing that handles
@@ -179,6 +195,21 @@ impl Settings {
     /// Whether an effect is off or all its parameters are neutral.
     pub fn is_neutral(&self, effect: &str, specs: &[ParamSpec]) -> bool {
         specs.iter().all(|s| self.get(effect, s.name).is_none_or(|v| v == neutral(&s.kind)))
+    }
+
+    /// A sentence for each parameter of an effect that was set and changes nothing beside the others.
+    pub fn idle(&self, effect: &str, specs: &[ParamSpec]) -> Vec<String> {
+        let set = |name: &str| {
+            let spec = specs.iter().find(|s| s.name == name)?;
+            self.get(effect, name).filter(|v| *v != neutral(&spec.kind))
+        };
+        let said = |s: &ParamSpec| {
+            let value = set(s.name)?;
+            let idle = !s.beside.is_empty() && s.beside.iter().all(|b| set(b).is_none());
+            let others = s.beside.join(" or ");
+            idle.then(|| format!("{effect}.{} = {value} changes nothing without {others}", s.name))
+        };
+        specs.iter().filter_map(said).collect()
     }
 
     /// Effects that are on, with their parameters.

@@ -28,24 +28,28 @@ pub(super) const SPECS: &[ParamSpec] = &[
         "",
         (1.0, 60.0),
         "frames from the one that is metered to the one that answers",
-    ),
+    )
+    .beside(&["target"]),
     ParamSpec::number(
         "speed",
         "",
         (0.0, 1.0),
         1.0,
         "share of the way to the wanted gain, in its logarithm, a frame",
-    ),
+    )
+    .beside(&["target"]),
     ParamSpec::number(
         "max_step_ev",
         "powers of two",
         (0.0, 10.0),
         10.0,
         "largest change of the gain, a frame",
-    ),
-    ParamSpec::number("min_gain", "", GAIN, 1e-3, "smallest gain"),
-    ParamSpec::number("max_gain", "", GAIN, 100.0, "largest gain"),
-    ParamSpec::number("initial_gain", "", GAIN, 1.0, "gain until the first frame that was metered counts"),
+    )
+    .beside(&["target"]),
+    ParamSpec::number("min_gain", "", GAIN, 1e-3, "smallest gain").beside(&["target"]),
+    ParamSpec::number("max_gain", "", GAIN, 100.0, "largest gain").beside(&["target"]),
+    ParamSpec::number("initial_gain", "", GAIN, 1.0, "gain until the first frame that was metered counts")
+        .beside(&["target"]),
 ];
 
 const TARGET: Number = Number::of(ID, SPECS, "target");

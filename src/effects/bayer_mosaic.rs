@@ -26,7 +26,8 @@ pub(super) const SPECS: &[ParamSpec] = &[
         "colours of the upper left 2x2 pixels, row by row",
     )
     .fit(Fit::choice().trial(Law::Option, 0.25, 1.0)),
-    ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in"),
+    ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in")
+        .beside(&["pattern"]),
 ];
 
 const PATTERN: Choice = Choice::of("bayer_mosaic", SPECS, "pattern");

@@ -28,9 +28,11 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ),
     ParamSpec::number("disc_radius_px", "px", (0.0, 20.0), 0.0, "radius of the disc"),
     ParamSpec::number("aperture_m", "m", (0.0, 0.2), 0.0, "diameter of the aperture; 0: not by depth"),
-    ParamSpec::number("focus_m", "m", (0.01, 1e6), 1e6, "distance that is sharp"),
-    ParamSpec::choice("shape", &["disc", "gaussian"], "by depth: what a point becomes"),
-    ParamSpec::number("max_radius_px", "px", (1.0, 20.0), 8.0, "by depth: larger discs are cut to this"),
+    ParamSpec::number("focus_m", "m", (0.01, 1e6), 1e6, "distance that is sharp").beside(&["aperture_m"]),
+    ParamSpec::choice("shape", &["disc", "gaussian"], "by depth: what a point becomes")
+        .beside(&["aperture_m"]),
+    ParamSpec::number("max_radius_px", "px", (1.0, 20.0), 8.0, "by depth: larger discs are cut to this")
+        .beside(&["aperture_m"]),
 ];
 
 const FOCUS_M: Number = Number::of("defocus", SPECS, "focus_m");

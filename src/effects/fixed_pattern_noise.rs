@@ -24,7 +24,8 @@ pub(super) const SPECS: &[ParamSpec] = &[
         .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.004, 0.03).graded(3e-4, 1e-2)),
     ParamSpec::number("prnu", "", (0.0, 1.0), 0.0, "standard deviation of the gains")
         .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.008, 0.05).graded(6e-4, 2e-2)),
-    ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
+    ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind")
+        .beside(&["dsnu", "prnu"]),
 ];
 
 const DSNU: Number = Number::of("fixed_pattern_noise", SPECS, "dsnu");

@@ -7,10 +7,12 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::MotionBlur;
 use crate::chain::{
     At, Choice, Domain, Effect, Fit, Held, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings,
     Stage, View, Work,
 };
+use crate::error::Result;
 
 /// The effect; its values live in [`Settings`].
 pub struct Flicker;
@@ -23,15 +25,19 @@ pub(super) const SPECS: &[ParamSpec] = &[
         0.0,
         "of the brightness: twice that of the current",
     )
+    .beside(&["depth"])
     .fit(
         // Not near a multiple of 30 Hz: seen by a global shutter, that is a gain and no flicker.
         Fit::by(0.05).within(1.0, 1000.0).rest(100.0).by_lines().trial(Law::Even, 96.0, 114.0),
     ),
     ParamSpec::number("depth", "", (0.0, 1.0), 0.0, "amplitude over mean brightness")
+        .beside(&["frequency_hz", "phase_rad"])
         .fit(Fit::by(0.01).within(-0.9, 0.9).held(Held::Cosine).trial(Law::Up, 0.05, 0.3).graded(3e-3, 3e-1)),
     ParamSpec::number("phase_rad", "rad", (-TAU, TAU), 0.0, "at the zero of the capture's clock")
+        .beside(&["depth"])
         .fit(Fit::by(0.01).within(-0.9, 0.9).held(Held::Sine).by_lines().trial(Law::Even, -3.0, 3.0)),
-    ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means"),
+    ParamSpec::choice("average", &["line_start", "exposure"], "what the time of a line means")
+        .beside(&["depth"]),
 ];
 
 const FREQUENCY_HZ: Number = Number::of("flicker", SPECS, "frequency_hz");
@@ -89,6 +95,13 @@ impl Effect for Flicker {
 
     fn shown_by(&self) -> &'static str {
         "an evenly lit wall under the same lamps for ten frames, camera at rest"
+    }
+
+    fn check(&self, settings: &Settings, _: f64) -> Result<Vec<String>> {
+        let average = self.variant(settings) != 0 && settings.chosen(AVERAGE) == Some("exposure");
+        let idle = average && MotionBlur::exposure_time_s(settings) == 0.0;
+        let said = "flicker.average = \"exposure\" changes nothing without motion_blur.exposure_time_s";
+        Ok(idle.then(|| said.to_owned()).into_iter().collect())
     }
 
     fn variant(&self, settings: &Settings) -> u32 {

@@ -17,6 +17,7 @@ pub(super) const SPECS: &[ParamSpec] = &[
             .graded(1e-3, 1e-1),
     ),
     ParamSpec::number("level", "fraction of full scale", (0.0, 10.0), 0.0, "radiance of the scattered light")
+        .beside(&["veil"])
         .fit(Fit::by(0.02).ends().within(0.0, 1.5).rest(0.5).starts(&[0.8, 0.2, 0.5]).trial(
             Law::Even,
             0.2,

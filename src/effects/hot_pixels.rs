@@ -19,7 +19,8 @@ pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::integer("count", "px", (0.0, 1e6), "number of hot pixels (at most half of the picture's)"),
     ParamSpec::number("fraction", "", (0.0, 0.5), 0.0, "hot pixels over all, in place of `count`")
         .fit(Fit::by(1e-4).within(0.0, 0.05).trial(Law::Up, 0.0004, 0.005).graded(5e-5, 5e-3)),
-    ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind"),
+    ParamSpec::integer("sensor_seed", "", (0.0, 4_294_967_295.0), "which sensor of its kind")
+        .beside(&["count", "fraction"]),
 ];
 
 const COUNT: Number = Number::of("hot_pixels", SPECS, "count");

@@ -4,7 +4,7 @@
 
 use crate::camera::Distortion;
 use crate::chain::{Effect, Fit, Law, ParamSpec, Settings, Stage, Value};
-use crate::error::Result;
+use crate::error::{Quoted, Result};
 
 /// The effect; its values live in [`Settings`].
 pub struct LensDistortion;
@@ -125,9 +125,10 @@ impl Effect for LensDistortion {
     fn check(&self, settings: &Settings, _frame_period_s: f64) -> Result<Vec<String>> {
         let model = settings.choice(ID, MODEL).unwrap_or(BROWN_CONRADY);
         let idle = idle_in(model).iter().filter_map(|name| match settings.get(ID, name) {
-            Some(Value::Number(n)) if n != 0.0 => {
-                Some(format!("{ID}.{name} = {n} changes nothing: the model {model} has no such coefficient"))
-            }
+            Some(Value::Number(n)) if n != 0.0 => Some(format!(
+                "{ID}.{name} = {} changes nothing: the model {model} has no such coefficient",
+                Quoted(n)
+            )),
             _ => None,
         });
         Ok(idle.collect())

@@ -38,7 +38,8 @@ pub(super) const SPECS: &[ParamSpec] = &[
         (0.0, 1.0),
         0.0,
         "difference in luma from which an edge is spared; 0: none is",
-    ),
+    )
+    .beside(&["luma_sigma_px", "chroma_sigma_px"]),
 ];
 
 const EDGE: Number = Number::of(ID, SPECS, "edge");

@@ -21,7 +21,8 @@ pub const STREAM_READ_NOISE: u32 = 0x5245;
 pub(super) const SPECS: &[ParamSpec] = &[
     ParamSpec::number("sigma", "fraction of full scale", (0.0, 1.0), 0.0, "standard deviation")
         .fit(Fit::by(1e-3).within(0.0, 0.3).trial(Law::Up, 0.004, 0.04).graded(3e-4, 1e-2)),
-    ParamSpec::number("frame_correlation", "", (0.0, 0.9), 0.0, "correlation with the frame before"),
+    ParamSpec::number("frame_correlation", "", (0.0, 0.9), 0.0, "correlation with the frame before")
+        .beside(&["sigma"]),
 ];
 
 const FRAME_CORRELATION: Number = Number::of("read_noise", SPECS, "frame_correlation");

@@ -28,6 +28,7 @@ pub(super) const SPECS: &[ParamSpec] = &[
         &["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"],
         "which line is read first",
     )
+    .beside(&["readout_time_s"])
     .fit(Fit::choice().held(Held::Aside).trial(Law::Option, -1.5, 1.0)),
 ];
 

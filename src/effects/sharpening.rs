@@ -13,10 +13,17 @@ use crate::plane::Plane;
 pub struct Sharpening;
 
 pub(super) const SPECS: &[ParamSpec] = &[
-    ParamSpec::number("amount", "", (-1.0, 10.0), 0.0, "weight of the mask; below 0 it softens").fit(
-        Fit::by(0.05).within(0.0, 5.0).starts(&[0.3, 0.5, 1.2]).trial(Law::Up, 0.3, 2.0).graded(2e-2, 2.0),
-    ),
+    ParamSpec::number("amount", "", (-1.0, 10.0), 0.0, "weight of the mask; below 0 it softens")
+        .beside(&["radius_px"])
+        .fit(
+            Fit::by(0.05)
+                .within(0.0, 5.0)
+                .starts(&[0.3, 0.5, 1.2])
+                .trial(Law::Up, 0.3, 2.0)
+                .graded(2e-2, 2.0),
+        ),
     ParamSpec::number("radius_px", "px", (0.0, 50.0), 0.0, "standard deviation of the Gaussian")
+        .beside(&["amount"])
         .fit(Fit::by(0.1).within(0.4, 5.0).rest(1.0).starts(&[0.7, 1.5, 1.0]).trial(Law::Even, 0.7, 2.0)),
 ];
 

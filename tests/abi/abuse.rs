@@ -221,6 +221,22 @@ fn numbers_that_are_none() {
         change(&mut c);
         assert_eq!(unsafe { shutterbug_engine_set_camera(engine, &c) }, status(name), "{}", error_of(engine));
     }
+    let json = |more: &str| {
+        let text = format!(
+            "{{\"width\": 64, \"height\": 48, \"fx\": 50, \"fy\": 50, \"cx\": 32, \"cy\": 24{more}}}"
+        );
+        let text = std::ffi::CString::new(text).unwrap();
+        unsafe { shutterbug_engine_set_camera_text(engine, text.as_ptr()) }
+    };
+    let tables = ",\n\"frame_period_s\": 0.04, \"jpeg\": {\"quality\": 10}, \"jpeg\": {\"quality\": 90}";
+    refused(engine, json(tables), "INPUT", "camera JSON:2: found the key `jpeg` a second time");
+    refused(
+        engine,
+        json(", \"frame_period_s\": 0.04, \"width\": 65"),
+        "INPUT",
+        "the key `width` a second time",
+    );
+    must(json(", \"frame_period_s\": 0.04, \"jpeg\": {\"quality\": 10}"), engine);
     finish(engine);
 }
 
@@ -311,12 +327,14 @@ fn effects_that_act_where_a_scene_is_rendered_are_no_ones_of_frames_from_outside
 
 #[test]
 fn options_that_cannot_be_are_refused_with_a_sentence() {
-    let cases: [(&str, &str, &dyn Fn(&mut shutterbug_engine_options)); 9] = [
+    let cases: [(&str, &str, &dyn Fn(&mut shutterbug_engine_options)); 11] = [
         ("ARGUMENT", "samples is 3", &|o| o.samples = 3),
         ("ARGUMENT", "frames_in_flight is 9", &|o| o.frames_in_flight = 9),
         ("ARGUMENT", "flags", &|o| o.flags = 1 << 20),
         ("ARGUMENT", "time_limit_s is NaN", &|o| o.time_limit_s = f64::NAN),
         ("ARGUMENT", "motion_images is 7", &|o| o.motion_images = 7),
+        ("ARGUMENT", "motion_images is 3, not 2, 4 or 6", &|o| (o.method, o.motion_images) = (4, 3)),
+        ("ARGUMENT", "time_limit_s is 1e300, not 0 to 1e9", &|o| o.time_limit_s = 1e300),
         ("UNSUPPORTED", "no method 77", &|o| o.method = 77),
         ("NO_DEVICE", "no such device", &|o| o.device = c"no such device".as_ptr()),
         ("ARGUMENT", "not UTF-8", &|o| o.device = c"\xff".as_ptr()),

@@ -8,7 +8,7 @@ use shutterbug_cli::import::{Recording, Request};
 
 use crate::import::data;
 use crate::import_support::{
-    START_NS, chunk, image, import, last_line, mcap, message, pictures, record, text, topic, topic_in,
+    START_NS, chunk, header, image, import, last_line, mcap, message, pictures, record, text, topic, topic_in,
 };
 
 /// Imports the bytes as a file of that name: exit code, the last line of what was said, and how many frames came out.
@@ -82,6 +82,58 @@ fn pictures_that_cannot_be_read_are_named() {
         said.contains("a list of 4294967295 items with 16 bytes left in a message of `/cam` at byte"),
         "{said}"
     );
+}
+
+/// A sensor_msgs/Imu with one rate of turn.
+fn inertial(ns: u64, rate: f64) -> Vec<u8> {
+    let numbers: Vec<u8> = (0..37).flat_map(|i| if i == 13 { rate } else { 0.0 }.to_le_bytes()).collect();
+    [header(ns, "imu"), numbers].concat()
+}
+
+#[test]
+fn what_was_asked_for_and_cannot_all_be_read_is_an_error_after_the_rest_is_written() {
+    let ns = |k: u64| START_NS + 40_000_000 * k;
+    let odd = message(1, ns(2), &image(ns(2), [4, 2], "odd", 4, &[0; 8]));
+    let records = [pictures(2), vec![odd]].concat();
+    let (code, line, frames) = imported("a.mcap", &mcap(&records), &[]);
+    assert!(code == 1 && frames == 2, "{line}");
+    assert!(
+        line.contains(
+            "found 1 of 3 messages of `/cam` that cannot be read, the first with the encoding `odd`"
+        )
+    );
+    assert!(
+        line.contains("at byte ") && line.contains("what is whole was imported; expected one of rgb8"),
+        "{line}"
+    );
+    let (code, list, _) = listed("a.mcap", &mcap(&records));
+    assert!(code == 0 && list.contains("4x2 mono8, 1 cannot be read"), "{list}");
+    // Of a sensor that was taken without being asked for it is no more than a word.
+    let sensor = [topic(2, "/imu", "sensor_msgs/Imu"), message(2, ns(0), &inertial(ns(0), f64::NAN))];
+    let whole = message(2, ns(1), &inertial(ns(1), 0.1));
+    let records = [pictures(2), sensor.to_vec(), vec![whole]].concat();
+    let (code, line, frames) = imported("a.mcap", &mcap(&records), &[]);
+    assert!(code == 0 && frames == 2, "{line}");
+    let (code, line, frames) = imported("a.mcap", &mcap(&records), &["--imu", "/imu"]);
+    assert!(
+        code == 1 && frames == 2 && line.contains("1 of 2 messages of `/imu` that cannot be read"),
+        "{line}"
+    );
+    assert_eq!(imported("a.mcap", &mcap(&pictures(2)), &[]).0, 0, "control");
+}
+
+#[test]
+fn options_that_a_recording_has_no_use_for_are_refused() {
+    let log = |more: &[&str]| imported("a.mcap", &mcap(&pictures(2)), more);
+    for (more, says) in [
+        (&["--name", "cam1"][..], "--name: found MCAP; expected EuRoC or KITTI"),
+        (&["--times", "t.txt"], "--times: found MCAP; expected KITTI"),
+        (&["--body", "base", "--poses", "tf:map"], "--body: found --poses tf:map, which needs no body"),
+    ] {
+        let (code, line, frames) = log(more);
+        assert!(code == 2 && frames == 0 && line.contains(says), "{line}");
+    }
+    assert_eq!(log(&["--poses", "none"]).0, 0, "control");
 }
 
 #[test]
@@ -237,10 +289,10 @@ fn bag(index_at: u64, records: &[Vec<u8>]) -> Vec<u8> {
     [&b"#ROSBAG V2.0\n"[..], &head, &records.concat()].concat()
 }
 
-/// What the list of a bag's contents says: exit code, list, last message.
-fn listed(bytes: &[u8]) -> (i32, String, String) {
+/// What the list of a file's contents says: exit code, list, last message.
+fn listed(name: &str, bytes: &[u8]) -> (i32, String, String) {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("a.bag");
+    let file = folder.path().join(name);
     fs::write(&file, bytes).expect("written");
     let (code, list, said) = import(&[&text(&file)]);
     assert!(!said.contains("panicked"), "{said}");
@@ -251,19 +303,19 @@ fn listed(bytes: &[u8]) -> (i32, String, String) {
 #[test]
 fn bags_that_are_not_whole_say_so() {
     let whole = [bag_topic(0, "/a"), bag_message(0, &[("op", &[2])])];
-    let (code, list, line) = listed(&bag(100, &whole));
+    let (code, list, line) = listed("a.bag", &bag(100, &whole));
     assert!(code == 0 && list.contains("/a") && line.is_empty(), "control: {list}{line}");
-    let (code, list, line) = listed(&bag(1 << 40, &whole));
+    let (code, list, line) = listed("a.bag", &bag(1 << 40, &whole));
     assert!(code == 1 && list.contains("/a"), "{list}{line}");
     assert!(line.contains("an index at byte 1099511627776, beyond the end of the file"), "{line}");
-    let (code, _, line) = listed(&bag(0, &whole));
+    let (code, _, line) = listed("a.bag", &bag(0, &whole));
     assert!(code == 1 && line.contains("found no index"), "{line}");
-    let (code, _, line) = listed(b"#ROSBAG V2.0\n");
+    let (code, _, line) = listed("a.bag", b"#ROSBAG V2.0\n");
     assert!(code == 1 && line.contains("found no index"), "{line}");
-    let (code, _, line) = listed(&bag(100, &[&whole[..], &[bag_message(0, &[])]].concat()));
+    let (code, _, line) = listed("a.bag", &bag(100, &[&whole[..], &[bag_message(0, &[])]].concat()));
     assert!(code == 1 && line.contains("a record of no kind in this place"), "{line}");
     let within = bag_chunk("none", 1, &bag_chunk("none", 1, &whole.concat()));
-    let (code, _, line) = listed(&bag(100, &[&whole[..], &[within]].concat()));
+    let (code, _, line) = listed("a.bag", &bag(100, &[&whole[..], &[within]].concat()));
     assert!(code == 1 && line.contains("a record of the kind 0x05 in this place"), "{line}");
 }
 
@@ -277,10 +329,11 @@ fn bombs_in_numbers_end_soon() {
     std::io::Read::read_to_end(&mut packer, &mut bomb).expect("packed");
     assert!(bomb.len() < 1000, "control: it is small");
     let begun = std::time::Instant::now();
-    let (code, _, line) = listed(&bag(100, &vec![bag_chunk("bz2", index.len() as u32, &bomb); 1000]));
+    let (code, _, line) =
+        listed("a.bag", &bag(100, &vec![bag_chunk("bz2", index.len() as u32, &bomb); 1000]));
     let took_s = begun.elapsed().as_secs_f64();
     assert!(code == 1 && line.contains("packed bytes that unpack to more than"), "{line}");
-    let (code, _, line) = listed(&bag(100, &[bag_chunk("bz2", index.len() as u32, &bomb)]));
+    let (code, _, line) = listed("a.bag", &bag(100, &[bag_chunk("bz2", index.len() as u32, &bomb)]));
     assert!(code == 0, "control: one is no fault: {line}");
     // Unpacking all of it takes ten minutes.
     assert!(took_s < 100.0, "{took_s} s");
@@ -293,7 +346,7 @@ fn many_topics_take_time_by_their_number() {
         let again = (0..3 * count).map(|i| bag_topic(i, &format!("/a/long/name/of/a/topic/{}", i % count)));
         let bytes = bag(100, &again.collect::<Vec<_>>());
         let begun = std::time::Instant::now();
-        let (_, list, line) = listed(&bytes);
+        let (_, list, line) = listed("a.bag", &bytes);
         assert!(list.contains("/a/long/name/of/a/topic/7 "), "{line}");
         begun.elapsed().as_secs_f64()
     };

@@ -173,6 +173,24 @@ fn every_parameter_changes_some_pixel() {
             let matters = picture(LIST, &without, &view, &radiance) != seen
                 || picture(LIST, &alone, &view, &radiance) != plain;
             assert!(matters, "{}.{} changes nothing", effect.id(), spec.name);
+            // What changes nothing alone is said, and no more than that.
+            let idle = picture(LIST, &alone, &view, &radiance) == plain;
+            let said = effect.warnings(&alone, 0.1).unwrap();
+            let names_it = said.iter().any(|s| s.contains(spec.name) && s.contains("changes nothing"));
+            assert!(names_it || !idle, "{}.{} alone: {said:?}", effect.id(), spec.name);
+            let said = alone.idle(effect.id(), effect.specs());
+            assert!(said.is_empty() || idle, "{}.{} alone: {said:?}", effect.id(), spec.name);
+            assert!(all.idle(effect.id(), effect.specs()).is_empty(), "control: {}", effect.id());
+        }
+    }
+}
+
+#[test]
+fn what_a_parameter_counts_beside_is_one_of_its_effects() {
+    for effect in LIST {
+        let known = |name: &&str| effect.specs().iter().any(|s| s.name == *name);
+        for spec in effect.specs() {
+            assert!(spec.beside.iter().all(known) && !spec.beside.contains(&spec.name), "{spec:?}");
         }
     }
 }

@@ -75,6 +75,66 @@ fn exit_codes_are_of_one_table() {
     assert!(!out.exists());
 }
 
+/// K1: an option that would be ignored without another one, or beside it, is the command line's fault.
+#[test]
+fn options_that_would_be_ignored_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    let mut cases: Vec<(Vec<&str>, &str)> = vec![
+        (vec!["withhold", "--out", out, "--points", "3"], "--curve"),
+        (vec!["withhold", "--out", out, "--repeats", "9"], "--curve"),
+        (vec!["camera", "convert", "/no/such/file", "--overwrite"], "--out"),
+        (vec!["board", "/no/such", "--out", out, "--marker-share", "0.7"], "--marker-share has no meaning"),
+        (
+            vec!["board", "/no/such", "--out", out, "--dictionary", "DICT_4X4_50"],
+            "--dictionary has no meaning",
+        ),
+        (
+            vec!["board", "/no/such", "--out", out, "--pattern", "charuco", "--tag-spacing", "0.2"],
+            "no meaning",
+        ),
+    ];
+    for option in
+        ["--camera-info", "--poses", "--imu", "--body", "--camera-frame", "--name", "--times", "--topic"]
+    {
+        cases.push((vec!["import", "/no/such/file", option, "x"], "--out"));
+    }
+    for option in [&["--every", "2"][..], &["--capture"], &["--resume"], &["--overwrite"]] {
+        cases.push(([&["import", "/no/such/file"], option].concat(), "--out"));
+    }
+    for more in [&["--scene", "exact"][..], &["--poses", "exact"], &["--camera", "c.toml"]] {
+        let unpaired = ["diagnose", "--sim", "/a", "--real", "/b", "--unpaired", "--out", out];
+        cases.push(([&unpaired[..], more].concat(), more[0]));
+        cases.push(([&["diagnose", "--real", "/b", "--out", out][..], more].concat(), "--sim"));
+    }
+    cases.push((vec!["diagnose", "--sim", "/a", "--real", "/b", "--out", out, "--device", "x"], "--device"));
+    for (arguments, says) in cases {
+        assert_refused(&shutterbug().args(&arguments).output().unwrap(), 2, &[says]);
+    }
+    // Control: none of these is refused for its options.
+    for arguments in [
+        &[
+            "board",
+            "/no/such",
+            "--out",
+            out,
+            "--pattern",
+            "charuco",
+            "--size",
+            "4x3",
+            "--marker-share",
+            "0.7",
+        ][..],
+        &["import", "/no/such/file", "--out", out, "--poses", "x", "--overwrite"],
+        &["diagnose", "--sim", "/a", "--real", "/b", "--out", out, "--scene", "exact", "--camera", "c.toml"],
+        &["diagnose", "/a", "--out", out, "--scene", "exact", "--camera", "c.toml", "--device", "x"],
+    ] {
+        assert_eq!(shutterbug().args(arguments).output().unwrap().status.code(), Some(1), "{arguments:?}");
+    }
+    assert!(!Path::new(out).exists());
+}
+
 /// U4, U5: files of other kinds are called by their name.
 #[test]
 fn other_formats_are_called_by_their_name() {

@@ -50,6 +50,77 @@ fn a_single_file_replaces_another_only_when_asked_and_never_its_input() {
     assert_eq!(fs::read_to_string(&camera).unwrap(), CAMERA);
 }
 
+/// Nothing is read from it or written to it, and nothing waits for its other end.
+#[test]
+#[cfg(unix)]
+fn an_out_that_is_no_folder_is_called_what_it_is() {
+    let capture = Capture::new();
+    let (file, pipe) = (capture.beside("file"), capture.beside("pipe"));
+    fs::write(&file, "mine").unwrap();
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let root = capture.root();
+    let inputs: [&[&str]; 6] = [
+        &["simulate"],
+        &["diagnose"],
+        &["calibrate", "noise"],
+        &["calibrate", "readout", "--led-hz", "100"],
+        &["board", "--size", "9x6"],
+        &["import"],
+    ];
+    let cases = [
+        (file.clone(), "found --out naming a file"),
+        (file.join("below"), "found a file above --out"),
+        (pipe.clone(), "found --out naming a pipe"),
+        (PathBuf::from("/dev/null"), "found --out naming a device"),
+    ];
+    for (out, says) in &cases {
+        let says = [*says, "expected a folder: new, empty or an earlier run's"];
+        let mut withhold = shutterbug();
+        withhold.args(["withhold", "--count", "1", "--out"]).arg(out);
+        assert_refused(&withhold.output().unwrap(), 1, &says);
+        for more in [&[][..], &["--overwrite"], &["--resume"]] {
+            assert_refused(&capture.simulate(out, more), 1, &says);
+        }
+        for words in inputs {
+            let mut command = shutterbug();
+            let code = command.args(words).arg(&root).arg("--out").arg(out).output().unwrap().status.code();
+            assert_eq!(code, Some(1), "{words:?}");
+        }
+    }
+    assert_eq!(fs::read(&file).unwrap(), b"mine");
+}
+
+/// What a power cut may leave: the last line is on the disk before its file has its name, so the file of a line that
+/// was cut off is not there. A file that is there and in no line may be anybody's.
+#[test]
+fn a_manifest_whose_last_line_was_cut_off_names_the_rest() {
+    if !device_is_there("a_manifest_whose_last_line_was_cut_off_names_the_rest") {
+        return;
+    }
+    let capture = Capture::new();
+    let out = capture.beside("out");
+    assert_done(&capture.simulate(&out, &[]));
+    let manifest = out.join("manifest.jsonl");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let name = |line: &str| {
+        let rest = line.split_once("\"name\":\"").unwrap().1;
+        rest.split_once('"').unwrap().0.to_owned()
+    };
+    let last = name(text.lines().next_back().unwrap());
+    let before = contents(&out);
+    fs::write(&manifest, &text[..text.len() - 30]).unwrap();
+    assert_refused(
+        &capture.simulate(&out, &["--resume"]),
+        1,
+        &["that no run made there", &format!("({last})")],
+    );
+    fs::remove_file(out.join(&last)).unwrap();
+    assert_done(&capture.simulate(&out, &["--resume"]));
+    let after: Vec<PathBuf> = contents(&out).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(after, before.into_iter().map(|(path, _)| path).collect::<Vec<_>>());
+    assert!(fs::read_to_string(&manifest).unwrap().contains(&last));
+}
+
 /// L2, L3, N5: what is not the program's own is not touched; what an earlier run left is.
 #[test]
 fn a_folder_holds_only_what_runs_made_there() {

@@ -192,3 +192,40 @@ fn a_lens_that_folds_inside_the_picture_is_refused_with_the_pixel() {
     fixture.write("camera.toml", format!("{CAMERA}\n[focal_length_error]\nratio = 0.5\n{lens}"));
     assert!(fixture.read().expect_err("folds").contains("no ray reaches pixel ("));
 }
+
+/// What was written and counts for nothing is said; cameras as they are common are not spoken of.
+#[test]
+fn what_changes_nothing_beside_the_rest_is_said() {
+    let pinhole = &CAMERA[..CAMERA.find("[rolling_shutter]").unwrap()];
+    let said = |more: &str| {
+        CameraFile::parse(Path::new("camera.toml"), &format!("{pinhole}{more}")).unwrap().warnings
+    };
+    for (more, says) in [
+        ("[defocus]\nfocus_m = 2", "defocus.focus_m = 2 changes nothing without aperture_m"),
+        (
+            "[defocus]\nshape = \"gaussian\"",
+            "defocus.shape = \"gaussian\" changes nothing without aperture_m",
+        ),
+        ("[auto_exposure]\nspeed = 0.5", "auto_exposure.speed = 0.5 changes nothing without target"),
+        (
+            "[rolling_shutter]\nscan_order = \"left_to_right\"",
+            "scan_order = \"left_to_right\" changes nothing",
+        ),
+        ("[fixed_pattern_noise]\nsensor_seed = 7", "sensor_seed = 7 changes nothing without dsnu or prnu"),
+        ("[flicker]\nfrequency_hz = 100\ndepth = 0.2\naverage = \"exposure\"", "motion_blur.exposure_time_s"),
+        ("[lens_distortion]\nk4 = 0.1", "lens_distortion.k4 = 0.1 changes nothing"),
+    ] {
+        let all = said(more);
+        assert!(all.len() == 1 && all[0].contains(says), "{more}: {all:?}");
+    }
+    let both = "[defocus]\naperture_m = 0.01\nfocus_m = 2\nshape = \"gaussian\"\n\
+        [sharpening]\namount = 1\nradius_px = 1";
+    assert_eq!(said(both), [""; 0], "control");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut cameras = vec![root.join("demo/capture/camera.toml"), root.join("scenes/table1/camera.toml")];
+    cameras.extend(std::fs::read_dir(root.join("demo/cameras")).unwrap().map(|e| e.unwrap().path()));
+    assert!(cameras.len() > 5);
+    for path in cameras {
+        assert_eq!(CameraFile::read(&path).unwrap().warnings, [""; 0], "{}", path.display());
+    }
+}

@@ -110,7 +110,7 @@ pub struct Convert {
     #[arg(long, value_enum)]
     pub to: Option<FormatName>,
     /// Replace the file that is there
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub overwrite: bool,
     /// Frame rate, where the input states none: camera.toml needs one
     #[arg(long, value_parser = rate_hz)]
@@ -245,6 +245,7 @@ pub struct Devices {
 
 /// Arguments of `diagnose`.
 #[derive(Debug, clap::Args)]
+#[command(group(clap::ArgGroup::new("described").args(["capture", "sim"])))]
 pub struct Diagnose {
     /// Folder with camera.toml, scene.obj, trajectory.tum, frames.csv and real/
     #[arg(required_unless_present = "real", conflicts_with_all = ["sim", "real"])]
@@ -275,7 +276,7 @@ pub struct Diagnose {
     #[arg(long)]
     pub overwrite: bool,
     /// Use this camera instead of the capture's camera.toml
-    #[arg(long)]
+    #[arg(long, requires = "described", conflicts_with = "unpaired")]
     pub camera: Option<PathBuf>,
     /// Seed of the bootstrap
     #[arg(long, default_value_t = 0)]
@@ -284,16 +285,19 @@ pub struct Diagnose {
     #[arg(long, value_delimiter = ',')]
     pub without: Vec<String>,
     /// Treat surface brightness as exact, or estimate its errors
-    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    #[arg(long, requires = "described", conflicts_with = "unpaired", value_enum,
+        default_value_t = Described::Estimated)]
     pub scene: Described,
     /// Treat poses as exact, or estimate their errors
-    #[arg(long, value_enum, default_value_t = Described::Estimated)]
+    #[arg(long, requires = "described", conflicts_with = "unpaired", value_enum,
+        default_value_t = Described::Estimated)]
     pub poses: Described,
     /// End after this many seconds; candidates not reached are undetermined
     #[arg(long, default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     pub time_limit_s: u64,
-    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first
-    #[arg(long)]
+    /// Device by index, UUID or (part of its) name; else $SHUTTERBUG_DEVICE, else the first. Folders of frames
+    /// need none
+    #[arg(long, conflicts_with_all = ["sim", "real"])]
     pub device: Option<String>,
 }
 
@@ -338,10 +342,10 @@ pub struct Withhold {
     #[arg(long, value_delimiter = ',', conflicts_with = "count")]
     pub curve: Vec<String>,
     /// --curve: strengths per effect
-    #[arg(long, default_value_t = 6, value_parser = in_steps(2, 40))]
+    #[arg(long, requires = "curve", default_value_t = 6, value_parser = in_steps(2, 40))]
     pub points: usize,
     /// --curve: captures per strength
-    #[arg(long, default_value_t = 3, value_parser = in_steps(1, 1000))]
+    #[arg(long, requires = "curve", default_value_t = 3, value_parser = in_steps(1, 1000))]
     pub repeats: usize,
     /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
     #[arg(long, value_delimiter = ',', conflicts_with = "curve")]

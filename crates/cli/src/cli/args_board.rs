@@ -20,18 +20,18 @@ pub struct Board {
     /// Side of a square, of an AprilGrid of a tag (Kalibr's tagSize), m (1: squares are the unit of length)
     #[arg(long, default_value_t = 1.0, value_parser = side_m)]
     pub square_m: f64,
-    /// ChArUco: side of a marker over that of a square
-    #[arg(long, default_value_t = 0.75, value_parser = share)]
-    pub marker_share: f64,
-    /// AprilGrid: gap between two tags over the side of one (Kalibr's tagSpacing)
-    #[arg(long, default_value_t = 0.3, value_parser = spacing)]
-    pub tag_spacing: f64,
-    /// ChArUco: OpenCV's name of the dictionary
-    #[arg(long, default_value = "DICT_5X5_100")]
-    pub dictionary: String,
+    /// ChArUco: side of a marker over that of a square [default: 0.75]
+    #[arg(long, value_parser = share)]
+    pub marker_share: Option<f64>,
+    /// AprilGrid: gap between two tags over the side of one (Kalibr's tagSpacing) [default: 0.3]
+    #[arg(long, value_parser = spacing)]
+    pub tag_spacing: Option<f64>,
+    /// ChArUco: OpenCV's name of the dictionary [default: DICT_5X5_100]
+    #[arg(long)]
+    pub dictionary: Option<String>,
     /// Kalibr's target.yaml of a checkerboard or an AprilGrid, in place of --pattern, --size, --square-m and
     /// --tag-spacing
-    #[arg(long, conflicts_with_all = ["size", "square_m", "pattern", "tag_spacing"])]
+    #[arg(long, conflicts_with_all = ["size", "square_m", "pattern", "tag_spacing", "marker_share", "dictionary"])]
     pub target: Option<PathBuf>,
     /// Corners that another tool has found, lines of file,col,row,u_px,v_px, instead of looking for them
     #[arg(long)]
@@ -50,6 +50,28 @@ pub struct Board {
     /// Write even if the folder holds files of other origin
     #[arg(long)]
     pub overwrite: bool,
+}
+
+impl Board {
+    /// No option is accepted and ignored: those of another pattern are refused.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let given = [
+            ("--marker-share", self.marker_share.is_some(), PatternName::Charuco),
+            ("--dictionary", self.dictionary.is_some(), PatternName::Charuco),
+            ("--tag-spacing", self.tag_spacing.is_some(), PatternName::Aprilgrid),
+        ];
+        let name =
+            |p: PatternName| p.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+        match given.into_iter().find(|(_, is_given, of)| *is_given && *of != self.pattern) {
+            Some((option, ..)) => {
+                Err(format!("{option} has no meaning with --pattern {}", name(self.pattern)))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 /// `--pattern`.

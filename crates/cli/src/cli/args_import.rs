@@ -14,40 +14,41 @@ pub struct Import {
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// The pictures' topic, where there are several
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub topic: Option<String>,
     /// The camera's topic, or none (else camera_info beside the pictures)
-    #[arg(long, value_name = "TOPIC|none")]
+    #[arg(long, requires = "out", value_name = "TOPIC|none")]
     pub camera_info: Option<String>,
     /// The poses: a topic, tf, tf:PARENT, tf:PARENT->CHILD (CHILD is the camera's optical frame) or none
-    #[arg(long, value_name = "TOPIC|tf:PARENT->CHILD|none")]
+    #[arg(long, requires = "out", value_name = "TOPIC|tf:PARENT->CHILD|none")]
     pub poses: Option<String>,
     /// The inertial sensor's topic, or none (else the only one)
-    #[arg(long, value_name = "TOPIC|none")]
+    #[arg(long, requires = "out", value_name = "TOPIC|none")]
     pub imu: Option<String>,
     /// Whose poses the topic holds, where its messages do not say it
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, requires = "out", value_name = "FRAME")]
     pub body: Option<String>,
     /// The camera's optical frame (else that of the pictures' headers)
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, requires = "out", value_name = "FRAME")]
     pub camera_frame: Option<String>,
     /// Take every N-th picture
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, requires = "out", value_name = "N", default_value_t = 1,
+        value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,
     /// EuRoC and KITTI: which camera's folder (else cam0, image_2)
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub name: Option<String>,
     /// KITTI: the poses' times (else times.txt beside them)
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub times: Option<PathBuf>,
     /// Put the pictures into DIR/real, as in a capture: add scene.obj and diagnose it
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub capture: bool,
     /// Keep the frames that an interrupted run has finished
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub resume: bool,
     /// Write even if the folder holds files of other origin
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     pub overwrite: bool,
 }
 

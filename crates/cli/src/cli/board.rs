@@ -16,6 +16,10 @@ use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Time between two lines of progress.
 const LOG_INTERVAL: Duration = Duration::from_secs(2);
+/// What `--tag-spacing`, `--marker-share` and `--dictionary` are without being given.
+const TAG_SPACING: f64 = 0.3;
+const MARKER_SHARE: f64 = 0.75;
+const DICTIONARY: &str = "DICT_5X5_100";
 /// Memory of a diagnosis for each pixel of each frame, bytes: measured on 17 frames of 1280x960 px (docs/board.md).
 const BYTES_OF_A_PIXEL: usize = 250;
 /// From so much on it is worth a word: what small machines have.
@@ -99,14 +103,16 @@ fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<T
         PatternName::Aprilgrid => {
             let expected = "--size COLUMNSxROWS, the tags of the board, or --target";
             let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
-            aprilgrid(Path::new("--size"), size, args.square_m, args.tag_spacing)
+            aprilgrid(Path::new("--size"), size, args.square_m, args.tag_spacing.unwrap_or(TAG_SPACING))
         }
         PatternName::Charuco => {
             let expected = "--size COLUMNSxROWS, the squares of the board";
             let size = args.size.ok_or_else(|| usage("no --size".to_owned(), expected))?;
             let expected = "a dictionary of OpenCV with a marker for every bright square, as DICT_5X5_100";
-            Target::charuco(size, args.square_m, args.marker_share, &args.dictionary)
-                .ok_or_else(|| usage(format!("the dictionary `{}`", args.dictionary), expected))
+            let (share, name) = (args.marker_share.unwrap_or(MARKER_SHARE), args.dictionary.as_deref());
+            let name = name.unwrap_or(DICTIONARY);
+            Target::charuco(size, args.square_m, share, name)
+                .ok_or_else(|| usage(format!("the dictionary `{name}`"), expected))
         }
     }
 }

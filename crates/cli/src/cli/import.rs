@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::args_import::Import;
 use super::interrupt::Interrupt;
 use super::terminal::{print, say};
-use crate::import::{Delivered, Prepared, RUN_FILE, Recording, deliver};
+use crate::import::{Damage, Delivered, Prepared, RUN_FILE, Recording, deliver};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there, write_atomic};
 use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
@@ -46,8 +46,13 @@ pub fn run(args: &Import) -> Result<()> {
     }
     out.check_same()?;
     report(args, folder, &prepared, &delivered);
-    let broken = delivered.broken.map(|(found, expected)| Error::input(&args.input, None, found, expected));
-    broken.or(prepared.broken()).map_or(Ok(()), Err)
+    let input = |(found, expected): Damage| Error::input(&args.input, None, found, expected);
+    let errors = [delivered.broken.map(input), delivered.left_out.map(input), prepared.broken()];
+    let mut errors = errors.into_iter().flatten();
+    let Some(first) = errors.next() else { return Ok(()) };
+    // Each is a reason of its own; the one that ends the command is said at its end.
+    errors.for_each(|error| say(error));
+    Err(first)
 }
 
 /// An import that is done is replaced only when that is asked for.
@@ -114,9 +119,6 @@ fn write(args: &Import, folder: &Path, prepared: &Prepared, out: (&Out, bool)) -
 }
 
 fn report(args: &Import, folder: &Path, prepared: &Prepared, delivered: &Delivered) {
-    if let Some((count, first)) = &delivered.left_out {
-        say(format_args!("{}: {count} pictures are left out: {first}", args.input.display()));
-    }
     let (names, to) = (delivered.files.join(", "), folder.display());
     say(format_args!("{} frames and {} poses: {names} written to {to}", delivered.frames, prepared.poses()));
     if delivered.files.contains(&"trajectory.tum") && args.capture {

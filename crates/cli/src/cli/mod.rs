@@ -72,12 +72,15 @@ fn ended(done: Result<()>) -> u8 {
 
 fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, clap::Error> {
     let args = Args::try_parse_from(args)?;
-    if let Command::Simulate(simulate) = &args.command
-        && let Err(problem) = simulate.check()
-    {
-        return Err(Args::command().error(ErrorKind::ArgumentConflict, problem));
+    let checked = match &args.command {
+        Command::Simulate(simulate) => simulate.check(),
+        Command::Board(board) => board.check(),
+        _ => Ok(()),
+    };
+    match checked {
+        Ok(()) => Ok(args),
+        Err(problem) => Err(Args::command().error(ErrorKind::ArgumentConflict, problem)),
     }
-    Ok(args)
 }
 
 /// Prints help, which was asked for, or what is wrong with the arguments; the exit code. clap's own way would let

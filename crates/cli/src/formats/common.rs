@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::yaml::Field;
 use shutterbug::camera::{Distortion, Intrinsics, Pose};
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Quoted, Result, one_line};
 use shutterbug::plane::MAX_SIDE_PX;
 
 /// OpenCV, ROS, Kalibr and EuRoC count from the centre of the first pixel, this program from its upper left corner:
@@ -36,7 +36,7 @@ pub(super) fn pinhole(field: &Field, size: [u32; 2], [fx, fy, cx, cy]: [f64; 4])
     {
         if !inside(value, range) {
             let uncalibrated = if value == 0.0 { " (0 is how ROS says: not calibrated)" } else { "" };
-            let found = format!("{name} = {value} in {}", field.name());
+            let found = format!("{name} = {} in {}", Quoted(value), field.name());
             let expected = format!("{} to {} px{uncalibrated}", range.0, range.1);
             return Err(Error::input(field.path(), field.line(), found, expected));
         }

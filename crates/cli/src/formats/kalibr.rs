@@ -8,7 +8,7 @@ use super::common::{
 use super::yaml::Field;
 use super::{CameraModel, Imported};
 use shutterbug::camera::{Distortion, Intrinsics};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Quoted, Result};
 
 /// Distortion models that are read.
 const MODELS: [&str; 4] = ["radtan", "equidistant", "equi", "none"];
@@ -125,7 +125,7 @@ fn read_line_delay(table: &Field, camera: &mut CameraModel) -> Result<()> {
         // The delay of a row is some 10 us: ns and us both give a readout below 1 s, ns is what some tools write.
         let unit = [(1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")].into_iter().find(|(unit, _)| fits(*unit));
         let hint = unit.map_or_else(String::new, |(_, name)| format!("; is it in {name}?"));
-        let whole = format!(" (line_delay = {delay_s} s, times {} rows)", camera.intrinsics.height);
+        let whole = format!(" (line_delay = {} s, times {} rows)", Quoted(delay_s), camera.intrinsics.height);
         at_with_hint(&field, problem, whole + &hint)
     })
 }

@@ -86,7 +86,7 @@ pub fn apply_preset(preset: &Preset, camera: &mut CameraFile) -> Result<Vec<Stri
         ));
     }
     for effect in effects::LIST.iter().filter(|e| camera.settings.has(e.id())) {
-        for warning in effect.check(&camera.settings, camera.frame_period_s)? {
+        for warning in effect.warnings(&camera.settings, camera.frame_period_s)? {
             if !camera.warnings.contains(&warning) {
                 notes.push(warning.clone());
                 camera.warnings.push(warning);

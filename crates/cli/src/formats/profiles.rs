@@ -14,7 +14,7 @@ use super::yaml::{self, Field};
 use super::{CameraModel, common};
 use shutterbug::camera::{Distortion, Intrinsics};
 use shutterbug::capture::read_text;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Quoted, Result};
 use shutterbug::files::{Limit, read_if_there};
 
 /// Deepest folder, and most files, that are looked at.
@@ -318,14 +318,14 @@ impl Row<'_> {
             n if n.fract() == 0.0 && (1.0..=f64::from(shutterbug::plane::MAX_SIDE_PX)).contains(&n) => {
                 Ok(n as u32)
             }
-            n => Err(self.error(format!("{column} = {n}"), "a whole number of px")),
+            n => Err(self.error(format!("{column} = {}", Quoted(n)), "a whole number of px")),
         }
     }
 
     fn within(&self, column: &str, value: f64, (min, max): (f64, f64)) -> Result<f64> {
         match value {
             v if (min..=max).contains(&v) => Ok(v),
-            v => Err(self.error(format!("{column} = {v}"), format!("{min} to {max}"))),
+            v => Err(self.error(format!("{column} = {}", Quoted(v)), format!("{min} to {max}"))),
         }
     }
 

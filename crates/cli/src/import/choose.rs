@@ -45,6 +45,7 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
     let imu = written_imu(&chosen, &mut notes)?;
     texts.extend(imu.map(|text| ("imu.csv", text)));
     notes.extend(all.first.get(&pictures).and_then(|f| super::pixels::note(&f.encoding)));
+    let broken = chosen.broken(&mut notes);
     Ok(Prepared {
         path: log.path.clone(),
         times_ns,
@@ -54,19 +55,8 @@ pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Pre
         texts,
         notes,
         pictures: Pictures::Log { log: log.clone(), topic: pictures, frame_of },
-        broken: broken(all, "; what is whole was imported"),
+        broken,
     })
-}
-
-/// The error with which the reading of a damaged log ends.
-pub(super) fn broken(all: &Gathered, end: &str) -> Option<Error> {
-    let first = all.pass.damage.first()?;
-    let more = match all.pass.damages {
-        1 => String::new(),
-        n => format!(" and at {} more places", n - 1),
-    };
-    let found = format!("{} at byte {}{more}{end}", first.found, first.at);
-    Some(Error::input(&first.path, None, found, first.expected.clone()))
 }
 
 /// Leaves out frames that the poses do not cover for a frame period.

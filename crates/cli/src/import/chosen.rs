@@ -2,19 +2,18 @@
 
 use std::path::PathBuf;
 
+use super::Damage;
 use super::camera::camera_of;
 use super::frames::{Timed, timed};
 use super::gather::Gathered;
 use super::log::Log;
-use super::prepared::Request;
+use super::prepared::{NONE, Request, is_tree};
 use super::topic::{Encoding, Kind, Topic};
 use crate::formats::CameraModel;
 use shutterbug::error::{Error, Result};
 
 /// Most names that an error lists.
 const MAX_NAMED: usize = 8;
-/// What says that something is not wanted.
-pub(super) const NONE: &str = "none";
 
 /// A log with what its first pass found and what was asked for.
 pub(super) struct Chosen<'a> {
@@ -44,8 +43,14 @@ impl Chosen<'_> {
         Error::input(&self.log.path, None, found, expected)
     }
 
-    /// Says which messages of a topic cannot be read; an error where none can.
-    pub(super) fn note_faults(&self, place: usize, notes: &mut Vec<String>) -> Result<()> {
+    /// Says which messages of a topic cannot be read; an error where none can. What was asked for is damaged then:
+    /// [`Self::broken`] says it.
+    pub(super) fn note_faults(
+        &self,
+        place: usize,
+        asked: Option<&str>,
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
         let (about, name) = (&self.all.about[place], &self.topic(place).name);
         let Some((at, fault)) = &about.first_fault else { return Ok(()) };
         if about.faults == about.count {
@@ -54,11 +59,44 @@ impl Chosen<'_> {
                 fault.expected.clone(),
             ));
         }
-        notes.push(format!(
-            "{} of {} messages of `{name}` cannot be read: found {} at byte {at}; expected {}",
-            about.faults, about.count, fault.found, fault.expected
-        ));
+        if asked != Some(name.as_str()) {
+            notes.extend(self.faults(place).map(told));
+        }
         Ok(())
+    }
+
+    /// That messages of a topic cannot be read: what was found, and what was expected.
+    pub(super) fn faults(&self, place: usize) -> Option<Damage> {
+        let (about, name) = (&self.all.about[place], &self.topic(place).name);
+        let (at, fault) = about.first_fault.as_ref()?;
+        let found = format!(
+            "{} of {} messages of `{name}` that cannot be read, the first with {} at byte {at}",
+            about.faults, about.count, fault.found
+        );
+        Some((found, fault.expected.clone()))
+    }
+
+    /// The error with which the import ends although what is whole was written: damage of the file, else messages that
+    /// cannot be read of the pictures, or of a topic that was asked for by name. `notes` has what is not told by it.
+    pub(super) fn broken(&self, notes: &mut Vec<String>) -> Option<Error> {
+        let request = self.request;
+        let named = [&request.camera_info, &request.poses, &request.imu];
+        let tree = request.poses.as_deref().is_some_and(is_tree);
+        let asked = |t: &Topic| {
+            named.into_iter().flatten().any(|name| *name == t.name) || (tree && t.kind == Kind::Tf)
+        };
+        let others = self.places(asked).into_iter().filter(|place| *place != self.pictures);
+        let places = std::iter::once(self.pictures).chain(others);
+        let end = "; what is whole was imported";
+        let error = |(found, expected): Damage| self.bad(format!("{found}{end}"), expected);
+        let mut broken = broken(self.all, end);
+        for damage in places.filter_map(|place| self.faults(place)) {
+            match broken {
+                None => broken = Some(error(damage)),
+                Some(_) => notes.push(told(damage)),
+            }
+        }
+        broken
     }
 
     pub(super) fn times(&self, notes: &mut Vec<String>) -> Result<Timed> {
@@ -68,7 +106,7 @@ impl Chosen<'_> {
                 self.bad(with_damage(self.all, format!("no message of `{name}`")), "at least one picture")
             );
         }
-        self.note_faults(self.pictures, notes)?;
+        self.note_faults(self.pictures, Some(name), notes)?;
         let shots = self.all.shots.get(&self.pictures).map_or(&[][..], Vec::as_slice);
         Ok(timed(shots, name, notes))
     }
@@ -105,7 +143,7 @@ impl Chosen<'_> {
 
     fn camera_at(&self, place: usize, notes: &mut Vec<String>) -> Result<CameraModel> {
         let name = &self.topic(place).name;
-        self.note_faults(place, notes)?;
+        self.note_faults(place, self.request.camera_info.as_deref(), notes)?;
         let Some((info, differing)) = self.all.cameras.get(&place) else {
             return Err(self.bad(format!("no message of `{name}`"), "at least one"));
         };
@@ -146,6 +184,22 @@ impl Chosen<'_> {
             _ => None,
         }
     }
+}
+
+/// The error with which the reading of a damaged log ends.
+pub(super) fn broken(all: &Gathered, end: &str) -> Option<Error> {
+    let first = all.pass.damage.first()?;
+    let more = match all.pass.damages {
+        1 => String::new(),
+        n => format!(" and at {} more places", n - 1),
+    };
+    let found = format!("{} at byte {}{more}{end}", first.found, first.at);
+    Some(Error::input(&first.path, None, found, first.expected.clone()))
+}
+
+/// Damage as a note.
+pub(super) fn told((found, expected): Damage) -> String {
+    format!("found {found}; expected {expected}")
 }
 
 /// A log without what is looked for may just be broken.

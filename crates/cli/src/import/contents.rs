@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::wire::Fault;
 use shutterbug::camera::Pose;
+use shutterbug::error::Quoted;
 
 /// How far the length of a quaternion may be from 1.
 const QUATERNION_TOLERANCE: f64 = 1e-2;
@@ -68,13 +69,13 @@ pub(super) struct Inertial {
 /// Unit quaternion and position, or what is wrong with them.
 pub(super) fn checked_pose(p: [f64; 3], q: [f64; 4]) -> Result<Pose, Fault> {
     if let Some(far) = p.iter().find(|v| v.is_nan() || v.abs() > MAX_COORDINATE_M) {
-        return Err(Fault::new(format!("a coordinate of {far} m"), "1e9 m at most"));
+        return Err(Fault::new(format!("a coordinate of {} m", Quoted(*far)), "1e9 m at most"));
     }
     let rotation = DQuat::from_array(q);
     let length = rotation.length();
     if length.is_nan() || (length - 1.0).abs() > QUATERNION_TOLERANCE {
         return Err(Fault::new(
-            format!("a quaternion of length {length:.6}"),
+            format!("a quaternion of length {:.6}", Quoted(length)),
             "a unit quaternion x, y, z, w",
         ));
     }

@@ -29,7 +29,7 @@ pub struct Delivered {
     /// Further files, by name.
     pub files: Vec<&'static str>,
     /// Pictures that could not be made, and why the first could not.
-    pub left_out: Option<(usize, String)>,
+    pub left_out: Option<Damage>,
     /// What a reader should know of the pictures' sizes.
     pub note: Option<String>,
     /// What became apparent only while the pictures were read.
@@ -108,14 +108,21 @@ fn finish(
     }
     let motion = prepared.motion(&names);
     let left_out = faults.first().map(|(frame, fault)| {
-        let why = format!("found {}; expected {}", fault.found, fault.expected);
-        (faults.len(), format!("the picture of {} ns: {why}", prepared.times_ns[*frame]))
+        let (count, time_ns) = (faults.len(), prepared.times_ns[*frame]);
+        let all = prepared.times_ns.len();
+        let found = format!(
+            "{count} of {all} pictures that cannot be used, the first, of {time_ns} ns, with {}",
+            fault.found
+        );
+        (found, fault.expected.clone())
     });
     if motion.frames.is_empty() {
-        let found = left_out
-            .map_or_else(|| "no picture".to_owned(), |(n, why)| format!("{n} pictures, none of use ({why})"));
-        return Err(Error::input(&prepared.path, None, found, "at least one frame"));
+        let none = || ("no picture".to_owned(), "at least one frame".to_owned());
+        let (found, expected) = left_out.unwrap_or_else(none);
+        return Err(Error::input(&prepared.path, None, found, expected));
     }
+    let left_out =
+        left_out.map(|(found, expected)| (format!("{found}; what is whole was imported"), expected));
     let mut files = Vec::new();
     let mut texts: Vec<(&'static str, String)> = prepared.texts.clone();
     if !prepared.poses.is_empty() {

@@ -120,7 +120,7 @@ fn euroc(folder: &Path, request: &Request) -> Result<Prepared> {
     let name = request.name.as_deref().unwrap_or("cam0");
     let camera_folder = root.join(name);
     let truth = root.join("state_groundtruth_estimate0");
-    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
+    let wanted = request.poses.as_deref() != Some(super::prepared::NONE);
     let motion = if truth.exists() && wanted {
         read_euroc(folder, Some(name))?
     } else {
@@ -133,7 +133,10 @@ fn euroc(folder: &Path, request: &Request) -> Result<Prepared> {
     };
     let mut motion = motion;
     let body_from_camera = motion.camera.as_ref().and_then(|c| c.body_from_camera);
-    let imu = euroc_imu(&root.join("imu0"), name, body_from_camera, &mut motion.notes)?;
+    let imu = match request.imu.as_deref() {
+        Some(super::prepared::NONE) => None,
+        _ => euroc_imu(&root.join("imu0"), name, body_from_camera, &mut motion.notes)?,
+    };
     prepared(motion, imu.into_iter().collect(), (folder, Some(&camera_folder.join("data"))), request)
 }
 
@@ -177,7 +180,7 @@ fn tum(folder: &Path, request: &Request) -> Result<Prepared> {
         }
     }
     let truth = folder.join("groundtruth.txt");
-    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
+    let wanted = request.poses.as_deref() != Some(super::prepared::NONE);
     let poses = if wanted && truth.is_file() { tum_poses(&truth)? } else { Vec::new() };
     let mut motion = Motion { camera: None, frames, poses, notes };
     if motion.poses.is_empty() {
@@ -206,7 +209,7 @@ fn kitti(folder: &Path, request: &Request) -> Result<Prepared> {
     let stem = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let laid_out = folder.ancestors().nth(2).map(|top| top.join("poses").join(format!("{stem}.txt")));
     let poses = [Some(folder.join("poses.txt")), laid_out].into_iter().flatten().find(|p| p.is_file());
-    let wanted = request.poses.as_deref() != Some(super::chosen::NONE);
+    let wanted = request.poses.as_deref() != Some(super::prepared::NONE);
     let mut motion = match poses.filter(|_| wanted) {
         Some(path) => read_kitti(&path, Some(&times))?,
         None => kitti_frames(&times)?,

@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::contents::{Body, CameraInfo, Link, Picture, checked_pose};
 use super::topic::{Kind, Topic};
 use super::wire::{Fault, frame_name};
+use shutterbug::capture::parse_json;
 
 const SECOND_NS: i64 = 1_000_000_000;
 
@@ -212,7 +213,7 @@ fn link_of_protobuf(tree: bool, message: &[u8]) -> Result<Link, Fault> {
 }
 
 fn json(message: &[u8]) -> Result<Value, Fault> {
-    serde_json::from_slice(message).map_err(|e| Fault::new(format!("no JSON ({e})"), "a message in JSON"))
+    parse_json(message).map_err(|e| Fault::new(format!("no JSON ({e})"), "a message in JSON"))
 }
 
 fn text(value: &Value, key: &str) -> String {

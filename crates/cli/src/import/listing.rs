@@ -32,7 +32,7 @@ pub(super) fn listing(log: &Log, all: &Gathered) -> String {
         };
         let at = |ns: i64| format!("{:.3} s", seconds(ns.saturating_sub(start)));
         let (name, type_name) = (one_line(&topic.name), one_line(&topic.type_name));
-        rows.push([name, type_name, about.count.to_string(), rate, at(from), at(to), picture(all, place)]);
+        rows.push([name, type_name, about.count.to_string(), rate, at(from), at(to), remarks(all, place)]);
     }
     text += &table(&rows);
     text
@@ -43,6 +43,14 @@ fn picture(all: &Gathered, place: usize) -> String {
     let Some(first) = all.first.get(&place) else { return String::new() };
     let size = first.size.as_ref().map_or_else(|_| "?".to_owned(), |[w, h]| format!("{w}x{h}"));
     format!("{size} {}", one_line(&super::shortened(&first.encoding)))
+}
+
+/// What there is to say of a topic's messages.
+fn remarks(all: &Gathered, place: usize) -> String {
+    let faults = all.about[place].faults;
+    let unread = if faults > 0 { format!("{faults} cannot be read") } else { String::new() };
+    let both = [picture(all, place), unread];
+    both.into_iter().filter(|t| !t.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
 /// Most letters that a column is widened for: a name may have any length, and pushes only its own line.

@@ -100,7 +100,7 @@ impl Recording {
         match &self.0 {
             Kind::Log(log) => {
                 let all = gather::gather(log, &mut |at| progress(at, log.bytes))?;
-                Ok((listing::listing(log, &all), choose::broken(&all, "")))
+                Ok((listing::listing(log, &all), chosen::broken(&all, "")))
             }
             Kind::Video(video) => Ok((video.listing(), None)),
             Kind::Folder(..) | Kind::KittiPoses(_) => {
@@ -115,6 +115,7 @@ impl Recording {
     /// # Errors
     /// A topic, frame or file that is not there or is of another kind; content that cannot be used.
     pub fn prepare(&self, request: &Request, progress: &mut Progress<'_>) -> Result<Prepared> {
+        self.refuse_idle(request)?;
         let prepared = match &self.0 {
             Kind::Log(log) => {
                 let all = gather::gather(log, &mut |at| progress(at, log.bytes))?;
@@ -126,6 +127,21 @@ impl Recording {
         };
         prepared.check_names()?;
         Ok(prepared)
+    }
+
+    /// What is asked for and has no meaning for a recording of this kind would be ignored in silence.
+    fn refuse_idle(&self, request: &Request) -> Result<()> {
+        let (kind, takes): (&str, &[&str]) = match &self.0 {
+            Kind::Log(log) => {
+                (log.kind(), &["--topic", "--camera-info", "--poses", "--imu", "--body", "--camera-frame"])
+            }
+            Kind::Folder(folders::Kind::Euroc, _) => ("EuRoC's folder", &["--poses", "--imu", "--name"]),
+            Kind::Folder(folders::Kind::Tum, _) => ("TUM's folder", &["--poses"]),
+            Kind::Folder(folders::Kind::Kitti, _) => ("KITTI's folder", &["--poses", "--name", "--times"]),
+            Kind::KittiPoses(_) => ("KITTI's poses", &["--times"]),
+            Kind::Video(_) => ("a video", &[]),
+        };
+        request.refuse_idle(kind, takes, matches!(self.0, Kind::Log(_)))
     }
 }
 

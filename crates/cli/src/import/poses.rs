@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::chosen::{Chosen, NONE};
+use super::chosen::{Chosen, told};
+use super::prepared::{NONE, is_tree};
 use super::topic::{Kind, Topic};
 use shutterbug::camera::Pose;
 use shutterbug::error::Result;
@@ -14,7 +15,7 @@ type Poses = Vec<(i64, Pose)>;
 pub(super) fn poses_of(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Result<Option<Poses>> {
     let poses = match chosen.request.poses.as_deref() {
         Some(NONE) => return Ok(None),
-        Some(way) if way == "tf" || way.starts_with("tf:") => Some(of_tree(chosen, way, notes)?),
+        Some(way) if is_tree(way) => Some(of_tree(chosen, way, notes)?),
         Some(name) => {
             let expected = "a topic of Odometry, PoseStamped, TransformStamped, `tf` or `tf:PARENT->CHILD`";
             Some(of_topic(chosen, chosen.named(name, Topic::has_poses, expected)?, notes)?)
@@ -96,6 +97,10 @@ fn of_tree(chosen: &Chosen<'_>, way: &str, notes: &mut Vec<String>) -> Result<Po
         let count = tree.contradictions;
         notes.push(format!("tf: {count} links hang a frame on a second parent; the first counts"));
     }
+    if chosen.request.poses.is_none() {
+        let places = chosen.places(|t| t.kind == Kind::Tf);
+        notes.extend(places.into_iter().filter_map(|p| chosen.faults(p)).map(told));
+    }
     notes.push(format!("poses are of `{child}` in `{parent}`, by tf"));
     note_axes(&child, notes);
     Ok(poses)
@@ -103,7 +108,7 @@ fn of_tree(chosen: &Chosen<'_>, way: &str, notes: &mut Vec<String>) -> Result<Po
 
 /// A topic's poses, and the way from its body to the camera.
 fn of_topic(chosen: &Chosen<'_>, place: usize, notes: &mut Vec<String>) -> Result<Poses> {
-    chosen.note_faults(place, notes)?;
+    chosen.note_faults(place, chosen.request.poses.as_deref(), notes)?;
     let name = &chosen.topic(place).name;
     let links = chosen.all.poses.get(&place).map_or(&[][..], Vec::as_slice);
     let Some(first) = links.first() else {
@@ -162,7 +167,7 @@ pub(super) fn written_imu(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Resul
             }
         },
     };
-    chosen.note_faults(place, notes)?;
+    chosen.note_faults(place, chosen.request.imu.as_deref(), notes)?;
     let mut samples = chosen.all.inertial.get(&place).cloned().unwrap_or_default();
     let Some(first) = samples.first().cloned() else { return Ok(None) };
     samples.sort_by_key(|s| s.stamp_ns);

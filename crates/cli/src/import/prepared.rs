@@ -10,6 +10,14 @@ use shutterbug::capture::FrameEntry;
 use shutterbug::error::{Error, Result};
 use shutterbug_diagnose::out::MANIFEST_FILE;
 
+/// What says that something is not wanted.
+pub(super) const NONE: &str = "none";
+
+/// Whether a way to the poses is one through tf.
+pub(super) fn is_tree(way: &str) -> bool {
+    way == "tf" || way.starts_with("tf:")
+}
+
 /// What of a recording is wanted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
@@ -31,6 +39,48 @@ pub struct Request {
     pub name: Option<String>,
     /// KITTI: the poses' times.
     pub times: Option<PathBuf>,
+}
+
+impl Request {
+    /// The options that were given, and the recordings that have a use for them.
+    fn given(&self) -> [(&'static str, Option<&str>, &'static str); 8] {
+        const LOG: &str = "MCAP or a bag";
+        let times = self.times.as_ref().map(|_| "");
+        [
+            ("--topic", self.topic.as_deref(), LOG),
+            ("--camera-info", self.camera_info.as_deref(), LOG),
+            ("--poses", self.poses.as_deref(), "MCAP, a bag or a data set's folder"),
+            ("--imu", self.imu.as_deref(), "MCAP, a bag or EuRoC"),
+            ("--body", self.body.as_deref(), LOG),
+            ("--camera-frame", self.camera_frame.as_deref(), LOG),
+            ("--name", self.name.as_deref(), "EuRoC or KITTI"),
+            ("--times", times, "KITTI"),
+        ]
+    }
+
+    /// Refuses options that a recording of a kind has no use for. `by_name`: its parts have names to choose from.
+    pub(super) fn refuse_idle(&self, kind: &str, takes: &[&str], by_name: bool) -> Result<()> {
+        let refuse = |option: &str, found: &str, expected: &str| {
+            Err(Error::input(std::path::Path::new(option), None, found, expected))
+        };
+        for (option, value, of) in self.given() {
+            let Some(value) = value else { continue };
+            if !takes.contains(&option) {
+                return refuse(option, kind, of);
+            }
+            if !by_name && matches!(option, "--poses" | "--imu") && value != NONE {
+                let found = format!("`{}` and {kind}, which has no topics", super::shortened(value));
+                return refuse(option, &found, NONE);
+            }
+        }
+        match self.poses.as_deref() {
+            Some(way) if self.body.is_some() && (way == NONE || is_tree(way)) => {
+                let found = format!("--poses {}, which needs no body", super::shortened(way));
+                refuse("--body", &found, "--poses with a topic")
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// What will be written, but for the pictures' values.

@@ -71,10 +71,12 @@ impl Out {
     /// Takes the folder; makes it if it is absent.
     ///
     /// # Errors
-    /// A folder that overlaps an input; that holds files which its manifest does not name or which were changed since
-    /// (unless `overwrite`); that another command made; that another process writes to; that cannot be read or made.
+    /// A file or pipe in its place; a folder that overlaps an input; that holds files which its manifest does not name
+    /// or which were changed since (unless `overwrite`); that another command made; that another process writes to; that
+    /// cannot be read or made.
     pub fn open(root: &Path, rules: &OutRules<'_>) -> Result<Self> {
         account::keep();
+        refuse_file(root)?;
         let read = recorded_reads();
         refuse_overlap(root, rules.inputs.iter().copied().chain(read.keys().map(PathBuf::as_path)))?;
         // By name alone, before a lock file is put there; again when nobody else can change it.
@@ -307,6 +309,39 @@ pub fn made_elsewhere(path: &Path) -> Result<()> {
         State::Writing { appender, .. } => appender.folder(&name),
         State::Opened(_) => Ok(()),
     }
+}
+
+/// Refuses a path that is, or leads through, something that is no folder.
+fn refuse_file(root: &Path) -> Result<()> {
+    let there = root.ancestors().find_map(|at| Some((at, fs::metadata(at).ok()?)));
+    match there {
+        Some((at, about)) if !about.is_dir() => {
+            let kind = kind_of(about.file_type());
+            let found =
+                if at == root { format!("--out naming {kind}") } else { format!("{kind} above --out") };
+            Err(Error::input(at, None, found, "a folder: new, empty or an earlier run's"))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(unix)]
+fn kind_of(kind: fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt as _;
+    if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_socket() {
+        "a socket"
+    } else if kind.is_char_device() || kind.is_block_device() {
+        "a device"
+    } else {
+        "a file"
+    }
+}
+
+#[cfg(not(unix))]
+fn kind_of(_: fs::FileType) -> &'static str {
+    "a file"
 }
 
 /// Refuses a folder with anything that the manifest does not name; `to_the_byte`: or that is not as it says.

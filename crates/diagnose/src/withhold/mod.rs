@@ -223,7 +223,8 @@ fn diagnose(
     if !without.is_empty() {
         command.arg("--without").arg(without.join(","));
     }
-    if let Some(device) = &options.device {
+    // Frames that are given need none.
+    if let Some(device) = options.device.as_ref().filter(|_| options.form == Form::Capture) {
         command.arg("--device").arg(device);
     }
     made(command, "diagnosis", capture)?;
