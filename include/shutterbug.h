@@ -336,10 +336,10 @@ typedef struct shutterbug_request {
  * but their last part; the first frame of a kind makes what it needs, which takes longer). Depends on nothing but the
  * request, unless the camera has auto_exposure: frames may be asked for and waited for in any order. The last bit may
  * be another after a frame that needed a wider margin or had a longer readout: images and triangles made for it stay in
- * use. The same calls give the same bits. The frame is yours: destroy it. Errors: FULL (frames_in_flight frames have not been waited for: wait for any of them), STATE (no
- * camera, scene or trajectory; auto_exposure), TIME, INPUT (effects that the method cannot do, RAW without
- * bayer_mosaic), UNSUPPORTED (jpeg with picture_memory or FINE), TOO_SMALL and FORMAT (picture_memory), LIMIT, device.
- * After any of them nothing is in flight that was not before. */
+ * use. The same calls give the same bits. The frame is yours: destroy it. Errors: FULL (frames_in_flight frames have
+ * not been waited for: wait for any of them), STATE (no camera, scene or trajectory; auto_exposure), TIME, INPUT
+ * (effects that the method cannot do, RAW without bayer_mosaic), UNSUPPORTED (jpeg with picture_memory or FINE),
+ * TOO_SMALL and FORMAT (picture_memory), LIMIT, device. After any of them nothing is in flight that was not before. */
 shutterbug_status shutterbug_engine_submit(shutterbug_engine *engine, const shutterbug_request *request,
                                            shutterbug_frame **frame);
 

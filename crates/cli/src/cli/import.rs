@@ -51,7 +51,7 @@ pub fn run(args: &Import) -> Result<()> {
     let mut errors = errors.into_iter().flatten();
     let Some(first) = errors.next() else { return Ok(()) };
     // Each is a reason of its own; the one that ends the command is said at its end.
-    errors.for_each(|error| say(error));
+    errors.for_each(say);
     Err(first)
 }
 

@@ -72,8 +72,8 @@ impl Out {
     ///
     /// # Errors
     /// A file or pipe in its place; a folder that overlaps an input; that holds files which its manifest does not name
-    /// or which were changed since (unless `overwrite`); that another command made; that another process writes to; that
-    /// cannot be read or made.
+    /// or which were changed since (unless `overwrite`); that another command made; that another process writes to;
+    /// that cannot be read or made.
     pub fn open(root: &Path, rules: &OutRules<'_>) -> Result<Self> {
         account::keep();
         refuse_file(root)?;

@@ -106,8 +106,8 @@ fn cut_short(report: &Report, found: &Found) -> String {
     let rendered =
         if found.is_coarse() { " from a render of few samples a pixel, which is off by itself" } else { "" };
     format!(
-        "The frames differ by {:.2} DN{rendered}, and the time limit came before the search had ended.{so_far}{unseen} Run \
-         again with a longer --time-limit-s.",
+        "The frames differ by {:.2} DN{rendered}, and the time limit came before the search had ended.{so_far}{unseen} \
+         Run again with a longer --time-limit-s.",
         report.gap.before
     )
 }
