@@ -98,8 +98,8 @@ pub enum Verdict {
     PartlyExplained,
     /// There is a clear gap, and no known effect explains it.
     UnknownEffect,
-    /// The time limit came before the search had ended, the set-up is not what it should be, or most of the picture could
-    /// not be compared: nothing is denied that was not looked at.
+    /// The time limit came before the search had ended, the set-up is not what it should be, or most of the picture
+    /// could not be compared: nothing is denied that was not looked at.
     Undetermined,
 }
 

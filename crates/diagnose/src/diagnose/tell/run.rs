@@ -326,7 +326,8 @@ fn say_objects(report: &mut Report, objects: &Objects) {
     report.sentence.insert_str(0, &covers);
 }
 
-/// Says of frames that had to be warped what was not judged. What is said of the whole must have been seen in most of it.
+/// Says of frames that had to be warped what was not judged. What is said of the whole must have been seen in most of
+/// it.
 fn say_rough(report: &mut Report) {
     let beside_px = report.input.alignment.as_ref().and_then(|a| a.rms_px).unwrap_or(0.0);
     let share = report.input.compared_share;
