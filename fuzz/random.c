@@ -1,6 +1,6 @@
-/* random.c SEED SECONDS [FILE [CONTROL [MOST [COUNT]]]]: feeds calls.c random programs where libFuzzer is not there. FILE
- * gets the seed of the program that runs: `random SEED 0` runs that one alone. CONTROL, "double" or "overflow", breaks a
- * promise. MOST: bytes of a program at most (4096); a long one takes up to a minute. COUNT: programs at least (1). */
+/* random.c SEED SECONDS [FILE [CONTROL [MOST]]]: feeds calls.c random programs where libFuzzer is not there. FILE gets
+ * the seed of the program that runs: `random SEED 0` runs that one alone. CONTROL, "double" or "overflow", breaks a
+ * promise. MOST: bytes of a program at most (4096); a long one takes up to a minute. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +22,6 @@ int main(int argc, char **argv) {
     uint64_t seed = argc > 1 ? strtoull(argv[1], NULL, 10) : 1;
     double limit_s = argc > 2 ? atof(argv[2]) : 5;
     size_t most = argc > 5 ? strtoull(argv[5], NULL, 10) : 4096;
-    unsigned long count = argc > 6 ? strtoul(argv[6], NULL, 10) : 1;
     static uint8_t data[4096];
     struct timespec start, now;
     clock_gettime(CLOCK_MONOTONIC, &start);
@@ -38,7 +37,7 @@ int main(int argc, char **argv) {
         if (argc > 4 && argv[4][0]) shutterbug_fuzz_control(argv[4]);
         ++programs, ++seed;
         clock_gettime(CLOCK_MONOTONIC, &now);
-    } while (programs < count || (double)(now.tv_sec - start.tv_sec) + (now.tv_nsec - start.tv_nsec) * 1e-9 < limit_s);
+    } while ((double)(now.tv_sec - start.tv_sec) + (now.tv_nsec - start.tv_nsec) * 1e-9 < limit_s);
     shutterbug_fuzz_statistics();
     printf("%lu programs\n", programs);
     return 0;

@@ -122,8 +122,8 @@ pub(super) fn noise_is_seen(counted: &[bool]) -> bool {
 }
 
 impl Chosen {
-    /// Gives up effects that make the traces of frames which no fit has seen no more alike, the worst first. `distance`:
-    /// what these traces are apart.
+    /// Gives up effects that make the traces of frames which no fit has seen no more alike, the worst first.
+    /// `distance`: what these traces are apart.
     pub(super) fn deny(&mut self, mut distance: impl FnMut(&Theta) -> f64) {
         while !self.set.is_empty() {
             let now = distance(&self.theta);

@@ -21,6 +21,7 @@ mod simulated;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use crate::diagnose::evidence::budget::Budget;
@@ -94,6 +95,22 @@ struct Frames {
     simulated: Simulated,
 }
 
+impl Frames {
+    /// Gives up effects that these frames, which no fit has seen, speak against. Without time the verdict is open
+    /// anyway.
+    fn deny(&self, chosen: &mut Chosen, clock: &Clock) {
+        if clock.is_late() {
+            return;
+        }
+        let packed = simulated::packed_dn2(&chosen.theta);
+        let real = Fingerprint::of(&self.real, packed);
+        chosen.deny(|theta| {
+            let made = Fingerprint::of(&self.simulated.delivered(theta, 2), packed);
+            fingerprint::distance(&fingerprint::apart(&real, &made))
+        });
+    }
+}
+
 /// Compares two folders that show different moments. No device is needed.
 ///
 /// # Errors
@@ -135,22 +152,15 @@ pub fn diagnose_unpaired(
     // The same of simulated frames takes longer, as effects are put on them.
     clock.has_measured(marks_took)?;
     let mut chosen = choose(&marks, &fit.simulated, &base, &names, &mut clock, |name| {
-        if options.stop.as_ref().is_some_and(|s| s.load(std::sync::atomic::Ordering::Relaxed)) {
-            return Err(Error::DiagnosisInterrupted {
-                at: format!("effects that leave marks, {name}"),
-                kept: None,
-            });
+        if options.stop.as_ref().is_some_and(|s| s.load(Ordering::Relaxed)) {
+            let at = format!("effects that leave marks, {name}");
+            return Err(Error::DiagnosisInterrupted { at, kept: None });
         }
         progress.step("effects that leave marks", name, step % steps + 1, steps);
         step += 1;
         Ok(())
     })?;
-    let packed = simulated::packed_dn2(&chosen.theta);
-    let unseen = Fingerprint::of(&held.real, packed);
-    chosen.deny(|theta| {
-        let made = Fingerprint::of(&held.simulated.delivered(theta, 2), packed);
-        fingerprint::distance(&fingerprint::apart(&unseen, &made))
-    });
+    held.deny(&mut chosen, &clock);
     let noise_seen = noise_is_seen(&chosen.counted);
     let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names, noise_seen };
     let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
