@@ -30,9 +30,9 @@ use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
 use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, pictures};
 use crate::diagnose::report::Report;
-use choose::{Chosen, choose, noise_is_seen};
+use choose::{Chosen, choose};
 use clock::Clock;
-use fingerprint::Fingerprint;
+use fingerprint::{Fingerprint, apart, distance};
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8};
@@ -95,19 +95,36 @@ struct Frames {
     simulated: Simulated,
 }
 
-impl Frames {
-    /// Gives up effects that these frames, which no fit has seen, speak against. Without time the verdict is open
-    /// anyway.
+/// Frames that no fit has seen, with the marks of the real ones.
+struct Unseen {
+    frames: Frames,
+    marks: Fingerprint,
+    /// Variance that the compression found may leave or take, DN^2.
+    packed_dn2: f64,
+}
+
+impl Unseen {
+    fn new(frames: Frames, found: &Theta) -> Self {
+        let packed_dn2 = simulated::packed_dn2(found);
+        Self { marks: Fingerprint::of(&frames.real, packed_dn2), frames, packed_dn2 }
+    }
+
+    /// By mark, how far the simulated frames with some effects lie from the real ones; and these frames, DN.
+    fn beside(&self, theta: &Theta) -> (Vec<Option<f64>>, Vec<Plane<f32>>) {
+        let frames = self.frames.simulated.delivered(theta, 2);
+        (apart(&self.marks, &Fingerprint::of(&frames, self.packed_dn2)), frames)
+    }
+
+    /// The same over all marks, standard errors.
+    fn distance(&self, theta: &Theta) -> f64 {
+        distance(&self.beside(theta).0)
+    }
+
+    /// Gives up effects that these frames speak against. Without time the verdict is open anyway.
     fn deny(&self, chosen: &mut Chosen, clock: &Clock) {
-        if clock.is_late() {
-            return;
+        if !clock.is_late() {
+            chosen.deny(|theta| self.distance(theta));
         }
-        let packed = simulated::packed_dn2(&chosen.theta);
-        let real = Fingerprint::of(&self.real, packed);
-        chosen.deny(|theta| {
-            let made = Fingerprint::of(&self.simulated.delivered(theta, 2), packed);
-            fingerprint::distance(&fingerprint::apart(&real, &made))
-        });
     }
 }
 
@@ -160,9 +177,9 @@ pub fn diagnose_unpaired(
         step += 1;
         Ok(())
     })?;
+    let held = Unseen::new(held, &chosen.theta);
     held.deny(&mut chosen, &clock);
-    let noise_seen = noise_is_seen(&chosen.counted);
-    let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names, noise_seen };
+    let what = outcome::What { held: &held, read_off: &read_off, chosen: &chosen, names: &names };
     let (mut report, shown) = outcome::report(&what, (&sims, &reals), notes);
     report.input.capture = format!("{} beside {}", sim.display(), real.display());
     report.input.seed = options.seed;

@@ -7,11 +7,11 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::bounds::ShowsFrom;
-use super::choose::NOISES;
-use super::fingerprint::{Fingerprint, apart, distance};
+use super::choose::{NOISES, noise_is_seen};
+use super::fingerprint::{Fingerprint, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::simulated::packed_dn2;
-use super::{Chosen, Folder, Frames, Unpaired};
+use super::{Chosen, Folder, Frames, Unpaired, Unseen};
 use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::changes_places;
 use crate::diagnose::judge::quantile;
@@ -50,13 +50,11 @@ const DENIED: &str = "found, but it makes the traces of frames that no fit has s
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
-    pub held: &'a Frames,
+    pub held: &'a Unseen,
     /// Effects that the real frames show by themselves.
     pub read_off: &'a [&'static str],
     pub chosen: &'a Chosen,
     pub names: &'a [&'static str],
-    /// Whether both folders have flat places of like brightness, in which noise can be compared.
-    pub noise_seen: bool,
 }
 
 /// A frame's pictures.
@@ -68,6 +66,11 @@ pub(super) struct Shown {
 }
 
 impl What<'_> {
+    /// Whether both folders have flat places of like brightness, in which noise can be compared.
+    fn noise_seen(&self) -> bool {
+        noise_is_seen(&self.chosen.counted)
+    }
+
     /// All effects that were found.
     fn set(&self) -> Vec<&'static str> {
         self.read_off.iter().chain(&self.chosen.set).copied().collect()
@@ -80,15 +83,9 @@ pub(super) fn report(
     folders: (&Folder, &Folder),
     notes: Vec<String>,
 ) -> (Report, Vec<Shown>) {
-    let packed = packed_dn2(&what.chosen.theta);
-    let real = Fingerprint::of(&what.held.real, packed);
-    let seen = |theta: &Theta| {
-        let frames = what.held.simulated.delivered(theta, 2);
-        (apart(&real, &Fingerprint::of(&frames, packed)), frames)
-    };
-    let (before, plain) = seen(&Theta::neutral());
-    let (after, made) = seen(&what.chosen.theta);
-    let gap = gap(&before, &after, what.held.real.len());
+    let (before, plain) = what.held.beside(&Theta::neutral());
+    let (after, made) = what.held.beside(&what.chosen.theta);
+    let gap = gap(&before, &after, what.held.frames.real.len());
     let left = left(&after);
     let set = what.set();
     let verdict = match (set.is_empty(), left.is_empty()) {
@@ -96,13 +93,12 @@ pub(super) fn report(
         (true, true) => Verdict::NoGap,
         (false, true) => Verdict::Explained,
         (false, false) if gap.closed_fraction >= RESEMBLED => Verdict::PartlyExplained,
-        (false, false) => Verdict::UnknownEffect,
-        (true, false) => Verdict::UnknownEffect,
+        (_, false) => Verdict::UnknownEffect,
     };
-    let effects = effects(what, &real, &gap);
+    let effects = effects(what, &gap);
     let shown = shown(what, folders.1, plain, made, [gap.before, gap.after]);
     let mut notes = notes;
-    if !what.noise_seen {
+    if !what.noise_seen() {
         notes.push(format!("noise could not be compared: {NO_FLAT_PLACES}"));
     }
     let report = Report {
@@ -110,13 +106,13 @@ pub(super) fn report(
         sentence: sentence(verdict, &gap, &effects, &left, &what.chosen.late),
         waterfall: Vec::new(),
         candidates: candidates(what, &gap),
-        places: places(&before, &after, &real),
+        places: places(&before, &after, &what.held.marks),
         measures: Vec::new(),
         percepts: Percepts::default(),
         frames: Vec::new(),
         maps: Maps::default(),
         description: DescriptionShown::default(),
-        input: input(what.held, folders.1),
+        input: input(&what.held.frames, folders.1),
         bootstrap: Bootstrap::default(),
         warnings: notes,
         next: Vec::new(),
@@ -178,15 +174,10 @@ fn left(after: &[Option<f64>]) -> Vec<String> {
     after.iter().enumerate().filter_map(beyond).collect()
 }
 
-fn effects(what: &What<'_>, real: &Fingerprint, gap: &Gap) -> Vec<EffectFound> {
+fn effects(what: &What<'_>, gap: &Gap) -> Vec<EffectFound> {
     let set = what.set();
     let theta = &what.chosen.theta;
-    let packed = packed_dn2(&what.chosen.theta);
-    let distance_of = |theta: &Theta| {
-        let frames = what.held.simulated.delivered(theta, 2);
-        distance(&apart(real, &Fingerprint::of(&frames, packed)))
-    };
-    let without: Vec<f64> = set.iter().map(|n| distance_of(&theta.without(candidate_of(n)))).collect();
+    let without: Vec<f64> = set.iter().map(|n| what.held.distance(&theta.without(candidate_of(n)))).collect();
     let gains: Vec<f64> = without.iter().map(|w| (w - gap.after).max(1e-3)).collect();
     let total: f64 = gains.iter().sum();
     let one = |(i, name): (usize, &&'static str)| {
@@ -199,7 +190,7 @@ fn effects(what: &What<'_>, real: &Fingerprint, gap: &Gap) -> Vec<EffectFound> {
             camera: true,
             gap_without: without[i],
             gap_with: gap.after,
-            gap_alone: distance_of(&alone),
+            gap_alone: what.held.distance(&alone),
             gain_ci95: [gains[i]; 2],
             alternatives: Vec::new(),
             footage: String::new(),
@@ -218,7 +209,7 @@ fn candidates(what: &What<'_>, gap: &Gap) -> Vec<Candidate> {
         if packed && HIDDEN_BY_COMPRESSION.contains(n) {
             return undetermined(n, "compression hides it in the real frames", "frames without compression");
         }
-        if !what.noise_seen && NOISES.contains(n) {
+        if !what.noise_seen() && NOISES.contains(n) {
             return undetermined(n, NO_FLAT_PLACES, "flat surfaces of like brightness in both folders");
         }
         if what.chosen.late.contains(n) {
@@ -370,7 +361,7 @@ fn shown(
     apart: [f64; 2],
 ) -> Vec<Shown> {
     let mut out = Vec::new();
-    let held = reals.held.iter().zip(&what.held.real).take(MOST_SHOWN);
+    let held = reals.held.iter().zip(&what.held.frames.real).take(MOST_SHOWN);
     for (((&index, real), plain), made) in held.zip(plain).zip(made) {
         let (of_real, of_made) = (grain(real), grain(&made));
         let filename = reals.names[index].clone();
