@@ -106,23 +106,22 @@ fn is_steady_spot(frames: &[&Plane<f32>], x: usize, y: usize, c: usize) -> bool 
 /// pixels: most of them touch another one. Which pixels of a sensor are stuck is chance. What is filled in around one,
 /// and is less bright, is no spot of its own.
 fn is_drawn(spots: &[(usize, [f32; 3])], width: usize) -> bool {
-    let at: HashMap<usize, f32> = spots.iter().map(|(i, v)| (*i, v.iter().sum())).collect();
-    let touching = |i: usize| {
-        let (x, y) = ((i % width) as isize, (i / width) as isize);
-        let near = (-1..=1).flat_map(|v| (-1..=1).map(move |u| (u, v))).filter(|d| *d != (0, 0));
-        let inside =
-            near.map(move |(u, v)| (x + u, y + v)).filter(move |(x, _)| (0..width as isize).contains(x));
-        inside.filter_map(|(x, y)| usize::try_from(y * width as isize + x).ok()).collect::<Vec<_>>()
+    let bright: HashMap<usize, f32> = spots.iter().map(|(i, v)| (*i, v.iter().sum())).collect();
+    let is_peak = |i: &usize| {
+        let mut near = touching(*i, width).filter_map(|j| bright.get(&j));
+        near.all(|v| *v <= bright[i] + ABOVE_DN)
     };
-    let values = |i: usize| touching(i).into_iter().filter_map(|j| at.get(&j).copied()).collect::<Vec<f32>>();
-    let peaks: Vec<usize> = at
-        .iter()
-        .filter(|(i, v)| values(**i).iter().all(|n| *n <= **v + ABOVE_DN))
-        .map(|(i, _)| *i)
-        .collect();
-    let is_peak: HashSet<usize> = peaks.iter().copied().collect();
-    let touched = peaks.iter().filter(|i| touching(**i).iter().any(|j| is_peak.contains(j))).count();
+    let peaks: HashSet<usize> = bright.keys().copied().filter(is_peak).collect();
+    let touched = peaks.iter().filter(|i| touching(**i, width).any(|j| peaks.contains(&j))).count();
     2 * touched > peaks.len()
+}
+
+/// Places of the eight neighbours, those below the picture included.
+fn touching(i: usize, width: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (i % width, i / width);
+    let columns = x.saturating_sub(1)..(x + 2).min(width);
+    let rows = y.saturating_sub(1)..y + 2;
+    rows.flat_map(move |v| columns.clone().map(move |u| v * width + u)).filter(move |j| *j != i)
 }
 
 /// Number of such pixels, whatever the pictures show. Before a camera that rests they may be content.
