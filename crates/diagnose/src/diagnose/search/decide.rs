@@ -27,6 +27,9 @@ const SOLVED: f64 = 0.15;
 /// Measured: 76 % on thirteen photographs of a board, with the lens of an independent calibration.
 const PLACED: f64 = 0.75;
 
+/// Share of the picture that must have been compared for a verdict on the frames as a whole: most of it.
+pub(crate) const MOST_COMPARED: f64 = 0.5;
+
 /// What a decision is made of.
 pub(crate) struct Facts {
     /// Whether anything is named.

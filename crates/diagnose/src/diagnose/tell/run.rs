@@ -21,6 +21,7 @@ use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates, ch
 use crate::diagnose::expect::pair::{Aligned, FEW, Geometry, Pair, needs_more};
 use crate::diagnose::expect::settings::{apply, theta_of};
 use crate::diagnose::report::*;
+use crate::diagnose::search::decide::MOST_COMPARED;
 use crate::diagnose::search::found::{Found, PERCEPTS};
 use crate::diagnose::search::objects::Objects;
 use crate::diagnose::search::question::Question;
@@ -331,7 +332,7 @@ fn say_objects(report: &mut Report, objects: &Objects) {
 fn say_rough(report: &mut Report) {
     let beside_px = report.input.alignment.as_ref().and_then(|a| a.rms_px).unwrap_or(0.0);
     let share = report.input.compared_share;
-    let rest = if share < 0.5 {
+    let rest = if share < MOST_COMPARED {
         if matches!(report.verdict, Verdict::NoGap | Verdict::Explained) {
             report.verdict = Verdict::Undetermined;
         }
