@@ -71,7 +71,7 @@ pub fn run(args: &Simulate) -> Result<()> {
     let mut timings = Timings::default();
     let start = Instant::now();
     let mut done = |frame: &mut Frame| {
-        let shutter = requests.iter().find(|r| r.index == frame.index).expect("it was asked for").shutter;
+        let shutter = all[frame.index as usize].shutter;
         let view = View { intrinsics: *camera, shutter, frame: frame.index, seed: args.seed };
         description.relight(frame, &requests, view, &stems[frame.index as usize])
     };
