@@ -101,18 +101,18 @@ fn footage(folder: &Path, name: &str, effects: &str) -> Option<PathBuf> {
     assert!(done.status.success(), "{}", text(&done.stderr));
     fs::write(real.join("frames.csv"), &list).unwrap();
     fs::write(real.join("camera.toml"), CAMERA).unwrap();
-    gyro(&real, 1.0, 0.0);
+    gyro(&real, 1.0, 0.0, 1.0);
     Some(real)
 }
 
-/// Rates at 400 Hz, scaled and later by so much, with the drift and noise of a cheap sensor.
-fn gyro(real: &Path, scale: f64, late_s: f64) {
+/// Rates at 400 Hz, scaled and later by so much, with the noise of a cheap sensor and so many times its drift.
+fn gyro(real: &Path, scale: f64, late_s: f64, drift: f64) {
     let mut dice = Dice(9);
     let mut table = String::from("# axes of the camera\n#timestamp [ns],wx,wy,wz,ax,ay,az\n");
     for k in -120..=520 {
         let t = 2.5e-3 * f64::from(k);
         let noise = DVec3::from([0, 1, 2].map(|_| 0.004 * (dice.roll() - 0.5)));
-        let w = scale * rate(t - late_s) + DVec3::new(0.01, -0.006, 0.004) + noise;
+        let w = scale * rate(t - late_s) + drift * DVec3::new(0.01, -0.006, 0.004) + noise;
         writeln!(table, "{},{},{},{},0,0,9.8", 10_000_000_000 + (t * 1e9) as i64, w.x, w.y, w.z).unwrap();
     }
     fs::write(real.join("imu.csv"), table).unwrap();
@@ -186,20 +186,21 @@ fn a_gyro_tells_readout_exposure_and_clocks() {
     // What was found goes into the camera.
     let camera = fs::read_to_string(out.join("camera.toml")).unwrap();
     assert!(camera.contains("[rolling_shutter]") && camera.contains("[motion_blur]"), "{camera}");
-    // A clock that is later by 0.1 s is an offset, and nothing else changes.
-    gyro(&real, 1.0, 0.1);
+    // A clock that is later by 0.1 s is an offset, a gyro that drifts by 0.6 rad/s drifts, and nothing else changes.
+    gyro(&real, 1.0, 0.1, 50.0);
     let late = report(&real, &out);
     holds(found(&late, "rolling_shutter", "readout_time_s"), READOUT_S, 0.0009);
+    holds(found(&late, "motion_blur", "exposure_time_s"), EXPOSURE_S, 0.0018);
     holds(found(&late, "time_offset", "offset_s"), OFFSET_S + 0.1, 0.0015);
     // Controls: the rates of another moment, and rates that are too large, explain nothing and it is said.
-    gyro(&real, 1.0, 0.77);
+    gyro(&real, 1.0, 0.77, 1.0);
     let other = report(&real, &out);
     assert_eq!(
         (&other["verdict"], other["effects"].as_array().unwrap().len()),
         (&Value::from("unknown_effect"), 0)
     );
     assert!(other["sentence"].as_str().unwrap().contains("does not explain"), "{}", other["sentence"]);
-    gyro(&real, 1.2, 0.0);
+    gyro(&real, 1.2, 0.0, 1.0);
     let scaled = report(&real, &out);
     assert_eq!(
         (&scaled["verdict"], scaled["effects"].as_array().unwrap().len()),
@@ -211,7 +212,26 @@ fn a_gyro_tells_readout_exposure_and_clocks() {
         scaled["sentence"]
     );
     assert!(state(&scaled, "rolling_shutter").starts_with("undetermined"));
+    another_centre_is_no_cause_of_the_camera(&real, &out);
     refused(&real, &out);
+}
+
+/// A camera whose centre is elsewhere: times of lines close little of what it leaves, and nothing is named.
+fn another_centre_is_no_cause_of_the_camera(real: &Path, out: &Path) {
+    gyro(real, 1.0, 0.0, 1.0);
+    let list = fs::read_to_string(real.join("frames.csv")).unwrap();
+    let few: Vec<&str> = list.lines().take(11).collect();
+    fs::write(real.join("frames.csv"), few.join("\n")).unwrap();
+    fs::write(real.join("camera.toml"), CAMERA.replace("cy = 120.0", "cy = 170.0")).unwrap();
+    let all = report(real, out);
+    assert_eq!(
+        (&all["verdict"], all["effects"].as_array().unwrap().len()),
+        (&Value::from("unknown_effect"), 0),
+        "{}",
+        all["sentence"]
+    );
+    fs::write(real.join("frames.csv"), list).unwrap();
+    fs::write(real.join("camera.toml"), CAMERA).unwrap();
 }
 
 #[test]
@@ -256,6 +276,9 @@ fn refused(real: &Path, out: &Path) {
     let camera = fs::read_to_string(real.join("camera.toml")).unwrap();
     fs::write(real.join("camera.toml"), camera.replace("width = 320", "width = 400")).unwrap();
     assert!(said().contains("400x240"));
+    // Through a lens that folds inside the picture nothing can be placed.
+    fs::write(real.join("camera.toml"), format!("{camera}[lens_distortion]\nk1 = -0.9\n")).unwrap();
+    assert!(said().contains("turns back"));
     fs::remove_file(real.join("camera.toml")).unwrap();
     assert!(said().contains("camera.toml"));
     fs::write(real.join("camera.toml"), camera).unwrap();

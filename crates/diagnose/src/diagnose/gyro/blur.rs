@@ -11,7 +11,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::input::Footage;
-use super::paths::{GROUPS, Numbers, Step, Timed, jackknife, seen, time_s};
+use super::paths::{GROUPS, Numbers, Step, Timed, jackknife, rate, seen, time_s};
 use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::expect::linear::solve;
 use shutterbug::error::Result;
@@ -32,6 +32,8 @@ const AT_BEST: f64 = 0.04;
 /// Rounds, and exposures below which there is none, s.
 const ROUNDS: usize = 10;
 const NONE_S: f64 = 1e-4;
+/// Part of the time between frames at which a search for an exposure has run to its end.
+const LONGEST: f64 = 0.999;
 /// What an exposure must be known to, as a part of it, and least blur that shows, px.
 const KNOWN: f64 = 0.3;
 const LEAST_BLUR_PX: f64 = 0.8;
@@ -43,6 +45,8 @@ pub(super) struct Blurred {
     pub half_s: f64,
     /// Longest that it may be, s.
     pub most_s: f64,
+    /// Time from frame to frame, s.
+    pub period_s: f64,
     /// Usual length of the blur, px.
     pub blur_px: f64,
 }
@@ -50,7 +54,12 @@ pub(super) struct Blurred {
 impl Blurred {
     /// Whether the exposure is told.
     pub(super) fn is_known(&self) -> bool {
-        self.half_s < KNOWN * self.exposure_s && self.blur_px >= LEAST_BLUR_PX
+        self.half_s < KNOWN * self.exposure_s && self.blur_px >= LEAST_BLUR_PX && !self.is_too_long()
+    }
+
+    /// Whether it is as long as frames are apart: no exposure is, so what was compared is no blur of motion.
+    pub(super) fn is_too_long(&self) -> bool {
+        self.exposure_s >= LONGEST * self.period_s
     }
 }
 
@@ -110,6 +119,7 @@ pub(super) fn exposure(
         } else {
             f64::INFINITY
         },
+        period_s: footage.period_s,
         most_s: (squared + half).max(0.0).sqrt(),
         blur_px: speeds * exposure_s,
     }))
@@ -154,7 +164,7 @@ fn speed(footage: &Footage, n: &Numbers, frame: usize, px: DVec2) -> DVec2 {
     let k = footage.intrinsics();
     let focal = DVec2::new(k.fx, k.fy);
     let ray = (px - DVec2::new(k.cx, k.cy)) / focal;
-    let rate = footage.gyro.rate(time_s(footage, n, frame, px)) * (1.0 + n[super::paths::SCALE]);
+    let rate = rate(footage, n, time_s(footage, n, frame, px));
     let moved = -rate.cross(ray.extend(1.0));
     focal * (moved.truncate() - ray * moved.z)
 }

@@ -6,11 +6,10 @@ use glam::DVec3;
 
 use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
-use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::pair::{notes_of_kind, pictures};
-use crate::diagnose::expect::settings::theta_of;
-use shutterbug::camera::Intrinsics;
+use shutterbug::camera::{Intrinsics, Lens};
 use shutterbug::capture::{CameraFile, parse_frames, read_text};
+use shutterbug::effects::LensDistortion;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
 use shutterbug::plane::{Plane, read_rgb8};
@@ -36,8 +35,8 @@ pub(super) struct Frame {
 pub(super) struct Footage {
     pub folder: PathBuf,
     pub camera: CameraFile,
-    /// The camera's lens.
-    pub lens: Theta,
+    /// The camera's lens: one that does not fold inside the picture.
+    pub lens: Lens,
     pub frames: Vec<Frame>,
     pub gyro: Gyro,
     /// Frames that follow each other, which the gyro covers.
@@ -82,7 +81,7 @@ impl Footage {
                 format!("at least {FEWEST_PAIRS} of the frames, which are from 0 to {last_s:.3} s");
             return Err(Error::input(&imu, None, found, expected));
         }
-        let lens = theta_of(&camera.settings);
+        let lens = Lens::new(camera.intrinsics, LensDistortion::distortion(&camera.settings))?;
         let notes = notes_of_kind(folder, &frames[0].name)?;
         Ok(Self {
             folder: folder.to_owned(),
@@ -102,7 +101,7 @@ impl Footage {
 
     /// Whether the camera has a lens that bends rays.
     pub(super) fn is_bent(&self) -> bool {
-        [P::K1, P::K2, P::P1, P::P2, P::K3].iter().any(|p| self.lens.get(*p) != 0.0)
+        !self.lens.distortion().is_identity()
     }
 
     /// Values of a frame, DN.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Gyroed;
 use super::blur::Blurred;
 use super::input::Footage;
-use super::paths::{COLUMNS, Numbers, OFFSET, ROWS, Step, Timed, seen, time_s};
+use super::paths::{COLUMNS, MARGIN_PX, Numbers, OFFSET, ROWS, Step, Timed, seen, time_s};
 use crate::diagnose::expect::model::{P, Theta, candidate_of};
 use crate::diagnose::expect::pair::channel_at;
 use crate::diagnose::report::*;
@@ -23,8 +23,6 @@ use shutterbug::plane::{Plane, write_atomic};
 const MOST_SHOWN: usize = 8;
 /// Of the difference between two frames so many times is shown.
 const ENLARGED: f32 = 3.0;
-/// Errors within this of each other are no gap, px.
-const MARGIN_PX: f64 = 0.05;
 /// What else needs.
 const NEEDS_SCENE: [&str; 2] = [
     "a gyro says when lines are exposed and for how long, and nothing else of the camera",
@@ -81,14 +79,24 @@ pub(super) fn report(
     let told = ["rolling_shutter", "motion_blur", "time_offset"];
     let others = names.iter().filter(|n| !told.contains(n));
     candidates.extend(others.map(|n| undetermined(n, NEEDS_SCENE[0], NEEDS_SCENE[1])));
+    let leaves = timed.is_some_and(Timed::leaves);
     let verdict = match (&doubt, effects.is_empty()) {
         (Some(_), _) if timed.is_some() => Verdict::UnknownEffect,
         (Some(_), _) => Verdict::Undetermined,
+        (None, true) if leaves => Verdict::UnknownEffect,
         (None, true) => Verdict::NoGap,
+        (None, false) if leaves => Verdict::PartlyExplained,
         (None, false) => Verdict::Explained,
     };
     share(&mut effects);
-    let sentence = sentence(doubt.as_deref(), &effects, &gap);
+    let mut sentence = sentence(doubt.as_deref(), &effects, &gap);
+    if leaves && doubt.is_none() {
+        sentence += &format!(
+            " They are measured to {:.2} px: something else moves them too (the centre or the lens of camera.toml, \
+            a near scene).",
+            gap.floor
+        );
+    }
     let report = Report {
         verdict,
         sentence,
@@ -185,8 +193,8 @@ fn input(footage: &Footage, steps: &[Step]) -> Input {
 
 /// Errors of held-out points, px.
 fn gap(timed: Option<&Timed>, held_out_frames: usize) -> Gap {
-    let [before, after] = timed.map_or([0.0; 2], |t| [t.before_px, t.after_px]);
-    let closed = if before > after { 1.0 - after / before } else { 0.0 };
+    let [before, after, known] = timed.map_or([0.0; 3], |t| [t.before_px, t.after_px, t.known_px]);
+    let closed = timed.map_or(0.0, Timed::closed);
     let of = |k: usize| {
         let all: Vec<f64> = timed.iter().flat_map(|t| t.by_pair.iter().map(|p| p[k])).collect();
         let n = all.len().max(2) as f64;
@@ -194,12 +202,12 @@ fn gap(timed: Option<&Timed>, held_out_frames: usize) -> Gap {
         1.96 * (all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt()
     };
     let around = |v: f64, half: f64| [(v - half).max(0.0), v + half];
-    let half = if before > 0.0 { of(1) / before } else { 0.0 };
+    let half = if before > known { of(1) / (before - known) } else { 0.0 };
     Gap {
         unit: "px".to_owned(),
         before,
         after,
-        floor: after,
+        floor: known.min(after),
         closed_fraction: closed,
         closed_fraction_ci95: [(closed - half).max(0.0), (closed + half).min(1.0)],
         held_out_frames,
@@ -255,6 +263,14 @@ fn answers(timed: &Timed, blurred: Option<&Blurred>, theta: &mut Theta) -> Vec<(
     let known = blurred.filter(|b| b.is_known());
     let exposure = match (known, blurred) {
         (Some(b), _) => Answer::Found(vec![(P::Exposure, b.exposure_s, b.half_s)], timed.after_px),
+        (None, Some(b)) if b.is_too_long() => Answer::Unknown(
+            format!(
+                "neighbouring frames differ in their blur by more than an exposure of {:.1} ms, the time between \
+                frames, would make: interlaced, blended or processed frames do",
+                1e3 * b.period_s
+            ),
+            FILM.to_owned(),
+        ),
         (None, Some(b)) => Answer::Unknown(
             format!(
                 "neighbouring frames are too alike in their blur to tell it: it is at most {:.1} ms",

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec2, DVec3};
 use super::input::Footage;
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::pair::{GoOn, lies};
-use crate::diagnose::expect::undistort::undistort;
+use crate::diagnose::search::decide::NAMED;
 use shutterbug::error::Result;
 
 /// Places across a frame and down it at which displacements are taken.
@@ -26,6 +26,8 @@ const MOST_LEFT: f64 = 0.2;
 const MOST_LEFT_PX: f64 = 1.0;
 /// By how much the gyro may turn further than the frames show: focal lengths are known so well.
 const SCALE_OFF: f64 = 0.03;
+/// Errors within this of each other are no gap, px.
+pub(super) const MARGIN_PX: f64 = 0.05;
 /// Least motion, px from frame to frame.
 const LEAST_MOTION_PX: f64 = 1.0;
 
@@ -58,6 +60,8 @@ pub(super) struct Timed {
     pub before_px: f64,
     pub after_px: f64,
     pub offset_alone_px: f64,
+    /// What displacements are known to, px, root mean square: by how much the errors of neighbouring points differ.
+    pub known_px: f64,
     pub motion_px: f64,
     /// By pair of frames: error before and after, px.
     pub by_pair: Vec<[f64; 2]>,
@@ -84,9 +88,12 @@ impl Step {
                 here + DVec2::new(f64::from(lies.shift.data[2 * at]), f64::from(lies.shift.data[2 * at + 1]));
             let inside =
                 there.x > 1.0 && there.y > 1.0 && there.x < w as f64 - 1.0 && there.y < h as f64 - 1.0;
-            if inside {
+            if !inside {
+                continue;
+            }
+            if let [Some(a), Some(b)] = [here, there].map(|p| footage.lens.undistort_px(p)) {
                 points.push([here, there]);
-                rays.push([here, there].map(|p| undistort((p - centre) / focal, &footage.lens)));
+                rays.push([a, b].map(|p| (p - centre) / focal));
             }
         }
         Ok(Self { frames, points, rays })
@@ -100,10 +107,19 @@ pub(super) fn time_s(footage: &Footage, n: &Numbers, frame: usize, px: DVec2) ->
     footage.frames[frame].start_s + n[OFFSET] + n[ROWS] * part.y + n[COLUMNS] * part.x
 }
 
+/// Of the gyro, rad/s.
+fn drift(n: &Numbers) -> DVec3 {
+    DVec3::new(n[DRIFT], n[DRIFT + 1], n[DRIFT + 2])
+}
+
+/// How fast the camera turns about its axes, rad/s.
+pub(super) fn rate(footage: &Footage, n: &Numbers, time_s: f64) -> DVec3 {
+    footage.gyro.rate(time_s) * (1.0 + n[SCALE]) + drift(n)
+}
+
 /// Where a far point that is on a ray at one time is at another, by the gyro.
 pub(super) fn seen(footage: &Footage, n: &Numbers, ray: DVec2, from_s: f64, to_s: f64) -> DVec2 {
-    let drift = DVec3::new(n[DRIFT], n[DRIFT + 1], n[DRIFT + 2]) * (to_s - from_s);
-    let turned = footage.gyro.between(from_s, to_s) * (1.0 + n[SCALE]) + drift;
+    let turned = footage.gyro.between(from_s, to_s) * (1.0 + n[SCALE]) + drift(n) * (to_s - from_s);
     let then = DQuat::from_scaled_axis(-turned) * ray.extend(1.0);
     then.truncate() / then.z.max(0.05)
 }
@@ -217,8 +233,10 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     (neutral[OFFSET], neutral[ROWS], neutral[COLUMNS]) = (0.0, 0.0, 0.0);
     let neutral = fitted(footage, &fit, &neutral, &rest, ROUNDS);
     let both = |s: &Step| [&neutral, &numbers].map(|n| rms(errors(footage, s, n).into_iter()));
+    let known_px = known_px(footage, &held, &first);
     Some(Timed {
         half,
+        known_px,
         before_px: judge(&neutral),
         after_px: judge(&first),
         offset_alone_px: judge(&alone),
@@ -226,6 +244,23 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
         by_pair: steps.iter().map(both).collect(),
         numbers,
     })
+}
+
+/// What displacements are known to, px: errors of what was measured differ from point to point, those of a geometry
+/// that is not right go smoothly over the picture.
+fn known_px(footage: &Footage, steps: &[&Step], n: &Numbers) -> f64 {
+    let size =
+        DVec2::new(f64::from(footage.camera.intrinsics.width), f64::from(footage.camera.intrinsics.height));
+    let apart = size / DVec2::new(PLACES[0] as f64, PLACES[1] as f64);
+    let of = |step: &&Step| -> Vec<DVec2> {
+        let errors = errors(footage, step, n);
+        let beside = |k: &usize| {
+            let between = (step.points[*k][0] - step.points[k - 1][0]).abs();
+            between.x < 0.5 * apart.x && between.y < 1.5 * apart.y
+        };
+        (1..errors.len()).filter(beside).map(|k| (errors[k] - errors[k - 1]) * 0.5f64.sqrt()).collect()
+    };
+    rms(steps.iter().flat_map(of))
 }
 
 /// Half width of a 95 % interval from what is found when groups are left out in turn.
@@ -239,18 +274,27 @@ impl Timed {
     /// Why the times are no answer; nothing where they are one.
     pub(super) fn doubt(&self) -> Option<String> {
         let (left_px, motion_px) = (self.after_px, self.motion_px);
-        if motion_px < LEAST_MOTION_PX {
+        if !(motion_px >= LEAST_MOTION_PX) {
             return Some(format!(
                 "the camera hardly turns: content moves {motion_px:.2} px from frame to frame"
             ));
         }
-        if left_px > MOST_LEFT * motion_px || left_px > MOST_LEFT_PX {
+        // Asked so that errors that are no numbers are a doubt too.
+        if !(left_px <= MOST_LEFT * motion_px && left_px <= MOST_LEFT_PX) {
             return Some(format!(
                 "the gyro does not explain how the frames move: content moves {motion_px:.1} px from frame to \
                 frame, and points are \
                  {left_px:.2} px from where the gyro has them at best. It may be of another recording, its \
                  clock more than \
                  {FURTHEST_S} s off, its axes not the camera's, or the scene near"
+            ));
+        }
+        if self.leaves() && self.closed() < NAMED[0] {
+            return Some(format!(
+                "the times of lines do not explain how the frames move: points are {left_px:.2} px from where the \
+                gyro has them at best, {:.2} px if all lines are read at once, and are measured to {:.2} px. The \
+                centre or the lens of camera.toml may be off, or the scene near",
+                self.before_px, self.known_px
             ));
         }
         let scale = 1.0 + self.numbers[SCALE];
@@ -262,6 +306,17 @@ impl Timed {
             ));
         }
         None
+    }
+
+    /// Whether points lie further off than they are measured to.
+    pub(super) fn leaves(&self) -> bool {
+        self.after_px - self.known_px > MARGIN_PX
+    }
+
+    /// Part of the gap that the times close, of what measuring allows.
+    pub(super) fn closed(&self) -> f64 {
+        let all = self.before_px - self.known_px.min(self.after_px);
+        if all > 0.0 { ((self.before_px - self.after_px) / all).max(0.0) } else { 0.0 }
     }
 
     pub(super) fn is_trusted(&self) -> bool {
