@@ -18,6 +18,7 @@ mod marks;
 mod outcome;
 mod own;
 mod simulated;
+mod unnamed;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -145,6 +146,7 @@ pub fn diagnose_unpaired(
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
     let mut notes = notes_of_kind(sim, &sims.names[0])?;
     notes.extend(notes_of_kind(real, &reals.names[0])?);
+    notes.extend(other_size(&sims, &reals));
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;
@@ -190,6 +192,17 @@ pub fn diagnose_unpaired(
     let set: Vec<&'static str> = read_off.iter().chain(&chosen.set).copied().collect();
     crate::diagnose::expect::settings::apply(&mut camera.settings, &chosen.theta, &set)?;
     Ok(Unpaired { report, camera, shown })
+}
+
+/// Said where the folders' pictures are of different sizes.
+fn other_size(sims: &Folder, reals: &Folder) -> Option<String> {
+    let ([w, h], [of_w, of_h]) = (reals.size, sims.size);
+    (reals.size != sims.size).then(|| {
+        format!(
+            "the real frames are of {w}x{h} px, the simulated ones of {of_w}x{of_h} px: what is measured in px is \
+            compared as it is"
+        )
+    })
 }
 
 /// The marks of frames, and what measuring them took. That of one frame tells whether there is time for all.

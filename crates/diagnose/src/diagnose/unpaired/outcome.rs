@@ -11,6 +11,7 @@ use super::choose::{NOISES, noise_is_seen};
 use super::fingerprint::{Fingerprint, distance};
 use super::marks::{BINS, bin_dn, name};
 use super::simulated::packed_dn2;
+use super::unnamed;
 use super::{Chosen, Folder, Frames, Unpaired, Unseen};
 use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::changes_places;
@@ -86,8 +87,12 @@ pub(super) fn report(
     let (before, plain) = what.held.beside(&Theta::neutral());
     let (after, made) = what.held.beside(&what.chosen.theta);
     let gap = gap(&before, &after, what.held.frames.real.len());
-    let left = left(&after);
     let set = what.set();
+    let mut left = left(&after);
+    left.extend(unnamed::differences(&what.held.frames.real, &made));
+    if set.is_empty() && folders.0.size != folders.1.size {
+        left.push("the size of their pictures".to_owned());
+    }
     let verdict = match (set.is_empty(), left.is_empty()) {
         _ if !what.chosen.late.is_empty() => Verdict::Undetermined,
         (true, true) => Verdict::NoGap,

@@ -27,6 +27,8 @@ use shutterbug::plane::write_png_atomic;
 
 /// What stands for the folders in the command: real frames, and those that they are compared with.
 const PLACES: [&str; 2] = ["{a}", "{b}"];
+/// Words that mean something to a shell alone.
+const OF_A_SHELL: [&str; 9] = ["|", "||", "&", "&&", ";", "<", ">", ">>", "2>&1"];
 /// Most pictures of a folder that are handed over.
 const MOST_PICTURES: usize = 1000;
 /// How often a command is looked after.
@@ -84,6 +86,11 @@ impl Own {
         if words.is_empty() {
             return Err(refused("no command".to_owned(), expected));
         }
+        if let Some(word) = words.iter().find(|w| OF_A_SHELL.contains(&w.as_str())) {
+            let expected = "a program and its arguments: no shell is used, so pipes and redirections need a script, \
+                or sh -c '...' with the folders as \"$1\" and \"$2\" behind it";
+            return Err(refused(format!("`{word}` as a word of its own"), expected));
+        }
         let is_there = |place: &str| words[1..].iter().any(|w| w.contains(place));
         match PLACES.into_iter().find(|p| !is_there(p)) {
             Some(place) => Err(refused(format!("`{text}`, without {place} behind its first word"), expected)),
@@ -108,6 +115,8 @@ impl Own {
         let mut command = Command::new(&self.0[0]);
         command.args(self.0[1..].iter().map(word));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // A group of its own: what the command starts ends with it.
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let begun = Instant::now();
         let mut child = command.spawn().map_err(|e| {
             let expected =
@@ -115,12 +124,15 @@ impl Own {
             failed(format!("`{}`: {e}", self.0[0]), expected)
         })?;
         let streams = [heard(child.stdout.take()), heard(child.stderr.take())];
-        let status = self.wait(&mut child, limits)?;
+        let status = self.wait(&mut child, limits);
+        end_group(&child);
+        let status = status?;
         let [said, complained] = streams.map(|s| s.recv_timeout(LAST_WORDS).unwrap_or_default());
         if !status.success() {
             let last = last_line(&complained).or_else(|| last_line(&said)).unwrap_or_default();
             let how = status.code().map_or_else(|| "a signal".to_owned(), |c| format!("exit code {c}"));
-            let found = format!("`{}` ended with {how}: {}", self.name(), shortened(&last));
+            let last = if last.is_empty() { "without a word".to_owned() } else { shortened(&last) };
+            let found = format!("`{}` ended with {how}: {last}", self.name());
             return Err(failed(found, "a command that succeeds"));
         }
         let line = last_line(&said).unwrap_or_default();
@@ -141,7 +153,7 @@ impl Own {
             let stopped = limits.stop.is_some_and(|s| s.load(Ordering::Relaxed));
             if stopped || limits.budget.left_s() <= 0.0 {
                 // It may have ended by itself.
-                let _ = child.kill();
+                end_group(child);
                 let _ = child.wait();
             }
             if stopped {
@@ -286,6 +298,14 @@ fn copy<'a>(from: &Path, names: impl Iterator<Item = &'a String>, to: &Path) -> 
     Ok(())
 }
 
+/// Ends a command and whatever it started that is still there.
+fn end_group(child: &Child) {
+    if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+        // Nothing may be left to end.
+        let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+    }
+}
+
 /// The end of what a stream says, once it is over.
 fn heard(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
     let (send, receive) = channel();
@@ -337,6 +357,7 @@ mod tests {
             ("fid {a}", "without {b}"),
             ("{a} {b}", "without {a}"),
             ("fid '{a} {b}", "a quote is not closed"),
+            ("echo 1 | cat {a} {b}", "`|` as a word of its own"),
         ] {
             let error = Own::parse(text).expect_err(text).to_string();
             assert!(error.contains("--distance") && error.contains(said), "{error}");
@@ -364,6 +385,7 @@ mod tests {
         assert_eq!(echoed, 4.0);
         let said = |text: &str| of(text, &budget).expect_err(text).to_string();
         assert!(said("sh -c 'echo oh no >&2; exit 3' {a} {b}").contains("exit code 3: oh no"));
+        assert!(said("sh -c 'exit 3' {a} {b}").contains("exit code 3: without a word"));
         assert!(said("sh -c 'echo 4; echo done' {a} {b}").contains("last line `done`"));
         assert!(said("/no/such/program {a} {b}").contains("/no/such/program"));
         let short = Budget::new(Instant::now(), Some(Duration::from_millis(300)));
@@ -374,5 +396,34 @@ mod tests {
         let late =
             of("sh -c 'sleep 30' {a} {b}", &Budget::new(Instant::now(), Some(Duration::from_millis(300))));
         assert!(late.expect_err("late").to_string().contains("the time limit"));
+    }
+
+    /// Whether a process is there and has not ended.
+    fn lives(pid: &str) -> bool {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", pid.trim())).unwrap_or_default();
+        stat.rsplit(')').next().is_some_and(|s| !s.is_empty() && !s.trim().starts_with('Z'))
+    }
+
+    #[test]
+    fn what_a_command_started_ends_with_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let pid = folder.path().join("pid");
+        // In time and late: the first command ends by itself and leaves a process behind.
+        for (end, limit_ms) in [("echo 1", 10_000), ("sleep 30", 500)] {
+            let text = format!(
+                "sh -c 'sleep 30 >/dev/null 2>&1 & echo $! > {}; {end}' _ {{a}} {{b}}",
+                pid.display()
+            );
+            let budget = Budget::new(Instant::now(), Some(Duration::from_millis(limit_ms)));
+            let limits = Limits { budget: &budget, stop: None };
+            let said = Own::parse(&text).expect("a command").distance([Path::new("a"); 2], &limits);
+            assert_eq!(said.is_ok(), end == "echo 1", "{end}");
+            let pid = fs::read_to_string(&pid).expect("the process was started");
+            let gone = (0..100).any(|_| {
+                thread::sleep(LOOK);
+                !lives(&pid)
+            });
+            assert!(gone, "{end}: {pid}");
+        }
     }
 }
