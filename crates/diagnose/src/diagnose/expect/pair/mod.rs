@@ -5,6 +5,7 @@
 //! either, effects on values, noise and sharpness are; the rest is `undetermined`.
 
 mod align;
+mod beside;
 mod frames;
 mod guess;
 mod kinds;
@@ -99,6 +100,7 @@ impl Pair {
         let size = size_of(&sim.join(&matched[0].sim))?;
         let mut notes = kinds::notes(sim, &matched[0].sim)?;
         notes.extend(kinds::notes(real, &matched[0].real)?);
+        notes.extend(beside::notes(sim, real, &matched)?);
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
         let times_s = matched::times_s(sim, &matched, period_s)?;
