@@ -118,9 +118,14 @@ pub(super) fn placeholder(path: &Path, size_px: [usize; 2]) -> CameraFile {
     CameraFile::pinhole(path.to_owned(), Intrinsics { width, height, fx, fy: fx, cx, cy }, 1.0 / 30.0)
 }
 
+/// A share; what is none was not compared.
+fn in_percent(share: f64) -> String {
+    if share.is_finite() { format!("{:.1} %", 100.0 * share) } else { "not compared".to_owned() }
+}
+
 /// What was found, a few lines.
 fn summary(c: &Calibration) -> String {
-    let percent = |v: [f64; 3]| v.map(|v| format!("{:.1} %", 100.0 * v)).join("  ");
+    let percent = |v: [f64; 3]| v.map(in_percent).join("  ");
     let mut text = format!("{}\n", c.frames.join(" "));
     for k in 0..3 {
         let n = &c.real.neighbours[k];

@@ -2,7 +2,8 @@
 
 use super::frames::{Encoding, Frame};
 use super::model::IspCamera;
-use super::noise::{Calibration, Comparison, NoiseOptions, Pictures, compare, mean_variance, measure_noise};
+use super::noise::{Calibration, Comparison, NoiseOptions, Pictures, compare, mean_variance, measure_all};
+use super::scene::Together;
 use super::search::{By, Levelled, fit_camera, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
 use super::statics::{Registration, difference};
@@ -15,7 +16,7 @@ use shutterbug::error::{Error, Result};
 /// intensities.
 pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
     let encoding = options.encoding;
-    let (real, pairs) = measure_noise(frames, encoding)?;
+    let (real, pairs, together) = measure_all(frames, encoding)?;
     let step = frames[0].step;
     if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
         return Err(Error::input(
@@ -38,16 +39,16 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     let chain = level(chain_camera, &pairs, &real, step, options, by)?;
     let comparison_chain = compare(&real, &chain.simulated);
     check_matched(frames, &comparison_chain)?;
-    let resting = pairs.iter().all(|p| !p.registration.moved);
     let usable = &pairs[0].usable;
+    let resting = together.resting.as_deref();
     let mut calibration = Calibration {
         frames: frames.iter().map(|f| f.path.display().to_string()).collect(),
         encoding: encoding.name(),
         registration: pairs.iter().map(|p| p.registration.clone()).collect(),
         color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
-        static_variance: if resting { static_variance(frames, usable, encoding) } else { None },
+        static_variance: resting.and_then(|at_rest| static_variance(frames, at_rest, encoding)),
         edge_variance: edge_variance(&pairs[0], &real.fits, encoding),
-        temporal: if resting { temporal(frames, usable) } else { None },
+        temporal: resting.and_then(|at_rest| temporal(frames, at_rest)),
         real,
         simulated,
         comparison,
@@ -68,14 +69,15 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
             usable: usable.clone(),
         },
     };
-    calibration.notes = notes(&calibration, frames);
+    calibration.notes = notes(&calibration, &together);
     Ok(calibration)
 }
 
 /// A camera without any noise misses its variance by the whole of it: one that misses by more is no finding.
 fn check_matched(frames: &[Frame], chain: &Comparison) -> Result<()> {
     let off = chain.mean_deviation;
-    if !off.iter().any(|d| !(*d < 1.0)) {
+    // What could not be compared misses nothing.
+    if (0..3).all(|c| off[c] < 1.0 || chain.variance_ratio[c].is_empty()) {
         return Ok(());
     }
     let [r, g, b] = off.map(|d| 100.0 * d);
@@ -113,7 +115,7 @@ fn notes_on_place(r: &Registration, notes: &mut Vec<String>) {
 }
 
 /// What limits the result.
-fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
+fn notes(c: &Calibration, together: &Together) -> Vec<String> {
     let mut notes = Vec::new();
     c.registration.iter().for_each(|r| notes_on_place(r, &mut notes));
     for (name, fit) in NAMES.iter().zip(&c.real.fits) {
@@ -149,7 +151,13 @@ fn notes(c: &Calibration, frames: &[Frame]) -> Vec<String> {
                 .to_owned(),
         );
     }
-    if frames.len() < 3 {
+    if !together.moved.is_empty() {
+        notes.push(format!(
+            "displaced against {}: {}; so there is no static part and no temporal spectrum",
+            c.frames[0],
+            together.moved.join(", ")
+        ));
+    } else if c.frames.len() < 3 {
         notes.push(
             "two frames: the fixed pattern is in both and stays unseen; no temporal spectrum".to_owned(),
         );
@@ -172,7 +180,7 @@ mod tests {
         let frames = ["a", "b"].map(|name| Frame::from_plane(name, Plane::new(1, 1, 3), 0.0));
         let with = |mean_deviation: [f64; 3]| {
             let chain = Comparison {
-                variance_ratio: Default::default(),
+                variance_ratio: [vec![[128.0, 1.0, 0.1]], vec![[128.0, 1.0, 0.1]], Vec::new()],
                 mean_deviation,
                 within_10_percent: [0.0; 3],
                 within_10_percent_or_chance: [0.0; 3],
@@ -184,5 +192,6 @@ mod tests {
         let said = with([0.1, 1.3, 0.1]).expect_err("refused");
         assert!(said.contains("b: found ") && said.contains("10 130 10 %"), "{said}");
         assert!(with([f64::NAN, 0.1, 0.1]).is_err());
+        assert_eq!(with([0.1, 0.1, f64::NAN]), Ok(()), "a channel of which nothing could be compared");
     }
 }

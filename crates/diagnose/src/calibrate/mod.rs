@@ -38,6 +38,7 @@ pub mod model;
 mod noise;
 pub mod ptc;
 pub mod readout;
+mod scene;
 mod search;
 pub mod series;
 pub mod spatial;

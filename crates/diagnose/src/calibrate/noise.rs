@@ -5,9 +5,10 @@ use serde::Serialize;
 use super::frames::{Encoding, Frame, check};
 use super::model::IspCamera;
 use super::ptc::{self, Bin, Curve, Estimate, PtcFit};
+use super::scene::{Together, one_scene};
 use super::series::Temporal;
 use super::spatial::{Correlation, column_noise, correlations, row_noise};
-use super::statics::{AlignedPair, Registration, align};
+use super::statics::{AlignedPair, Registration};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
@@ -43,7 +44,8 @@ pub struct Comparison {
     /// Per channel and bin: encoded mean (0 to 255), simulated over real variance, and the 95 % half width that chance
     /// alone gives this ratio.
     pub variance_ratio: [Vec<[f64; 3]>; 3],
-    /// Mean of `|ratio - 1|` over the pixels, per channel.
+    /// Mean of `|ratio - 1|` over the pixels, per channel; this and the shares below are not a number (null in JSON)
+    /// where no bin could be compared.
     pub mean_deviation: [f64; 3],
     /// Share of the pixels in bins within 10 %, per channel.
     pub within_10_percent: [f64; 3],
@@ -101,7 +103,7 @@ pub struct Calibration {
     pub camera: IspCamera,
     /// Variance (linear) of the paper's colour noise, R, G, B: mean over the usable pixels.
     pub color_variance: [f64; 3],
-    /// The paper's static noise (an upper bound unless the scene was a flat field); needs three frames.
+    /// The paper's static noise (an upper bound unless the scene was a flat field); needs three frames that rest.
     pub static_variance: Option<[f64; 3]>,
     /// The paper's edge noise; needs frames without displacement.
     pub edge_variance: Option<[Estimate; 3]>,
@@ -120,12 +122,20 @@ pub struct Calibration {
 /// fourth: every frame in one pair, so that the pairs are independent; an odd last frame counts over time alone).
 ///
 /// # Errors
-/// Frames that hold no measurement ([`check`]) or no static scene ([`align`]).
+/// Frames that hold no measurement ([`check`]) or no static scene ([`super::statics::align`]).
 pub fn measure_noise(frames: &[Frame], encoding: Encoding) -> Result<(Measured, Vec<AlignedPair>)> {
+    let (measured, pairs, _) = measure_all(frames, encoding)?;
+    Ok((measured, pairs))
+}
+
+/// The same, and what all frames together are.
+pub(super) fn measure_all(
+    frames: &[Frame],
+    encoding: Encoding,
+) -> Result<(Measured, Vec<AlignedPair>, Together)> {
     check(frames)?;
-    let pairs: Vec<AlignedPair> =
-        frames.chunks_exact(2).map(|p| align(&p[0], &p[1], encoding)).collect::<Result<_>>()?;
-    Ok((measure(&pairs, frames[0].step, encoding), pairs))
+    let (pairs, together) = one_scene(frames, encoding)?;
+    Ok((measure(&pairs, frames[0].step, encoding), pairs, together))
 }
 
 pub(super) fn mean_variance(bins: &[Bin]) -> f64 {
@@ -167,8 +177,7 @@ pub(super) fn expected_sigma(
     let tables: [Vec<Option<f32>>; 3] = curves.each_ref().map(|bins| {
         let mut table = vec![None; ptc::BINS];
         for b in bins.iter().filter(|b| !b.cut_off) {
-            let at = ((b.mean_dn / 255.0 * ptc::BINS as f64) as usize).min(ptc::BINS - 1);
-            table[at] = Some((2.0 * b.variance_dn2).sqrt().max(1e-3) as f32 / 255.0);
+            table[b.place] = Some((2.0 * b.variance_dn2).sqrt().max(1e-3) as f32 / 255.0);
         }
         table
     });
@@ -197,8 +206,8 @@ pub(super) fn compare(real: &Measured, simulated: &Measured) -> Comparison {
     for c in 0..3 {
         let mut total = 0.0;
         for bin in real.curves[c].iter().filter(|b| !b.cut_off && b.variance_dn2 > 0.0) {
-            let same = |b: &&Bin| (b.mean_dn - bin.mean_dn).abs() < 1e-6;
-            let Some(other) = simulated.curves[c].iter().find(same) else { continue };
+            // Of several pairs the mean within a bin is not to the last figure that of the one that is simulated.
+            let Some(other) = simulated.curves[c].iter().find(|b| b.place == bin.place) else { continue };
             let ratio = other.variance_dn2 / bin.variance_dn2;
             let of = |b: &Bin, m: &Measured| 2.0 * m.neighbours[c].effective_pixels / b.count;
             let chance = 1.96 * (of(bin, real) + of(other, simulated)).sqrt();
@@ -209,7 +218,7 @@ pub(super) fn compare(real: &Measured, simulated: &Measured) -> Comparison {
             out.within_10_percent_or_chance[c] += if off <= chance.max(0.1) { bin.count } else { 0.0 };
             out.variance_ratio[c].push([bin.mean_dn, ratio, chance]);
         }
-        let total = f64::max(total, 1.0);
+        // Of nothing: not a number, which no reader takes for an agreement.
         out.mean_deviation[c] /= total;
         out.within_10_percent[c] /= total;
         out.within_10_percent_or_chance[c] /= total;

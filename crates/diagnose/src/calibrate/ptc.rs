@@ -15,6 +15,8 @@ const MIN_BIN_PX: f64 = 400.0;
 /// One bin of the curve of one channel.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Bin {
+    /// Its number, 0 to [`BINS`] less 1: what a bin of other frames is found by.
+    pub place: usize,
     /// Pixels.
     pub count: f64,
     /// Mean, linear, fraction of full scale.
@@ -67,13 +69,15 @@ impl Curve {
         let step2 = f64::from(step).powi(2) / 12.0;
         self.sums
             .iter()
-            .filter(|s| s[0] >= MIN_BIN_PX)
-            .map(|&[n, value, linear, d, dd, l, ll]| {
+            .enumerate()
+            .filter(|(_, s)| s[0] >= MIN_BIN_PX)
+            .map(|(place, &[n, value, linear, d, dd, l, ll])| {
                 let variance = |sum: f64, square: f64| 0.5 * (square - sum * sum / n) / (n - 1.0);
                 let (mean, mean_linear, encoded) = (value / n, linear / n, variance(d, dd));
                 let sigma = encoded.max(0.0).sqrt();
                 let rounding = step2 / encoding.slope(mean_linear).powi(2);
                 Bin {
+                    place,
                     count: n,
                     mean_linear,
                     variance_linear: variance(l, ll) - rounding,
@@ -257,7 +261,15 @@ mod tests {
     use super::*;
 
     fn bin(mean_linear: f64, variance_linear: f64) -> Bin {
-        Bin { count: 1e4, mean_linear, variance_linear, mean_dn: 0.0, variance_dn2: 0.0, cut_off: false }
+        Bin {
+            place: 0,
+            count: 1e4,
+            mean_linear,
+            variance_linear,
+            mean_dn: 0.0,
+            variance_dn2: 0.0,
+            cut_off: false,
+        }
     }
 
     #[test]

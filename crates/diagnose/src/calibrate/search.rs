@@ -142,7 +142,7 @@ pub(super) fn level(
     let pair = &pairs[0];
     let (simulated, shown) = simulate(&*by.make(&camera)?, pair, step, options)?;
     let without = compare(real, &simulated);
-    let good = without.within_10_percent_or_chance.iter().all(|share| *share > 0.95);
+    let good = without.within_10_percent_or_chance.iter().all(|share| !(*share <= 0.95));
     if good || !camera.bayer {
         return Ok(Levelled { camera, simulated, shown, without, held_out: None });
     }
@@ -211,7 +211,7 @@ pub(super) fn with_level_gain(
     for round in 0..=LEVEL_ROUNDS {
         let frames = simulated_differences(&*by.make(&levelled)?, pair, options)?;
         let compared = compare(real, &there(&mean, &frames));
-        let off: f64 = compared.mean_deviation.iter().sum();
+        let off: f64 = compared.mean_deviation.iter().filter(|d| d.is_finite()).sum();
         // Little was gained three times: the rest is chance, and what a curve cannot do.
         idle = if best.as_ref().is_some_and(|(least, _)| off > WORTH * least) { idle + 1 } else { 0 };
         if best.as_ref().is_none_or(|(least, _)| off < *least) {
