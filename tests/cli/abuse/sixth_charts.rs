@@ -99,3 +99,87 @@ fn another_scene_among_the_frames_is_named() {
     assert_done(&folder.calibrate("noise", &[a.clone(), b.clone(), c], &[]));
     assert_done(&folder.calibrate("noise", &[a, b, p, q], &["--pairs"]));
 }
+
+const FLAT: [u32; 2] = [256, 192];
+
+/// Pictures of a flat field with a pattern of 0.6 %, of which `light` is what shines on a pixel of the k-th.
+fn flat_field(folder: &Folder, name: &str, light: &dyn Fn(f64, f64, u32) -> f64) -> Vec<PathBuf> {
+    let mut dice = Dice(5);
+    let count = (FLAT[0] * FLAT[1]) as usize;
+    let gains: Vec<f64> = (0..count).map(|_| 1.0 + 0.006 * dice.normal()).collect();
+    let one = |k: u32| {
+        let mut dice = Dice(100 + u64::from(k));
+        let noise: Vec<f64> = (0..count).map(|_| 0.018 * dice.normal()).collect();
+        folder.save(&format!("{name}{k}"), FLAT, &|x, y| {
+            let i = (y * FLAT[0] + x) as usize;
+            light(f64::from(x), f64::from(y), k) * (gains[i] + noise[i])
+        })
+    };
+    (0..4).map(one).collect()
+}
+
+#[test]
+fn a_texture_is_no_pattern_of_a_sensor() {
+    use std::f64::consts::TAU;
+    let folder = Folder::new();
+    let refused = |name: &str, light: &dyn Fn(f64, f64, u32) -> f64| {
+        let pictures = flat_field(&folder, name, light);
+        assert_refused(&folder.calibrate("flat", &pictures, &[]), 1, &["a pattern that is no pixel's own"]);
+    };
+    refused("wallpaper", &|x, y, _| 0.4 + 0.15 * (TAU * x / 16.0).sin() * (TAU * y / 16.0).sin());
+    refused("blinds", &|x, y, _| 0.4 + 0.15 * (TAU * (x + y) / 16.0).sin());
+    refused("waves", &|x, y, _| 0.2 + 0.5 * ((x / 5.0).sin() * (y / 7.0).cos()).abs());
+    // Letters of 5x7 cells of a px or two, in lines of 14 px, no two lines alike.
+    let ink = |x: f64, y: f64| {
+        let (column, row) = ((x / 6.0) as u32, (y / 14.0) as u32);
+        let (i, j) = (x as u32 % 6, y as u32 % 14 / 2);
+        let letter = Dice(u64::from(97 * column + 7919 * row)).roll();
+        let cell = Dice((letter * 26.0) as u64 * 64 + u64::from(i + 8 * j)).roll();
+        i < 5 && j < 5 && cell < 0.45
+    };
+    refused("text", &|x, y, _| if ink(x, y) { 0.2 } else { 0.6 });
+    // Control; and what pictures at rest cannot tell is said.
+    let output = folder.calibrate("flat", &flat_field(&folder, "even", &|_, _, _| 0.4), &[]);
+    assert_done(&output);
+    assert!(told(&output).contains("only a camera that is shifted"), "{}", told(&output));
+}
+
+#[test]
+fn bands_of_a_lamp_that_flickers_are_no_noise_of_pixels() {
+    let folder = Folder::new();
+    let measured = |name: &str, depth: f64| {
+        let light = |_: f64, y: f64, k: u32| 0.4 * (1.0 + depth * (y / 12.0 + 1.3 * f64::from(k)).sin());
+        let output = folder.calibrate("flat", &flat_field(&folder, name, &light), &[]);
+        assert_done(&output);
+        (folder.report()["flat"].clone(), told(&output))
+    };
+    let (still, said) = measured("still", 0.0);
+    assert!(still["bands"].is_null() && !said.contains("lamp"), "{said}");
+    for depth in [0.05, 0.3] {
+        let (flat, said) = measured(&format!("flicker{depth}-"), depth);
+        let prnu = flat["prnu"]["value"].as_f64().unwrap();
+        assert!((prnu / 0.006 - 1.0).abs() < 0.1, "{depth}: {prnu}");
+        let noise = flat["temporal"].as_f64().unwrap() / still["temporal"].as_f64().unwrap();
+        assert!((noise - 1.0).abs() < 0.05, "{depth}: {noise} times the noise");
+        assert!(flat["bands"]["rows"].as_bool().unwrap(), "{flat}");
+        assert!(said.contains("rows differ by") && said.contains("whole periods of the lamp"), "{said}");
+    }
+}
+
+#[test]
+fn a_dark_frame_is_no_fall_off() {
+    let folder = Folder::new();
+    for (name, wide) in [("thin", 1.0), ("wide", 10.0)] {
+        let light = |x: f64, _: f64, _: u32| if x < wide || x >= 256.0 - wide { 0.0 } else { 0.4 };
+        let output = folder.calibrate("flat", &flat_field(&folder, name, &light), &[]);
+        let words =
+            [format!("a dark frame that no light reaches: {wide} columns on the left, {wide} columns")];
+        assert_refused(&output, 1, &[words[0].as_str(), "cropped to what the lens lights"]);
+    }
+    // Control: a lens that leaves the corners half.
+    let light = |x: f64, y: f64, _: u32| {
+        let q = ((x - 128.0).powi(2) + (y - 96.0).powi(2)) / 25_600.0;
+        0.5 * (1.0 - 0.5 * q)
+    };
+    assert_done(&folder.calibrate("flat", &flat_field(&folder, "lens", &light), &[]));
+}

@@ -186,7 +186,19 @@ fn flat_text(
     let [low, high] = f.prnu.ci95;
     let _ =
         writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
+    text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera that \
+        is shifted between them tells it from the sensor's\n";
     let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
+    if let Some(bands) = &f.bands {
+        let lines = if bands.rows { "rows" } else { "columns" };
+        let _ = writeln!(
+            text,
+            "  {lines} differ by {} rms from picture to picture, beyond their pixels' noise: a lamp that flickers, or \
+             noise of the {lines}. This is not in pattern and noise, but in fall-off and light: expose for whole \
+             periods of the lamp, or take one on direct current",
+            percent(bands.rms)
+        );
+    }
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
         format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
     };

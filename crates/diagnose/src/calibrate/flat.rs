@@ -9,6 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::frames::Encoding;
+use super::lines::{Bands, Lines};
+use super::own::{REPEAT_PX, content};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
 
@@ -16,11 +18,6 @@ use shutterbug::plane::Plane;
 const AROUND_PX: usize = 16;
 /// Side of the blocks whose means fall-off is fitted to, px.
 const BLOCK_PX: usize = 32;
-/// Side of the blocks of JPEG, and twice that of a colour pattern's: both repeat, and belong to no single sensor.
-const REPEAT_PX: usize = 8;
-/// Half a side of the blocks of JPEG: of pixels that lie so far apart, half lie in two of them, which have nothing in
-/// common; and no interpolation of colours reaches as far.
-const APART_PX: usize = REPEAT_PX / 2;
 /// Shifts by which a pattern is compared with another that it has nothing to do with.
 const SHIFTS: usize = 64;
 
@@ -76,6 +73,8 @@ pub struct Flat {
     pub prnu: Measured,
     /// Noise of one picture, of the level.
     pub temporal: f64,
+    /// Rows or columns that differ from picture to picture by more than their pixels' noise.
+    pub bands: Option<Bands>,
     /// The pattern of half of the pictures beside that of the others.
     pub itself: Likeness,
     /// Pixels that are white in every picture.
@@ -97,6 +96,7 @@ pub struct FlatSums {
     squares: Vec<f64>,
     /// Sum of block means over the level.
     blocks: Vec<f64>,
+    lines: Lines,
     white: Vec<u16>,
 }
 
@@ -111,6 +111,7 @@ impl FlatSums {
             halves: [Plane::new(width, height, 1), Plane::new(width, height, 1)],
             squares: Vec::new(),
             blocks: vec![0.0; across * down],
+            lines: Lines::default(),
             white: vec![0; width * height],
         }
     }
@@ -132,15 +133,14 @@ impl FlatSums {
             let rows = (y0..y0 + BLOCK_PX).flat_map(|y| &light.data[y * w + x0..y * w + x0 + BLOCK_PX]);
             *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64 / level.max(1e-9);
         }
-        let around = box_mean(&light, AROUND_PX);
+        self.lines.add(&light, level);
+        let mut own = box_mean(&light, AROUND_PX);
+        own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
+        // Of each picture: bands of a lamp that flickers are others in the next one.
+        clean(&mut own);
+        self.squares.push(mean_square(&own));
         let half = &mut self.halves[self.levels.len() % 2];
-        let mut square = 0.0;
-        for ((to, v), a) in half.data.iter_mut().zip(&light.data).zip(&around.data) {
-            let own = v / a.max(1e-6) - 1.0;
-            square += f64::from(own * own);
-            *to += own;
-        }
-        self.squares.push(square / (w * h) as f64);
+        half.data.iter_mut().zip(&own.data).for_each(|(to, v)| *to += v);
         self.levels.push(level);
     }
 
@@ -182,15 +182,11 @@ impl FlatSums {
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
-        let raw = mean_square(&sum);
-        clean(&mut sum);
         let pixels = sum.data.len() as f64;
-        let of_sum = mean_square(&sum);
-        // What cleaning took from the sum, the same in every picture, it would have taken from each; and so much of the
-        // rest as it has means.
-        let common = (raw - of_sum) / (n * n);
+        // Cleaning took so many means of each picture.
         let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
-        let of_each: f64 = kept * (self.squares.iter().sum::<f64>() - n * common);
+        let of_sum = mean_square(&sum) / kept;
+        let of_each: f64 = self.squares.iter().sum::<f64>() / kept;
         // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
         let variance = (of_sum - of_each) / (n * (n - 1.0));
         let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
@@ -198,14 +194,16 @@ impl FlatSums {
         let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
         let temporal = (of_each / n - variance).max(0.0).sqrt();
         let stuck = self.white.iter().filter(|c| usize::from(**c) == frames).count();
-        let mut halves = self.halves;
-        halves.iter_mut().for_each(clean);
+        let halves = self.halves;
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
         let [a1, a2, corner, tilt, uneven] = shape;
         if let Some(what) = content(&halves) {
             let expected = "an evenly lit surface without edges, and a camera at rest";
             return Err(Error::input(path, None, what, expected));
+        }
+        if let Some(frame) = self.lines.dark_frame() {
+            return Err(Error::input(path, None, frame, "pictures cropped to what the lens lights"));
         }
         Ok(Flat {
             frames,
@@ -218,6 +216,7 @@ impl FlatSums {
             uneven: uneven[0],
             prnu: Measured::of(prnu, deviation),
             temporal,
+            bands: self.lines.bands(),
             itself,
             stuck,
             pattern: sum,
@@ -313,45 +312,6 @@ fn clean(pattern: &mut Plane<f32>) {
 
 fn mean_square(plane: &Plane<f32>) -> f64 {
     plane.data.iter().map(|v| f64::from(v * v)).sum::<f64>() / plane.data.len().max(1) as f64
-}
-
-/// What two halves of the pictures show that no pixel has of its own, if that is most of what they show: of the same
-/// in both, of what differs.
-fn content([a, b]: &[Plane<f32>; 2]) -> Option<String> {
-    let with = |sign: f32| Plane {
-        data: a.data.iter().zip(&b.data).map(|(a, b)| a + sign * b).collect(),
-        ..a.clone()
-    };
-    let (sum, difference) = (with(1.0), with(-1.0));
-    // Products of sum and difference's squares: noise has no part in what is left of the same.
-    let same = |k: usize| apart(&sum, k) - apart(&difference, k);
-    let (own, noise) = (same(0), apart(&difference, 0));
-    // How well such means are known if all pixels of a block are alike.
-    let error = |square: f64| 1.96 * square * REPEAT_PX as f64 / (a.data.len() as f64).sqrt();
-    let said = |share: f64, what: &str, far_px: usize| {
-        format!(
-            "a {what} that is no pixel's own: {:.0} % of it is shared by pixels that lie {far_px} px apart",
-            100.0 * share.min(1.0)
-        )
-    };
-    // Noise has nothing in common from block to block. A pattern has: dust, what the light is like.
-    let moving = apart(&difference, REPEAT_PX);
-    if moving > error(noise) {
-        return Some(said(moving / noise, "difference of the pictures", REPEAT_PX));
-    }
-    let (far, chance) = (same(APART_PX), error(apart(&sum, 0)) + error(noise));
-    (own > chance && far - 0.5 * own > chance).then(|| said(far / own, "pattern", APART_PX))
-}
-
-/// Mean product of pixels that lie so far apart, along rows and along columns.
-fn apart(p: &Plane<f32>, distance: usize) -> f64 {
-    let (w, h) = (p.width, p.height);
-    let mean = |step: usize, columns: usize, rows: usize| {
-        let row = |y: usize| (0..columns).map(move |x| y * w + x);
-        let all = (0..rows).flat_map(row);
-        all.map(|i| f64::from(p.data[i] * p.data[i + step])).sum::<f64>() / (columns * rows).max(1) as f64
-    };
-    0.5 * (mean(distance, w - distance, h) + mean(distance * w, w, h - distance))
 }
 
 /// How alike two patterns of one size are.
