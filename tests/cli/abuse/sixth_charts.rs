@@ -183,3 +183,77 @@ fn a_dark_frame_is_no_fall_off() {
     };
     assert_done(&folder.calibrate("flat", &flat_field(&folder, "lens", &light), &[]));
 }
+
+/// A card with sharp sides and a soft shadow, which is the wider and clearer of the two.
+#[test]
+fn the_sharpest_edge_is_the_lens_and_no_shadow() {
+    let folder = Folder::new();
+    let mut dice = Dice(11);
+    let size = [320u32, 240];
+    let noise: Vec<f64> = (0..size[0] * size[1]).map(|_| 0.002 * dice.normal()).collect();
+    // The part of a step of that sigma, with square pixels.
+    let step = |d: f64, sigma: f64| 0.5 * (1.0 + (d / sigma * 0.85).tanh());
+    let photo = folder.save("wall", size, &|x, y| {
+        let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let shadow = step(u - 230.0 - 0.08 * v, 6.0);
+        // A small card, turned by five degrees.
+        let (du, dv) = (u - 80.0 - 0.0875 * (v - 120.0), v - 120.0 + 0.0875 * (u - 80.0));
+        let card = step(30.0 - du.abs(), 0.6) * step(30.0 - dv.abs(), 0.6);
+        (0.1 + 0.5 * shadow) * (1.0 - 0.5 * card) + noise[(y * size[0] + x) as usize]
+    });
+    let output = folder.calibrate("edge", std::slice::from_ref(&photo), &[]);
+    assert_done(&output);
+    let edge = &folder.report()["edge"];
+    let sigma = edge["defocus_sigma_px"]["value"].as_f64().unwrap();
+    assert!(sigma < 1.0, "{edge}");
+    let softest =
+        edge["among_px"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).fold(0.0, f64::max);
+    assert!(softest > 3.0, "control: the shadow was measured as well: {edge}");
+    assert!(told(&output).contains("the sharpest of "), "{}", told(&output));
+}
+
+#[test]
+fn stripes_that_may_be_aliased_name_the_other_readouts() {
+    let folder = Folder::new();
+    // 192 lines in 20 ms under a lamp of 9 kHz.
+    let photo = folder.save("striped", [256, 192], &|_, y| {
+        let cycles = 9000.0 * 0.02 / 192.0 * f64::from(y);
+        0.4 * (0.05 + if cycles.rem_euclid(1.0) < 0.5 { 1.0 } else { 0.0 })
+    });
+    let output = folder.calibrate("readout", std::slice::from_ref(&photo), &["--led-hz", "9000"]);
+    assert_done(&output);
+    let others = folder.report()["other_readouts_s"].as_array().unwrap().clone();
+    assert!(others.iter().any(|s| (s.as_f64().unwrap() / 0.02 - 1.0).abs() < 0.01), "{others:?}");
+    assert!(
+        told(&output).contains(" 20.0") && told(&output).contains("A lamp of less than 960 Hz"),
+        "{}",
+        told(&output)
+    );
+    // Control: a slow lamp leaves one.
+    let photo = folder.save("slow", [256, 192], &|_, y| {
+        let cycles = 500.0 * 0.02 / 192.0 * f64::from(y);
+        0.4 * (0.05 + if cycles.rem_euclid(1.0) < 0.5 { 1.0 } else { 0.0 })
+    });
+    assert_done(&folder.calibrate("readout", &[photo], &["--led-hz", "500"]));
+    assert_eq!(folder.report()["other_readouts_s"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn what_is_wrong_is_named_by_its_own_name() {
+    let folder = Folder::new();
+    let empty = folder.path("empty");
+    fs::create_dir(&empty).unwrap();
+    let output = folder.calibrate("flat", std::slice::from_ref(&empty), &[]);
+    assert_refused(&output, 1, &["no picture; expected pictures as .png or .jpg"]);
+    let bright = flat_field(&folder, "bright", &|_, _, _| 0.4);
+    let dark = folder.save("small", [256, 190], &|_, _| 0.01);
+    let output = folder.calibrate("flat", &bright, &["--dark", dark.to_str().unwrap()]);
+    assert_refused(&output, 1, &["small.png: found 256x190 px; expected 256x192 px as in", "bright0.png"]);
+    let board = |more: &[&str]| {
+        let mut command = shutterbug();
+        command.arg("board").args(&bright).arg("--out").arg(folder.path("board")).args(more).output().unwrap()
+    };
+    let charuco = ["--pattern", "charuco", "--size", "8x6"];
+    let output = board(&[&charuco[..], &["--dictionary", "DICT_X"]].concat());
+    assert_refused(&output, 2, &["--dictionary: found the dictionary `DICT_X`"]);
+}

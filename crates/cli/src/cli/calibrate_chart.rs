@@ -76,6 +76,7 @@ fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
 #[derive(Default)]
 struct Together {
     size: Option<[usize; 2]>,
+    first: PathBuf,
     distinct: Distinct,
 }
 
@@ -85,9 +86,12 @@ impl Together {
         for path in paths {
             let frame = Frame::read(path)?;
             let found = [frame.encoded.width, frame.encoded.height];
+            if self.size.is_none() {
+                self.first.clone_from(path);
+            }
             let wanted = *self.size.get_or_insert(found);
             if found != wanted {
-                let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], paths[0].display());
+                let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], self.first.display());
                 return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
             }
             self.distinct.add(&frame)?;
@@ -186,8 +190,8 @@ fn flat_text(
     let [low, high] = f.prnu.ci95;
     let _ =
         writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
-    text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera that \
-        is shifted between them tells it from the sensor's\n";
+    text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
+        that is shifted between them tells it from the sensor's\n";
     let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
     if let Some(bands) = &f.bands {
         let lines = if bands.rows { "rows" } else { "columns" };
@@ -253,6 +257,15 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let half = found.mtf50.map_or("beyond 1".to_owned(), |f| format!("{f:.3}"));
     let _ = writeln!(text, "  half of the contrast (MTF50) at {half} cycles a px");
     let _ = writeln!(text, "  defocus: sigma {:.3} +- {:.3} px", sigma.value, sigma.half);
+    if args.region.is_none() {
+        let widest = found.among_px.iter().copied().fold(0.0, f64::max);
+        let _ = writeln!(
+            text,
+            "  the sharpest of {} (the softest: {widest:.3} px): an edge is no sharper than the lens, but shadows and \
+             round things are softer, so the lens blurs by this at most; --region names another",
+            count(found.among_px.len(), "edge")
+        );
+    }
     match found.sharpening {
         Some([amount, radius]) => {
             let _ = writeln!(
@@ -265,6 +278,32 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     }
     let _ = writeln!(text, "  the fit leaves {:.2} % of the contrast", 100.0 * found.left_rms);
     print(text)
+}
+
+/// Longest readout that is thought possible where no camera says how long its frame takes: ten frames a second.
+const LONGEST_READOUT_S: f64 = 0.1;
+/// Most other readouts that are named; the report has all.
+const MOST_NAMED: usize = 5;
+
+/// Readouts that make the same stripes, and the lamp that would tell them apart.
+fn aliases_text(others_s: &[f64], longest_s: f64, lines: usize) -> String {
+    if others_s.is_empty() {
+        return String::new();
+    }
+    let named: Vec<String> = others_s.iter().take(MOST_NAMED).map(|s| format!("{:.3}", 1e3 * s)).collect();
+    let more = if others_s.len() > MOST_NAMED { ", ..." } else { "" };
+    format!(
+        "  a lamp that blinks more than once in two lines makes the same stripes: {}{more} ms are possible as well, up \
+         to {:.0} ms; this is the shortest. A lamp of less than {:.0} Hz leaves one\n",
+        named.join(", "),
+        1e3 * longest_s,
+        0.5 * lines as f64 / longest_s
+    )
+}
+
+/// So many of a thing.
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// `calibrate readout`.
@@ -284,7 +323,12 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let found = find_stripes(&photographs, args.common.encoding(), args.led_hz);
     out.start()?;
     let size = together.size.unwrap_or_default();
-    let report = json!({ "led_hz": args.led_hz, "stripes": found });
+    let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
+    let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
+    let others_s = found.readout.as_ref().map_or_else(Vec::new, |r| r.aliases_s(args.led_hz, longest_s));
+    let report = json!({
+        "led_hz": args.led_hz, "stripes": found, "other_readouts_s": others_s, "longest_readout_s": longest_s,
+    });
     let Some(r) = &found.readout else {
         args.common.write(size, &report, &[])?;
         let [rows, columns] =
@@ -306,10 +350,11 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     } else {
         ""
     };
+    let others = aliases_text(&others_s, longest_s, r.lines);
     print(format!(
         "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
          delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
-         one picture does not tell whether {first} is read first\n{alone}",
+         one picture does not tell whether {first} is read first\n{alone}{others}",
         r.period_lines,
         100.0 * r.depth,
         1e6 * r.line_delay_s,

@@ -59,7 +59,7 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
         }
     }
     if paths.is_empty() {
-        return Err(Error::input(folder, None, "no picture", "pictures of the board as .png or .jpg"));
+        return Err(Error::input(folder, None, "no picture", "pictures as .png or .jpg"));
     }
     paths.sort();
     Ok(paths)

@@ -6,6 +6,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::frames::Encoding;
@@ -35,8 +36,10 @@ const WIDEST_HALF: [f64; 2] = [0.3, 0.3];
 const SIDES: [f64; 2] = [-0.02, 1.02];
 /// Weights of the unsharp mask that the effect has.
 const AMOUNTS: [f64; 2] = [0.0, 10.0];
-/// Regions that are tried where none is given.
-const TRIED: usize = 6;
+/// Regions that are tried where none is given: of the clearest edges, and of the steepest, which fail more often.
+const TRIED: [usize; 2] = [6, 18];
+/// Smallest window in which an edge is looked for, px: both sides of a lens in use, and lines enough to tell it by.
+const LEAST_WINDOW_PX: usize = 24;
 
 /// A part of a picture: left, top, width, height, px.
 pub type Region = [usize; 4];
@@ -71,6 +74,8 @@ pub struct Edge {
     pub sharpening: Option<[Fitted; 2]>,
     /// What the fit leaves, of the contrast.
     pub left_rms: f64,
+    /// Gaussians of all edges that could be measured where none was asked for, px, this one's the first.
+    pub among_px: Vec<f64>,
     /// Encoded values against the distance from the edge, px.
     pub profile: Vec<[f64; 2]>,
 }
@@ -125,55 +130,78 @@ pub fn measure_edge(
         defocus_sigma_px: fit.sigma_px,
         sharpening: fit.sharpening,
         left_rms: fit.left_rms,
+        among_px: vec![fit.sigma_px.value],
         profile,
     })
 }
 
-/// Measures the edge that is the straightest for its contrast, of windows all over the picture.
+/// Measures the edges of windows all over the picture and gives the sharpest: what lies in one plane with the sharpest
+/// is no sharper than the lens, and shadows, round things and what is out of focus are softer.
 ///
 /// # Errors
-/// A picture without a slanted edge; what is wrong with the straightest, where none of the first few can be measured.
+/// A picture without a slanted edge; what is wrong with the clearest, where none of those tried can be measured.
 pub fn find_edge(picture: &Plane<f32>, encoding: Encoding, path: &std::path::Path) -> Result<Edge> {
-    let mut first = None;
-    for region in candidates(picture) {
-        match measure_edge(picture, region, encoding, path) {
-            Ok(edge) => return Ok(edge),
+    let (mut first, mut found) = (None, Vec::new());
+    let measured: Vec<Result<Edge>> =
+        candidates(picture).par_iter().map(|region| measure_edge(picture, *region, encoding, path)).collect();
+    for one in measured {
+        match one {
+            Ok(edge) => found.push(edge),
             Err(error) => first = first.or(Some(error)),
         }
     }
+    // By what it is at most, so that no edge is the sharpest for being known the worst.
+    let most = |e: &Edge| e.defocus_sigma_px.value + e.defocus_sigma_px.half;
+    found.sort_by(|a, b| most(a).total_cmp(&most(b)));
+    let among_px: Vec<f64> = found.iter().map(|e| e.defocus_sigma_px.value).collect();
     let expected = "a straight edge slanted by 1 to 35 degrees, or --region where it is";
-    Err(first.unwrap_or_else(|| Error::input(path, None, "no slanted edge", expected)))
-}
-
-/// Windows with an edge, the straightest for its contrast first.
-fn candidates(picture: &Plane<f32>) -> Vec<Region> {
-    let side = (picture.width.min(picture.height) / 6).clamp(32, 96);
-    let mut all: Vec<(f64, Region)> = Vec::new();
-    for y in (0..=picture.height.saturating_sub(side)).step_by(side / 2) {
-        for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
-            let region = [x, y, side.min(picture.width), side.min(picture.height)];
-            let Some(points) = points(picture, region) else { continue };
-            if !(SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
-                continue;
-            }
-            all.push((worth(&points.list), region));
-        }
+    match found.into_iter().next() {
+        Some(edge) => Ok(Edge { among_px, ..edge }),
+        None => Err(first.unwrap_or_else(|| Error::input(path, None, "no slanted edge", expected))),
     }
-    all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    all.into_iter().take(TRIED).map(|b| b.1).collect()
 }
 
-/// Contrast between both sides over what is left beside the profile.
-fn worth(list: &[[f64; 2]]) -> f64 {
+/// Windows with an edge, of several sizes: the straightest for their contrast, then the sharpest.
+fn candidates(picture: &Plane<f32>) -> Vec<Region> {
+    let least = picture.width.min(picture.height);
+    let mut all: Vec<([f64; 2], Region)> = Vec::new();
+    let mut side = (least / 6).clamp(32, 96);
+    while side >= LEAST_WINDOW_PX {
+        for y in (0..=picture.height.saturating_sub(side)).step_by(side / 2) {
+            for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
+                let region = [x, y, side.min(picture.width), side.min(picture.height)];
+                let Some(points) = points(picture, region) else { continue };
+                if (SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
+                    all.push((worth(&points.list), region));
+                }
+            }
+        }
+        side /= 2;
+    }
+    let mut chosen: Vec<Region> = Vec::new();
+    for (order, tried) in TRIED.into_iter().enumerate() {
+        all.sort_by(|a, b| b.0[order].total_cmp(&a.0[order]));
+        let new: Vec<Region> = all.iter().map(|b| b.1).filter(|r| !chosen.contains(r)).take(tried).collect();
+        chosen.extend(new);
+    }
+    chosen
+}
+
+/// Contrast between both sides over what is left beside the profile: the wider the profile, the more; and the steeper.
+fn worth(list: &[[f64; 2]]) -> [f64; 2] {
     let profile = profile(list);
-    let (Some(first), Some(last)) = (profile.first(), profile.last()) else { return 0.0 };
+    let (Some(first), Some(last)) = (profile.first(), profile.last()) else { return [0.0; 2] };
     let at = |d: f64| {
         let i = ((d - first[0]) * BINS as f64).round().clamp(0.0, profile.len() as f64 - 1.0) as usize;
         profile[i][1]
     };
     let left = list.iter().map(|p| (p[1] - at(p[0])).powi(2)).sum::<f64>() / list.len().max(1) as f64;
+    let contrast = (last[1] - first[1]).abs() / (left.sqrt() + 2e-3);
+    // Over two bins: half of the slope of a step that is one pixel wide.
+    let steepest = profile.windows(3).map(|w| (w[2][1] - w[0][1]).abs()).fold(0.0, f64::max);
+    let steep = steepest / (last[1] - first[1]).abs().max(1e-9);
     // Wide profiles are worth more: they show both sides.
-    (last[1] - first[1]).abs() / (left.sqrt() + 2e-3) * (last[0] - first[0]).min(REACH_PX)
+    [contrast * (last[0] - first[0]).min(REACH_PX), contrast * steep.min(1.0)]
 }
 
 /// Finds the line of the edge: where each line of pixels is steepest.

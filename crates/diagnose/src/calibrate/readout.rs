@@ -53,6 +53,21 @@ pub struct Readout {
     pub ci95_s: [f64; 2],
 }
 
+impl Readout {
+    /// The other readouts up to the longest possible that give the same stripes: lines see the light at whole steps, so
+    /// that its cycles a line are known but for whole ones, and but for their sign.
+    pub fn aliases_s(&self, light_hz: f64, longest_s: f64) -> Vec<f64> {
+        let lines = self.lines as f64;
+        let (seen, most) = (1.0 / self.period_lines, longest_s * light_hz / lines);
+        let whole = (1..).map(f64::from).take_while(|k| *k - seen <= most);
+        whole
+            .flat_map(|k| [k - seen, k + seen])
+            .filter(|c| *c <= most)
+            .map(|c| c * lines / light_hz)
+            .collect()
+    }
+}
+
 /// What was looked for and how strongly it was seen.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stripes {
@@ -343,6 +358,19 @@ mod tests {
         // Open for a whole number of periods, every line sees the same.
         let whole = photograph([320, 480], delay, 1.0, 0.5, 0.05, false);
         assert!(find_stripes(&[whole], Encoding::Linear, 500.0).readout.is_none());
+    }
+
+    #[test]
+    fn a_light_faster_than_lines_leaves_several_readouts() {
+        // 192 lines in 20 ms under 9 kHz: 0.9375 cycles a line, which look like 0.0625.
+        let striped = photograph([320, 192], 0.02 / 192.0 * 9000.0, 0.1, 0.5, 0.02, false);
+        let readout = find_stripes(&[striped], Encoding::Linear, 9000.0).readout.expect("stripes");
+        assert!((readout.readout_time_s / 0.02 * 15.0 - 1.0).abs() < 0.01, "{readout:?}");
+        let others = readout.aliases_s(9000.0, 0.05);
+        assert_eq!(others.len(), 4, "{others:?}");
+        assert!((others[0] / 0.02 - 1.0).abs() < 1e-3, "{others:?}");
+        // Control: a lamp that blinks less than once in two lines of the longest readout leaves one.
+        assert!(readout.aliases_s(1900.0, 0.05).is_empty());
     }
 
     /// Lines that are printed on a part of the picture, whose parts agree in phase.
