@@ -9,6 +9,7 @@ use image::{GrayImage, Luma};
 use serde_json::Value;
 
 use super::{assert_done, assert_refused, shutterbug};
+use crate::board_support::Oracle;
 use crate::dice_support::Dice;
 
 /// Pictures of one measurement, and where its results go.
@@ -256,4 +257,51 @@ fn what_is_wrong_is_named_by_its_own_name() {
     let charuco = ["--pattern", "charuco", "--size", "8x6"];
     let output = board(&[&charuco[..], &["--dictionary", "DICT_X"]].concat());
     assert_refused(&output, 2, &["--dictionary: found the dictionary `DICT_X`"]);
+}
+
+/// Photographs of a board of 7x4 inner corners, by cameras whose focal length `times` multiplies.
+fn boards(folder: &Folder, name: &str, times: &dyn Fn(u32) -> f64) -> PathBuf {
+    let photos = folder.path(name);
+    fs::create_dir(&photos).unwrap();
+    for i in 0..10 {
+        let a = f64::from(i);
+        let mut oracle = Oracle::new();
+        oracle.focal_px *= times(i);
+        let angles = [0.5 * (1.7 * a).sin(), 0.5 * (2.3 * a + 1.0).sin(), 0.4 * (a * 1.1).sin()];
+        let shift = [0.05 * (1.3 * a).cos(), 0.03 * (2.1 * a).sin()];
+        let pose = oracle.looking(angles, shift, 0.2 + 0.01 * a);
+        let picture = oracle.photograph(|_| pose, 0.0);
+        shutterbug::plane::write_png_atomic(&photos.join(format!("{i:02}.png")), &picture).unwrap();
+    }
+    photos
+}
+
+fn board(folder: &Folder, photos: &Path, size: &str) -> Output {
+    let mut command = shutterbug();
+    command.arg("board").arg(photos).arg("--out").arg(folder.path("board"));
+    command.args(["--size", size, "--square-m", "0.03", "--overwrite"]).output().unwrap()
+}
+
+#[test]
+fn a_board_of_another_size_is_named() {
+    let folder = Folder::new();
+    let photos = boards(&folder, "photos", &|_| 1.0);
+    assert_refused(&board(&folder, &photos, "6x4"), 2, &["--size: found grids of 7x4", "expected 7x4"]);
+}
+
+#[test]
+fn pictures_of_several_cameras_are_named() {
+    let folder = Folder::new();
+    let photos = boards(&folder, "one", &|_| 1.0);
+    let output = board(&folder, &photos, "7x4");
+    assert_done(&output);
+    assert!(!told(&output).contains("WARNING"), "{}", told(&output));
+    let photos = boards(&folder, "zoomed", &|i| if i % 2 == 0 { 1.0 } else { 0.85 });
+    let output = board(&folder, &photos, "7x4");
+    assert_done(&output);
+    let said = told(&output);
+    assert!(said.contains("ask for a focal length of their own") && said.contains("03.png"), "{said}");
+    let report: Value =
+        serde_json::from_slice(&fs::read(folder.path("board").join("board.json")).unwrap()).unwrap();
+    assert!(!report["one_camera"]["own_focal_length"].as_array().unwrap().is_empty(), "{report}");
 }

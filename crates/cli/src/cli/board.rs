@@ -47,7 +47,11 @@ pub fn run(args: &Board) -> Result<()> {
             say(format_args!("looking for the board: {done} of {} pictures", pictures.len()));
         }
     };
-    let observed = observe(&pictures, &target, source, times_ns.is_some(), &mut watch)?;
+    // What detectors warn of is said here, of each picture that is left out.
+    let quiet = tracing::subscriber::NoSubscriber::default();
+    let observed = tracing::subscriber::with_default(quiet, || {
+        observe(&pictures, &target, source, times_ns.is_some(), &mut watch)
+    })?;
     let timing = match &times_ns {
         Some(all) => Timing::Frames(all.iter().map(|t| (t - all[0]) as f64 * 1e-9).collect()),
         None => Timing::Stills,
@@ -58,7 +62,7 @@ pub fn run(args: &Board) -> Result<()> {
     out.start()?;
     let real = Real { times_ns: times_ns.as_deref(), shrink: args.shrink };
     let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, real)?;
-    print(summary(&pictures, &observed, &fit, times_ns.is_some()))?;
+    print(summary(&pictures, &observed, &fit, times_ns.is_some()) + &doubts(&pictures, &observed, &fit))?;
     if written.cut_px != [0; 2] {
         let [across, down] = written.cut_px;
         say(format_args!(
@@ -111,8 +115,10 @@ fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<T
             let expected = "a dictionary of OpenCV with a marker for every bright square, as DICT_5X5_100";
             let (share, name) = (args.marker_share.unwrap_or(MARKER_SHARE), args.dictionary.as_deref());
             let name = name.unwrap_or(DICTIONARY);
-            Target::charuco(size, args.square_m, share, name)
-                .ok_or_else(|| usage(format!("the dictionary `{name}`"), expected))
+            Target::charuco(size, args.square_m, share, name).ok_or_else(|| {
+                let found = format!("the dictionary `{name}`");
+                Error::input(Path::new("--dictionary"), None, found, expected)
+            })
         }
     }
 }
@@ -159,6 +165,34 @@ fn summary(pictures: &[Picture], observed: &Observed, fit: &BoardFit, moving: bo
     for (view, rms) in observed.views.iter().zip(&fit.view_rms_px) {
         let name = one_line(&pictures[view.picture].name);
         text += &format!("  {name:<24} {:>4} points  {rms:.3} px\n", view.seen.len());
+    }
+    text
+}
+
+/// What speaks against one camera with one lens and one board.
+fn doubts(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
+    let mut text = String::new();
+    let own = &fit.one_camera.own_focal;
+    if !own.is_empty() {
+        let name = |v: usize| one_line(&pictures[observed.views[v].picture].name);
+        let named: Vec<String> =
+            own.iter().take(MAX_NAMED).map(|(v, times)| format!("{} {times:.3}", name(*v))).collect();
+        let more = if own.len() > MAX_NAMED { ", ..." } else { "" };
+        text += &format!(
+            "WARNING: {} of {} pictures ask for a focal length of their own, beyond what chance does once in a hundred \
+             times ({}{more} times the common one): another camera, zoom, focus or cut. The camera above is none of \
+             theirs\n",
+            own.len(),
+            observed.views.len(),
+            named.join(", ")
+        );
+    }
+    if fit.one_camera.is_misfit() {
+        text += &format!(
+            "WARNING: neighbouring points share {:.0} % of what they are off by, which is not how well corners are \
+             found: pictures that were changed, several cameras, a board that is bent, or a lens this is no model of\n",
+            100.0 * fit.one_camera.shared
+        );
     }
     text
 }

@@ -71,7 +71,7 @@ pub fn observe(
     let mut left_out = Vec::new();
     let mut offsets: Vec<DVec2> = Vec::new();
     let mut size: Option<[u32; 2]> = None;
-    let mut spacings = Vec::new();
+    let mut clues = Clues::default();
     let mut known: BTreeMap<u64, &str> = BTreeMap::new();
     for (index, picture) in pictures.iter().enumerate() {
         let grey = read_grey(picture, &mut size, &pictures[0])?;
@@ -79,7 +79,7 @@ pub fn observe(
         let first = *known.entry(hash_of(&grey)).or_insert(&picture.name);
         let seen = match source {
             _ if first != picture.name => Err(format!("the same picture as {first}")),
-            Source::Pictures => look(&grey, target, &mut spacings),
+            Source::Pictures => look(&grey, target, &mut clues),
             Source::Table(table, _) => match table.get(&picture.name) {
                 Some(seen) => {
                     offsets.extend(seen.iter().filter_map(|s| offset(&grey, seen, s)));
@@ -99,7 +99,8 @@ pub fn observe(
         }
         watch(index + 1);
     }
-    check_spacing(&spacings, target)?;
+    check_spacing(&clues.spacings, target)?;
+    check_size(&clues.grids, all.len(), target)?;
     let (mut views, dark): (Vec<View>, Vec<Option<bool>>) = all.into_iter().unzip();
     let shift = DVec2::splat(pixel_origin(&offsets));
     views.iter_mut().flat_map(|v| &mut v.seen).for_each(|s| s.px += shift);
@@ -124,7 +125,8 @@ fn hash_of(grey: &Plane<u8>) -> u64 {
 }
 
 fn too_few(count: usize) -> String {
-    format!("{count} points of the board, fewer than {LEAST_POINTS}")
+    let points = if count == 1 { "point" } else { "points" };
+    format!("{count} {points} of the board, fewer than {LEAST_POINTS}")
 }
 
 /// Tags that lie closer together or further apart than was said would bend the camera.
@@ -171,20 +173,43 @@ fn read_grey(picture: &Picture, size: &mut Option<[u32; 2]>, first: &Picture) ->
     Ok(Plane { width: found[0] as usize, height: found[1] as usize, channels: 1, data: grey.into_raw() })
 }
 
-/// Points of the target in a picture, or what is there instead. `spacings` takes how far apart the tags of an AprilGrid
-/// lie.
-fn look(
-    grey: &Plane<u8>,
-    target: &Target,
-    spacings: &mut Vec<f64>,
-) -> std::result::Result<Vec<Seen>, String> {
+/// A grid with more columns or rows than the board is no part of it: where most pictures show such, another board was
+/// photographed, and in the rest a part of it was found.
+fn check_size(grids: &[[usize; 2]], views: usize, target: &Target) -> Result<()> {
+    let [long, short] = [target.size[0].max(target.size[1]), target.size[0].min(target.size[1])];
+    let mut larger: Vec<[usize; 2]> = grids.iter().map(|g| [g[0].max(g[1]), g[0].min(g[1])]).collect();
+    larger.retain(|g| g[0] > long || g[1] > short);
+    if larger.len() <= views {
+        return Ok(());
+    }
+    let times = |size: &[usize; 2]| larger.iter().filter(|g| *g == size).count();
+    let Some([columns, rows]) = larger.iter().max_by_key(|g| (times(g), **g)) else { return Ok(()) };
+    let found = format!(
+        "grids of {columns}x{rows} inner corners in {} of the pictures, and the {} in {views}",
+        times(&[*columns, *rows]),
+        target.describe()
+    );
+    Err(Error::input(Path::new("--size"), None, found, format!("{columns}x{rows}, which most pictures show")))
+}
+
+/// What pictures show beside the points.
+#[derive(Default)]
+struct Clues {
+    /// How far apart the tags of an AprilGrid lie.
+    spacings: Vec<f64>,
+    /// Columns and rows of grids that are not the board's.
+    grids: Vec<[usize; 2]>,
+}
+
+/// Points of the target in a picture, or what is there instead.
+fn look(grey: &Plane<u8>, target: &Target, clues: &mut Clues) -> std::result::Result<Vec<Seen>, String> {
     match target.pattern {
         Pattern::Checkerboard => {}
         Pattern::Charuco => return charuco::find(grey, target).ok_or_else(|| "no board".to_owned()),
         Pattern::Aprilgrid => {
             return match april::find(grey, target) {
                 april::Found::Board(seen, spacing) => {
-                    spacings.extend(spacing);
+                    clues.spacings.extend(spacing);
                     Ok(seen)
                 }
                 april::Found::Other(what) => Err(what),
@@ -195,6 +220,7 @@ fn look(
     match find(grey, target.size) {
         Found::Board(seen) => Ok(seen),
         Found::Other([c, r]) => {
+            clues.grids.push([c, r]);
             Err(format!("a grid of {c}x{r} inner corners, whose place on the board is open"))
         }
         Found::Nothing => Err("no board".to_owned()),
@@ -214,4 +240,24 @@ fn pixel_origin(offsets: &[DVec2]) -> f64 {
     let mut both: Vec<f64> = offsets.iter().flat_map(|o| [o.x, o.y]).collect();
     both.sort_by(f64::total_cmp);
     if both.get(both.len() / 2).is_some_and(|middle| *middle > 0.25) { 0.5 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As of a board of 8x6 said to be 7x6: parts of it pass for the whole in some pictures.
+    #[test]
+    fn larger_grids_in_most_pictures_are_another_board() {
+        let said = |size: [usize; 2], grids: &[[usize; 2]], views: usize| {
+            check_size(grids, views, &Target::checkerboard(size, [1.0; 2])).map_err(|e| e.to_string())
+        };
+        let mut grids = vec![[8, 6]; 8];
+        grids.extend([[6, 8], [6, 8], [6, 8], [6, 4], [7, 5]]);
+        let refused = said([7, 6], &grids, 5).expect_err("another board");
+        assert!(refused.contains("--size: found grids of 8x6") && refused.contains("in 11 of"), "{refused}");
+        // Control: parts of the board, and a few wrong ones.
+        assert_eq!(said([8, 6], &grids, 5), Ok(()));
+        assert_eq!(said([7, 6], &grids[..4], 5), Ok(()));
+    }
 }

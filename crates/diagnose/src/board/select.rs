@@ -9,6 +9,7 @@ use glam::{DMat3, DVec2};
 use super::bundle::{Bundle, Camera, PARAMETERS, Point};
 use super::homography::{focal_lengths, homography, pose};
 use super::motion::BoardPath;
+use super::one_camera::OneCamera;
 use super::target::{Target, View};
 use shutterbug::camera::{Pose, Trajectory};
 use shutterbug::error::{Error, Result};
@@ -48,6 +49,8 @@ pub struct BoardFit {
     pub rms_px: [f64; 2],
     /// The same by view.
     pub view_rms_px: Vec<f64>,
+    /// What speaks against one camera.
+    pub one_camera: OneCamera,
     /// Of a board that moves: the path as it is written, and the views that it covers.
     pub path: Option<(Trajectory, Vec<usize>)>,
 }
@@ -94,6 +97,7 @@ pub fn fit_board(
         half,
         rms_px: [pinhole_rms_px, rms(&bundle)?],
         view_rms_px: bundle.rms_px()?,
+        one_camera: OneCamera::judge(&bundle, views)?,
         poses: bundle.poses,
         path,
     })
