@@ -80,14 +80,7 @@ pub(super) fn report(
     let others = names.iter().filter(|n| !told.contains(n));
     candidates.extend(others.map(|n| undetermined(n, NEEDS_SCENE[0], NEEDS_SCENE[1])));
     let leaves = timed.is_some_and(Timed::leaves);
-    let verdict = match (&doubt, effects.is_empty()) {
-        (Some(_), _) if timed.is_some() => Verdict::UnknownEffect,
-        (Some(_), _) => Verdict::Undetermined,
-        (None, true) if leaves => Verdict::UnknownEffect,
-        (None, true) => Verdict::NoGap,
-        (None, false) if leaves => Verdict::PartlyExplained,
-        (None, false) => Verdict::Explained,
-    };
+    let verdict = verdict(doubt.is_some(), timed, effects.is_empty());
     share(&mut effects);
     let mut sentence = sentence(doubt.as_deref(), &effects, &gap);
     if leaves && doubt.is_none() {
@@ -116,6 +109,19 @@ pub(super) fn report(
         gap,
     };
     (report, theta, set)
+}
+
+/// Of the footage as a whole; `doubt`: whether nothing can be said.
+fn verdict(doubt: bool, timed: Option<&Timed>, nothing_found: bool) -> Verdict {
+    let leaves = timed.is_some_and(Timed::leaves);
+    match (doubt, nothing_found) {
+        (true, _) if timed.is_some() => Verdict::UnknownEffect,
+        (true, _) => Verdict::Undetermined,
+        (false, true) if leaves => Verdict::UnknownEffect,
+        (false, true) => Verdict::NoGap,
+        (false, false) if leaves => Verdict::PartlyExplained,
+        (false, false) => Verdict::Explained,
+    }
 }
 
 /// Answers as they stand in a report.
