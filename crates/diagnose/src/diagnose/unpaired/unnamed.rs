@@ -104,7 +104,7 @@ mod tests {
         let one = |k: u32| {
             Plane::from_fn(160, 120, |x, y| {
                 let at = x as f32 + 3.0 * k as f32;
-                let boxed = if ((at as usize) / 23 + y / 17) % 2 == 0 { 60.0 } else { 0.0 };
+                let boxed = if ((at as usize) / 23 + y / 17).is_multiple_of(2) { 60.0 } else { 0.0 };
                 let noise = random_normal([x as u32, y as u32], k, seed, [1, 2]);
                 let value = |c: usize| 90.0 + boxed + 40.0 * (at / (15.0 + c as f32)).sin() + 2.0 * noise[c];
                 change(x, y, [0, 1, 2].map(|c| value(c).round()))
@@ -123,7 +123,8 @@ mod tests {
             [0, 1, 2].map(|c| (p[c] + 6.0 * n[c]).round())
         });
         assert_eq!(said(&strong), "", "control: noise is a candidate's");
-        let salt = frames(4, |x, y, p| if (x * 7919 + y * 104_729) % 101 == 0 { [255.0; 3] } else { p });
+        let salt =
+            frames(4, |x, y, p| if (x * 7919 + y * 104_729).is_multiple_of(101) { [255.0; 3] } else { p });
         assert!(said(&salt).contains("single pixels that stand out (0.9"), "{}", said(&salt));
         let few = frames(4, |_, _, p| p.map(|v| (v / 17.0).round() * 17.0));
         assert!(said(&few).contains("values that never occur (9"), "{}", said(&few));
