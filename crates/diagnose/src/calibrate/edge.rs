@@ -36,8 +36,8 @@ const WIDEST_HALF: [f64; 2] = [0.3, 0.3];
 const SIDES: [f64; 2] = [-0.02, 1.02];
 /// Weights of the unsharp mask that the effect has.
 const AMOUNTS: [f64; 2] = [0.0, 10.0];
-/// Regions that are tried where none is given: of the clearest edges, and of the steepest, which fail more often.
-const TRIED: [usize; 2] = [6, 18];
+/// Regions that are tried where none is given: of the clearest edges, and of the steepest.
+const TRIED: [usize; 2] = [6, 6];
 /// Smallest window in which an edge is looked for, px: both sides of a lens in use, and lines enough to tell it by.
 const LEAST_WINDOW_PX: usize = 24;
 
