@@ -3,11 +3,8 @@
 
 use serde::Serialize;
 
-use super::own::REPEAT_PX;
+use super::own::{REPEAT_PX, Z99};
 use shutterbug::plane::Plane;
-
-/// The 99 % point of the normal distribution.
-const Z99: f64 = 2.326;
 
 /// Lines that differ from picture to picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

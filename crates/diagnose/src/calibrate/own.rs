@@ -16,8 +16,8 @@ pub(super) const REPEAT_PX: usize = 8;
 const APART_PX: usize = REPEAT_PX / 2;
 /// Largest side of the tiles whose spectra are averaged, px.
 const TILE_PX: usize = 256;
-/// The 99 % point of the normal distribution: how often a pattern is taken for a scene is once in a hundred.
-const Z99: f64 = 2.326;
+/// The 99 % point of the normal distribution: a pattern is taken for a scene, and chance for bands, once in a hundred.
+pub(super) const Z99: f64 = 2.326;
 /// Variance of a squared spectral value of a single tile over its squared mean (Laplace's distribution; of many tiles
 /// it is 2).
 const SPREAD_OF_SQUARE: f64 = 5.0;

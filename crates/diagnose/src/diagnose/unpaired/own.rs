@@ -126,6 +126,8 @@ impl Own {
         let streams = [heard(child.stdout.take()), heard(child.stderr.take())];
         let status = self.wait(&mut child, limits);
         end_group(&child);
+        // Not yet, where it was stopped.
+        let _ = child.wait();
         let status = status?;
         let [said, complained] = streams.map(|s| s.recv_timeout(LAST_WORDS).unwrap_or_default());
         if !status.success() {
@@ -151,11 +153,6 @@ impl Own {
                 return Ok(status);
             }
             let stopped = limits.stop.is_some_and(|s| s.load(Ordering::Relaxed));
-            if stopped || limits.budget.left_s() <= 0.0 {
-                // It may have ended by itself.
-                end_group(child);
-                let _ = child.wait();
-            }
             if stopped {
                 let at = format!("the distance by {}", self.name());
                 return Err(Error::DiagnosisInterrupted { at, kept: None });

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::matched::Matched;
+use super::matched::{Matched, stem};
 use shutterbug::error::{Error, Result};
 
 /// Checks the folders of planes beside simulated frames; notes on what is not read.
@@ -16,10 +16,7 @@ pub(super) fn notes(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<
         if folder.symlink_metadata().is_err() {
             continue;
         }
-        let wanted = |m: &Matched| {
-            let stem = m.sim.rsplit_once('.').map_or(m.sim.as_str(), |(s, _)| s);
-            format!("{stem}.{ending}")
-        };
+        let wanted = |m: &Matched| format!("{}.{ending}", stem(&m.sim));
         let missing: Vec<String> = matched.iter().map(wanted).filter(|n| !folder.join(n).is_file()).collect();
         if !folder.is_dir() || missing.len() == matched.len() || (of_all && !missing.is_empty()) {
             let lacking = missing.first().map_or_else(String::new, |n| format!(" without {n}"));

@@ -63,7 +63,7 @@ pub(crate) fn pictures(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn stem(name: &str) -> &str {
+pub(super) fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::frames::SimFrame;
 use super::linear_of;
-use super::matched::Matched;
+use super::matched::{Matched, stem};
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::read_text;
 use shutterbug::error::{Error, Result};
@@ -30,7 +30,7 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
     let radiance = linear_of(&picture, linear)?;
     let size = size.map(|v| v as usize);
     same_size(&picture, &radiance, size)?;
-    let stem = frame.sim.rsplit_once('.').map_or(frame.sim.as_str(), |(s, _)| s);
+    let stem = stem(&frame.sim);
     let plane = |folder: &str, channels: &[&str]| -> Result<Option<Plane<f32>>> {
         let path = sim.join(folder).join(format!("{stem}.exr"));
         if !path.is_file() {
