@@ -364,9 +364,10 @@ impl Tone {
             .map_or_else(Variances::default, |t| t[channel][(mean_dn + 0.5).clamp(0.0, 255.0) as usize])
     }
 
-    /// Whether noise of one colour reaches others behind the encoding.
-    pub fn mixes_colours(&self) -> bool {
-        self.behind.is_some()
+    /// What makes each colour of all three behind the encoding, and what takes that back: `[of][from]`; nothing where
+    /// nothing does, or nothing is noisy.
+    pub fn colours_behind(&self) -> Option<[&[[f32; 3]; 3]; 2]> {
+        self.behind.as_ref().map(|behind| [&behind.weights, &behind.back])
     }
 
     /// Whether there is any noise.

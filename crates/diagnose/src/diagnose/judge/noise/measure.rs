@@ -47,8 +47,8 @@ struct Compared<'a, M> {
     flats: Vec<Vec<bool>>,
     tables: Tables,
     tone: &'a Tone,
-    /// The same camera with a little noise, where colours are made of each other behind the encoding.
-    mixed: Option<Tone>,
+    /// What takes back that colours are made of each other behind the encoding, `[of][from]`; nothing where they are not.
+    unmix: Option<[[f32; 3]; 3]>,
     /// Whether noise is measured of brightness.
     luma: bool,
     /// The simulated values ahead of a coarse converter, DN; nothing where its steps are not seen one by one.
@@ -58,24 +58,31 @@ struct Compared<'a, M> {
 impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
     /// Linear error of a value, and the simulated one, DN.
     fn error(&self, f: usize, i: usize) -> Option<[f32; 2]> {
-        let (r, m) = (self.evidence.frames[self.frames[f]].dn.data[i], self.means[f].borrow().data[i]);
+        let [r, m] = self.values(f, i).filter(|_| self.flats[f][i / 3])?;
         // Values near the ends are clipped, and their spread with them.
-        if !self.flats[f][i / 3] || !(12.0..=240.0).contains(&m) || r <= 0.0 || r >= 255.0 {
+        if !(12.0..=240.0).contains(&m) {
             return None;
         }
         let slope = self.tables.slopes[m as usize][i % 3];
         // Never out of the table: values at its ends were left out above.
-        let r = r + dither(self.frames[f], i);
-        let as_grey = self.as_grey(&self.means[f].borrow().data[i - i % 3..i - i % 3 + 3], i % 3);
-        (slope > 20.0).then(|| [as_grey * (self.tables.decode(r, i % 3) - self.tables.decode(m, i % 3)), m])
+        (slope > 20.0).then(|| [self.tables.decode(r, i % 3) - self.tables.decode(m, i % 3), m])
     }
 
-    /// What an error of a colour would be in a grey as bright: a colour of three has the noise of all of them.
-    fn as_grey(&self, colour: &[f32], channel: usize) -> f32 {
-        self.mixed.as_ref().map_or(1.0, |tone| {
-            let (own, grey) = (tone.spread_of(colour, channel), tone.spread(colour[channel], channel));
-            (grey.free / own.free.max(1e-9)).sqrt()
-        })
+    /// The real and the simulated value, DN, ahead of what makes colours of each other: behind it a colour has noise of
+    /// all three. Nothing where a real one was clipped.
+    fn values(&self, f: usize, i: usize) -> Option<[f32; 2]> {
+        let (at, c) = (self.frames[f], i % 3);
+        let (real, mean) = (&self.evidence.frames[at].dn.data, &self.means[f].borrow().data);
+        let is_inside = |i: usize| real[i] > 0.0 && real[i] < 255.0;
+        let dithered = |i: usize| real[i] + dither(at, i);
+        let Some(unmix) = &self.unmix else {
+            return is_inside(i).then(|| [dithered(i), mean[i]]);
+        };
+        let colour = [i - c, i - c + 1, i - c + 2];
+        let ahead = |of: &dyn Fn(usize) -> f32| (0..3).map(|k| unmix[c][k] * of(colour[k])).sum::<f32>();
+        let [r, m] = [ahead(&dithered), ahead(&|i| mean[i])];
+        // What was clipped ahead of it comes back within the rounding of three colours.
+        (colour.into_iter().all(is_inside) && r > 1.0 && r < 254.0).then_some([r, m])
     }
 
     /// The same of a pixel's brightness. Where pixels share their chroma each still has its own brightness: that has
@@ -169,10 +176,12 @@ impl NoiseData {
         let flats = frames.par_iter().zip(means).map(flat).collect();
         let (luma, tables) = (is_luma(theta), Tables::of(&tone));
         let a_little = Tone::new(&noiseless(theta).with(P::Read, LITTLE));
-        let mixed = a_little.mixes_colours().then_some(a_little);
+        let matrices = a_little.colours_behind().filter(|_| !luma);
+        let unmix = matrices.map(|[_, back]| *back);
+        let mixing = matrices.map_or([1.0; 2], |of| of.map(kept_by));
         let steps = ahead.filter(|_| shows_steps(theta));
         let compared =
-            Compared { evidence, frames, means, flats, tables, tone: &tone, mixed, luma, ahead: steps };
+            Compared { evidence, frames, means, flats, tables, tone: &tone, unmix, luma, ahead: steps };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
         let rows_apart = if mixed { APART[1] } else { 1 };
@@ -182,7 +191,7 @@ impl NoiseData {
         for f in 0..frames.len() {
             values.add_rows([w, h], rows_apart, |i| compared.seen_at(f, i, true).map(|e| e[0]));
         }
-        let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]));
+        let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]), mixing);
         let files = ahead.filter(|_| shows_coefficients(theta));
         let Compared { flats, tables, .. } = &compared;
         let blocks = Blocks { evidence, frames, flats, tables, tone: &tone };
@@ -309,7 +318,8 @@ impl Values {
         }
     }
 
-    fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize) -> NoiseData {
+    /// `mixing`: what equal noise in all colours keeps where they are made of each other, and where that is taken back.
+    fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize, mixing: [f64; 2]) -> NoiseData {
         let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
         // Chroma shared behind a compression: what is measured is single colours.
         let gain = gain * f64::from(shared(theta).filter(|_| !is_luma(theta)).map_or(1.0, kept));
@@ -319,13 +329,14 @@ impl Values {
         // What compression has left of the noise is a part of it.
         let packed = theta.is_on(P::Quality).then(|| Packing::of(theta.get(P::Quality) as u8));
         let removed = |bin: usize, variance: f64| {
-            let dn2 = variance * f64::from(tone.slope_at(mean_dn[bin], 1)).powi(2);
+            let dn2 = mixing[0] * variance * f64::from(tone.slope_at(mean_dn[bin], 1)).powi(2);
             packed.as_ref().map_or(1.0, |p| f64::from(p.restored(dn2 as f32, kind)))
         };
         let mut whole = vec![1.0; BINS];
         let mut data = NoiseData::default();
         for (bin, v) in self.total.iter_mut().enumerate().filter(|(_, v)| v.len() >= FEWEST) {
-            let seen = (robust_variance(v) / HIGH_PASS - quantum(tone, mean_dn[bin])).max(0.0);
+            let rounding = mixing[1] * quantum(tone, mean_dn[bin]);
+            let seen = (robust_variance(v) / HIGH_PASS - rounding).max(0.0);
             whole[bin] = removed(bin, seen);
             let variance = tone.unrounded(seen * whole[bin] / gain);
             // Where compression removes nearly all of it nothing is known: that little is seen says nothing then.
@@ -411,6 +422,11 @@ pub(crate) fn noiseless(theta: &Theta) -> Theta {
 /// Whether noise is measured of brightness: where pixels share their chroma and nothing is compressed.
 fn is_luma(theta: &Theta) -> bool {
     theta.is_on(P::Chroma) && !theta.is_on(P::Quality)
+}
+
+/// What equal noise in all colours keeps where each is made of all three (`[of][from]`), on average.
+fn kept_by(weights: &[[f32; 3]; 3]) -> f64 {
+    weights.iter().flatten().map(|w| f64::from(w * w)).sum::<f64>() / 3.0
 }
 
 /// What equal noise in all colours keeps where pixels share their chroma, on average.

@@ -230,6 +230,7 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) 
 mod tests {
     use super::*;
     use crate::diagnose::evidence::Evidence;
+    use crate::diagnose::expect::model::candidate_of;
     use crate::diagnose::expect::tone::Tone;
     use shutterbug::plane::Plane;
 
@@ -258,6 +259,42 @@ mod tests {
             }
         }
         assert!(measured_dn2(0.0, 0.3) < 0.03, "rounding alone is no noise: {}", measured_dn2(0.0, 0.3));
+    }
+
+    /// Full-well capacity, in electrons, and read noise as measured of 800 and 0.008 behind a saturation of that
+    /// `factor`, where `told` is what the model says of it.
+    fn measured_behind_saturation(factor: f64, told: f64) -> [f64; 2] {
+        let saturation = candidate_of("saturation").parameters[0];
+        let camera = |factor: f64| Theta::neutral().with(saturation, factor).with(P::Read, 1e-3);
+        let tone = Tone::new(&camera(factor));
+        let weights = *tone.colours_behind().expect("it mixes")[0];
+        let colour = |x: usize| [0.1 + 0.05 * (x / 20) as f32, 0.08, 0.5 - 0.04 * (x / 20) as f32];
+        let dn = |linear: [f32; 3]| -> [f32; 3] {
+            let encoded = linear.map(|v| 255.0 * (1.055 * v.max(1e-4).powf(1.0 / 2.4) - 0.055));
+            weights.map(|row| (0..3).map(|k| row[k] * encoded[k]).sum())
+        };
+        let mean = Plane::from_fn(160, 240, |x, _| dn(colour(x)));
+        let real = Plane::from_fn(160, 240, |x, y| {
+            let bits = |k: u32| shutterbug::chain::rng::random_normal([x as u32, y as u32], 0, k, [5, 6]);
+            let (normal, linear) = (bits(3), colour(x));
+            let noisy = |c: usize| linear[c] + normal[c] * (linear[c] / 800.0 + 0.008f32.powi(2)).sqrt();
+            dn([0, 1, 2].map(noisy)).map(f32::round)
+        });
+        let theta = camera(told).with(P::Read, 0.0);
+        let data = NoiseData::measure(&Evidence::of_one(real), &[0], &[mean], None, &theta, None);
+        let fitted = data.fit(&theta, &theta, &["shot_noise", "read_noise"]);
+        [1.0 / fitted.get(P::Shot), fitted.get(P::Read)]
+    }
+
+    #[test]
+    fn noise_is_measured_ahead_of_what_makes_colours_of_each_other() {
+        for factor in [0.6, 0.77, 1.3] {
+            let [full_well_e, read] = measured_behind_saturation(factor, factor);
+            assert!((full_well_e / 800.0 - 1.0).abs() < 0.1, "{factor}: {full_well_e} e");
+            assert!((read / 0.008 - 1.0).abs() < 0.1, "{factor}: {read}");
+        }
+        let [full_well_e, read] = measured_behind_saturation(0.6, 1.0 - 1e-6);
+        assert!(full_well_e > 1100.0 || read < 0.006, "control: not taken back, {full_well_e} e, {read}");
     }
 
     #[test]
