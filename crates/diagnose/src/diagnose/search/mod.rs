@@ -5,6 +5,7 @@ pub(super) mod candidates;
 pub(super) mod choices;
 pub(super) mod comb;
 pub(super) mod decide;
+pub(super) mod doings;
 pub(super) mod ending;
 pub(super) mod exchange;
 pub(super) mod found;
