@@ -229,6 +229,21 @@ fn a_converter_of_few_steps_delivers_the_mean_and_the_spread_that_are_told() {
 }
 
 #[test]
+fn what_comes_ahead_of_a_coarse_converter_is_delivered_as_the_whole_camera_delivers_it() {
+    let bits = number("quantization", "bits", 5.0);
+    let gain = number("exposure_gain", "gain", 0.83);
+    let noise = number("read_noise", "sigma", 0.012);
+    let ahead = mean(&settings(&[gain]));
+    for camera in [settings(&[gain, bits]), settings(&[gain, bits, noise])] {
+        let whole = mean(&camera);
+        let delivered = through_converter(&ahead, &Tone::new(&camera));
+        let off = furthest(&delivered.data, &whole.data);
+        assert!(off < 0.1, "{off} DN");
+        assert!(furthest(&ahead.data, &whole.data) > 1.0, "control: the converter does something");
+    }
+}
+
+#[test]
 fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
     let settings = settings(&[number("saturation", "factor", 1.4), number("read_noise", "sigma", 4e-3)]);
     let colour = [0.55, 0.12, 0.2];

@@ -212,7 +212,7 @@ impl Tone {
     /// Mean and spread behind a converter whose steps show: sums over the steps that a value may go to, each encoded.
     /// An encoding bends by more than a normal distribution tells from one step to the next, in the dark above all.
     fn make_steps(&mut self, tables: &[Vec<(f32, Variances)>; 3], by_dn: &mut [Vec<Variances>; 3]) {
-        if self.step == 0.0 || self.step * MOST_STEPS < 1.0 || !self.has_own_colors() {
+        if !self.is_coarse() || !self.has_own_colors() {
             return;
         }
         for c in 0..3 {
@@ -408,6 +408,11 @@ impl Tone {
     /// Whether delivered values are the converter's, each encoded on its own.
     pub fn keeps_steps(&self) -> bool {
         self.has_own_colors() && self.mixing == Mixing::NONE && self.encoding_is_last
+    }
+
+    /// Whether a converter's steps are so coarse that they are seen one by one.
+    pub fn is_coarse(&self) -> bool {
+        self.step * MOST_STEPS >= 1.0
     }
 
     /// A noise-free delivered value, DN, in steps of the converter above its darkest value.

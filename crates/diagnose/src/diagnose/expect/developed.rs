@@ -10,15 +10,53 @@ use super::discrepancy::{DRAWS, off_by};
 use super::forward::{Forward, Quality};
 use super::model::{P, Theta};
 use super::settings::settings_of;
-use super::tone::Tone;
+use super::tone::{Tone, noiseless, shows_steps};
 use crate::diagnose::flips::Flips;
-use shutterbug::chain::View;
+use shutterbug::chain::{Settings, View};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
-use shutterbug::reference::moments::{expected, through_file};
+use shutterbug::reference::moments::{expected, through_converter, through_file};
 
 /// Sets of draws that are kept, see [`Forward::flipped`].
 const KEPT_DRAWS: usize = 4;
+
+/// What rounds coarsely at the end of a camera: a converter whose steps are seen, a file's coefficients, or both.
+struct Rounder {
+    /// The camera ahead of it.
+    ahead: Theta,
+    settings: Settings,
+    tone: Tone,
+    converts: bool,
+}
+
+impl Rounder {
+    /// Nothing where values and coefficients are not rounded, or more finely than to be seen.
+    fn of(theta: &Theta) -> Option<Self> {
+        let open = theta.with(P::Quality, 0.0);
+        let converts = rounds_values(&open);
+        let ahead = if converts { noiseless(&open).with(P::Bits, 0.0) } else { open };
+        let (settings, tone) = (settings_of(theta), Tone::new(theta));
+        (converts || theta.is_on(P::Quality)).then_some(Self { ahead, settings, tone, converts })
+    }
+
+    /// A picture of the camera ahead as it is delivered.
+    fn rounded(&self, picture: &Plane<f32>) -> Plane<f32> {
+        if !self.converts {
+            return through_file(picture, &self.settings, &self.tone);
+        }
+        through_file(&through_converter(picture, &self.tone), &self.settings, &self.tone)
+    }
+}
+
+/// Whether a converter's steps are seen in what is delivered.
+fn rounds_values(theta: &Theta) -> bool {
+    shows_steps(theta) && Tone::new(theta).is_coarse()
+}
+
+/// Whether draws of other correct simulations say what edges may be off by, see [`Forward::drawn`].
+pub(crate) fn draws_edges(theta: &Theta) -> bool {
+    theta.is_on(P::Quality) || rounds_values(theta)
+}
 
 impl Forward {
     /// Values as delivered, DN, without noise; by place.
@@ -104,19 +142,18 @@ impl Forward {
         Ok(drawn)
     }
 
-    /// By frame (place): differences between another correct simulation of `theta` and this one, behind its
-    /// compression, DN, one a draw. A coefficient near a threshold of the quantizer goes the other way, in every block
-    /// of that colour. Nothing without compression, which spreads nothing.
+    /// By frame (place): differences between another correct simulation of `theta` and this one, behind what rounds its
+    /// values or coefficients coarsely, DN, one a draw. What lies near a threshold goes the other way, in every place
+    /// of that colour. Nothing without such, which spreads nothing.
     fn flipped(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Flipped> {
-        if !theta.is_on(P::Quality) {
+        let Some(rounder) = Rounder::of(theta) else {
             return Ok(vec![Vec::new(); frames.len()]);
-        }
+        };
         let key = format!("{frames:?} {quality:?} {} {:?} {theta:?}", self.native, self.light);
         if let Some((_, known)) = self.bench.developed.flipped.iter().find(|(k, _)| *k == key) {
             return Ok(known.clone());
         }
-        let (settings, tone) = (settings_of(theta), Tone::new(theta));
-        let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
+        let before = self.pictures(frames, &rounder.ahead, quality)?;
         let after = self.pictures(frames, theta, quality)?;
         let less = |mut a: Plane<f32>, b: &Plane<f32>| {
             a.data.iter_mut().zip(&b.data).for_each(|(a, b)| *a -= b);
@@ -128,7 +165,7 @@ impl Forward {
                 return Vec::new();
             }
             let off = |draw| off_by(&before[i], paths.get(i), draw, frames[i]);
-            let drawn = |draw| through_file(&off(draw), &settings, &tone);
+            let drawn = |draw| rounder.rounded(&off(draw));
             (0..DRAWS).into_par_iter().map(|draw| Arc::new(less(drawn(draw), &after[i]))).collect()
         };
         let flipped: Flipped = (0..frames.len()).into_par_iter().map(one).collect();

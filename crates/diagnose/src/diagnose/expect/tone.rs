@@ -71,3 +71,16 @@ pub(crate) fn shared(theta: &Theta) -> Option<[[f32; 3]; 3]> {
 pub(crate) fn row_kept(theta: &Theta) -> f64 {
     mixing(theta).left.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0
 }
+
+/// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
+/// behind it.
+pub(crate) fn shows_steps(theta: &Theta) -> bool {
+    let tone = Tone::new(theta);
+    tone.step_linear(1) > 0.0 && tone.keeps_steps()
+}
+
+/// A camera without noise.
+pub(crate) fn noiseless(theta: &Theta) -> Theta {
+    let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];
+    noises.into_iter().fold(theta.clone(), |theta, p| theta.with(p, 0.0))
+}

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::description::Kind;
+use crate::diagnose::expect::developed::draws_edges;
 use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
@@ -278,7 +279,7 @@ impl<'a> Judge<'a> {
                 mask: masks.as_ref().map(|m| &m[at]),
                 flips: flips.get(i),
                 drawn: &drawn[i],
-                edges_drawn: theta.is_on(P::Quality),
+                edges_drawn: draws_edges(theta),
                 given: given.as_ref().map(|g| g[i].as_slice()),
             })
             .collect();

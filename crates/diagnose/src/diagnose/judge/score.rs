@@ -80,10 +80,10 @@ pub(crate) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Draws of how far another correct simulation is from this one, DN: behind a compression, and where the camera's
+    /// Draws of how far another correct simulation is from this one, DN: behind what rounds coarsely, and where the camera's
     /// path wanders within the frame; nothing without either.
     pub drawn: &'a [Arc<Plane<f32>>],
-    /// Whether the draws say what edges may be off by: they do behind a compression.
+    /// Whether the draws say what edges may be off by: they do behind what rounds coarsely.
     pub edges_drawn: bool,
     /// Variance of single values because the simulation is read from pictures, DN^2.
     pub given: Option<&'a [f32]>,

@@ -10,7 +10,7 @@ use super::steps::Steps;
 use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
-use crate::diagnose::expect::tone::{Tone, noise_gain, row_kept, row_seen, shared};
+use crate::diagnose::expect::tone::{Tone, noise_gain, noiseless, row_kept, row_seen, shared, shows_steps};
 use crate::diagnose::packing::Packing;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::{LUMA, robust_variance};
@@ -399,24 +399,11 @@ fn quantum(tone: &Tone, mean_dn: f32) -> f64 {
     2.0 / 12.0 / (slope * slope).max(1e-9)
 }
 
-/// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
-/// behind it.
-fn shows_steps(theta: &Theta) -> bool {
-    let tone = Tone::new(theta);
-    tone.step_linear(1) > 0.0 && tone.keeps_steps()
-}
-
 /// `theta` ahead of what rounds its values to steps that are seen one by one: a coarse converter, or a file's
 /// coefficients. Nothing where there is no such.
 pub(crate) fn ahead_of_steps(theta: &Theta) -> Option<Theta> {
     let seen = shows_steps(theta) || shows_coefficients(theta);
     seen.then(|| noiseless(theta).with(P::Bits, 0.0).with(P::Quality, 0.0))
-}
-
-/// A camera without noise.
-pub(crate) fn noiseless(theta: &Theta) -> Theta {
-    let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];
-    noises.into_iter().fold(theta.clone(), |theta, p| theta.with(p, 0.0))
 }
 
 /// Whether noise is measured of brightness: where pixels share their chroma and nothing is compressed.
