@@ -9,4 +9,4 @@ mod write;
 
 pub use read::{Limit, read, read_as, read_if_there};
 pub use watch::{Watcher, set_watcher};
-pub use write::{Existing, identity, is_temporary, put, write_atomic, write_single};
+pub use write::{Existing, Staged, identity, is_temporary, put, stage, write_atomic, write_single};

@@ -58,14 +58,18 @@ pub fn is_temporary(name: &str) -> bool {
     number.is_some_and(|n| n.len() == 16 && n.bytes().all(|b| b.is_ascii_hexdigit()))
 }
 
-/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk,
-/// under its temporary name. Without that a power cut leaves the final name with nothing behind it, and what it
-/// replaces is gone.
+/// A file that is complete, on the disk, under a temporary name; it goes with this, unless it has been given its own.
+#[derive(Debug)]
+pub struct Staged {
+    path: PathBuf,
+    temporary: Option<PathBuf>,
+}
+
+/// Writes a file that is not to appear yet. What stands under its name is looked at again by [`Staged::appear`].
 ///
 /// # Errors
-/// A file that cannot be written, and what `before` says; the temporary file is removed. What stands under the name and
-/// is no regular file, or is to be kept.
-pub fn put(path: &Path, bytes: &[u8], existing: Existing, before: impl FnOnce() -> Result<()>) -> Result<()> {
+/// A file that cannot be written. What stands under the name and is no regular file, or is to be kept.
+pub fn stage(path: &Path, bytes: &[u8], existing: Existing) -> Result<Staged> {
     // A pipe or device that is renamed over is gone, and with it what others do through it.
     if let Ok(about) = path.metadata() {
         check_regular(&about, path)?;
@@ -75,12 +79,44 @@ pub fn put(path: &Path, bytes: &[u8], existing: Existing, before: impl FnOnce() 
     }
     let failed = |e| Error::io(path, "write", e);
     let (temporary, mut file) = create_temporary(path).map_err(failed)?;
-    let written =
-        file.write_all(bytes).and_then(|()| file.sync_data()).map_err(failed).and_then(|()| before());
-    written.and_then(|()| give_name(&temporary, path, existing)).inspect_err(|_| {
-        // The first error is the one to report; a leftover that cannot be removed either adds nothing to it.
-        let _ = fs::remove_file(&temporary);
-    })
+    let staged = Staged { path: path.to_owned(), temporary: Some(temporary) };
+    // Without this a power cut leaves the final name with nothing behind it, and what it replaces is gone.
+    file.write_all(bytes).and_then(|()| file.sync_data()).map_err(failed)?;
+    Ok(staged)
+}
+
+impl Staged {
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// A name that cannot be given; what stands there and is to be kept.
+    pub fn appear(mut self, existing: Existing) -> Result<()> {
+        let temporary = self.temporary.as_ref().expect("it has not appeared");
+        give_name(temporary, &self.path, existing)?;
+        self.temporary = None;
+        Ok(())
+    }
+}
+
+impl Drop for Staged {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            // The first error is the one to report; a leftover that cannot be removed either adds nothing to it.
+            let _ = fs::remove_file(temporary);
+        }
+    }
+}
+
+/// Puts a file in place, as [`write_atomic`] without a watcher; `before` is called when it is complete, on the disk,
+/// under its temporary name.
+///
+/// # Errors
+/// A file that cannot be written, and what `before` says; the temporary file is removed. What stands under the name and
+/// is no regular file, or is to be kept.
+pub fn put(path: &Path, bytes: &[u8], existing: Existing, before: impl FnOnce() -> Result<()>) -> Result<()> {
+    let staged = stage(path, bytes, existing)?;
+    before()?;
+    staged.appear(existing)
 }
 
 fn is_there(path: &Path) -> Error {

@@ -226,6 +226,37 @@ fn resume_makes_frames_again_that_are_not_as_they_were() {
     assert!(said(&again).contains("3 frames written"), "{}", said(&again));
     (0..4).for_each(|i| assert_eq!(fs::read(frame(i)).unwrap(), whole[i], "frame {i}"));
     assert_eq!(fs::read(out.join("depth/000003.exr")).unwrap(), depth);
+    // Seventh set: what stood there may be the user's; an empty file is what a power cut leaves.
+    assert_eq!(fs::read(out.join("000001.png.changed")).unwrap(), whole[1][..60]);
+    assert_eq!(fs::read(out.join("depth/000003.exr.changed")).unwrap(), b"short");
+    assert!(!out.join("000002.png.changed").exists());
+    assert!(said(&again).contains("000001.png.changed"), "{}", said(&again));
+    assert_done(&capture.simulate(&out, &["--planes", "depth", "--resume"]));
+}
+
+/// Seventh set: a run that cannot write has not cost the results of the one before.
+#[test]
+fn results_stay_until_those_of_the_next_run_are_complete() {
+    if !device_is_there("results_stay_until_those_of_the_next_run_are_complete") {
+        return;
+    }
+    let capture = Capture::new();
+    let out = capture.beside("out");
+    assert_done(&capture.simulate(&out, &[]));
+    let before = contents(&out);
+    let frames = before.iter().filter(|(path, _)| path.extension().is_some_and(|e| e == "png"));
+    let least = frames.map(|(_, bytes)| bytes.len()).min().unwrap();
+    let limited = |bytes: usize| {
+        let script = format!(
+            "MESA_SHADER_CACHE_DISABLE=1 exec prlimit --fsize={bytes} \"$0\" simulate \"$1\" --samples 1 --seed 3 --out \"$2\""
+        );
+        shell(&script, &[capture.root().as_path(), out.as_path()])
+    };
+    let failed = limited(least - 1);
+    assert_refused(&failed, 1, &["cannot write"]);
+    assert!(contents(&out) == before, "{:?}", contents(&out).iter().map(|c| &c.0).collect::<Vec<_>>());
+    assert_done(&limited(1 << 30));
+    assert!(contents(&out) != before, "control: what can be written takes their place");
 }
 
 /// W1, W2: links in the output lead nowhere.

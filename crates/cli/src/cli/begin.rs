@@ -62,10 +62,15 @@ impl<'a> Begin<'a> {
         if self.goes_on {
             self.out.go_on()?
         } else {
-            self.out.start()?
+            self.out.start_together()?
         }
         write_atomic(&self.folder.join("simulate.json"), self.simulate_json.as_bytes())?;
         write_atomic(&self.folder.join("instants.csv"), self.instants_csv.as_bytes())
+    }
+
+    /// The first frame is complete: it takes the place of what an earlier run made.
+    pub(super) fn appear(&self) -> Result<()> {
+        self.out.appear()
     }
 }
 

@@ -36,8 +36,9 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
     let out = Out::open(&args.out, &rules)?;
     if !args.pairs {
         let done = calibrate_noise(&frames, options)?;
-        out.start()?;
+        out.start_together()?;
         write(&args.out, &done, base.as_ref())?;
+        out.appear()?;
         return print(summary(&done));
     }
     if frames.len() % 2 == 1 {
@@ -46,9 +47,10 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
     }
     for (k, pair) in frames.chunks_exact(2).enumerate() {
         let done = calibrate_noise(pair, options)?;
-        out.start()?;
+        out.start_together()?;
         let folder = args.out.join(format!("pair_{k:02}"));
         write(&folder, &done, base.as_ref())?;
+        out.appear()?;
         print(summary(&done))?;
     }
     Ok(())

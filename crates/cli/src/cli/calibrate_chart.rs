@@ -123,7 +123,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         check_dark(&args.dark[0], dark, &found)?;
     }
     let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
-    out.start()?;
+    out.start_together()?;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
     if found.a1.is_some() || found.a2.is_some() {
         tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
@@ -140,6 +140,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     let report = json!({ "flat": found, "dark": offsets, "other_pattern": other });
     args.common.write(found.size_px, &report, &tables)?;
     write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
+    out.appear()?;
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
 }
 
@@ -234,7 +235,7 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
         Some(region) => measure_edge(picture, region, encoding, &args.photo)?,
         None => find_edge(picture, encoding, &args.photo)?,
     };
-    out.start()?;
+    out.start_together()?;
     let sigma = found.defocus_sigma_px;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
     if sigma.value > sigma.half {
@@ -246,6 +247,7 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let tables: Vec<(&str, &[(&str, f64)])> = tables.iter().map(|(e, v)| (*e, v.as_slice())).collect();
     args.common.write([picture.width, picture.height], &json!({ "edge": found }), &tables)?;
     write_png_atomic(&args.common.out.join("edge.png"), &edge_figure(&found)?)?;
+    out.appear()?;
     let [x, y, w, h] = found.region;
     let mut text = format!(
         "edge in {w}x{h} px at {x}, {y}: {:.1} degrees off {}, linear light {:.3} and {:.3}\n",

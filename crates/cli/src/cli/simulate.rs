@@ -49,7 +49,8 @@ pub fn run(args: &Simulate) -> Result<()> {
     let total = capture.frames.len();
     if todo.is_empty() {
         say(format_args!("all {total} frames are there already: {}", args.out.display()));
-        return begin.run();
+        begin.run()?;
+        return begin.appear();
     }
     let device = DeviceChoice::from_option_or_environment(args.device.as_deref());
     let context = Context::new(&ContextOptions { device, validation: validation() })?;
@@ -166,6 +167,7 @@ fn render_all(
                 // Now there is a device, memory, and something to put in the place of what an earlier run made.
                 begin.run()?;
                 write_frame(args, &stems[frame.index as usize], &frame)?;
+                begin.appear()?;
                 written += 1;
             }
             Ok(written)

@@ -183,6 +183,19 @@ fn json(line: &Line) -> String {
     serde_json::to_string(line).expect("all keys are strings") + "\n"
 }
 
+/// What is noted of a file's contents.
+#[derive(Debug)]
+pub(super) struct FileLine {
+    bytes: u64,
+    sha256: String,
+}
+
+impl FileLine {
+    pub(super) fn of(bytes: &[u8]) -> Self {
+        Self { bytes: bytes.len() as u64, sha256: sha256_hex(bytes) }
+    }
+}
+
 /// A manifest that grows.
 #[derive(Debug)]
 pub(super) struct Appender {
@@ -193,12 +206,8 @@ pub(super) struct Appender {
 
 impl Appender {
     /// Names a file that is about to appear.
-    pub(super) fn file(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.append(Line::File {
-            name: name.to_owned(),
-            bytes: bytes.len() as u64,
-            sha256: sha256_hex(bytes),
-        })
+    pub(super) fn made(&mut self, name: &str, FileLine { bytes, sha256 }: FileLine) -> Result<()> {
+        self.append(Line::File { name: name.to_owned(), bytes, sha256 })
     }
 
     /// Names a file that grows.

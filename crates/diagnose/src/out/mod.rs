@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
 
 use shutterbug::error::{Error, Result};
-use shutterbug::files::{Existing, identity, is_temporary, put};
+use shutterbug::files::{Existing, Staged, identity, is_temporary, put, stage};
 
 use lock::{LOCK_FILE, Lock};
-use manifest::{Appender, Manifest, sync_names};
+use manifest::{Appender, FileLine, Manifest, sync_names};
 
 pub use account::{note_read, record_reads, recorded_reads, sha256_hex};
 pub use manifest::MANIFEST_FILE;
@@ -35,8 +35,9 @@ pub struct OutRules<'a> {
 }
 
 /// A folder that holds only what this program made there, and is held by one process. Nothing in it is touched by
-/// opening: [`Self::start`] removes what an earlier run made, [`Self::go_on`] keeps it. From then on
-/// [`shutterbug::files::write_atomic`] names every file below the folder in the manifest.
+/// opening: behind [`Self::start`] what an earlier run made is removed when the first file of this one is complete,
+/// [`Self::go_on`] keeps it. From then on [`shutterbug::files::write_atomic`] names every file below the folder in the
+/// manifest.
 #[derive(Debug)]
 pub struct Out(Arc<Held>);
 
@@ -58,11 +59,21 @@ struct Held {
 #[derive(Debug)]
 enum State {
     Opened(Manifest),
+    /// Begun, and nothing has appeared yet: what an earlier run made still lies there.
+    Begun(Begun),
     Writing {
         appender: Appender,
         /// What an earlier run made, and this one makes again where it is not as it was.
         earlier: BTreeSet<String>,
     },
+}
+
+/// A run that has begun, and of which nothing has appeared.
+#[derive(Debug, Default)]
+struct Begun {
+    before: Manifest,
+    /// Files are to appear together: those that are complete, with their names and contents' lengths and hashes.
+    together: Option<Vec<(String, Staged, FileLine)>>,
 }
 
 static OPEN: Mutex<Vec<Weak<Held>>> = Mutex::new(Vec::new());
@@ -108,35 +119,44 @@ impl Out {
     pub fn has(&self, name: &str) -> bool {
         match &*self.0.state() {
             State::Opened(manifest) => manifest.is_whole(&self.0.root, name),
+            State::Begun(_) => false,
             State::Writing { appender, .. } => appender.manifest.is_whole(&self.0.root, name),
         }
     }
 
-    /// Removes what an earlier run made and is as it was; the manifest is this run's. To be called when nothing but
-    /// writing is left that could fail.
+    /// What an earlier run made, and is as it was, goes when the first file of this one is complete. To be called when
+    /// nothing but writing is left that could fail.
+    ///
+    /// # Errors
+    /// A folder that is another one by now.
+    pub fn start(&self) -> Result<()> {
+        self.begin(None)
+    }
+
+    /// As [`Self::start`], but files appear, and what an earlier run made goes, with [`Self::appear`]: a run that cannot
+    /// write its second file has not cost the results of the one before.
+    ///
+    /// # Errors
+    /// A folder that is another one by now.
+    pub fn start_together(&self) -> Result<()> {
+        self.begin(Some(Vec::new()))
+    }
+
+    fn begin(&self, together: Option<Vec<(String, Staged, FileLine)>>) -> Result<()> {
+        let mut state = self.0.state();
+        let State::Opened(before) = &mut *state else { return Ok(()) };
+        self.0.check_same()?;
+        remove_temporary(&self.0.root);
+        *state = State::Begun(Begun { before: std::mem::take(before), together });
+        Ok(())
+    }
+
+    /// What was written since [`Self::start_together`] appears; from here on every file does when it is written.
     ///
     /// # Errors
     /// Files that cannot be removed or written.
-    pub fn start(&self) -> Result<()> {
-        let mut state = self.0.state();
-        let State::Opened(before) = &*state else { return Ok(()) };
-        self.0.check_same()?;
-        remove_temporary(&self.0.root);
-        let mut touched = BTreeSet::new();
-        for name in before.names().filter(|n| before.is_whole(&self.0.root, n)) {
-            let path = self.0.root.join(name);
-            fs::remove_file(&path).map_err(|e| Error::io(&path, "remove the earlier run's", e))?;
-            // The folders that it was in, where that was the last of them.
-            let folders = path.ancestors().skip(1).take_while(|f| *f != self.0.root);
-            folders.take_while(|f| fs::remove_dir(f).is_ok()).for_each(drop);
-            touched.extend(path.parent().map(Path::to_owned));
-        }
-        // Gone for good before no line names them any more.
-        for folder in touched.iter().filter(|f| f.exists()) {
-            sync_names(folder).map_err(|e| Error::io(folder, "write", e))?;
-        }
-        *state = self.0.writing(before, &before.emptied(self.0.command))?;
-        Ok(())
+    pub fn appear(&self) -> Result<()> {
+        self.0.appear(&mut self.0.state())
     }
 
     /// Keeps what an earlier run made and is as it was.
@@ -160,8 +180,8 @@ impl Out {
         self.0.check_same()?;
         match &mut *self.0.state() {
             State::Writing { appender, .. } => appender.working(name),
-            State::Opened(manifest) if manifest.is_working(name) => Ok(()),
-            State::Opened(manifest) => {
+            State::Opened(before) | State::Begun(Begun { before, .. }) if before.is_working(name) => Ok(()),
+            State::Opened(manifest) | State::Begun(Begun { before: manifest, .. }) => {
                 let existing = self.0.existing_manifest(manifest);
                 if manifest.command.is_empty() {
                     self.0.command.clone_into(&mut manifest.command);
@@ -220,6 +240,8 @@ impl Held {
                 appender.manifest.names_file(name) || earlier.contains(name)
             }
             State::Opened(_) => false,
+            // It is gone before the new one is put in its place.
+            State::Begun(begun) => begun.before.is_whole(&self.root, name),
         };
         if self.overwrite || ours { Existing::Replace } else { Existing::Keep }
     }
@@ -231,20 +253,93 @@ impl Held {
         Ok(State::Writing { appender, earlier })
     }
 
+    /// Removes what an earlier run made and is as it was; the manifest is this run's from here on.
+    fn clear(&self, state: &mut State) -> Result<()> {
+        let State::Begun(Begun { before, .. }) = &*state else { return Ok(()) };
+        let mut touched = BTreeSet::new();
+        for name in before.names().filter(|n| before.is_whole(&self.root, n)) {
+            let path = self.root.join(name);
+            fs::remove_file(&path).map_err(|e| Error::io(&path, "remove the earlier run's", e))?;
+            // The folders that it was in, where that was the last of them.
+            let folders = path.ancestors().skip(1).take_while(|f| *f != self.root);
+            folders.take_while(|f| fs::remove_dir(f).is_ok()).for_each(drop);
+            touched.extend(path.parent().map(Path::to_owned));
+        }
+        // Gone for good before no line names them any more.
+        for folder in touched.iter().filter(|f| f.exists()) {
+            sync_names(folder).map_err(|e| Error::io(folder, "write", e))?;
+        }
+        *state = self.writing(before, &before.emptied(self.command))?;
+        Ok(())
+    }
+
+    /// Everything that was to appear together does.
+    fn appear(&self, state: &mut State) -> Result<()> {
+        let State::Begun(begun) = state else { return Ok(()) };
+        self.check_same()?;
+        let staged = begun.together.take().unwrap_or_default();
+        self.clear(state)?;
+        let State::Writing { appender, .. } = state else { return Ok(()) };
+        let existing = if self.overwrite { Existing::Replace } else { Existing::Keep };
+        for (name, file, line) in staged {
+            appender.made(&name, line)?;
+            file.appear(existing).map_err(|e| self.reason(e))?;
+        }
+        Ok(())
+    }
+
     /// Puts a file below the folder in place, named.
     fn write(&self, name: &str, path: &Path, bytes: &[u8]) -> Result<()> {
         self.check_same()?;
         self.refuse_links(name)?;
-        let written = put(path, bytes, self.existing(name), || {
+        // The folder of an earlier run's files has gone with them.
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(|e| self.reason(Error::io(folder, "create the folder", e)))?;
+        }
+        self.keep_changed(name, path)?;
+        let existing = self.existing(name);
+        if let State::Begun(Begun { together: Some(together), .. }) = &mut *self.state() {
+            let staged = stage(path, bytes, existing).map_err(|e| self.reason(e))?;
+            together.retain(|(other, ..)| other != name);
+            together.push((name.to_owned(), staged, FileLine::of(bytes)));
+            return Ok(());
+        }
+        let written = put(path, bytes, existing, || {
             // Once more, as a large file takes its time.
             self.check_same()?;
-            match &mut *self.state() {
-                State::Writing { appender, .. } => appender.file(name, bytes),
+            let mut state = self.state();
+            self.clear(&mut state)?;
+            match &mut *state {
+                State::Writing { appender, .. } => appender.made(name, FileLine::of(bytes)),
                 // A bug, but none that may cost a file.
-                State::Opened(_) => Err(Error::input(path, None, "a write before the run began", "none")),
+                _ => Err(Error::input(path, None, "a write before the run began", "none")),
             }
         });
         written.map_err(|e| self.reason(e))
+    }
+
+    /// A file of an earlier run that this one makes again, because it is no longer as it was made, may have been
+    /// changed by the user: what stands there is kept under another name.
+    fn keep_changed(&self, name: &str, path: &Path) -> Result<()> {
+        let mut state = self.state();
+        let State::Writing { appender, earlier } = &mut *state else { return Ok(()) };
+        let changed = earlier.contains(name) && !appender.manifest.names_file(name);
+        // A power cut may leave an empty file, and no other.
+        let holds = path.symlink_metadata().is_ok_and(|about| about.is_file() && about.len() > 0);
+        if !changed || !holds || self.overwrite {
+            return Ok(());
+        }
+        let names = (1..).map(|n: u32| if n == 1 { "changed".to_owned() } else { format!("changed-{n}") });
+        let mut names = names.map(|end| format!("{name}.{end}"));
+        let kept = names.find(|kept| self.root.join(kept).symlink_metadata().is_err()).expect("without end");
+        appender.working(&kept)?;
+        let to = self.root.join(&kept);
+        fs::rename(path, &to).map_err(|e| Error::io(path, "rename", e))?;
+        tracing::warn!(
+            "{}: not as the earlier run made it, so made again; what stood there is now {kept}",
+            path.display()
+        );
+        Ok(())
     }
 
     /// The folder may be replaced between a check and a write: then that is why the write failed.
@@ -305,9 +400,11 @@ pub fn grows(path: &Path) -> Result<()> {
 /// A manifest that cannot be written.
 pub fn made_elsewhere(path: &Path) -> Result<()> {
     let Some((held, name)) = holder(path) else { return Ok(()) };
-    match &mut *held.state() {
+    let mut state = held.state();
+    held.appear(&mut state)?;
+    match &mut *state {
         State::Writing { appender, .. } => appender.folder(&name),
-        State::Opened(_) => Ok(()),
+        _ => Ok(()),
     }
 }
 
