@@ -11,6 +11,7 @@ mod messages;
 mod mutations;
 mod output;
 mod reading;
+mod seventh;
 mod sixth_charts;
 mod streams;
 mod third;

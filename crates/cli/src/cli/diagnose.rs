@@ -14,7 +14,7 @@ use shutterbug::error::{Error, Result};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug_diagnose::diagnose::{
     DiagnoseOptions, Diagnosis, Pair, Progress, Report, diagnose, diagnose_gyro, diagnose_pair,
-    diagnose_unpaired,
+    diagnose_unpaired, no_one_place,
 };
 use shutterbug_diagnose::out::{Out, OutRules};
 
@@ -28,7 +28,9 @@ const JOURNAL_FILE: &str = "progress.jsonl";
 pub fn run(args: &Diagnose) -> Result<()> {
     let begun = Instant::now();
     match (&args.capture, &args.sim, &args.real) {
-        (_, Some(sim), Some(real)) if args.unpaired => of_unpaired(args, &options(args, begun), sim, real),
+        (_, Some(sim), Some(real)) if args.unpaired => {
+            of_unpaired(args, &options(args, begun), (sim, real), &[])
+        }
         (_, Some(sim), Some(real)) => of_pair(args, begun, sim, real),
         (_, None, Some(real)) => of_gyro(args, begun, real),
         (Some(capture), ..) => of_capture(args, begun, capture),
@@ -51,11 +53,10 @@ fn of_capture(args: &Diagnose, begun: Instant, folder: &Path) -> Result<()> {
 fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<()> {
     let options = options(args, begun);
     let pair = Pair::read(sim, real, args.matches.as_deref(), args.camera.as_deref(), &options)?;
-    if !pair.shows_one_place(&options)? {
-        say(
-            "the frames that go together do not show the same place: the folders are compared as with --unpaired",
-        );
-        return of_unpaired(args, &options, sim, real);
+    let said = no_one_place(&pair, &options)?;
+    if let Some(why) = said.first() {
+        say(why);
+        return of_unpaired(args, &options, (sim, real), &said);
     }
     let out = open(args, &[sim, real])?;
     out.working(JOURNAL_FILE)?;
@@ -65,14 +66,22 @@ fn of_pair(args: &Diagnose, begun: Instant, sim: &Path, real: &Path) -> Result<(
     write(args, &out, diagnosis?, &pair.capture)
 }
 
-fn of_unpaired(args: &Diagnose, options: &DiagnoseOptions, sim: &Path, real: &Path) -> Result<()> {
+/// `said`: why pairs were not compared as such, and what is wrong with how they lie.
+fn of_unpaired(
+    args: &Diagnose,
+    options: &DiagnoseOptions,
+    (sim, real): (&Path, &Path),
+    said: &[String],
+) -> Result<()> {
     let out = open(args, &[sim, real])?;
     let mut lines = Lines::new();
     let found = diagnose_unpaired(sim, real, options, &mut lines);
     lines.bar.finish_and_clear();
-    let found = found?;
-    out.start()?;
+    let mut found = found?;
+    found.instead_of_pairs(said);
+    out.start_together()?;
     let report = found.write(&args.out)?;
+    out.appear()?;
     page(args, &report)
 }
 
@@ -82,8 +91,9 @@ fn of_gyro(args: &Diagnose, begun: Instant, real: &Path) -> Result<()> {
     let found = diagnose_gyro(real, &options(args, begun), &mut lines);
     lines.bar.finish_and_clear();
     let found = found?;
-    out.start()?;
+    out.start_together()?;
     let report = found.write(&args.out)?;
+    out.appear()?;
     page(args, &report)
 }
 
@@ -117,8 +127,9 @@ fn options(args: &Diagnose, begun: Instant) -> DiagnoseOptions {
 }
 
 fn write(args: &Diagnose, out: &Out, diagnosis: Diagnosis, capture: &Capture) -> Result<()> {
-    out.start()?;
+    out.start_together()?;
     let report = diagnosis.write(&args.out, capture)?;
+    out.appear()?;
     page(args, &report)?;
     // It is done: there is nothing to go on with.
     let journal = args.out.join(JOURNAL_FILE);

@@ -37,4 +37,5 @@ pub use tell::asked::{Asked, Settles};
 pub use tell::output::Diagnosis;
 pub use tell::percepts;
 pub use tell::run::{diagnose, diagnose_pair};
+pub use tell::setup_checks::no_one_place;
 pub use unpaired::{Unpaired, diagnose_unpaired};

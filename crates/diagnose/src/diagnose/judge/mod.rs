@@ -150,6 +150,13 @@ impl Scores {
         FAMILIES.iter().enumerate().filter_map(beyond).collect()
     }
 
+    /// Whether the whole lies above what the discrepancy may make of it, beyond chance.
+    pub(crate) fn is_beyond_bound(&self) -> bool {
+        let blocks = self.blocks(None);
+        let excess: Vec<f64> = blocks.iter().map(|b| b[0] - b[2]).collect();
+        Estimate::of(&excess).is_above(1)
+    }
+
     /// The mean with its standard error.
     pub(crate) fn estimate(&self) -> Estimate {
         Estimate::of(&self.blocks(None).iter().map(|b| b[0]).collect::<Vec<_>>())

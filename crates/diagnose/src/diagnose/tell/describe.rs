@@ -209,6 +209,11 @@ fn sentence(verdict: Verdict, gap: &Gap, effects: &[EffectFound], failed: &[&str
              among the candidates{left}.{parts}",
             gap.before, gap.after
         ),
+        Verdict::Undetermined if effects.is_empty() => format!(
+            "Real and simulated frames differ by {:.2} DN ({:.2} to {:.2}), and two correct renderers may by {:.2} DN: \
+             these frames do not tell whether there is a gap.",
+            gap.before, gap.before_ci95[0], gap.before_ci95[1], gap.renderer_difference
+        ),
         Verdict::UnknownEffect if effects.is_empty() => format!(
             "The frames differ by {:.2} DN, and no known effect of the camera explains it{left}.",
             gap.before

@@ -95,6 +95,7 @@ pub(super) fn report(
     }
     let verdict = match (set.is_empty(), left.is_empty()) {
         _ if !what.chosen.late.is_empty() => Verdict::Undetermined,
+        (true, true) if !what.noise_seen() => Verdict::Undetermined,
         (true, true) => Verdict::NoGap,
         (false, true) => Verdict::Explained,
         (false, false) if gap.closed_fraction >= RESEMBLED => Verdict::PartlyExplained,
@@ -340,6 +341,9 @@ fn sentence(
             gap.after, gap.before
         ),
         Verdict::UnknownEffect => format!("The folders differ in {rest}, and no known effect explains it."),
+        Verdict::Undetermined if late.is_empty() => format!(
+            "The traces that could be compared are alike in both folders; noise could not be, for {NO_FLAT_PLACES}."
+        ),
         Verdict::Undetermined => {
             let so_far = match names.as_str() {
                 "" => format!("The traces in both folders are {:.1} standard errors apart", gap.before),
@@ -391,6 +395,19 @@ fn grain(dn: &Plane<f32>) -> Plane<f32> {
 }
 
 impl Unpaired {
+    /// Says why pairs were not compared as such, and, behind that, what is wrong with how they lie; nothing else is.
+    pub fn instead_of_pairs(&mut self, said: &[String]) {
+        let Some(why) = said.first() else { return };
+        let report = &mut self.report;
+        let wrong = said.get(1).map(|wrong| format!(" ({wrong})")).unwrap_or_default();
+        report.sentence = format!("As pairs nothing is known: {why}{wrong}. {}", report.sentence);
+        report.warnings.splice(0..0, said.iter().cloned());
+        // Whether frames that were meant to show the same differ was not answered by their traces.
+        if report.verdict == Verdict::NoGap {
+            report.verdict = Verdict::Undetermined;
+        }
+    }
+
     /// Writes `camera.toml`, pictures and, last, `report.json` into a folder; returns the report with the pictures'
     /// paths.
     ///

@@ -314,7 +314,7 @@ fn size_of(first: &Path) -> Result<[u32; 2]> {
 }
 
 /// Values of linear radiance, DN.
-fn encoded(plane: &Plane<f32>) -> Plane<f32> {
+pub(crate) fn encoded(plane: &Plane<f32>) -> Plane<f32> {
     Plane { data: plane.data.iter().map(|v| 255.0 * srgb_encode(*v)).collect(), ..*plane }
 }
 

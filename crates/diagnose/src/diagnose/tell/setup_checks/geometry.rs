@@ -5,7 +5,7 @@ use super::thumbs::Thumb;
 use shutterbug::plane::Plane;
 
 /// Unlikeness from which on frames do not fit as they are, and below which they do when changed.
-const UNLIKE: f64 = 0.25;
+pub(super) const UNLIKE: f64 = 0.25;
 /// What a change must leave of the unlikeness to be the reason for it.
 const LEFT: f64 = 0.3;
 

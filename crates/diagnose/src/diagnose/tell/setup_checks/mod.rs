@@ -11,10 +11,12 @@ use super::describe::listed;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::options::DiagnoseOptions;
+use crate::diagnose::expect::pair::{Geometry, Pair, encoded};
 use crate::diagnose::report::{Report, Verdict};
 use crate::diagnose::search::found::Found;
 use shutterbug::error::Result;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, read_rgb8};
 use thumbs::Thumb;
 
 /// Real and simulated frames, small, by place in the evidence.
@@ -66,6 +68,40 @@ fn set_up(evidence: &Evidence, simulated: &[Plane<f32>]) -> Vec<String> {
 pub(crate) fn look(forward: &mut Forward, evidence: &Evidence, given: &Theta) -> Result<Vec<String>> {
     let all: Vec<usize> = (0..evidence.frames.len()).collect();
     Ok(set_up(evidence, &forward.simulate(&all, given, Quality::Coarse)?))
+}
+
+/// Said of pairs that are compared as folders of one camera each.
+const NO_ONE_PLACE: &str =
+    "the frames that go together do not show the same place: the folders are compared as with --unpaired";
+/// Pairs of frames that are looked at where no place of one was found in the other.
+const PAIRS: usize = 8;
+
+/// Why two folders of pictures alone are not compared as pairs: they do not show the same place, and how they lie
+/// then, a sentence for each. Nothing where they can be compared.
+///
+/// # Errors
+/// Real frames that cannot be read. [`shutterbug::error::Error::OutOfTime`].
+pub fn no_one_place(pair: &Pair, options: &DiagnoseOptions) -> Result<Vec<String>> {
+    if pair.sim.geometry != Geometry::None {
+        return Ok(Vec::new());
+    }
+    let (mut real, mut simulated) = (Vec::new(), Vec::new());
+    let count = pair.sim.frames.len();
+    let places: Vec<usize> = (0..count.min(PAIRS)).map(|k| k * count / count.min(PAIRS)).collect();
+    for &i in &places {
+        real.push(Thumb::of(&read_rgb8(&pair.real.join(&pair.capture.frames[i].filename))?.to_f32()));
+        simulated.push(Thumb::of(&encoded(&pair.sim.frames[i].radiance)));
+    }
+    let pairs = Pairs { real, simulated, indices: places };
+    let negative = (pairs.unlike(Thumb::clone) > 2.0 - geometry::UNLIKE)
+        .then(|| "the real frames look like negatives of the simulated ones".to_owned());
+    // A pattern that repeats lies on itself in many ways.
+    let otherwise = negative.or_else(|| geometry::turned(&pairs));
+    if otherwise.is_none() && pair.shows_one_place(options)? {
+        return Ok(Vec::new());
+    }
+    let lies = otherwise.or_else(|| geometry::zoomed(&pairs));
+    Ok(std::iter::once(NO_ONE_PLACE.to_owned()).chain(lies).chain(geometry::bars(&pairs)).collect())
 }
 
 /// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for
