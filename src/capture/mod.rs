@@ -2,6 +2,7 @@
 //! (docs/reference/capture.md).
 
 mod camera_toml;
+mod columns;
 mod effect_tables;
 mod frames_csv;
 mod json;
@@ -12,6 +13,7 @@ mod tum;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
+pub use columns::check_columns;
 pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;

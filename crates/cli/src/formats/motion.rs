@@ -9,7 +9,7 @@ use super::common::rigid;
 use super::yaml::{self, Field, shortened};
 use super::{CameraModel, Imported, euroc};
 use shutterbug::camera::{Pose, Stamp};
-use shutterbug::capture::{FrameEntry, parse_frames, read_text};
+use shutterbug::capture::{FrameEntry, check_columns, parse_frames, read_text};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
 
@@ -141,9 +141,22 @@ fn median_step_ns(frames: &[FrameEntry]) -> i64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0)
 }
 
+/// What EuRoC's ground truth may say of the columns that are read.
+const TRUTH_COLUMNS: [(&str, &str); 8] = [
+    ("timestamp", "ns"),
+    ("p_RS_R_x", "m"),
+    ("p_RS_R_y", "m"),
+    ("p_RS_R_z", "m"),
+    ("q_RS_w", ""),
+    ("q_RS_x", ""),
+    ("q_RS_y", ""),
+    ("q_RS_z", ""),
+];
+
 /// Lines `timestamp [ns], px, py, pz, qw, qx, qy, qz, ...` (scalar first); further columns are velocities and biases.
 pub(super) fn parse_ground_truth(path: &Path, text: &str) -> Result<Vec<(i64, Pose)>> {
     let expected = "timestamp [ns], px, py, pz [m], qw, qx, qy, qz, ...";
+    check_columns(path, text, &TRUTH_COLUMNS)?;
     let mut poses: Vec<(i64, Pose)> = Vec::new();
     for (number, line) in content_lines(text) {
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();

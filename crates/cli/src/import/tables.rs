@@ -6,9 +6,9 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 
 use super::contents::checked_pose;
-use super::poses::IMU_HEADER;
+use super::poses::{IMU_COLUMNS, IMU_HEADER};
 use shutterbug::camera::{Pose, Stamp};
-use shutterbug::capture::read_text;
+use shutterbug::capture::{check_columns, read_text};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
 
@@ -80,6 +80,7 @@ pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
 /// EuRoC's `imu0/data.csv` with its axes turned.
 pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Result<String> {
     let expected = "timestamp [ns] and six numbers: rates [rad/s], accelerations [m/s^2]";
+    check_columns(path, text, &IMU_COLUMNS)?;
     let mut out = format!("# axes {axes}\n{IMU_HEADER}\n");
     let mut last = None;
     for (line, content) in lines(text) {
@@ -96,4 +97,18 @@ pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Res
             .expect("writing to a String cannot fail");
     }
     if last.is_none() { Err(Error::input(path, None, "no sample", expected)) } else { Ok(out) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_in_degrees_are_not_taken_for_radians() {
+        let table = |unit: &str| format!("#timestamp [ns],w_RS_S_x [{unit}]\n1,0.1,0.2,0.3,0,0,9.8\n");
+        let read = |unit: &str| imu_table(Path::new("data.csv"), &table(unit), DQuat::IDENTITY, "of a test");
+        let error = read("deg s^-1").expect_err("another unit").to_string();
+        assert!(error.contains("data.csv:1") && error.contains("[deg s^-1]"), "{error}");
+        assert!(read("rad s^-1").is_ok(), "control");
+    }
 }

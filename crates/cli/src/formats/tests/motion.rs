@@ -173,3 +173,13 @@ proptest! {
         prop_assert!(read.is_ok_and(|t| t.span_s() == (0.0, 0.0)), "{}", text);
     }
 }
+
+#[test]
+fn a_quaternion_whose_columns_are_named_in_another_order_is_refused() {
+    let table =
+        |q: &str| format!("#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], {q}\n1,0,0,0,1,0,0,0\n");
+    let read = |q: &str| parse_ground_truth(Path::new("data.csv"), &table(q));
+    let error = read("q_RS_x [], q_RS_y [], q_RS_z [], q_RS_w []").expect_err("another order").to_string();
+    assert!(error.contains("data.csv:1") && error.contains("expected q_RS_w there"), "{error}");
+    assert!(read("q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []").is_ok(), "control");
+}

@@ -1,0 +1,85 @@
+//! What a table says of its own columns, in a comment ahead of the numbers: `#timestamp [ns],w_x [rad s^-1],...`.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Checks the first comment of a table that names units in brackets against the columns that are read. A column of
+/// another unit, or one that stands in the place of another, would be read as what it is not; names that are not known
+/// say nothing.
+///
+/// # Errors
+/// Such a column: file, line, what it says and what was expected.
+pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Result<()> {
+    let comments = text.trim_start_matches('\u{feff}').lines().enumerate();
+    let mut comments = comments.take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with('#'));
+    let Some((index, line)) = comments.find(|(_, l)| l.contains('[') && l.contains(',')) else {
+        return Ok(());
+    };
+    let said = line.trim().trim_start_matches('#').split(',').map(parts);
+    for ((name, unit), (wanted, wanted_unit)) in said.zip(expected) {
+        let of_another = name != *wanted && expected.iter().any(|(other, _)| *other == name);
+        let other_unit = unit.is_some_and(|unit| !is_unit(unit, wanted_unit));
+        if of_another || other_unit {
+            let unit = unit.map(|u| format!(" [{u}]")).unwrap_or_default();
+            let expected = if wanted_unit.is_empty() {
+                format!("{wanted} there")
+            } else {
+                format!("{wanted} [{wanted_unit}] there")
+            };
+            return Err(Error::input(path, index + 1, format!("the column `{name}{unit}`"), expected));
+        }
+    }
+    Ok(())
+}
+
+/// Name and unit of a column; no unit where none is given or the brackets are empty.
+fn parts(column: &str) -> (&str, Option<&str>) {
+    let (name, rest) = column.split_once('[').unwrap_or((column, ""));
+    let unit = rest.split(']').next().map(str::trim).filter(|u| !u.is_empty());
+    (name.trim(), unit)
+}
+
+/// Whether two ways to write a unit mean the same: `rad/s`, `rad s^-1`, `rad*s^-1`.
+fn is_unit(said: &str, wanted: &str) -> bool {
+    let plain = |unit: &str| unit.to_lowercase().replace([' ', '*', '·'], "").replace("**", "^");
+    let ways = |unit: &str| match unit {
+        "rad s^-1" => vec!["rads^-1", "rad/s", "rads-1", "rad/sec", "1/s"],
+        "m s^-2" => vec!["ms^-2", "m/s^2", "m/s2", "ms-2", "m/s²"],
+        _ => Vec::new(),
+    };
+    plain(said) == plain(wanted) || ways(wanted).contains(&plain(said).as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GYRO: [(&str, &str); 4] =
+        [("timestamp", "ns"), ("w_x", "rad s^-1"), ("w_y", "rad s^-1"), ("a_x", "m s^-2")];
+
+    fn said(text: &str) -> Option<String> {
+        check_columns(Path::new("imu.csv"), text, &GYRO).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn units_and_places_of_columns_are_those_that_are_read() {
+        for right in [
+            "#timestamp [ns],w_x [rad s^-1],w_y [rad/s],a_x [m/s^2],more [deg]\n1,2,3,4\n",
+            "# axes of the camera\n# timestamp, gyro_x [], gyro_y [rad s^-1]\n1,2,3,4\n",
+            "# t, x (deg/s), no brackets\n1,2,3,4\n",
+            "1,2,3,4\n# late [deg],w_x [deg]\n",
+        ] {
+            assert_eq!(said(right), None, "{right}");
+        }
+        let unit = said("# axes\n#timestamp [ns],w_x [deg s^-1],w_y,a_x\n").unwrap();
+        assert!(
+            unit.contains("imu.csv:2") && unit.contains("w_x [deg s^-1]") && unit.contains("rad s^-1"),
+            "{unit}"
+        );
+        let time = said("#timestamp [ms],w_x [rad/s]\n").unwrap();
+        assert!(time.contains("timestamp [ms]"), "{time}");
+        let place = said("#timestamp [ns],w_y [rad/s],w_x [rad/s]\n").unwrap();
+        assert!(place.contains("the column `w_y [rad/s]`") && place.contains("expected w_x"), "{place}");
+    }
+}
