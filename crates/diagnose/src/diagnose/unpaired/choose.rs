@@ -130,10 +130,15 @@ impl Chosen {
             let without = |n: &&'static str| (distance(&self.theta.without(candidate_of(n))), *n);
             let worst = self.set.iter().map(without).min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((_, name)) = worst.filter(|w| w.0 <= now) else { break };
-            self.theta = self.theta.without(candidate_of(name));
-            self.set.retain(|n| *n != name);
-            self.denied.push(name);
+            self.give_up(name);
         }
+    }
+
+    /// Gives up an effect that frames which no fit has seen speak against.
+    pub(super) fn give_up(&mut self, name: &'static str) {
+        self.theta = self.theta.without(candidate_of(name));
+        self.set.retain(|n| *n != name);
+        self.denied.push(name);
     }
 }
 

@@ -27,13 +27,16 @@ use std::time::{Duration, Instant};
 
 use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX, useless};
-use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
 use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, pictures};
+use crate::diagnose::judge::{closed_fraction, quantile};
 use crate::diagnose::report::Report;
+use crate::diagnose::search::decide::NAMED;
 use choose::{Chosen, choose};
 use clock::Clock;
 use fingerprint::{Fingerprint, apart, distance};
+use marks::BINS;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, read_rgb8};
@@ -125,8 +128,42 @@ impl Unseen {
     fn deny(&self, chosen: &mut Chosen, clock: &Clock) {
         if !clock.is_late() {
             chosen.deny(|theta| self.distance(theta));
+            while let Some(name) = chosen.set.iter().copied().find(|n| self.spoils(&chosen.theta, n)) {
+                chosen.give_up(name);
+            }
+            if self.resembles(chosen) {
+                chosen.set.clone().into_iter().for_each(|name| chosen.give_up(name));
+            }
         }
     }
+
+    /// Whether effects explain so little of what the traces differ by that they only resemble what is missing.
+    fn resembles(&self, chosen: &Chosen) -> bool {
+        let without = chosen.set.iter().fold(chosen.theta.clone(), |t, n| t.without(candidate_of(n)));
+        let after = self.beside(&chosen.theta).0;
+        let closed = closed_fraction(self.distance(&without), distance(&after), outcome::BY_CHANCE);
+        !outcome::left(&after).is_empty() && closed < NAMED[1]
+    }
+
+    /// Whether an effect makes the folders differ in something that they do not differ in without it: what is missing
+    /// is something else then, which it only resembles in other marks.
+    fn spoils(&self, theta: &Theta, name: &str) -> bool {
+        let [with, without] = [theta.clone(), theta.without(candidate_of(name))].map(|theta| {
+            let (marks, frames) = self.beside(&theta);
+            (worst(&marks), unnamed::differences(&self.frames.real, &frames).len())
+        });
+        let limit = quantile(2 * self.marks.0.len());
+        let of_marks =
+            with.0.iter().zip(&without.0).any(|(with, without)| *with > limit && *without <= limit);
+        of_marks || with.1 > without.1
+    }
+}
+
+/// How far apart folders are at most by kind of mark, standard errors: noise by brightness is of one kind.
+fn worst(marks: &[Option<f64>]) -> Vec<f64> {
+    let size = |z: &Option<f64>| z.map_or(0.0, f64::abs);
+    let by_brightness = marks[..BINS].iter().map(size).fold(0.0, f64::max);
+    std::iter::once(by_brightness).chain(marks[BINS..].iter().map(size)).collect()
 }
 
 /// Compares two folders that show different moments. No device is needed.

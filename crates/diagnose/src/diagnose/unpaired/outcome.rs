@@ -25,7 +25,7 @@ use shutterbug::plane::stats::luma;
 use shutterbug::plane::{Plane, write_atomic};
 
 /// What the marks of two folders of one camera are apart, standard errors, root mean square.
-const BY_CHANCE: f64 = 1.0;
+pub(super) const BY_CHANCE: f64 = 1.0;
 /// How many times grain is shown enlarged in contrast.
 const GRAIN: f32 = 8.0;
 /// Most frames with pictures.
@@ -47,7 +47,8 @@ const OTHER_NOISE: &str = "something like it is there, but neither its growth wi
     neighbour to neighbour fits";
 
 /// Why what was found is not named.
-const DENIED: &str = "found, but it makes the traces of frames that no fit has seen no more alike";
+const DENIED: &str =
+    "found, but it makes the traces of frames that no fit has seen no more alike, or others less";
 
 /// What was compared, and what came of it.
 pub(super) struct What<'a> {
@@ -174,7 +175,7 @@ fn gap(before: &[Option<f64>], after: &[Option<f64>], held_out_frames: usize) ->
 }
 
 /// Marks that are further apart than chance makes any of them.
-fn left(after: &[Option<f64>]) -> Vec<String> {
+pub(super) fn left(after: &[Option<f64>]) -> Vec<String> {
     let limit = quantile(2 * after.len());
     let beyond = |(k, z): (usize, &Option<f64>)| z.is_some_and(|z| z.abs() > limit).then(|| name(k));
     after.iter().enumerate().filter_map(beyond).collect()
