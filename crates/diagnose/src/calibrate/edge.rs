@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::course::Line;
 use super::frames::Encoding;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
@@ -28,6 +29,8 @@ const ROUNDS: usize = 60;
 const MOST_LEFT_RMS: f64 = 0.035;
 /// Most that an edge may leave its line at the ends of the part that is looked at, px.
 const MOST_BENT_PX: f64 = 1.0;
+/// Most that leaving its line may add to the width of an edge: what is found by it is the lens's, within a twentieth.
+const MOST_BENT_SHARE: f64 = 0.05;
 /// Widest lens of which both sides are in reach, px.
 const WIDEST_PX: f64 = REACH_PX / 3.0;
 /// Widest interval of the lens that says anything, px, or as a share of it.
@@ -82,9 +85,10 @@ pub struct Edge {
 
 /// The distance from the edge (px, bright side positive) and the value of each pixel.
 struct Points {
-    upright: bool,
-    slant: f64,
+    line: Line,
     list: Vec<[f64; 2]>,
+    /// The line of pixels of each.
+    lines: Vec<usize>,
 }
 
 /// Measures the edge in a part of a picture of encoded values.
@@ -105,25 +109,36 @@ pub fn measure_edge(
         let found = format!("a part of {w}x{h} px at {x0}, {y0}");
         return refuse(found, "one of at least 16x16 px inside of the picture");
     }
+    let expected = "one edge, straight from end to end and slanted by 1 to 35 degrees, between two even surfaces, \
+        neither black nor white";
     let Some(points) = points(picture, region) else {
-        return refuse("no straight edge".to_owned(), "one edge between a dark and a bright side");
+        return refuse("no straight edge".to_owned(), expected);
     };
-    if !(SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
-        let found = format!("an edge {:.1} degrees off the pixels", points.slant.atan().to_degrees().abs());
+    if !(SLANT[0]..=SLANT[1]).contains(&points.line.slant.abs()) {
+        let found =
+            format!("an edge {:.1} degrees off the pixels", points.line.slant.atan().to_degrees().abs());
         return refuse(found, "one slanted by 1 to 35 degrees, best 5");
     }
-    let profile = profile(&points.list);
+    let course = match points.line.course(picture, region, encoding) {
+        Ok(course) => course,
+        Err(found) => return refuse(found, expected),
+    };
+    // What was not looked at is not measured.
+    let lines = points.list.iter().zip(&points.lines);
+    let seen: Vec<[f64; 2]> =
+        lines.filter(|(_, line)| course.lines.contains(line)).map(|(p, _)| *p).collect();
+    let profile = profile(&seen);
     let mtf = response(&profile, encoding);
-    let fit = fit(&profile, encoding);
-    if let Some(found) = fit.doubtful() {
-        return refuse(found, "one straight edge between two even surfaces, neither black nor white");
+    let mut fit = fit(&profile, encoding);
+    if let Some(found) = fit.doubtful().or_else(|| fit.widened(course.bend_px)) {
+        return refuse(found, expected);
     }
     let half = mtf.iter().position(|m| *m < 0.5);
     let mtf50 = half.filter(|i| *i > 0).map(|i| 0.01 * (i as f64 - (0.5 - mtf[i]) / (mtf[i - 1] - mtf[i])));
     Ok(Edge {
         region,
-        upright: points.upright,
-        slant_deg: points.slant.atan().to_degrees().abs(),
+        upright: points.line.upright,
+        slant_deg: points.line.slant.atan().to_degrees().abs(),
         sides: fit.sides,
         mtf50,
         mtf,
@@ -142,8 +157,10 @@ pub fn measure_edge(
 /// A picture without a slanted edge; what is wrong with the clearest, where none of those tried can be measured.
 pub fn find_edge(picture: &Plane<f32>, encoding: Encoding, path: &std::path::Path) -> Result<Edge> {
     let (mut first, mut found) = (None, Vec::new());
-    let measured: Vec<Result<Edge>> =
-        candidates(picture).par_iter().map(|region| measure_edge(picture, *region, encoding, path)).collect();
+    let measured: Vec<Result<Edge>> = candidates(picture, encoding)
+        .par_iter()
+        .map(|region| measure_edge(picture, *region, encoding, path))
+        .collect();
     for one in measured {
         match one {
             Ok(edge) => found.push(edge),
@@ -162,7 +179,7 @@ pub fn find_edge(picture: &Plane<f32>, encoding: Encoding, path: &std::path::Pat
 }
 
 /// Windows with an edge, of several sizes: the straightest for their contrast, then the sharpest.
-fn candidates(picture: &Plane<f32>) -> Vec<Region> {
+fn candidates(picture: &Plane<f32>, encoding: Encoding) -> Vec<Region> {
     let least = picture.width.min(picture.height);
     let mut all: Vec<([f64; 2], Region)> = Vec::new();
     let mut side = (least / 6).clamp(32, 96);
@@ -171,7 +188,9 @@ fn candidates(picture: &Plane<f32>) -> Vec<Region> {
             for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
                 let region = [x, y, side.min(picture.width), side.min(picture.height)];
                 let Some(points) = points(picture, region) else { continue };
-                if (SLANT[0]..=SLANT[1]).contains(&points.slant.abs()) {
+                if (SLANT[0]..=SLANT[1]).contains(&points.line.slant.abs())
+                    && points.line.course(picture, region, encoding).is_ok()
+                {
                     all.push((worth(&points.list), region));
                 }
             }
@@ -244,13 +263,14 @@ fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
         line = Some(near);
     }
     let [a, b] = line?;
-    let mut list: Vec<[f64; 2]> = Vec::new();
+    let (mut list, mut of_line): (Vec<[f64; 2]>, Vec<usize>) = Default::default();
     let norm = (1.0 + b * b).sqrt();
     for j in 0..lines {
         for i in 0..across {
             let d = (i as f64 + 0.5 - (a + b * j as f64)) / norm;
             if d.abs() <= REACH_PX {
                 list.push([d, at(i, j)]);
+                of_line.push(j);
             }
         }
     }
@@ -261,7 +281,7 @@ fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
     if side(1.0)? < side(-1.0)? {
         list.iter_mut().for_each(|p| p[0] = -p[0]);
     }
-    Some(Points { upright, slant: b, list })
+    Some(Points { line: Line { upright, start: a, slant: b }, list, lines: of_line })
 }
 
 /// Whether the centres follow an arc rather than the line: a round thing's rim is blurred by its own bend.
@@ -345,6 +365,8 @@ fn response(profile: &[[f64; 2]], encoding: Encoding) -> Vec<f64> {
 }
 
 struct Fit {
+    /// Where the step is against the line of the edge, px.
+    place_px: f64,
     sides: [f64; 2],
     sigma_px: Fitted,
     sharpening: Option<[Fitted; 2]>,
@@ -366,11 +388,30 @@ impl Fit {
                 "sides of linear light {dark:.3} and {bright:.3}: black or white cut them off"
             ));
         }
+        if self.place_px.abs() > value.max(1.0) {
+            let beside = self.place_px.abs();
+            return Some(format!("a step {beside:.1} px beside the line along which values change most"));
+        }
         if value > WIDEST_PX {
             return Some(format!("an edge {value:.1} px wide, of which no side is in reach"));
         }
         let known = half <= least.max(share * value);
         (!known).then(|| format!("an edge of sigma {value:.3} +- {half:.3} px: too faint, or too few places"))
+    }
+}
+
+impl Fit {
+    /// Takes what the edge leaves its line by (standard deviation, px) into the interval: it widens the profile as the
+    /// lens does. Why this is no straight edge, where that is too much.
+    fn widened(&mut self, bend_px: f64) -> Option<String> {
+        let Fitted { value, half } = &mut self.sigma_px;
+        // Squares add up, and those of the pixel's own side with them.
+        let (square, bend) = (*value * *value + 1.0 / 12.0, bend_px * bend_px);
+        if bend > 2.0 * MOST_BENT_SHARE * square {
+            return Some(format!("an edge that leaves its line by {bend_px:.2} px rms"));
+        }
+        *half += *value - (*value * *value - bend).max(0.0).sqrt();
+        None
     }
 }
 
@@ -406,6 +447,7 @@ fn fit(profile: &[[f64; 2]], encoding: Encoding) -> Fit {
     let contrast = profile.iter().map(|p| p[1]).fold(f64::NEG_INFINITY, f64::max)
         - profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
     Fit {
+        place_px: values[0],
         sides: [values[1], values[2]],
         sigma_px: of(3),
         sharpening: sharpened.then(|| [of(4), of(5)]),

@@ -26,6 +26,7 @@ mod calibration;
 pub mod cells;
 pub mod chart;
 pub mod chart_edge;
+mod course;
 mod curve;
 pub mod dark;
 pub mod edge;
