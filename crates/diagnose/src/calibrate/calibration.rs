@@ -2,7 +2,9 @@
 
 use super::frames::{Encoding, Frame};
 use super::model::IspCamera;
-use super::noise::{Calibration, Comparison, NoiseOptions, Pictures, compare, mean_variance, measure_all};
+use super::noise::{
+    Calibration, Comparison, Measured, NoiseOptions, Pictures, compare, mean_variance, measure_all,
+};
 use super::scene::Together;
 use super::search::{By, Levelled, fit_camera, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
@@ -30,6 +32,9 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     let Levelled { camera, simulated, shown, without, held_out } =
         level(camera, &pairs, &real, step, options, By::Model)?;
     let comparison = compare(&real, &simulated);
+    if !camera.bayer {
+        check_line(frames, &real, &comparison, encoding)?;
+    }
     // The chain delivers sRGB; a linear sensor is measured by its own model.
     let by = if encoding == Encoding::Srgb { By::Chain } else { By::Model };
     let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
@@ -70,6 +75,7 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
         },
     };
     calibration.notes = notes(&calibration, &together);
+    calibration.notes.extend(unscaled(frames, &calibration.real));
     Ok(calibration)
 }
 
@@ -87,6 +93,50 @@ fn check_matched(frames: &[Frame], chain: &Comparison) -> Result<()> {
     );
     let expected = format!("the static scene of {}, lit alike", frames[0].path.display());
     Err(Error::input(&frames[1].path, None, found, expected))
+}
+
+/// A sensor alone has the noise of a line over intensity. Where most of the pixels lie off it, by more than a tenth and
+/// chance, in all channels, its numbers are those of nothing: the values are no light, as they are said to be.
+fn check_line(frames: &[Frame], real: &Measured, sensor: &Comparison, encoding: Encoding) -> Result<()> {
+    // What could not be compared is off nothing.
+    let compared = || (0..3).filter(|c| !sensor.variance_ratio[*c].is_empty());
+    if compared().count() == 0 || compared().any(|c| sensor.within_10_percent_or_chance[c] >= 0.5) {
+        return Ok(());
+    }
+    let [r, g, b] = sensor.mean_deviation.map(|d| 100.0 * d);
+    let [x, y, z] = sensor.within_10_percent_or_chance.map(|s| 100.0 * (1.0 - s));
+    let found = format!(
+        "noise that is no line over intensity: shot and read noise miss its variance by {r:.0} {g:.0} {b:.0} % in the \
+         mean, and by more than a tenth and chance in {x:.0} {y:.0} {z:.0} % of the pixels (R, G, B)"
+    );
+    let (name, other) = match encoding {
+        Encoding::Linear => ("linear", "srgb"),
+        Encoding::Srgb => ("srgb", "linear"),
+    };
+    let expected = match unscaled(frames, real) {
+        Some(note) => format!("{name} values up to white: {note}"),
+        None => format!("{name} values, as --encoding says: are they {other}?"),
+    };
+    Err(Error::input(&frames[0].path, None, found, expected))
+}
+
+/// What may be why there are too few intensities: values of fewer bits than their files hold, not scaled to white.
+fn unscaled(frames: &[Frame], real: &Measured) -> Option<String> {
+    let deep = frames.iter().all(|f| f.step > 0.0 && f.step < 1.0 / 255.0);
+    if !deep || real.fits.iter().any(Option::is_some) {
+        return None;
+    }
+    let top = frames.iter().flat_map(|f| &f.encoded.data).copied().fold(0.0f32, f32::max);
+    let unused = (1..12).take_while(|bits| top * 2f32.powi(*bits) < 1.0).last()?;
+    (unused > 1).then(|| {
+        format!(
+            "all values lie in the lowest 1/{} of what 16 bits hold: are they of {} bits, not scaled to white? \
+             Multiplied by {} they spread over more intensities",
+            1 << unused,
+            16 - unused,
+            1 << unused
+        )
+    })
 }
 
 const NAMES: [&str; 3] = ["red", "green", "blue"];
