@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
+
 use super::args_board::{Board, PatternName};
 use super::terminal::{print, say};
 use crate::formats::{KalibrTarget, read_target};
@@ -24,6 +26,8 @@ const DICTIONARY: &str = "DICT_5X5_100";
 const BYTES_OF_A_PIXEL: usize = 250;
 /// From so much on it is worth a word: what small machines have.
 const LARGE_DIAGNOSIS_GB: f64 = 8.0;
+/// Largest side of a square or tag that boards are made with; without a length it is the unit, which this is, too.
+const LARGEST_SQUARE_M: f64 = 1.0;
 /// Most pictures without a board that an error names.
 const MAX_NAMED: usize = 5;
 
@@ -62,7 +66,11 @@ pub fn run(args: &Board) -> Result<()> {
     out.start()?;
     let real = Real { times_ns: times_ns.as_deref(), shrink: args.shrink };
     let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, real)?;
-    print(summary(&pictures, &observed, &fit, times_ns.is_some()) + &doubts(&pictures, &observed, &fit))?;
+    print(
+        summary(&pictures, &observed, &fit, times_ns.is_some())
+            + &doubt_of_unit(&target, &fit)
+            + &doubts(&pictures, &observed, &fit),
+    )?;
     if written.cut_px != [0; 2] {
         let [across, down] = written.cut_px;
         say(format_args!(
@@ -167,6 +175,20 @@ fn summary(pictures: &[Picture], observed: &Observed, fit: &BoardFit, moving: bo
         text += &format!("  {name:<24} {:>4} points  {rms:.3} px\n", view.seen.len());
     }
     text
+}
+
+/// Pictures tell a board's size but for a factor: one that nobody prints is in another unit.
+fn doubt_of_unit(target: &Target, fit: &BoardFit) -> String {
+    let side_m = target.square_m[0].max(target.square_m[1]);
+    if side_m <= LARGEST_SQUARE_M {
+        return String::new();
+    }
+    let away = fit.poses.iter().map(|pose| pose.transform(DVec3::ZERO).length());
+    let [near, far] = away.fold([f64::INFINITY, 0.0], |[near, far], m| [near.min(m), f64::max(far, m)]);
+    format!(
+        "WARNING: a side of {side_m} m, of a board that is {near:.0} to {far:.0} m away; expected at most \
+         {LARGEST_SQUARE_M} m: is it in mm? All lengths of the capture are in its unit\n"
+    )
 }
 
 /// What speaks against one camera with one lens and one board.
