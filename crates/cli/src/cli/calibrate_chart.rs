@@ -17,7 +17,7 @@ use shutterbug::plane::{read_exr_plane, write_atomic, write_exr_plane, write_png
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
 use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
-use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, likeness};
+use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, Measured, likeness};
 use shutterbug_diagnose::calibrate::readout::find_stripes;
 use shutterbug_diagnose::calibrate::{Distinct, Encoding, Frame};
 use shutterbug_diagnose::out::{Out, OutRules};
@@ -115,6 +115,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     })?;
     let found = sums.expect("a picture at least").measure(&args.frames[0])?;
     let mut offsets: Option<DarkSums> = None;
+    check_alike(&bright, &found)?;
     together.each(&dark, |f| {
         offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
     })?;
@@ -128,7 +129,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     if found.a1.is_some() || found.a2.is_some() {
         tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
     }
-    let dsnu = offsets.as_ref().filter(|d| d.dsnu.is_some()).map(|d| ("dsnu", d.dsnu.value));
+    let dsnu = offsets.as_ref().and_then(|d| d.dsnu).filter(Measured::is_some).map(|d| ("dsnu", d.value));
     let prnu = found.prnu.is_some().then_some(("prnu", found.prnu.value));
     if prnu.is_some() || dsnu.is_some() {
         tables.push(("fixed_pattern_noise", prnu.into_iter().chain(dsnu).collect()));
@@ -145,6 +146,24 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
 }
 
 /// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel.
+/// Most pictures that an error names.
+const MOST_PICTURES: usize = 5;
+
+/// Pictures of one sensor share its pattern.
+fn check_alike(paths: &[PathBuf], flat: &Flat) -> Result<()> {
+    let Some(odd) = &flat.odd else { return Ok(()) };
+    let named = |all: &[usize]| {
+        let names: Vec<String> =
+            all.iter().take(MOST_PICTURES).map(|i| paths[*i].display().to_string()).collect();
+        names.join(", ") + if all.len() > MOST_PICTURES { ", ..." } else { "" }
+    };
+    let [first, others @ ..] = odd.pictures.as_slice() else { return Ok(()) };
+    let more = if others.is_empty() { String::new() } else { format!(" (and so has {})", named(others)) };
+    let found = format!("a pattern that is not that of {}{more}", named(&odd.others));
+    let expected = "pictures of one sensor, none turned, cut or resized";
+    Err(Error::input(&paths[*first], None, found, expected))
+}
+
 fn check_dark(path: &Path, dark: &Dark, flat: &Flat) -> Result<()> {
     if dark.level + dark.temporal.hypot(flat.temporal * flat.level) < flat.level {
         return Ok(());
@@ -211,13 +230,13 @@ fn flat_text(
         writeln!(text, "  the pattern of one half of the pictures beside the others': {}", said(&f.itself));
     let _ = writeln!(text, "  pixels that are white in every picture: {}", f.stuck);
     if let Some(d) = dark {
-        let [low, high] = d.dsnu.ci95;
-        let dsnu = d.dsnu.value;
-        let _ = writeln!(
-            text,
-            "  dark: mean {:.5}, offsets (DSNU) {dsnu:.6} [{low:.6}, {high:.6}], {} hot pixels",
-            d.level, d.hot
-        );
+        let dsnu = match d.dsnu {
+            Some(Measured { value, ci95: [low, high] }) => format!("{value:.6} [{low:.6}, {high:.6}]"),
+            None => {
+                format!("not known: {:.1} % of the values are black, which cuts them off", 100.0 * d.black)
+            }
+        };
+        let _ = writeln!(text, "  dark: mean {:.5}, offsets (DSNU) {dsnu}, {} hot pixels", d.level, d.hot);
     }
     if let Some(other) = other {
         let _ = writeln!(text, "  beside the given pattern: {}", said(other));

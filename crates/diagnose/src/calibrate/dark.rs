@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::flat::Measured;
 use super::frames::Encoding;
+use super::own::beyond;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
-use shutterbug::plane::stats::erf;
 
 /// What dark pictures tell.
 #[derive(Clone, Debug, Serialize)]
@@ -15,8 +15,10 @@ pub struct Dark {
     pub frames: usize,
     /// Mean linear value, 1 = white.
     pub level: f64,
-    /// Standard deviation of the pixels' offsets, of full scale.
-    pub dsnu: Measured,
+    /// Share of the values that are black: what lies below is cut off there.
+    pub black: f64,
+    /// Standard deviation of the pixels' offsets, of full scale; none where black cuts them off.
+    pub dsnu: Option<Measured>,
     /// Noise of one picture, of full scale.
     pub temporal: f64,
     /// Pixels that are brighter in every picture than chance and offsets make any.
@@ -31,18 +33,20 @@ pub struct DarkSums {
     sums: Vec<f32>,
     least: Vec<f32>,
     squares: f64,
+    black: usize,
 }
 
 impl DarkSums {
     /// Of none.
     pub fn new(encoding: Encoding) -> Self {
-        Self { encoding, frames: 0, sums: Vec::new(), least: Vec::new(), squares: 0.0 }
+        Self { encoding, frames: 0, sums: Vec::new(), least: Vec::new(), squares: 0.0, black: 0 }
     }
 
     /// Adds a picture of encoded values, of the same size as those before.
     pub fn add(&mut self, encoded: &Plane<f32>) {
         let n = encoded.channels as f32;
         let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
+        self.black += encoded.data.iter().filter(|v| **v <= 0.0).count() / encoded.channels.max(1);
         let values: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
         if self.frames == 0 {
             (self.sums, self.least) = (vec![0.0; values.len()], vec![f32::INFINITY; values.len()]);
@@ -87,25 +91,24 @@ impl DarkSums {
         let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
         let limit = middle + beyond(0.01 / pixels) * spread;
         let hot = self.least.iter().filter(|v| f64::from(**v) > limit).count();
+        let black = self.black as f64 / (pixels * n);
         Ok(Dark {
             frames: self.frames,
             level,
-            dsnu: Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] },
+            black,
+            dsnu: (!is_cut_off(black, dsnu, half))
+                .then_some(Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] }),
             temporal: noise,
             hot,
         })
     }
 }
 
-/// Standard deviations that a normal value exceeds with that probability.
-fn beyond(probability: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 8.0);
-    for _ in 0..60 {
-        let middle: f64 = 0.5 * (low + high);
-        let above = 0.5 * (1.0 - erf(middle / 2f64.sqrt()));
-        if above > probability { low = middle } else { high = middle }
-    }
-    high
+/// Whether black hides more of the offsets than they are known to: a value that is cut off at black does not move with
+/// the offset below it, so that the means of pixels of which this share is black keep the rest of what they differ by.
+/// Where the half of the values is black, so is what the typical pixel has.
+fn is_cut_off(black: f64, dsnu: f64, half: f64) -> bool {
+    black >= 0.5 || black * dsnu > half
 }
 
 #[cfg(test)]
@@ -139,9 +142,10 @@ mod tests {
         let found = measured(7, 1.0, &mut normal);
         assert_eq!(found.hot, 7);
         let none = measured(0, 1.0, &mut normal);
-        assert!((none.dsnu.value / 0.004 - 1.0).abs() < 0.03, "{:?}", none.dsnu);
+        let dsnu = |d: &Dark| d.dsnu.expect("nothing is cut off").value;
+        assert!((dsnu(&none) / 0.004 - 1.0).abs() < 0.03, "{:?}", none.dsnu);
         assert!((none.temporal / 0.01 - 1.0).abs() < 0.02 && none.hot == 0, "{none:?}");
         // Control: without offsets there are none.
-        assert!(measured(0, 0.0, &mut normal).dsnu.value < 0.0007);
+        assert!(dsnu(&measured(0, 0.0, &mut normal)) < 0.0007);
     }
 }

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::frames::Encoding;
 use super::lines::{Bands, Lines};
+use super::odd::{Odd, Patterns};
 use super::own::{REPEAT_PX, content};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
@@ -79,6 +80,9 @@ pub struct Flat {
     pub itself: Likeness,
     /// Pixels that are white in every picture.
     pub stuck: usize,
+    /// Pictures that have another pattern than the rest.
+    #[serde(skip)]
+    pub odd: Option<Odd>,
     /// The pattern: gain of each pixel, less 1.
     #[serde(skip)]
     pub pattern: Plane<f32>,
@@ -97,6 +101,7 @@ pub struct FlatSums {
     /// Sum of block means over the level.
     blocks: Vec<f64>,
     lines: Lines,
+    patterns: Patterns,
     white: Vec<u16>,
 }
 
@@ -112,6 +117,7 @@ impl FlatSums {
             squares: Vec::new(),
             blocks: vec![0.0; across * down],
             lines: Lines::default(),
+            patterns: Patterns::default(),
             white: vec![0; width * height],
         }
     }
@@ -139,6 +145,7 @@ impl FlatSums {
         // Of each picture: bands of a lamp that flickers are others in the next one.
         clean(&mut own);
         self.squares.push(mean_square(&own));
+        self.patterns.add(&own, level);
         let half = &mut self.halves[self.levels.len() % 2];
         half.data.iter_mut().zip(&own.data).for_each(|(to, v)| *to += v);
         self.levels.push(level);
@@ -219,6 +226,7 @@ impl FlatSums {
             bands: self.lines.bands(),
             itself,
             stuck,
+            odd: self.patterns.odd(),
             pattern: sum,
         })
     }
@@ -258,7 +266,7 @@ impl FlatSums {
 }
 
 /// Means over squares of `2 radius + 1` px, cut off at the border.
-fn box_mean(plane: &Plane<f32>, radius: usize) -> Plane<f32> {
+pub(super) fn box_mean(plane: &Plane<f32>, radius: usize) -> Plane<f32> {
     let (w, h) = (plane.width, plane.height);
     let mut across: Plane<f32> = Plane::new(w, h, 1);
     for y in 0..h {

@@ -38,6 +38,7 @@ pub mod frames;
 pub mod lines;
 pub mod model;
 mod noise;
+mod odd;
 mod own;
 pub mod ptc;
 pub mod readout;

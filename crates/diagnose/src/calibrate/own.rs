@@ -8,6 +8,7 @@ use nalgebra::Complex;
 use rayon::prelude::*;
 
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::erf;
 
 /// Side of the blocks of JPEG, and twice that of a colour pattern's: both repeat, and belong to no single sensor.
 pub(super) const REPEAT_PX: usize = 8;
@@ -86,8 +87,7 @@ struct Covariance {
 
 impl Covariance {
     fn of(a: &Plane<f32>, b: &Plane<f32>) -> Self {
-        let least = a.width.min(a.height).min(TILE_PX);
-        let side = if least.is_power_of_two() { least } else { least.next_power_of_two() / 2 };
+        let side = tile_side(a);
         let (across, down) = (a.width / side, a.height / side);
         let count = side * side;
         let zero = || vec![[0.0f64; 3]; count];
@@ -137,6 +137,51 @@ impl Covariance {
     }
 }
 
+/// Standard deviations that a normal value exceeds with that probability.
+pub(super) fn beyond(probability: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 8.0);
+    for _ in 0..60 {
+        let middle: f64 = 0.5 * (low + high);
+        let above = 0.5 * (1.0 - erf(middle / 2f64.sqrt()));
+        if above > probability { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// The spectrum of one picture times the conjugate of another's, over tiles with soft borders, and their side: borders
+/// lie at the same place in both.
+pub(super) fn common_spectrum(a: &Plane<f32>, b: &Plane<f32>) -> (Vec<Complex<f64>>, usize) {
+    let side = tile_side(a);
+    let window = |i: usize| (PI * (i as f64 + 0.5) / side as f64).sin().powi(2);
+    let soft = |plane: &Plane<f32>| {
+        let data = plane.data.iter().enumerate();
+        let weight = |i: usize| window(i % plane.width % side) * window(i / plane.width % side);
+        Plane { data: data.map(|(i, v)| (f64::from(*v) * weight(i)) as f32).collect(), ..plane.clone() }
+    };
+    let (a, b) = (soft(a), soft(b));
+    let (across, down) = (a.width / side, a.height / side);
+    let zero = || vec![Complex::new(0.0, 0.0); side * side];
+    let sums = (0..across * down)
+        .into_par_iter()
+        .fold(zero, |mut sums, k| {
+            let at = [k % across * side, k / across * side];
+            let (p, q) = (spectrum(&a, at, side), spectrum(&b, at, side));
+            sums.iter_mut().zip(p.iter().zip(&q)).for_each(|(s, (p, q))| *s += p * q.conj());
+            sums
+        })
+        .reduce(zero, |mut all, part| {
+            all.iter_mut().zip(&part).for_each(|(a, p)| *a += p);
+            all
+        });
+    (sums, side)
+}
+
+/// Side of the tiles of a picture: a power of two.
+fn tile_side(plane: &Plane<f32>) -> usize {
+    let least = plane.width.min(plane.height).min(TILE_PX);
+    if least.is_power_of_two() { least } else { least.next_power_of_two() / 2 }
+}
+
 /// The spectrum of a tile.
 fn spectrum(plane: &Plane<f32>, [left, top]: [usize; 2], side: usize) -> Vec<Complex<f64>> {
     let row = |y: usize| &plane.data[(top + y) * plane.width + left..][..side];
@@ -147,7 +192,7 @@ fn spectrum(plane: &Plane<f32>, [left, top]: [usize; 2], side: usize) -> Vec<Com
 }
 
 /// Fourier's transform of a square with a side of a power of two.
-fn transform(values: &mut [Complex<f64>], side: usize) {
+pub(super) fn transform(values: &mut [Complex<f64>], side: usize) {
     let turns: Vec<Complex<f64>> =
         (0..side / 2).map(|k| Complex::from_polar(1.0, -2.0 * PI * k as f64 / side as f64)).collect();
     for _ in 0..2 {
