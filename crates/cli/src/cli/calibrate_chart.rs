@@ -13,12 +13,13 @@ use shutterbug::capture::CameraFile;
 use shutterbug::chain::Value;
 use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
-use shutterbug::plane::{read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
+use shutterbug::plane::{Plane, read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
 use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, Measured, likeness};
-use shutterbug_diagnose::calibrate::readout::find_stripes;
+use shutterbug_diagnose::calibrate::readout::{Readout, find_stripes};
+use shutterbug_diagnose::calibrate::rest::{Rest, rest};
 use shutterbug_diagnose::calibrate::{Distinct, Encoding, Frame};
 use shutterbug_diagnose::out::{Out, OutRules};
 
@@ -114,8 +115,8 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         sums.get_or_insert_with(new).add(&f.encoded, f.step);
     })?;
     let found = sums.expect("a picture at least").measure(&args.frames[0])?;
-    let mut offsets: Option<DarkSums> = None;
     check_alike(&bright, &found)?;
+    let mut offsets: Option<DarkSums> = None;
     together.each(&dark, |f| {
         offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
     })?;
@@ -145,7 +146,6 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
 }
 
-/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel.
 /// Most pictures that an error names.
 const MOST_PICTURES: usize = 5;
 
@@ -164,6 +164,7 @@ fn check_alike(paths: &[PathBuf], flat: &Flat) -> Result<()> {
     Err(Error::input(&paths[*first], None, found, expected))
 }
 
+/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel.
 fn check_dark(path: &Path, dark: &Dark, flat: &Flat) -> Result<()> {
     if dark.level + dark.temporal.hypot(flat.temporal * flat.level) < flat.level {
         return Ok(());
@@ -303,6 +304,10 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
 
 /// Longest readout that is thought possible where no camera says how long its frame takes: ten frames a second.
 const LONGEST_READOUT_S: f64 = 0.1;
+/// Said of two pictures that have nothing but the stripes in common.
+const PERHAPS_MOVED: &str = "  WARNING: besides the stripes, nothing in the pictures shows whether the camera stood \
+    still: lines of the scene (blinds, a fence) in front of a camera that moves look the same. Put something with \
+    edges into the picture, which tells\n";
 /// Most other readouts that are named; the report has all.
 const MOST_NAMED: usize = 5;
 
@@ -327,6 +332,42 @@ fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
+/// A frame takes no longer than its period.
+fn check_longest(args: &CalibrateReadout, readout: &Readout, longest_s: f64) -> Result<()> {
+    if readout.ci95_s[0] <= longest_s {
+        return Ok(());
+    }
+    let found = format!(
+        "stripes that take {:.3} ms from the first line to the last under a light of {} Hz",
+        1e3 * readout.readout_time_s,
+        args.led_hz
+    );
+    let whose = match &args.common.camera {
+        Some(path) => format!("a frame takes in {} (frame_period_s)", path.display()),
+        None => "frames take, if no --camera has another frame_period_s".to_owned(),
+    };
+    let expected = format!("at most the {:.3} ms that {whose}: is --led-hz right?", 1e3 * longest_s);
+    Err(Error::input(&args.photos[0], None, found, expected))
+}
+
+/// Whether pictures that are compared show that the camera stood still; an error where it did not.
+fn check_rest(args: &CalibrateReadout, photographs: &[Plane<f32>], readout: &Readout) -> Result<bool> {
+    let mut at_rest = true;
+    for (k, pair) in photographs.chunks_exact(2).enumerate() {
+        match rest([&pair[0], &pair[1]], args.common.encoding(), readout.lines_are_rows) {
+            Rest::Still => {}
+            Rest::Unknown => at_rest = false,
+            Rest::Moved([x, y]) => {
+                let [first, second] = [&args.photos[2 * k], &args.photos[2 * k + 1]];
+                let found = format!("the scene of {} moved by {x}, {y} px", first.display());
+                let expected = "a camera at rest: stripes of the scene that move are no light's";
+                return Err(Error::input(second, None, found, expected));
+            }
+        }
+    }
+    Ok(at_rest)
+}
+
 /// `calibrate readout`.
 pub fn readout(args: &CalibrateReadout) -> Result<()> {
     if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
@@ -342,10 +383,15 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
     let found = find_stripes(&photographs, args.common.encoding(), args.led_hz);
-    out.start()?;
-    let size = together.size.unwrap_or_default();
     let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
     let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
+    let mut at_rest = true;
+    if let Some(readout) = &found.readout {
+        check_longest(args, readout, longest_s)?;
+        at_rest = check_rest(args, &photographs, readout)?;
+    }
+    out.start()?;
+    let size = together.size.unwrap_or_default();
     let others_s = found.readout.as_ref().map_or_else(Vec::new, |r| r.aliases_s(args.led_hz, longest_s));
     let report = json!({
         "led_hz": args.led_hz, "stripes": found, "other_readouts_s": others_s, "longest_readout_s": longest_s,
@@ -368,8 +414,10 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let alone = if args.photos.len() == 1 {
         "  one picture does not tell the light's stripes from lines that are printed across all of it: a second one of \
          the same place does\n"
-    } else {
+    } else if at_rest {
         ""
+    } else {
+        PERHAPS_MOVED
     };
     let others = aliases_text(&others_s, longest_s, r.lines);
     print(format!(

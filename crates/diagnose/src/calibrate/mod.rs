@@ -42,6 +42,7 @@ mod odd;
 mod own;
 pub mod ptc;
 pub mod readout;
+pub mod rest;
 mod scene;
 mod search;
 pub mod series;
