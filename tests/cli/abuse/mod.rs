@@ -12,6 +12,7 @@ mod mutations;
 mod output;
 mod reading;
 mod seventh;
+mod seventh_charts;
 mod sixth_charts;
 mod streams;
 mod third;

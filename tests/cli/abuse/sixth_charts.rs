@@ -13,30 +13,30 @@ use crate::board_support::Oracle;
 use crate::dice_support::Dice;
 
 /// Pictures of one measurement, and where its results go.
-struct Folder(tempfile::TempDir);
+pub(super) struct Folder(tempfile::TempDir);
 
 impl Folder {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    fn save(&self, name: &str, size: [u32; 2], light: &dyn Fn(u32, u32) -> f64) -> PathBuf {
+    pub(super) fn save(&self, name: &str, size: [u32; 2], light: &dyn Fn(u32, u32) -> f64) -> PathBuf {
         let path = self.path(&format!("{name}.png"));
         GrayImage::from_fn(size[0], size[1], |x, y| Luma([encoded(light(x, y))])).save(&path).unwrap();
         path
     }
 
-    fn calibrate(&self, what: &str, pictures: &[PathBuf], more: &[&str]) -> Output {
+    pub(super) fn calibrate(&self, what: &str, pictures: &[PathBuf], more: &[&str]) -> Output {
         let mut command = shutterbug();
         command.args(["calibrate", what]).args(pictures).arg("--out").arg(self.path("out")).args(more);
         command.arg("--overwrite").output().unwrap()
     }
 
-    fn report(&self) -> Value {
+    pub(super) fn report(&self) -> Value {
         report(&self.path("out"))
     }
 }
@@ -45,7 +45,7 @@ fn report(out: &Path) -> Value {
     serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap()
 }
 
-fn told(output: &Output) -> String {
+pub(super) fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
@@ -101,10 +101,10 @@ fn another_scene_among_the_frames_is_named() {
     assert_done(&folder.calibrate("noise", &[a, b, p, q], &["--pairs"]));
 }
 
-const FLAT: [u32; 2] = [256, 192];
+pub(super) const FLAT: [u32; 2] = [256, 192];
 
 /// Pictures of a flat field with a pattern of 0.6 %, of which `light` is what shines on a pixel of the k-th.
-fn flat_field(folder: &Folder, name: &str, light: &dyn Fn(f64, f64, u32) -> f64) -> Vec<PathBuf> {
+pub(super) fn flat_field(folder: &Folder, name: &str, light: &dyn Fn(f64, f64, u32) -> f64) -> Vec<PathBuf> {
     let mut dice = Dice(5);
     let count = (FLAT[0] * FLAT[1]) as usize;
     let gains: Vec<f64> = (0..count).map(|_| 1.0 + 0.006 * dice.normal()).collect();
@@ -260,7 +260,7 @@ fn what_is_wrong_is_named_by_its_own_name() {
 }
 
 /// Photographs of a board of 7x4 inner corners, by cameras whose focal length `times` multiplies.
-fn boards(folder: &Folder, name: &str, times: &dyn Fn(u32) -> f64) -> PathBuf {
+pub(super) fn boards(folder: &Folder, name: &str, times: &dyn Fn(u32) -> f64) -> PathBuf {
     let photos = folder.path(name);
     fs::create_dir(&photos).unwrap();
     for i in 0..7 {
