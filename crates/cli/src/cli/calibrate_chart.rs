@@ -18,7 +18,7 @@ use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
 use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, Measured, likeness};
-use shutterbug_diagnose::calibrate::readout::{Readout, find_stripes};
+use shutterbug_diagnose::calibrate::readout::{Readout, Stripes, find_stripes};
 use shutterbug_diagnose::calibrate::rest::{Rest, rest};
 use shutterbug_diagnose::calibrate::{Distinct, Encoding, Frame};
 use shutterbug_diagnose::out::{Out, OutRules};
@@ -368,6 +368,16 @@ fn check_rest(args: &CalibrateReadout, photographs: &[Plane<f32>], readout: &Rea
     Ok(at_rest)
 }
 
+/// What was seen where there are no stripes.
+fn no_stripes(found: &Stripes) -> String {
+    let [rows, columns] = [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
+    format!(
+        "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global \
+         shutter, an exposure of \
+         whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
+    )
+}
+
 /// `calibrate readout`.
 pub fn readout(args: &CalibrateReadout) -> Result<()> {
     if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
@@ -398,14 +408,7 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     });
     let Some(r) = &found.readout else {
         args.common.write(size, &report, &[])?;
-        let [rows, columns] =
-            [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
-        let text = format!(
-            "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global \
-             shutter, an exposure of \
-             whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
-        );
-        return print(text);
+        return print(no_stripes(&found));
     };
     let values = [("readout_time_s", r.readout_time_s)];
     args.common.write(size, &report, &[("rolling_shutter", &values)])?;
