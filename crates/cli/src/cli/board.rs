@@ -66,11 +66,8 @@ pub fn run(args: &Board) -> Result<()> {
     out.start()?;
     let real = Real { times_ns: times_ns.as_deref(), shrink: args.shrink };
     let written = write_capture(&args.out, &pictures, &target, &observed, &fit, &tone, real)?;
-    print(
-        summary(&pictures, &observed, &fit, times_ns.is_some())
-            + &doubt_of_unit(&target, &fit)
-            + &doubts(&pictures, &observed, &fit),
-    )?;
+    let doubts = doubt_of_unit(&target, &fit) + &doubts(&pictures, &observed, &fit);
+    print(summary(&pictures, &observed, &fit, times_ns.is_some()) + &doubts)?;
     if written.cut_px != [0; 2] {
         let [across, down] = written.cut_px;
         say(format_args!(

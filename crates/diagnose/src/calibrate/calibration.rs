@@ -32,9 +32,7 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
     let Levelled { camera, simulated, shown, without, held_out } =
         level(camera, &pairs, &real, step, options, By::Model)?;
     let comparison = compare(&real, &simulated);
-    if !camera.bayer {
-        check_line(frames, &real, &comparison, encoding)?;
-    }
+    check_line(frames, &real, &comparison, &camera)?;
     // The chain delivers sRGB; a linear sensor is measured by its own model.
     let by = if encoding == Encoding::Srgb { By::Chain } else { By::Model };
     let mut chain_camera = IspCamera { level_gain: Default::default(), ..camera.clone() };
@@ -97,10 +95,14 @@ fn check_matched(frames: &[Frame], chain: &Comparison) -> Result<()> {
 
 /// A sensor alone has the noise of a line over intensity. Where most of the pixels lie off it, by more than a tenth and
 /// chance, in all channels, its numbers are those of nothing: the values are no light, as they are said to be.
-fn check_line(frames: &[Frame], real: &Measured, sensor: &Comparison, encoding: Encoding) -> Result<()> {
+fn check_line(frames: &[Frame], real: &Measured, sensor: &Comparison, camera: &IspCamera) -> Result<()> {
     // What could not be compared is off nothing.
     let compared = || (0..3).filter(|c| !sensor.variance_ratio[*c].is_empty());
-    if compared().count() == 0 || compared().any(|c| sensor.within_10_percent_or_chance[c] >= 0.5) {
+    // Colours and smoothing bend the line: their curve over intensity is fitted, and told.
+    if camera.bayer
+        || compared().count() == 0
+        || compared().any(|c| sensor.within_10_percent_or_chance[c] >= 0.5)
+    {
         return Ok(());
     }
     let [r, g, b] = sensor.mean_deviation.map(|d| 100.0 * d);
@@ -109,10 +111,7 @@ fn check_line(frames: &[Frame], real: &Measured, sensor: &Comparison, encoding: 
         "noise that is no line over intensity: shot and read noise miss its variance by {r:.0} {g:.0} {b:.0} % in the \
          mean, and by more than a tenth and chance in {x:.0} {y:.0} {z:.0} % of the pixels (R, G, B)"
     );
-    let (name, other) = match encoding {
-        Encoding::Linear => ("linear", "srgb"),
-        Encoding::Srgb => ("srgb", "linear"),
-    };
+    let (name, other) = if camera.srgb { ("srgb", "linear") } else { ("linear", "srgb") };
     let expected = match unscaled(frames, real) {
         Some(note) => format!("{name} values up to white: {note}"),
         None => format!("{name} values, as --encoding says: are they {other}?"),

@@ -8,7 +8,7 @@ use shutterbug::plane::Plane;
 
 /// Half of the way across about the edge's line in which the crossing is looked for, and the width of the strips beyond
 /// from which the two sides are taken, px. Small windows must hold them.
-const REACH_PX: f64 = 4.0;
+pub(super) const REACH_PX: f64 = 4.0;
 const SIDE_PX: f64 = 3.0;
 /// Lines over which the two sides are taken together: light and surface may change along the edge.
 const BLOCK: usize = 4;

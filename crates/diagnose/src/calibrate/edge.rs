@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::course::Line;
+use super::course::{Line, REACH_PX as BOTH_SIDES_PX};
 use super::frames::Encoding;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
@@ -128,6 +128,10 @@ pub fn measure_edge(
     let seen: Vec<[f64; 2]> =
         lines.filter(|(_, line)| course.lines.contains(line)).map(|(p, _)| *p).collect();
     let profile = profile(&seen);
+    let shown = profile.first().zip(profile.last()).map_or(0.0, |(first, last)| last[0].min(-first[0]));
+    if shown < BOTH_SIDES_PX {
+        return refuse(format!("an edge that shows {shown:.1} px of a side: too few places"), expected);
+    }
     let mtf = response(&profile, encoding);
     let mut fit = fit(&profile, encoding);
     if let Some(found) = fit.doubtful().or_else(|| fit.widened(course.bend_px)) {
