@@ -159,8 +159,8 @@ fn clipped_mean(mean: f32, sigma: f32) -> f32 {
     mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
-/// A picture without noise ahead of a coarse converter, DN as it would be delivered, shape `[height, width, 3]`: the mean
-/// that is delivered behind the converter. Of a camera whose steps are kept ([`Tone::keeps_steps`]).
+/// A picture without noise ahead of a coarse converter, DN as it would be delivered, shape `[height, width, 3]`: the
+/// mean that is delivered behind the converter. Of a camera whose steps are kept ([`Tone::keeps_steps`]).
 pub fn through_converter(picture: &Plane<f32>, tone: &Tone) -> Plane<f32> {
     let mut picture = picture.clone();
     for row in picture.data.chunks_exact_mut(3 * picture.width) {

@@ -248,7 +248,8 @@ fn results_stay_until_those_of_the_next_run_are_complete() {
     let least = frames.map(|(_, bytes)| bytes.len()).min().unwrap();
     let limited = |bytes: usize| {
         let script = format!(
-            "MESA_SHADER_CACHE_DISABLE=1 exec prlimit --fsize={bytes} \"$0\" simulate \"$1\" --samples 1 --seed 3 --out \"$2\""
+            "MESA_SHADER_CACHE_DISABLE=1 exec prlimit --fsize={bytes} \"$0\" simulate \"$1\" --samples 1 --seed 3 \
+             --out \"$2\""
         );
         shell(&script, &[capture.root().as_path(), out.as_path()])
     };

@@ -133,8 +133,8 @@ impl Out {
         self.begin(None)
     }
 
-    /// As [`Self::start`], but files appear, and what an earlier run made goes, with [`Self::appear`]: a run that cannot
-    /// write its second file has not cost the results of the one before.
+    /// As [`Self::start`], but files appear, and what an earlier run made goes, with [`Self::appear`]: a run that
+    /// cannot write its second file has not cost the results of the one before.
     ///
     /// # Errors
     /// A folder that is another one by now.

@@ -80,8 +80,8 @@ pub(crate) struct Scored<'a> {
     pub mask: Option<&'a Plane<f32>>,
     /// What compression leaves of the noise where; the same everywhere if that is not known.
     pub flips: Option<&'a Flips>,
-    /// Draws of how far another correct simulation is from this one, DN: behind what rounds coarsely, and where the camera's
-    /// path wanders within the frame; nothing without either.
+    /// Draws of how far another correct simulation is from this one, DN: behind what rounds coarsely, and where the
+    /// camera's path wanders within the frame; nothing without either.
     pub drawn: &'a [Arc<Plane<f32>>],
     /// Whether the draws say what edges may be off by: they do behind what rounds coarsely.
     pub edges_drawn: bool,

@@ -1,5 +1,5 @@
-//! What parameters and members of a set do to the frames, to first order at a solution: which candidates could do what a
-//! member does, and which two could do what two others do.
+//! What parameters and members of a set do to the frames, to first order at a solution: which candidates could do what
+//! a member does, and which two could do what two others do.
 
 use super::found::Found;
 use super::support::restored;
@@ -113,8 +113,8 @@ impl Doings {
         alike.into_iter().take(MOST).map(|a| a.0).collect()
     }
 
-    /// The exchanges, one of `outs` for one of `bys` each, that to first order leave least of the frames unexplained; the
-    /// best first. Those that come must be able to do most of what goes does.
+    /// The exchanges, one of `outs` for one of `bys` each, that to first order leave least of the frames unexplained;
+    /// the best first. Those that come must be able to do most of what goes does.
     pub(crate) fn swaps(
         &self,
         outs: &[Vec<&'static str>],

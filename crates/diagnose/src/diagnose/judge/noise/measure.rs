@@ -47,7 +47,8 @@ struct Compared<'a, M> {
     flats: Vec<Vec<bool>>,
     tables: Tables,
     tone: &'a Tone,
-    /// What takes back that colours are made of each other behind the encoding, `[of][from]`; nothing where they are not.
+    /// What takes back that colours are made of each other behind the encoding, `[of][from]`; nothing where they are
+    /// not.
     unmix: Option<[[f32; 3]; 3]>,
     /// Whether noise is measured of brightness.
     luma: bool,
