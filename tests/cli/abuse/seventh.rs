@@ -92,7 +92,8 @@ fn what_makes_other_traces_differ_is_not_named() {
     for i in 0..FRAMES {
         let (sim, mut dice) = (wall(i), Dice(u64::from(i) + 99));
         // Single pixels that stand out, of one kind in the simulation and of another in the real frames.
-        let grain = |x: u32, y: u32, strong: f64| if (x * 7 + y * 13 + i) % 31 == 0 { strong } else { 0.0 };
+        let grain =
+            |x: u32, y: u32, strong: f64| if (x * 7 + y * 13 + i).is_multiple_of(31) { strong } else { 0.0 };
         let noisy = RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| {
             let more = 4.0 * dice.normal() + grain(x, y, 3.0);
             Rgb(sim.get_pixel(x, y).0.map(|v| (f64::from(v) + more).clamp(0.0, 255.0) as u8))
