@@ -4,6 +4,17 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Names and units of a table of rates and accelerations, as in EuRoC's `imu0/data.csv`.
+pub const IMU_COLUMNS: [(&str, &str); 7] = [
+    ("timestamp", "ns"),
+    ("w_RS_S_x", "rad s^-1"),
+    ("w_RS_S_y", "rad s^-1"),
+    ("w_RS_S_z", "rad s^-1"),
+    ("a_RS_S_x", "m s^-2"),
+    ("a_RS_S_y", "m s^-2"),
+    ("a_RS_S_z", "m s^-2"),
+];
+
 /// Checks the first comment of a table that names units in brackets against the columns that are read. A column of
 /// another unit, or one that stands in the place of another, would be read as what it is not; names that are not known
 /// say nothing.

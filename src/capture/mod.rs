@@ -13,7 +13,7 @@ mod tum;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use columns::check_columns;
+pub use columns::{IMU_COLUMNS, check_columns};
 pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
 pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;

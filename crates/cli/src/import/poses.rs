@@ -193,14 +193,3 @@ pub(super) fn written_imu(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Resul
 /// As in EuRoC's `imu0/data.csv`.
 pub(super) const IMU_HEADER: &str = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
                                      a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]";
-
-/// Names and units of [`IMU_HEADER`].
-pub(super) const IMU_COLUMNS: [(&str, &str); 7] = [
-    ("timestamp", "ns"),
-    ("w_RS_S_x", "rad s^-1"),
-    ("w_RS_S_y", "rad s^-1"),
-    ("w_RS_S_z", "rad s^-1"),
-    ("a_RS_S_x", "m s^-2"),
-    ("a_RS_S_y", "m s^-2"),
-    ("a_RS_S_z", "m s^-2"),
-];

@@ -6,9 +6,9 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 
 use super::contents::checked_pose;
-use super::poses::{IMU_COLUMNS, IMU_HEADER};
+use super::poses::IMU_HEADER;
 use shutterbug::camera::{Pose, Stamp};
-use shutterbug::capture::{check_columns, read_text};
+use shutterbug::capture::{IMU_COLUMNS, check_columns, read_text};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
 

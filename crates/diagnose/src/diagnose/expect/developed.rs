@@ -10,7 +10,7 @@ use super::discrepancy::{DRAWS, off_by};
 use super::forward::{Forward, Quality};
 use super::model::{P, Theta};
 use super::settings::settings_of;
-use super::tone::{Tone, noiseless, shows_steps};
+use super::tone::{Tone, noiseless, shows_coarse_steps};
 use crate::diagnose::flips::Flips;
 use shutterbug::chain::{Settings, View};
 use shutterbug::error::Result;
@@ -33,7 +33,7 @@ impl Rounder {
     /// Nothing where values and coefficients are not rounded, or more finely than to be seen.
     fn of(theta: &Theta) -> Option<Self> {
         let open = theta.with(P::Quality, 0.0);
-        let converts = rounds_values(&open);
+        let converts = shows_coarse_steps(&open);
         let ahead = if converts { noiseless(&open).with(P::Bits, 0.0) } else { open };
         let (settings, tone) = (settings_of(theta), Tone::new(theta));
         (converts || theta.is_on(P::Quality)).then_some(Self { ahead, settings, tone, converts })
@@ -48,14 +48,9 @@ impl Rounder {
     }
 }
 
-/// Whether a converter's steps are seen in what is delivered.
-fn rounds_values(theta: &Theta) -> bool {
-    shows_steps(theta) && Tone::new(theta).is_coarse()
-}
-
 /// Whether draws of other correct simulations say what edges may be off by, see [`Forward::drawn`].
 pub(crate) fn draws_edges(theta: &Theta) -> bool {
-    theta.is_on(P::Quality) || rounds_values(theta)
+    theta.is_on(P::Quality) || shows_coarse_steps(theta)
 }
 
 impl Forward {

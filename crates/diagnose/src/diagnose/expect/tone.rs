@@ -75,8 +75,15 @@ pub(crate) fn row_kept(theta: &Theta) -> f64 {
 /// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours
 /// behind it.
 pub(crate) fn shows_steps(theta: &Theta) -> bool {
-    let tone = Tone::new(theta);
+    // Noise has no part in it, and its tables take long.
+    let tone = Tone::new(&noiseless(theta));
     tone.step_linear(1) > 0.0 && tone.keeps_steps()
+}
+
+/// The same, of steps that are coarse.
+pub(crate) fn shows_coarse_steps(theta: &Theta) -> bool {
+    let tone = Tone::new(&noiseless(theta));
+    tone.is_coarse() && tone.keeps_steps()
 }
 
 /// A camera without noise.

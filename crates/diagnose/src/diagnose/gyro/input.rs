@@ -8,7 +8,7 @@ use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
 use crate::diagnose::expect::pair::{notes_of_kind, pictures};
 use shutterbug::camera::{Intrinsics, Lens};
-use shutterbug::capture::{CameraFile, check_columns, parse_frames, read_text};
+use shutterbug::capture::{CameraFile, IMU_COLUMNS, check_columns, parse_frames, read_text};
 use shutterbug::effects::LensDistortion;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::Limit;
@@ -146,14 +146,10 @@ fn pairs(frames: &[Frame], period_s: f64, gyro: &Gyro) -> Vec<[usize; 2]> {
     (0..count).map(|k| all[k * all.len() / count]).collect()
 }
 
-/// What a table of rates may say of its columns: as `import` and EuRoC name them.
-const COLUMNS: [(&str, &str); 4] =
-    [("timestamp", "ns"), ("w_RS_S_x", "rad s^-1"), ("w_RS_S_y", "rad s^-1"), ("w_RS_S_z", "rad s^-1")];
-
 /// The gyro on the frames' clock, and what its file says of its axes.
 fn read_gyro(path: &Path, text: &str, epoch_ns: i64) -> Result<(Gyro, Option<String>)> {
     let expected = "timestamp [ns] and the rates about x, y, z [rad/s]";
-    check_columns(path, text, &COLUMNS)?;
+    check_columns(path, text, &IMU_COLUMNS[..4])?;
     let (mut times_s, mut rates) = (Vec::new(), Vec::new());
     let mut note = None;
     for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {

@@ -86,12 +86,19 @@ impl Doings {
         let moved = self.places_of(out);
         let with = |i: usize| moved.iter().map(|&j| self.a[i][j]).sum::<f64>();
         let whole: f64 = moved.iter().map(|&i| with(i)).sum();
+        (whole - self.solved(by, with).map_or(0.0, |(_, done)| done)).max(0.0)
+    }
+
+    /// The steps of the parameters `of` that explain most of a difference whose products with all columns are `with`,
+    /// and how much of it that is, in squares.
+    fn solved(&self, of: &[P], with: impl Fn(usize) -> f64) -> Option<(Vec<(P, f64)>, f64)> {
         let at: Vec<usize> =
-            (0..self.all.len()).filter(|&i| by.contains(&self.all[i]) && self.a[i][i] > 0.0).collect();
+            (0..self.all.len()).filter(|&i| of.contains(&self.all[i]) && self.a[i][i] > 0.0).collect();
         let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| self.a[i][j]).collect()).collect();
         let b: Vec<f64> = at.iter().map(|&i| with(i)).collect();
-        let done = solve(&a, &b, 1e-6).map_or(0.0, |x| x.iter().zip(&b).map(|(x, b)| x * b).sum::<f64>());
-        (whole - done).max(0.0)
+        let steps = solve(&a, &b, 1e-6)?;
+        let done = steps.iter().zip(&b).map(|(x, b)| x * b).sum();
+        Some((at.iter().map(|&i| self.all[i]).zip(steps).collect(), done))
     }
 
     /// Of the candidates `others` those that do, beside `rest`, most of what the members `out` do; the most like first.
@@ -134,17 +141,9 @@ impl Doings {
     fn swap(&self, out: &[&'static str], rest: &[&'static str], by: &[&'static str]) -> Option<Swap> {
         let moved: Vec<usize> = self.places_of(out);
         let left = |i: usize| self.b[i] + moved.iter().map(|&j| self.a[i][j]).sum::<f64>();
-        let of = free(&rest.iter().chain(by).copied().collect::<Vec<_>>());
-        let at: Vec<usize> =
-            (0..self.all.len()).filter(|&i| of.contains(&self.all[i]) && self.a[i][i] > 0.0).collect();
-        let a: Vec<Vec<f64>> = at.iter().map(|&i| at.iter().map(|&j| self.a[i][j]).collect()).collect();
-        let b: Vec<f64> = at.iter().map(|&i| left(i)).collect();
-        let steps = solve(&a, &b, 1e-6)?;
+        let (steps, done) = self.solved(&free(&rest.iter().chain(by).copied().collect::<Vec<_>>()), left)?;
         // Squares of what is left without the members, less those of what is left with them.
-        let without: f64 = moved.iter().map(|&i| self.b[i] + left(i)).sum();
-        let done: f64 = steps.iter().zip(&b).map(|(x, b)| x * b).sum();
-        let change = without - done;
-        let steps = at.iter().map(|&i| self.all[i]).zip(steps).collect();
+        let change = moved.iter().map(|&i| self.b[i] + left(i)).sum::<f64>() - done;
         let most = (1.0 - RESEMBLES) * self.left(out, &free(rest));
         (change < most).then(|| Swap { out: out.to_vec(), by: by.to_vec(), steps, change })
     }

@@ -128,10 +128,10 @@ impl Unseen {
     fn deny(&self, chosen: &mut Chosen, clock: &Clock) {
         if !clock.is_late() {
             chosen.deny(|theta| self.distance(theta));
-            while let Some(name) = chosen.set.iter().copied().find(|n| self.spoils(&chosen.theta, n)) {
+            while let Some(name) = self.spoils(chosen) {
                 chosen.give_up(name);
             }
-            if self.resembles(chosen) {
+            if !chosen.set.is_empty() && self.resembles(chosen) {
                 chosen.set.clone().into_iter().for_each(|name| chosen.give_up(name));
             }
         }
@@ -145,17 +145,22 @@ impl Unseen {
         !outcome::left(&after).is_empty() && closed < NAMED[1]
     }
 
-    /// Whether an effect makes the folders differ in something that they do not differ in without it: what is missing
-    /// is something else then, which it only resembles in other marks.
-    fn spoils(&self, theta: &Theta, name: &str) -> bool {
-        let [with, without] = [theta.clone(), theta.without(candidate_of(name))].map(|theta| {
-            let (marks, frames) = self.beside(&theta);
+    /// An effect that makes the folders differ in something that they do not differ in without it: what is missing is
+    /// something else then, which it only resembles in other marks.
+    fn spoils(&self, chosen: &Chosen) -> Option<&'static str> {
+        let seen = |theta: &Theta| {
+            let (marks, frames) = self.beside(theta);
             (worst(&marks), unnamed::differences(&self.frames.real, &frames).len())
-        });
+        };
         let limit = quantile(2 * self.marks.0.len());
-        let of_marks =
-            with.0.iter().zip(&without.0).any(|(with, without)| *with > limit && *without <= limit);
-        of_marks || with.1 > without.1
+        // With no effect there is nothing to measure for.
+        chosen.set.first()?;
+        let with = seen(&chosen.theta);
+        chosen.set.iter().copied().find(|name| {
+            let without = seen(&chosen.theta.without(candidate_of(name)));
+            let differ = |(with, without): (&f64, &f64)| *with > limit && *without <= limit;
+            with.0.iter().zip(&without.0).any(differ) || with.1 > without.1
+        })
     }
 }
 

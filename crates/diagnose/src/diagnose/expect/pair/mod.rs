@@ -153,7 +153,7 @@ impl Pair {
     ///
     /// # Errors
     /// Real frames that cannot be read. [`Error::OutOfTime`].
-    pub fn shows_one_place(&self, options: &DiagnoseOptions) -> Result<bool> {
+    pub(crate) fn shows_one_place(&self, options: &DiagnoseOptions) -> Result<bool> {
         let go_on = going_on(options);
         if self.sim.geometry != Geometry::None {
             return Ok(true);
