@@ -3,6 +3,7 @@
 pub mod accumulation;
 mod cubic;
 mod distortion;
+mod gaps;
 mod intrinsics;
 mod pose;
 pub mod samples;
@@ -11,6 +12,7 @@ mod timing;
 mod trajectory;
 
 pub use distortion::{Distortion, ExtendedLens, Lens};
+pub use gaps::Gap;
 pub use intrinsics::{Intrinsics, NEAR_M};
 pub use pose::Pose;
 pub use stamp::{Stamp, StampFault};

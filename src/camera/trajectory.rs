@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 
+use super::gaps::{Gap, ends_of_gaps};
 use super::{Pose, Stamp, StampFault};
 use crate::error::{Error, Quoted, Result, shortened};
 
@@ -26,6 +27,8 @@ pub struct Trajectory {
     path: PathBuf,
     times_s: Vec<f64>,
     poses: Vec<Pose>,
+    /// Of each pose in the file; none where the poses come from elsewhere.
+    lines: Vec<usize>,
     smooth: bool,
 }
 
@@ -51,7 +54,7 @@ impl Trajectory {
                 "times that increase",
             ));
         }
-        Ok(Self { path: path.to_owned(), times_s, poses, smooth: false })
+        Ok(Self { path: path.to_owned(), times_s, poses, lines: Vec::new(), smooth: false })
     }
 
     /// Reads the lines `t tx ty tz qx qy qz qw` (s, m, unit quaternion) of a TUM file. Comments (`#`), blank lines,
@@ -62,7 +65,7 @@ impl Trajectory {
     /// No pose, a line that is not eight finite numbers, a time that does not increase, a quaternion that is not a
     /// rotation; with file and line.
     pub fn parse(path: &Path, text: &str, epoch_ns: i64) -> Result<Self> {
-        let (mut times_s, mut poses) = (Vec::new(), Vec::new());
+        let (mut times_s, mut poses, mut lines) = (Vec::new(), Vec::new(), Vec::new());
         let mut last: Option<(usize, Stamp, &str)> = None;
         for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
             let (number, line) = (index + 1, line.trim());
@@ -85,11 +88,28 @@ impl Trajectory {
             last = Some((number, time, written));
             times_s.push(time_s);
             poses.push(pose);
+            lines.push(number);
         }
         if poses.is_empty() {
             return Err(Error::input(path, None, "no pose", format!("lines of {LINE_FORMAT}")));
         }
-        Self::new(path, times_s, poses)
+        Ok(Self { lines, ..Self::new(path, times_s, poses)? })
+    }
+
+    /// Where poses of the file are missing: a step far longer than the others. Poses that were not read from a file
+    /// have no gaps: who made them knows how far apart they are.
+    pub fn gaps(&self) -> Vec<Gap> {
+        if self.lines.len() != self.times_s.len() {
+            return Vec::new();
+        }
+        let (ends, usual_s) = ends_of_gaps(&self.times_s);
+        let gap = |i: usize| Gap {
+            line: self.lines[i],
+            from_s: self.times_s[i - 1],
+            to_s: self.times_s[i],
+            usual_s,
+        };
+        ends.into_iter().map(gap).collect()
     }
 
     /// Number of poses.
@@ -113,7 +133,7 @@ impl Trajectory {
         // Files have whole nanoseconds.
         all.dedup_by(|b, a| *b - *a < 1e-7);
         let poses = all.iter().map(|&t| self.pose_at(t).then_from(&by(t))).collect();
-        Self { times_s: all, poses, ..self.clone() }
+        Self { times_s: all, poses, lines: Vec::new(), ..self.clone() }
     }
 
     /// As the text of a TUM file; `epoch_ns` is the zero of the clock that its times count from.
@@ -134,7 +154,7 @@ impl Trajectory {
     /// A pose that never changes and covers all time.
     pub fn fixed(pose: Pose) -> Self {
         let times_s = vec![f64::NEG_INFINITY, f64::INFINITY];
-        Self { path: PathBuf::new(), times_s, poses: vec![pose; 2], smooth: false }
+        Self { path: PathBuf::new(), times_s, poses: vec![pose; 2], lines: Vec::new(), smooth: false }
     }
 
     /// The same poses, with a curve between them that bends as they do: parabolas through three, blended. For poses so

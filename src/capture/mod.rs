@@ -5,6 +5,7 @@ mod camera_toml;
 mod columns;
 mod effect_tables;
 mod frames_csv;
+mod gaps;
 mod json;
 mod lights;
 mod text;

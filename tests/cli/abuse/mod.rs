@@ -7,6 +7,7 @@ mod disk;
 mod effects;
 mod fifth;
 mod fourth;
+mod leftovers;
 mod messages;
 mod mutations;
 mod output;

@@ -126,6 +126,10 @@ impl Evidence {
         let split = keep_few(capture, px, &mut frames, &mut left_out);
         let frames = in_dn(frames);
         let mut warnings = capture.camera.warnings.clone();
+        // A shutter is a candidate: it may be open until the next frame.
+        let gaps = capture.gap_warnings(capture.camera.frame_period_s);
+        gaps.iter().for_each(|gap| tracing::warn!("{gap}"));
+        warnings.extend(gaps);
         if !left_out.is_empty() {
             warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
         }
