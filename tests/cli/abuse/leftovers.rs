@@ -49,3 +49,32 @@ fn diagnose(capture: &Capture, out: &str) -> serde_json::Value {
     assert_done(&command.output().unwrap());
     serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap()
 }
+
+/// Noise is no scene: a frame is named by what the sensor delivers in the dark.
+#[test]
+fn frames_in_which_nothing_is_seen_are_named() {
+    if !device_is_there("frames_in_which_nothing_is_seen_are_named") {
+        return;
+    }
+    let capture = Capture::new();
+    let camera = format!("{CAMERA}[read_noise]\nsigma = 0.01\n");
+    capture.write("camera.toml", &camera);
+    // From frame 2 on the camera looks along -x, away from the wall.
+    let turned: String = (-2..12)
+        .map(|i| {
+            let looks = if i < 2 { "0.5 -0.5 0.5 -0.5" } else { "0.5 0.5 -0.5 -0.5" };
+            format!("{} 0 0 0 {looks}\n", 10.0 + 0.04 * f64::from(i))
+        })
+        .collect();
+    capture.write("trajectory.tum", &turned);
+    let made = capture.simulate(&capture.beside("made"), &[]);
+    assert_done(&made);
+    let words = ["nothing of the scene is seen in 2 of 4 frames", "frame 2 (000002), frame 3 (000003)"];
+    words.iter().for_each(|word| assert!(said(&made).contains(word), "{word}: {}", said(&made)));
+    // Control: a camera that sees the wall in all frames.
+    let seeing = turned.replace("0.5 0.5 -0.5 -0.5", "0.5 -0.5 0.5 -0.5");
+    capture.write("trajectory.tum", seeing);
+    let seen = capture.simulate(&capture.beside("seen"), &[]);
+    assert_done(&seen);
+    assert!(!said(&seen).contains("nothing of the scene"), "{}", said(&seen));
+}

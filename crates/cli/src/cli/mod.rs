@@ -11,6 +11,7 @@ mod board;
 mod calibrate;
 mod calibrate_chart;
 mod camera;
+mod darkness;
 mod description;
 mod devices;
 mod diagnose;

@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::args::{PlaneName, Simulate};
 use super::begin::{Begin, plane_folder, stem};
+use super::darkness::Darkness;
 use super::description::Description;
 use super::interrupt::Interrupt;
 use super::presets::find_preset;
@@ -67,15 +68,18 @@ pub fn run(args: &Simulate) -> Result<()> {
     let counts = [scene.indices.len() / 3, scene.objects.len()];
     let engine = Engine::new(&context, scene, path, *camera, options, &all);
     let mut engine = engine.map_err(|e| of_scene(e, &args.capture, counts))?;
-    let mut timings = Timings::default();
+    let (mut timings, mut darkness) = (Timings::default(), Darkness::default());
     let start = Instant::now();
     let mut done = |frame: &mut Frame| {
         let shutter = all[frame.index as usize].shutter;
         let view = View { intrinsics: *camera, shutter, frame: frame.index, seed: args.seed };
-        description.relight(frame, &requests, view, &stems[frame.index as usize])
+        description.relight(frame, &requests, view, &stems[frame.index as usize])?;
+        darkness.look(frame, &all[frame.index as usize].settings, &view);
+        Ok(())
     };
     let done = render_all((args, &stems, &begin), &mut engine, &requests, &mut timings, &mut done)?;
     say_rate(args, done, start);
+    darkness.said(&stems).iter().for_each(|dark| tracing::warn!("{dark}"));
     report_validation(&context)?;
     if args.timings {
         timings.finish(&args.out, &context, &args.method_name(), size, args.samples)?;

@@ -1,0 +1,68 @@
+//! `simulate`: frames in which nothing of the scene is seen are named.
+
+use shutterbug::chain::{Settings, View};
+use shutterbug::effects;
+use shutterbug::engine::Frame;
+use shutterbug::plane::Plane;
+use shutterbug::reference::chain;
+
+/// Most frames that are named.
+const MOST_NAMED: usize = 5;
+/// How far two pictures of the same light may differ, DN: device and twin round apart.
+const ROUNDING_DN: u8 = 1;
+
+/// Mean from which on a frame has seen light, DN: a sensor delivers no quarter of white in the dark. Such frames do not
+/// cost the twin's time.
+const LIT_DN: u64 = 64;
+
+/// Looks for frames that are what the sensor delivers with no light at all: the noise of a dark frame is no scene.
+#[derive(Default)]
+pub(super) struct Darkness {
+    /// Sum of all values of a frame without light, once one was made.
+    typical: Option<u64>,
+    /// Places of the frames found.
+    dark: Vec<usize>,
+    looked_at: usize,
+}
+
+impl Darkness {
+    /// Looks at a frame that was made with these settings.
+    pub(super) fn look(&mut self, frame: &Frame, settings: &Settings, view: &View) {
+        self.looked_at += 1;
+        let picture = &frame.picture;
+        let unlit = || {
+            let none = Plane::new(picture.width, picture.height, 4);
+            chain::picture(effects::LIST, settings, view, &none)
+        };
+        let sum = |p: &Plane<u8>| p.data.iter().map(|v| u64::from(*v)).sum::<u64>();
+        if sum(picture) > LIT_DN * picture.data.len() as u64 {
+            return;
+        }
+        // A frame that is brighter by half a step in each value has seen light; the others are looked at closely.
+        let typical = *self.typical.get_or_insert_with(|| sum(&unlit()));
+        if sum(picture) > typical + picture.data.len() as u64 / 2 {
+            return;
+        }
+        let unlit = unlit();
+        if picture.data.iter().zip(&unlit.data).all(|(a, b)| a.abs_diff(*b) <= ROUNDING_DN) {
+            self.dark.push(frame.index as usize);
+        }
+    }
+
+    /// A sentence on the frames found; `stems` are the names of all frames.
+    pub(super) fn said(&self, stems: &[String]) -> Option<String> {
+        let first: Vec<String> =
+            self.dark.iter().take(MOST_NAMED).map(|&f| format!("frame {f} ({})", stems[f])).collect();
+        if first.is_empty() {
+            return None;
+        }
+        let more = if self.dark.len() > first.len() { ", ..." } else { "" };
+        Some(format!(
+            "nothing of the scene is seen in {} of {} frames, as if there were no light: {}{more}; is the camera \
+             outside of the room, does it look away, or are all materials black?",
+            self.dark.len(),
+            self.looked_at,
+            first.join(", ")
+        ))
+    }
+}
