@@ -3,7 +3,8 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::Plane;
 use crate::error::{Error, Result};
@@ -20,8 +21,8 @@ pub const MAX_PIXELS: u64 = 1 << 27;
 /// Reads a PNG or JPEG as 8-bit RGB, shape `[height, width, 3]`; grey pictures are repeated in all three channels.
 ///
 /// # Errors
-/// A file that cannot be read or decoded, that was cut off, or that is larger than [`MAX_SIDE_PX`], [`MAX_PIXELS`] or
-/// [`MAX_DECODED_BYTES`].
+/// A file that cannot be read or decoded, that was cut off, that is larger than [`MAX_SIDE_PX`], [`MAX_PIXELS`] or
+/// [`MAX_DECODED_BYTES`], or whose EXIF data ask viewers to turn it (see [`decode_picture`]).
 pub fn read_rgb8(path: &Path) -> Result<Plane<u8>> {
     read_rgb8_as(path, path)
 }
@@ -41,6 +42,11 @@ const JPEG_PIXELS_A_BYTE: u64 = 512;
 
 /// Decodes the bytes of a PNG or JPEG; `path` is what errors name. Its size is looked at before memory is spent on it.
 ///
+/// A picture that viewers turn (EXIF orientation) is refused. Its rows are not the rows that are seen: which lines a
+/// rolling shutter reads in what order, which pixels share noise, and the blocks of a JPEG would be others than those
+/// of the picture upright, and two orientations of one sensor would be laid on each other. Whoever has the pictures
+/// knows which of the two is meant.
+///
 /// # Errors
 /// As [`read_rgb8`].
 pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
@@ -49,10 +55,14 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return Err(bad("it is neither PNG nor JPEG (only PNG or JPEG are read)".to_owned()));
     }
-    let header =
+    let mut header =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
-    let (width, height) = header.into_dimensions().map_err(|e| bad(e.to_string()))?;
+    // Nothing is decoded yet: the size is looked at first.
+    header.no_limits();
+    let mut header = header.into_decoder().map_err(|e| bad(e.to_string()))?;
+    let (width, height) = header.dimensions();
     check_size(path, width, height)?;
+    check_upright(path, header.orientation().unwrap_or(Orientation::NoTransforms))?;
     // Else some hundred bytes would take the time of the largest picture, and all of it would be made up.
     let too_little = u64::from(width) * u64::from(height) > JPEG_PIXELS_A_BYTE * bytes.len() as u64;
     if format == Some(ImageFormat::Jpeg) && (too_little || !super::jpeg_end::is_whole(bytes)) {
@@ -64,6 +74,26 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     limits.max_alloc = Some(MAX_DECODED_BYTES);
     reader.limits(limits);
     reader.decode().map_err(|e| bad(e.to_string()))
+}
+
+/// Refuses what viewers turn before they show it.
+fn check_upright(path: &Path, orientation: Orientation) -> Result<()> {
+    let shown = match orientation {
+        Orientation::NoTransforms => return Ok(()),
+        Orientation::Rotate90 => "turned by 90 degrees to the right",
+        Orientation::Rotate180 => "turned by 180 degrees",
+        Orientation::Rotate270 => "turned by 90 degrees to the left",
+        Orientation::FlipHorizontal => "mirrored",
+        Orientation::FlipVertical => "upside down and mirrored",
+        Orientation::Rotate90FlipH | Orientation::Rotate270FlipH => "turned by 90 degrees and mirrored",
+    };
+    let reason = format!(
+        "its EXIF orientation ({}) has viewers show it {shown}, so it is not clear which rows are meant: turn the \
+         pixels of all pictures (jpegtran -rotate, mogrify -auto-orient), or take them as the sensor delivered them \
+         (exiftool -Orientation= removes the mark)",
+        orientation.to_exif()
+    );
+    Err(Error::Picture { path: path.to_owned(), action: "use", reason })
 }
 
 fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
@@ -107,6 +137,46 @@ mod tests {
         let mut bytes = Cursor::new(Vec::new());
         picture.write_to(&mut bytes, format).expect("encoded");
         bytes.into_inner()
+    }
+
+    /// A picture with an EXIF orientation, little endian: APP1 of a JPEG, `eXIf` of a PNG.
+    fn marked(format: ImageFormat, orientation: u8) -> Vec<u8> {
+        let mut tiff = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+        tiff.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+        let mut bytes = encoded(64, 48, format);
+        let (at, marker) = if format == ImageFormat::Jpeg {
+            let body = [b"Exif\0\0".as_slice(), &tiff].concat();
+            let head = [0xff, 0xe1, 0, (body.len() + 2) as u8];
+            (2, [head.as_slice(), &body].concat())
+        } else {
+            let body = [b"eXIf".as_slice(), &tiff].concat();
+            let crc = crc32(&body).to_be_bytes();
+            // Behind the signature and the header.
+            (33, [(tiff.len() as u32).to_be_bytes().as_slice(), &body, &crc].concat())
+        };
+        bytes.splice(at..at, marker);
+        bytes
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        let step = |crc: u32, _| if crc & 1 == 1 { (crc >> 1) ^ 0xedb8_8320 } else { crc >> 1 };
+        !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
+    }
+
+    #[test]
+    fn a_picture_that_viewers_turn_is_refused_and_says_what_to_do() {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+            let decode = |orientation: u8| decode_picture(Path::new("a"), &marked(format, orientation));
+            for (orientation, shown) in [(3, "by 180 degrees"), (6, "to the right"), (8, "to the left"), (2, "mirrored")] {
+                let error = decode(orientation).expect_err("it is turned").to_string();
+                let number = format!("EXIF orientation ({orientation})");
+                assert!(error.contains(&number) && error.contains(shown) && error.contains("jpegtran"), "{error}");
+            }
+            // Controls: upright, and numbers that mean nothing.
+            for upright in [1, 0, 9] {
+                assert_eq!(decode(upright).expect("upright").width(), 64, "{upright}");
+            }
+        }
     }
 
     #[test]
