@@ -14,6 +14,7 @@ mod bounds;
 mod choose;
 mod clock;
 mod fingerprint;
+mod marked;
 mod marks;
 mod outcome;
 mod own;

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use super::choose::Chosen;
+use super::marked::Mark;
 use super::simulated::Simulated;
 use super::{Folder, radiance_of};
 use crate::diagnose::evidence::budget::Budget;
@@ -115,8 +116,10 @@ impl Own {
         let mut command = Command::new(&self.0[0]);
         command.args(self.0[1..].iter().map(word));
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // A group of its own: what the command starts ends with it.
+        // A group of its own, and a mark for what leaves it: what the command starts ends with it.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mark = Mark::new();
+        command.env(&mark.0, "1");
         let begun = Instant::now();
         let mut child = command.spawn().map_err(|e| {
             let expected =
@@ -126,6 +129,7 @@ impl Own {
         let streams = [heard(child.stdout.take()), heard(child.stderr.take())];
         let status = self.wait(&mut child, limits);
         end_group(&child);
+        mark.end_all();
         // Not yet, where it was stopped.
         let _ = child.wait();
         let status = status?;
@@ -405,11 +409,15 @@ mod tests {
     fn what_a_command_started_ends_with_it() {
         let folder = tempfile::tempdir().expect("a folder");
         let pid = folder.path().join("pid");
-        // In time and late: the first command ends by itself and leaves a process behind.
-        for (end, limit_ms) in [("echo 1", 10_000), ("sleep 30", 500)] {
+        // In time and late: the first command ends by itself and leaves a process behind. A session of its own is
+        // another group, whose leader has no parent any more.
+        let cases = [("echo 1", 10_000), ("sleep 30", 500)];
+        for ((end, limit_ms), own) in cases.into_iter().flat_map(|c| [(c, ""), (c, "setsid ")]) {
+            let _ = fs::remove_file(&pid);
             let text = format!(
-                "sh -c 'sleep 30 >/dev/null 2>&1 & echo $! > {}; {end}' _ {{a}} {{b}}",
-                pid.display()
+                "sh -c '{own}sh -c \"echo \\$\\$ > {pid}; exec sleep 30\" >/dev/null 2>&1 & \
+                 while ! test -s {pid}; do sleep 0.01; done; {end}' _ {{a}} {{b}}",
+                pid = pid.display()
             );
             let budget = Budget::new(Instant::now(), Some(Duration::from_millis(limit_ms)));
             let limits = Limits { budget: &budget, stop: None };
