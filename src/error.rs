@@ -1,11 +1,13 @@
 //! The one error type. Every variant carries what a person needs to mend the cause: where, what was found, what was
 //! expected. `Display` is one line and needs no context to be understood.
 
+mod counted;
 mod nearest;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+pub use counted::counted;
 use nearest::nearest;
 
 /// Result of everything in this crate that can fail.

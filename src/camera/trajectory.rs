@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::gaps::{Gap, ends_of_gaps};
 use super::{Pose, Stamp, StampFault};
-use crate::error::{Error, Quoted, Result, shortened};
+use crate::error::{Error, Quoted, Result, counted, shortened};
 
 /// How far outside its span a trajectory still answers, with its first or last pose, s. Stamps are whole nanoseconds;
 /// this is the rounding of sums such as `start_s + readout_time_s + exposure_time_s`, not an extrapolation.
@@ -40,7 +40,11 @@ impl Trajectory {
     /// No pose at all, lists of different length, times that do not increase or are not finite.
     pub fn new(path: &Path, times_s: Vec<f64>, poses: Vec<Pose>) -> Result<Self> {
         if times_s.is_empty() || times_s.len() != poses.len() {
-            let found = format!("{} times and {} poses", times_s.len(), poses.len());
+            let found = format!(
+                "{} and {}",
+                counted(times_s.len(), "time", "times"),
+                counted(poses.len(), "pose", "poses")
+            );
             return Err(Error::input(path, None, found, "at least one pose, one time each"));
         }
         if let Some(time_s) = times_s.iter().find(|t| !t.is_finite()) {
@@ -225,7 +229,7 @@ impl Trajectory {
 fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(Stamp, &'a str, Pose)> {
     let fields: Vec<&str> = line.split_whitespace().collect();
     if fields.len() != 8 {
-        let found = format!("{} {}", fields.len(), if fields.len() == 1 { "value" } else { "values" });
+        let found = counted(fields.len(), "value", "values");
         return Err(Error::input(path, number, found, LINE_FORMAT));
     }
     let time = Stamp::parse_seconds(fields[0]).map_err(|fault| {
@@ -378,7 +382,7 @@ mod tests {
         assert!(new(&[0.0, 1.0], 2).is_ok());
         for (times, poses, error) in [
             (&[][..], 0, "t.tum: found 0 times and 0 poses; expected at least one pose, one time each"),
-            (&[0.0, 1.0], 1, "t.tum: found 2 times and 1 poses; expected at least one pose, one time each"),
+            (&[0.0, 1.0], 1, "t.tum: found 2 times and 1 pose; expected at least one pose, one time each"),
             (&[1.0, 1.0], 2, "t.tum: found 1 s after 1 s; expected times that increase"),
             (&[f64::NAN], 1, "t.tum: found time NaN s; expected finite times"),
             (&[0.0, f64::INFINITY], 2, "t.tum: found time inf s; expected finite times"),

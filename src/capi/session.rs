@@ -17,6 +17,7 @@ use crate::effects::{
 use crate::engine::{
     Delivery, Engine, EngineOptions, Flight, Frame, FrameRequest, Method, OutsideEngine, OutsideFrame, Ticket,
 };
+use crate::error::counted;
 use crate::gpu::Context;
 use crate::scene::{Scene, Shading, load_obj};
 
@@ -102,7 +103,7 @@ impl Session {
             0 => Ok(()),
             n => Err(Fault::new(
                 status::STATE,
-                format!("{n} frames are in flight: {what} after they are waited for"),
+                format!("{} in flight: {what} after waiting for all", counted(n, "frame is", "frames are")),
             )),
         }
     }
@@ -431,5 +432,8 @@ fn of_warps_only(effects: &Effects) -> Option<&'static str> {
 }
 
 fn full(count: usize) -> Fault {
-    Fault::new(status::FULL, format!("{count} frames are in flight: wait for any of them first"))
+    Fault::new(
+        status::FULL,
+        format!("{} in flight: wait for any of them first", counted(count, "frame is", "frames are")),
+    )
 }

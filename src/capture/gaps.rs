@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::Capture;
 use crate::camera::{Gap, TIME_TOLERANCE_S, Trajectory};
+use crate::error::counted;
 
 /// Most gaps that are named one by one.
 const MOST_NAMED: usize = 5;
@@ -47,10 +48,10 @@ impl Capture {
         }
         if let Some((first, _)) = found.get(MOST_NAMED) {
             said.push(format!(
-                "{}:{}: {} more gaps in the poses that frames fall into, the first here",
+                "{}:{}: {} in the poses that frames fall into, the first here",
                 path.path().display(),
                 first.line,
-                found.len() - MOST_NAMED
+                counted(found.len() - MOST_NAMED, "more gap", "more gaps")
             ));
         }
     }

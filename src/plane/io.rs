@@ -167,10 +167,15 @@ mod tests {
     fn a_picture_that_viewers_turn_is_refused_and_says_what_to_do() {
         for format in [ImageFormat::Png, ImageFormat::Jpeg] {
             let decode = |orientation: u8| decode_picture(Path::new("a"), &marked(format, orientation));
-            for (orientation, shown) in [(3, "by 180 degrees"), (6, "to the right"), (8, "to the left"), (2, "mirrored")] {
+            for (orientation, shown) in
+                [(3, "by 180 degrees"), (6, "to the right"), (8, "to the left"), (2, "mirrored")]
+            {
                 let error = decode(orientation).expect_err("it is turned").to_string();
                 let number = format!("EXIF orientation ({orientation})");
-                assert!(error.contains(&number) && error.contains(shown) && error.contains("jpegtran"), "{error}");
+                assert!(
+                    error.contains(&number) && error.contains(shown) && error.contains("jpegtran"),
+                    "{error}"
+                );
             }
             // Controls: upright, and numbers that mean nothing.
             for upright in [1, 0, 9] {

@@ -71,7 +71,10 @@ fn a_distance_of_the_users_own_is_told_before_and_after() {
     assert_eq!(measure(&found)["name"], "distance by sh");
     assert!(before > 3_000.0 && after < 0.5 * before, "{found}");
     let sentence = found["sentence"].as_str().unwrap();
-    assert!(sentence.contains("By sh, 4 real frames that no fit has seen are"), "{sentence}");
+    assert!(
+        sentence.contains("By sh, the distance of 4 real frames that no fit has seen from"),
+        "{sentence}"
+    );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("distance by sh"));
     // Control: without the effects that are there it stays.

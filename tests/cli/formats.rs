@@ -167,7 +167,7 @@ fn an_import_replaces_nothing_unasked() {
     fs::write(&poses, "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n").expect("written");
     fs::write(folder.path().join("times.txt"), "0\n0.1\n").expect("written");
     let (code, _, error) = shutterbug(&["import", &poses, "--out", &out]);
-    assert!(code == 0 && error.contains("1 frames and 2 poses"), "{error}");
+    assert!(code == 0 && error.contains("1 frame and 2 poses"), "{error}");
     let frames = fs::read_to_string(Path::new(&out).join("frames.csv")).expect("written");
     assert_eq!(frames, "#timestamp [ns],filename\n0,000000.png\n");
     let (code, _, error) = shutterbug(&["import", &poses, "--out", &out]);

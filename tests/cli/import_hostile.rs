@@ -145,8 +145,8 @@ fn pictures_out_of_order_are_sorted_and_doubled_ones_left_out() {
     let (file, out) = (folder.path().join("a.mcap"), folder.path().join("out"));
     fs::write(&file, mcap(&records)).expect("written");
     let (code, _, said) = import(&[&text(&file), "--out", &text(&out)]);
-    assert!(code == 0 && said.contains("2 pictures of `/cam` come after a later one"), "{said}");
-    assert!(said.contains("1 pictures of `/cam` have the stamp of another"), "{said}");
+    assert!(code == 0 && said.contains("2 pictures of `/cam` after a later one"), "{said}");
+    assert!(said.contains("1 picture of `/cam` with the stamp of another"), "{said}");
     for k in 0..4u8 {
         let picture = image::open(out.join(format!("00000{k}.png"))).expect("there").into_luma8();
         assert_eq!(picture.as_raw()[0], 10 * k, "in order of time");

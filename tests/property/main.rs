@@ -11,6 +11,7 @@ mod effects_registry;
 mod layering;
 mod noise_statistics;
 mod paper_closed_form;
+mod plurals;
 mod scenes;
 mod scenes_hostile;
 mod sizes;

@@ -50,7 +50,7 @@ fn errors_name_line_and_cause() {
         ),
         ("v 0 0 1e39\nf 1 2 4", "scene.obj:5: found a face with vertex 4, which line 4"),
         ("vt nan 0\nf 1/1 2/1 3/1", "scene.obj:5: found a face with texture coordinate 1, which line 4"),
-        ("f 1 2 2", "scene.obj: found no triangle (1 faces without area"),
+        ("f 1 2 2", "scene.obj: found no triangle (1 face without area"),
         ("", "scene.obj: found no triangle"),
     ];
     for (rest, expected) in cases {
@@ -171,8 +171,8 @@ fn what_is_left_out_is_warned_of_with_its_number() {
     for (rest, expected) in [
         ("usemtl a\np 1\nl 1 2\nf 1 2\n", "3 points and lines are left out"),
         ("usemtl a\nf 1 2 1\nf 1 1 1 1\n", "scene.obj:5: 2 faces without area"),
-        ("usemtl a\nv nan 0 0\n", "1 values that no face uses are NaN"),
-        ("usemtl a\ncurv 1 2\nparm 3\n", "scene.obj:5: 2 lines such as `curv` are not supported"),
+        ("usemtl a\nv nan 0 0\n", "1 value that no face uses is NaN"),
+        ("usemtl a\ncurv 1 2\nparm 3\n", "scene.obj:5: 2 lines are not supported, such as `curv`"),
         ("mtllib no.mtl\nusemtl a\n", "scene.obj:4: no material file `no.mtl`"),
         ("usemtl a\n", "scene.obj:5: material `a` is defined nowhere"),
         ("", "scene.obj:4: faces before any `usemtl` are grey"),

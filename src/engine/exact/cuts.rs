@@ -7,7 +7,7 @@
 
 use super::cut::{Limits, Views, cut, strength};
 use crate::engine::scene::Stage;
-use crate::error::Result;
+use crate::error::{Result, counted};
 use crate::gpu::Buffer;
 use crate::raster::{Geometry, Mesh, MotionGroups, Place, PlaceInput};
 
@@ -120,9 +120,9 @@ impl Cuts {
         let (mesh, chord_px) = cut(stage, source.groups, source.mesh, &views, self.lines, limits);
         let (from, to) = (source.mesh.triangle_count(), mesh.triangle_count());
         tracing::info!(
-            "{from} triangles cut into {to} for a readout of {} s and {} frames: {chord_px} px at most",
-            self.lines.0,
-            frames.len()
+            "{from} triangles cut into {to} for {} and a readout of {} s: {chord_px} px at most",
+            counted(frames.len(), "frame", "frames"),
+            self.lines.0
         );
         let placeable = Placeable::new(stage, source.place, source.knots, &mesh)?;
         self.cuts.push(Cut { class, placeable });

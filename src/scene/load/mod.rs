@@ -19,7 +19,7 @@ use self::text::read_text;
 use self::triangulate::{Outcome, newell, triangulate};
 use super::assemble::Assembler;
 use super::{Object, Scene, Vertex};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, counted};
 use crate::files::Limit;
 
 /// Loads the OBJ file `path` with the materials and textures it names; none of the files may lie outside the folder
@@ -82,12 +82,15 @@ fn assemble(geometry: &Geometry, path: &Path) -> Result<Assembler> {
             out.triangle(triangle.map(|corner| corners[corner]));
         }
     }
-    degenerate.warn(path, "without area are left out");
-    crossed.warn(path, "cross themselves or are strongly bent; they are drawn as fans");
+    degenerate.warn(path, "without area, left out");
+    crossed.warn(path, "whose edges cross or that bend strongly, drawn as fans");
     if out.index_count() == 0 {
         let skipped = geometry.skipped.points_and_lines;
-        let found =
-            format!("no triangle ({} faces without area, {skipped} points and lines)", degenerate.count);
+        let found = format!(
+            "no triangle ({} without area, {})",
+            counted(degenerate.count, "face", "faces"),
+            counted(skipped, "point or line", "points and lines")
+        );
         return Err(Error::input(
             path,
             None,
@@ -153,10 +156,10 @@ impl Faces {
     fn warn(&self, path: &Path, what: &str) {
         if self.count > 0 {
             tracing::warn!(
-                "{}:{}: {} faces {what} (this is the first)",
+                "{}:{}: {} {what} (this is the first)",
                 path.display(),
                 self.first_line,
-                self.count
+                counted(self.count, "face", "faces")
             );
         }
     }
@@ -165,21 +168,23 @@ impl Faces {
 fn warn_of_skipped(path: &Path, skipped: &obj::Skipped) {
     let shown = path.display();
     if skipped.points_and_lines > 0 {
-        tracing::warn!("{shown}: {} points and lines are left out", skipped.points_and_lines);
+        let what = counted(skipped.points_and_lines, "point or line is", "points and lines are");
+        tracing::warn!("{shown}: {what} left out");
     }
     if skipped.not_finite > 0 {
-        tracing::warn!("{shown}: {} values that no face uses are NaN or infinite", skipped.not_finite);
+        let what = counted(skipped.not_finite, "value that no face uses is", "values that no face uses are");
+        tracing::warn!("{shown}: {what} NaN or infinite");
     }
     if skipped.mixed > 0 {
         tracing::warn!(
-            "{shown}: {} faces give some corners only a `vt` or `vn`; both are ignored there",
-            skipped.mixed
+            "{shown}: {} some corners only a `vt` or `vn`; both are ignored there",
+            counted(skipped.mixed, "face gives", "faces give")
         );
     }
     if let Some((line, keyword)) = &skipped.first_unknown {
         tracing::warn!(
-            "{shown}:{line}: {} lines such as {keyword} are not supported; ignored",
-            skipped.unknown
+            "{shown}:{line}: {} not supported, such as {keyword}; ignored",
+            counted(skipped.unknown, "line is", "lines are")
         );
     }
 }

@@ -87,7 +87,7 @@ fn profiles_out_of_range_are_no_presets() {
             command.args(["presets", "search", "a-b", "--profiles"]).arg(folder.path()).output().unwrap();
         assert_done(&output);
         assert!(
-            said(&output).contains("1 entries are no usable profiles") && said(&output).contains("a.csv:2"),
+            said(&output).contains("1 entry is no usable profile,") && said(&output).contains("a.csv:2"),
             "{row}"
         );
         assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 2, "{row}: {output:?}");

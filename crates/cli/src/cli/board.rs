@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::args_board::{Board, PatternName};
 use super::terminal::{print, say};
 use crate::formats::{KalibrTarget, read_target};
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug_diagnose::board::{
     BoardFit, Observed, Picture, Real, Seen, Source, Target, Timing, fit_board, measure_tone, observe,
     pictures, read_corners, times_of, write_capture,
@@ -71,15 +71,17 @@ pub fn run(args: &Board) -> Result<()> {
     if written.cut_px != [0; 2] {
         let [across, down] = written.cut_px;
         say(format_args!(
-            "the frames lack {across} columns and {down} rows on each side: no ray of the fitted lens reaches the \
-             corners there"
+            "the frames lack {} and {} on each side: no ray of the fitted lens reaches the \
+             corners there",
+            counted(across as usize, "column", "columns"),
+            counted(down as usize, "row", "rows")
         ));
     }
     out.check_same()?;
     let to = args.out.display();
     say(format_args!(
-        "{} frames written to {to}: `shutterbug diagnose` names what the pinhole lacks",
-        written.frames
+        "{} written to {to}: `shutterbug diagnose` names what the pinhole lacks",
+        counted(written.frames, "frame", "frames")
     ));
     let pixels = observed.size.iter().map(|s| *s as usize / args.shrink).product::<usize>() * written.frames;
     let needed_gb = (pixels * BYTES_OF_A_PIXEL) as f64 / 1e9;
@@ -152,8 +154,12 @@ fn with_left_out(error: Error, observed: &Observed) -> Error {
 /// What was found, a few lines.
 fn summary(pictures: &[Picture], observed: &Observed, fit: &BoardFit, moving: bool) -> String {
     let points: usize = observed.views.iter().map(|v| v.seen.len()).sum();
-    let mut text =
-        format!("board in {} of {} pictures, {points} points\n", observed.views.len(), pictures.len());
+    let mut text = format!(
+        "board in {} of {}, {}\n",
+        observed.views.len(),
+        counted(pictures.len(), "picture", "pictures"),
+        counted(points, "point", "points")
+    );
     for left_out in &observed.left_out {
         text += &format!("  left out: {}: {}\n", one_line(&left_out.name), left_out.why);
     }
@@ -198,11 +204,11 @@ fn doubts(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
             own.iter().take(MAX_NAMED).map(|(v, times)| format!("{} {times:.3}", name(*v))).collect();
         let more = if own.len() > MAX_NAMED { ", ..." } else { "" };
         text += &format!(
-            "WARNING: {} of {} pictures ask for a focal length of their own, beyond what chance does once in a hundred \
+            "WARNING: {} of {} for a focal length of their own, beyond what chance does once in a hundred \
              times ({}{more} times the common one): another camera, zoom, focus or cut. The camera above is none of \
              theirs\n",
             own.len(),
-            observed.views.len(),
+            counted(observed.views.len(), "picture asks", "pictures ask"),
             named.join(", ")
         );
     }

@@ -12,7 +12,7 @@ use super::terminal::{print, say};
 use shutterbug::capture::CameraFile;
 use shutterbug::chain::Value;
 use shutterbug::effects::by_id;
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{Plane, read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
@@ -195,8 +195,11 @@ fn flat_text(
 ) -> String {
     let percent = |v: f64| format!("{:.3} %", 100.0 * v);
     let mut text = format!(
-        "{} pictures of {}x{} px, mean {:.3} of white\n",
-        f.frames, f.size_px[0], f.size_px[1], f.level
+        "{} of {}x{} px, mean {:.3} of white\n",
+        counted(f.frames, "picture", "pictures"),
+        f.size_px[0],
+        f.size_px[1],
+        f.level
     );
     let [a1, a2] = [&f.a1, &f.a2].map(|m| format!("{:.4} [{:.4}, {:.4}]", m.value, m.ci95[0], m.ci95[1]));
     let _ =
@@ -285,7 +288,7 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
             text,
             "  the sharpest of {} (the softest: {widest:.3} px): an edge is no sharper than the lens, but shadows and \
              round things are softer, so the lens blurs by this at most; --region names another",
-            count(found.among_px.len(), "edge")
+            counted(found.among_px.len(), "edge", "edges")
         );
     }
     match found.sharpening {
@@ -325,11 +328,6 @@ fn aliases_text(others_s: &[f64], longest_s: f64, lines: usize) -> String {
         1e3 * longest_s,
         0.5 * lines as f64 / longest_s
     )
-}
-
-/// So many of a thing.
-fn count(n: usize, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// A frame takes no longer than its period.
@@ -381,7 +379,7 @@ fn no_stripes(found: &Stripes) -> String {
 /// `calibrate readout`.
 pub fn readout(args: &CalibrateReadout) -> Result<()> {
     if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
-        let found = format!("{} pictures", args.photos.len());
+        let found = counted(args.photos.len(), "picture", "pictures");
         return Err(Error::input(
             &args.photos[0],
             None,

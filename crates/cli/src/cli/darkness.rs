@@ -3,6 +3,7 @@
 use shutterbug::chain::{Settings, View};
 use shutterbug::effects;
 use shutterbug::engine::Frame;
+use shutterbug::error::counted;
 use shutterbug::plane::Plane;
 use shutterbug::reference::chain;
 
@@ -58,10 +59,10 @@ impl Darkness {
         }
         let more = if self.dark.len() > first.len() { ", ..." } else { "" };
         Some(format!(
-            "nothing of the scene is seen in {} of {} frames, as if there were no light: {}{more}; is the camera \
+            "nothing of the scene is seen in {} of {}, as if there were no light: {}{more}; is the camera \
              outside of the room, does it look away, or are all materials black?",
             self.dark.len(),
-            self.looked_at,
+            counted(self.looked_at, "frame", "frames"),
             first.join(", ")
         ))
     }

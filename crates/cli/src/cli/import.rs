@@ -7,7 +7,7 @@ use super::args_import::Import;
 use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use crate::import::{Damage, Delivered, Prepared, RUN_FILE, Recording, deliver};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{Limit, read_if_there, write_atomic};
 use shutterbug_diagnose::out::{Out, OutRules, recorded_reads};
 
@@ -120,7 +120,11 @@ fn write(args: &Import, folder: &Path, prepared: &Prepared, out: (&Out, bool)) -
 
 fn report(args: &Import, folder: &Path, prepared: &Prepared, delivered: &Delivered) {
     let (names, to) = (delivered.files.join(", "), folder.display());
-    say(format_args!("{} frames and {} poses: {names} written to {to}", delivered.frames, prepared.poses()));
+    say(format_args!(
+        "{} and {}: {names} written to {to}",
+        counted(delivered.frames, "frame", "frames"),
+        counted(prepared.poses(), "pose", "poses")
+    ));
     if delivered.files.contains(&"trajectory.tum") && args.capture {
         say("with a scene.obj `shutterbug diagnose` names what the camera does");
     }

@@ -8,7 +8,7 @@ use super::args::{Presets, PresetsAction};
 use super::terminal::print;
 use crate::formats::{PRESETS, Preset, Profile, Profiles, preset};
 use shutterbug::effects::{MotionBlur, RollingShutter};
-use shutterbug::error::{Result, one_line};
+use shutterbug::error::{Result, counted, one_line};
 
 /// Names a folder of lens profiles.
 const FOLDER: &str = "SHUTTERBUG_PROFILES";
@@ -62,8 +62,12 @@ fn search(words: &[String], folder: Option<&Path>) -> Result<()> {
     text.extend(lines);
     match &profiles {
         Some(profiles) if !profiles.refused.is_empty() => {
-            let count = profiles.refused.len();
-            tracing::warn!("{count} entries are no usable profiles, such as: {}", profiles.refused[0]);
+            let what = counted(
+                profiles.refused.len(),
+                "entry is no usable profile",
+                "entries are no usable profiles",
+            );
+            tracing::warn!("{what}, such as: {}", profiles.refused[0]);
         }
         Some(_) => {}
         None => tracing::warn!(

@@ -21,7 +21,7 @@ use shutterbug::capture::Capture;
 use shutterbug::chain::View;
 use shutterbug::effects::ExposureControl;
 use shutterbug::engine::{Engine, EngineOptions, Frame, FrameRequest, Planes, Ticket};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::{read_rgb8, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::out::{Out, OutRules, make_folder};
@@ -37,17 +37,12 @@ pub fn run(args: &Simulate) -> Result<()> {
     let mut capture = read_capture(&args.capture, args.camera.as_deref(), preset.as_ref())?;
     let description = Description::of(args.description.as_deref(), &mut capture)?;
     capture.gap_warnings(0.0).iter().for_each(|gap| tracing::warn!("{gap}"));
-    let rules = OutRules {
-        command: "simulate",
-        inputs: &[&args.capture],
-        overwrite: args.overwrite,
-        goes_on: args.resume,
-    };
-    let out = Out::open(&args.out, &rules)?;
+    let out = open(args)?;
     let (todo, begin) = Begin::new(args, &capture, &out)?;
     let total = capture.frames.len();
     if todo.is_empty() {
-        say(format_args!("all {total} frames are there already: {}", args.out.display()));
+        let all = counted(total, "frame is", "frames are");
+        say(format_args!("all of {all} there already: {}", args.out.display()));
         begin.run()?;
         return begin.appear();
     }
@@ -88,8 +83,18 @@ pub fn run(args: &Simulate) -> Result<()> {
         return Err(Error::Interrupted { done: total - requests.len() + done, total });
     }
     out.check_same()?;
-    say(format_args!("{done} frames written to {}", args.out.display()));
+    say(format_args!("{} written to {}", counted(done, "frame", "frames"), args.out.display()));
     Ok(())
+}
+
+fn open(args: &Simulate) -> Result<Out> {
+    let rules = OutRules {
+        command: "simulate",
+        inputs: &[&args.capture],
+        overwrite: args.overwrite,
+        goes_on: args.resume,
+    };
+    Out::open(&args.out, &rules)
 }
 
 fn engine_options(args: &Simulate) -> EngineOptions {
@@ -122,7 +127,8 @@ fn of_scene(error: Error, capture: &Path, [triangles, objects]: [usize; 2]) -> E
     if !matches!(error, Error::Limit { .. } | Error::OutOfMemory { .. }) {
         return error;
     }
-    let hint = format!("; the scene has {triangles} triangles in {objects} objects");
+    let of = [counted(triangles, "triangle", "triangles"), counted(objects, "object", "objects")];
+    let hint = format!("; the scene has {} in {}", of[0], of[1]);
     Error::At { path: capture.join("scene.obj"), line: None, problem: Box::new(error), hint }
 }
 
@@ -133,7 +139,7 @@ fn report_validation(context: &Context) -> Result<()> {
         None => Ok(()),
         Some(first) => Err(Error::Vulkan {
             call: "the validation layer",
-            result: format!("{} messages, the first: {first}", messages.len()),
+            result: format!("{}, the first: {first}", counted(messages.len(), "message", "messages")),
         }),
     }
 }

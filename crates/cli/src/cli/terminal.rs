@@ -14,7 +14,7 @@ use tracing_subscriber::layer::{Context, Filter, SubscriberExt as _};
 use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 
 /// Warnings of one kind that are written out; further ones are counted.
 const WARNINGS_OF_A_KIND: usize = 10;
@@ -59,7 +59,10 @@ pub fn start_log() {
 pub fn end_log() {
     let left_out: usize = counts().iter().map(|(_, n)| n.saturating_sub(WARNINGS_OF_A_KIND)).sum();
     if left_out > 0 {
-        say(format_args!("{left_out} more warnings like these, {WARNINGS_OF_A_KIND} of each kind are shown"));
+        say(format_args!(
+            "{} like these, {WARNINGS_OF_A_KIND} of each kind are shown",
+            counted(left_out, "more warning", "more warnings")
+        ));
     }
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::terminal::print;
 use shutterbug::engine::Frame;
-use shutterbug::error::Result;
+use shutterbug::error::{Result, counted};
 use shutterbug::gpu::{Context, DeviceKind};
 use shutterbug::plane::write_atomic;
 
@@ -86,8 +86,13 @@ impl Timings {
         let clock = if report.software_device { "CPU time by a software driver" } else { "GPU time" };
         let json = serde_json::to_string_pretty(&report).expect("numbers and strings serialize");
         write_atomic(&out.join("timings.json"), json.as_bytes())?;
-        let mut text =
-            format!("{} frames of {}x{}, {} ({clock})\n", report.frames, size[0], size[1], info.name);
+        let mut text = format!(
+            "{} of {}x{}, {} ({clock})\n",
+            counted(report.frames, "frame", "frames"),
+            size[0],
+            size[1],
+            info.name
+        );
         text += &format!("{:<16} {:>10} {:>10}\n", "pass", "median ms", "p95 ms");
         for row in &report.passes {
             text += &format!("{:<16} {:>10.3} {:>10.3}\n", row.name, row.ms_median, row.ms_p95);

@@ -10,7 +10,7 @@ use super::yaml::{self, Field, shortened};
 use super::{CameraModel, Imported, euroc};
 use shutterbug::camera::{Pose, Stamp};
 use shutterbug::capture::{FrameEntry, check_columns, parse_frames, read_text};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::Limit;
 
 /// Length of a recorded quaternion, as in `trajectory.tum`.
@@ -63,13 +63,17 @@ impl Motion {
         self.frames.retain(|f| f.timestamp_ns >= from && f.timestamp_ns.saturating_add(period_ns) <= to);
         let lost = before - self.frames.len();
         if self.frames.is_empty() {
-            let found = format!("poses from {from} ns to {to} ns, and {before} frames outside");
+            let found = format!(
+                "poses from {from} ns to {to} ns, and {} outside",
+                counted(before, "frame", "frames")
+            );
             return Err(Error::input(path, None, found, "poses that cover frames: are both on one clock?"));
         }
         if lost > 0 {
             self.notes.push(format!(
-                "{lost} of {before} frames are left out: poses reach from {from} ns to {to} ns and are never \
-                 extrapolated"
+                "{lost} of {} left out: poses reach from {from} ns to {to} ns and are never \
+                 extrapolated",
+                counted(before, "frame is", "frames are")
             ));
         }
         Ok(())
@@ -161,7 +165,7 @@ pub(super) fn parse_ground_truth(path: &Path, text: &str) -> Result<Vec<(i64, Po
     for (number, line) in content_lines(text) {
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         if fields.len() < 8 {
-            return Err(Error::input(path, number, format!("{} values", fields.len()), expected));
+            return Err(Error::input(path, number, counted(fields.len(), "value", "values"), expected));
         }
         let ns: i64 = fields[0].parse().map_err(|_| {
             let found = format!("timestamp `{}`", shortened(fields[0]));
@@ -201,7 +205,12 @@ pub fn read_kitti(poses_path: &Path, times: Option<&Path>) -> Result<Motion> {
     let times_path = times.map_or_else(|| times_beside(poses_path), Path::to_owned);
     let times = read_times(&times_path)?;
     if times.len() != poses.len() {
-        let found = format!("{} times for {} poses of {}", times.len(), poses.len(), poses_path.display());
+        let found = format!(
+            "{} for {} of {}",
+            counted(times.len(), "time", "times"),
+            counted(poses.len(), "pose", "poses"),
+            poses_path.display()
+        );
         return Err(Error::input(&times_path, None, found, "one time a pose"));
     }
     let epoch_ns = times[0];
@@ -250,7 +259,7 @@ pub(super) fn parse_kitti_poses(path: &Path, text: &str) -> Result<Vec<Pose>> {
     for (number, line) in content_lines(text) {
         let fields: Vec<&str> = line.split_whitespace().collect();
         if fields.len() != 12 {
-            return Err(Error::input(path, number, format!("{} values", fields.len()), expected));
+            return Err(Error::input(path, number, counted(fields.len(), "value", "values"), expected));
         }
         let pose = rigid(numbers(path, number, &fields)?);
         poses.push(pose.map_err(|found| {

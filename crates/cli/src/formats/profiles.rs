@@ -14,7 +14,7 @@ use super::yaml::{self, Field};
 use super::{CameraModel, common};
 use shutterbug::camera::{Distortion, Intrinsics};
 use shutterbug::capture::read_text;
-use shutterbug::error::{Error, Quoted, Result};
+use shutterbug::error::{Error, Quoted, Result, counted};
 use shutterbug::files::{Limit, read_if_there};
 
 /// Deepest folder, and most files, that are looked at.
@@ -188,7 +188,12 @@ impl Profile {
 
     fn error(&self) -> String {
         match (self.about.rms_px, self.about.images) {
-            (Some(rms_px), Some(images)) => format!("calibrated to {rms_px} px rms with {images} pictures"),
+            (Some(rms_px), Some(images)) => {
+                format!(
+                    "calibrated to {rms_px} px rms with {}",
+                    counted(images as usize, "picture", "pictures")
+                )
+            }
             (Some(rms_px), None) => format!("calibrated to {rms_px} px rms"),
             _ => "error of the calibration not stated".to_owned(),
         }

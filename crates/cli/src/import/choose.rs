@@ -10,7 +10,7 @@ use super::poses::{poses_of, written_imu};
 use super::prepared::{Pictures, Prepared, Request};
 use super::topic::Topic;
 use crate::formats::{CameraModel, Format, write_camera};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 
 /// Decides, and makes everything but the frames.
 pub(super) fn choose(log: &Log, all: &Gathered, request: &Request) -> Result<Prepared> {
@@ -76,14 +76,16 @@ fn keep_covered(
         *place = place.and_then(|p| p.checked_sub(first)).filter(|p| *p < times_ns.len());
     }
     if times_ns.is_empty() {
-        let found = format!("poses from {from} ns to {to} ns, and {before} frames outside");
+        let found =
+            format!("poses from {from} ns to {to} ns, and {} outside", counted(before, "frame", "frames"));
         let expected = "poses that cover frames (are both on one clock?), or --poses none";
         return Err(Error::input(&chosen.log.path, None, found, expected));
     }
     if times_ns.len() < before {
         let lost = before - times_ns.len();
         notes.push(format!(
-            "{lost} of {before} frames are left out: poses reach from {from} ns to {to} ns and are never extrapolated"
+            "{lost} of {} left out: poses reach from {from} ns to {to} ns and are never extrapolated",
+            counted(before, "frame is", "frames are")
         ));
     }
     Ok(())

@@ -10,7 +10,7 @@ use super::log::Log;
 use super::prepared::{NONE, Request, is_tree};
 use super::topic::{Encoding, Kind, Topic};
 use crate::formats::CameraModel;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 
 /// Most names that an error lists.
 const MAX_NAMED: usize = 8;
@@ -70,8 +70,10 @@ impl Chosen<'_> {
         let (about, name) = (&self.all.about[place], &self.topic(place).name);
         let (at, fault) = about.first_fault.as_ref()?;
         let found = format!(
-            "{} of {} messages of `{name}` that cannot be read, the first with {} at byte {at}",
-            about.faults, about.count, fault.found
+            "{} of {} of `{name}` that cannot be read, the first with {} at byte {at}",
+            about.faults,
+            counted(about.count, "message", "messages"),
+            fault.found
         );
         Some((found, fault.expected.clone()))
     }
@@ -161,7 +163,10 @@ impl Chosen<'_> {
         }
         notes.extend(more.into_iter().map(|n| format!("`{name}`: {n}")));
         if *differing > 0 {
-            notes.push(format!("{differing} messages of `{name}` differ from the first, which is taken"));
+            notes.push(format!(
+                "{} of `{name}` unlike the first, which is taken",
+                counted(*differing, "message is", "messages are")
+            ));
         }
         Ok(camera)
     }

@@ -10,7 +10,7 @@ use super::messages::picture;
 use super::pixels::{PictureFile, file_of};
 use super::prepared::{Pictures, Prepared};
 use super::wire::Fault;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{Limit, read, write_atomic};
 use shutterbug_diagnose::out::{Out, make_folder};
 
@@ -111,7 +111,8 @@ fn finish(
         let (count, time_ns) = (faults.len(), prepared.times_ns[*frame]);
         let all = prepared.times_ns.len();
         let found = format!(
-            "{count} of {all} pictures that cannot be used, the first, of {time_ns} ns, with {}",
+            "{count} of {} that cannot be used, the first, of {time_ns} ns, with {}",
+            counted(all, "picture", "pictures"),
             fault.found
         );
         (found, fault.expected.clone())

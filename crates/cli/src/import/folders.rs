@@ -11,7 +11,7 @@ use crate::formats::{
 };
 use shutterbug::camera::{Intrinsics, Pose};
 use shutterbug::capture::{FrameEntry, parse_frames, read_text};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{Limit, read};
 
 /// KITTI's pixel centres are at whole numbers.
@@ -108,7 +108,11 @@ fn pictures(folder: &Path, frames: &[FrameEntry], notes: &mut Vec<String>) -> Re
             Ok(Pictures::Missing)
         }
         Some(first) => {
-            let found = format!("no such file, as {} of {} pictures", missing.len(), paths.len());
+            let found = format!(
+                "no such file, as {} of {}",
+                missing.len(),
+                counted(paths.len(), "picture", "pictures")
+            );
             Err(Error::input(first, None, found, "all pictures that the list names"))
         }
     }

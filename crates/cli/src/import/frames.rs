@@ -1,6 +1,7 @@
 //! When frames were taken, in order.
 
 use super::gather::Shot;
+use shutterbug::error::counted;
 
 /// Times of frames, and which frame each message is.
 pub(super) struct Timed {
@@ -27,7 +28,10 @@ pub(super) fn timed(shots: &[Option<Shot>], topic: &str, notes: &mut Vec<String>
     }
     let late = known.windows(2).filter(|w| time(&w[1].1) < time(&w[0].1)).count();
     if late > 0 {
-        notes.push(format!("{late} pictures of `{topic}` come after a later one: they are sorted by time"));
+        notes.push(format!(
+            "{} of `{topic}` after a later one: sorted by time",
+            counted(late, "picture", "pictures")
+        ));
     }
     let mut order = known;
     order.sort_by_key(|(_, s)| time(s));
@@ -35,7 +39,10 @@ pub(super) fn timed(shots: &[Option<Shot>], topic: &str, notes: &mut Vec<String>
     order.dedup_by_key(|(_, s)| time(s));
     if order.len() < before {
         let lost = before - order.len();
-        notes.push(format!("{lost} pictures of `{topic}` have the stamp of another and are left out"));
+        notes.push(format!(
+            "{} of `{topic}` with the stamp of another: left out",
+            counted(lost, "picture", "pictures")
+        ));
     }
     let mut result = Timed { times_ns: Vec::new(), frame_of: vec![None; shots.len()] };
     for (message, shot) in order {
@@ -77,8 +84,8 @@ mod tests {
         let mut all = timed(&shots, "/c", &mut notes);
         assert_eq!(all.times_ns, [10, 20, 30]);
         assert_eq!(all.frame_of, [Some(2), Some(0), None, Some(1), None]);
-        assert!(notes.iter().any(|n| n.starts_with("1 pictures of `/c` come after")), "{notes:?}");
-        assert!(notes.iter().any(|n| n.starts_with("1 pictures of `/c` have the stamp")), "{notes:?}");
+        assert!(notes.iter().any(|n| n.starts_with("1 picture of `/c` after a later")), "{notes:?}");
+        assert!(notes.iter().any(|n| n.starts_with("1 picture of `/c` with the stamp")), "{notes:?}");
         assert_eq!((periods_ns(&all.times_ns), periods_ns(&[7])), (10, 0));
         all.thin(2);
         assert_eq!((all.times_ns, all.frame_of), (vec![10, 30], vec![Some(1), Some(0), None, None, None]));

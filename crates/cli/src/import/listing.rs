@@ -2,7 +2,7 @@
 
 use super::gather::Gathered;
 use super::log::Log;
-use shutterbug::error::one_line;
+use shutterbug::error::{counted, one_line};
 
 /// Topics with type, count, rate and span.
 pub(super) fn listing(log: &Log, all: &Gathered) -> String {
@@ -85,9 +85,9 @@ pub(super) fn of_folder(prepared: &super::Prepared) -> String {
     let files: Vec<&str> = prepared.texts.iter().map(|(name, _)| *name).collect();
     let span_s = last.saturating_sub(first) as f64 * 1e-9;
     format!(
-        "{} frames over {span_s:.3} s from {first} ns on, {} poses; also {}\n",
-        prepared.times_ns.len(),
-        prepared.poses.len(),
+        "{} over {span_s:.3} s from {first} ns on, {}; also {}\n",
+        counted(prepared.times_ns.len(), "frame", "frames"),
+        counted(prepared.poses.len(), "pose", "poses"),
         if files.is_empty() { "nothing".to_owned() } else { files.join(", ") }
     )
 }

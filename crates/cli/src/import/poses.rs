@@ -6,7 +6,7 @@ use super::chosen::{Chosen, told};
 use super::prepared::{NONE, is_tree};
 use super::topic::{Kind, Topic};
 use shutterbug::camera::Pose;
-use shutterbug::error::Result;
+use shutterbug::error::{Result, counted};
 
 /// World from camera at increasing times, ns.
 type Poses = Vec<(i64, Pose)>;
@@ -27,7 +27,7 @@ pub(super) fn poses_of(chosen: &Chosen<'_>, notes: &mut Vec<String>) -> Result<O
     poses.sort_by_key(|(t, _)| *t);
     poses.dedup_by_key(|(t, _)| *t);
     if late > 0 {
-        notes.push(format!("{late} poses come after a later one: they are sorted by time"));
+        notes.push(format!("{} after a later one: sorted by time", counted(late, "pose", "poses")));
     }
     Ok(Some(poses))
 }
@@ -90,12 +90,12 @@ fn of_tree(chosen: &Chosen<'_>, way: &str, notes: &mut Vec<String>) -> Result<Po
     let stamps = tree.stamps(&parent, &child);
     let poses: Poses = stamps.iter().filter_map(|t| Some((*t, tree.pose(&parent, &child, *t)?))).collect();
     if poses.len() < 2 {
-        let found = format!("{} poses of `{child}` in `{parent}` over time", poses.len());
+        let found = format!("{} of `{child}` in `{parent}` over time", counted(poses.len(), "pose", "poses"));
         return Err(chosen.bad(found, "a way through tf that moves, known at two times or more"));
     }
     if tree.contradictions > 0 {
-        let count = tree.contradictions;
-        notes.push(format!("tf: {count} links hang a frame on a second parent; the first counts"));
+        let count = counted(tree.contradictions, "link hangs", "links hang");
+        notes.push(format!("tf: {count} a frame on a second parent; the first counts"));
     }
     if chosen.request.poses.is_none() {
         let places = chosen.places(|t| t.kind == Kind::Tf);

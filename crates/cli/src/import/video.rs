@@ -9,7 +9,7 @@ use super::Damage;
 use super::contents::Body;
 use super::pixels::{PictureFile, file_of};
 use super::wire::Fault;
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{MAX_PIXELS, MAX_SIDE_PX};
 
 /// Most frames of a video: a day and a half at 30 a second.
@@ -205,14 +205,14 @@ impl Video {
         steps.sort_unstable();
         let step = |i: usize| steps.get(i).copied().unwrap_or(0) as f64 * 1e-6;
         format!(
-            "{}: video, {} {} {}x{}, {} frames, {span_s:.3} s from {:.3} s on, {rate:.3} Hz, steps of {:.3} to {:.3} \
+            "{}: video, {} {} {}x{}, {}, {span_s:.3} s from {:.3} s on, {rate:.3} Hz, steps of {:.3} to {:.3} \
              ms\n",
             one_line(&self.path.display().to_string()),
             one_line(&self.codec),
             one_line(&self.pixels),
             self.size[0],
             self.size[1],
-            self.times_ns.len(),
+            counted(self.times_ns.len(), "frame", "frames"),
             first as f64 * 1e-9,
             step(0),
             step(steps.len().saturating_sub(1)),
@@ -229,7 +229,8 @@ impl Video {
             (Some(n), Some(said)) => format!("{n} are announced; ffmpeg says: {said}"),
         };
         let found = format!(
-            "a video that breaks off or is damaged, after {frames} frames ({why}); they were imported"
+            "a video that breaks off or is damaged, after {} ({why}); what can be read was imported",
+            counted(frames, "frame", "frames")
         );
         Some((found, "a whole video".to_owned()))
     }

@@ -8,7 +8,7 @@ use glam::DVec2;
 
 use super::input::Picture;
 use super::target::{Seen, View};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{Limit, read};
 
 const HEADER: &str = "file,col,row,u_px,v_px";
@@ -45,7 +45,7 @@ pub fn read_corners(path: &Path) -> Result<BTreeMap<String, Vec<Seen>>> {
 fn parse<'a>(path: &Path, number: usize, line: &'a str) -> Result<(&'a str, Seen)> {
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
     let &[file, column, row, u, v] = fields.as_slice() else {
-        let found = format!("{} values", fields.len());
+        let found = counted(fields.len(), "value", "values");
         return Err(Error::input(path, number, found, format!("five: {HEADER}")));
     };
     let whole = |name: &str, text: &str| {

@@ -14,7 +14,7 @@ use super::orient::{align, even_is_dark};
 use super::refine::refined;
 use super::select::LEAST_POINTS;
 use super::target::{Pattern, Seen, Target, View};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{Limit, read};
 use shutterbug::plane::{Plane, decode_picture};
 
@@ -125,8 +125,7 @@ fn hash_of(grey: &Plane<u8>) -> u64 {
 }
 
 fn too_few(count: usize) -> String {
-    let points = if count == 1 { "point" } else { "points" };
-    format!("{count} {points} of the board, fewer than {LEAST_POINTS}")
+    format!("{} of the board, fewer than {LEAST_POINTS}", counted(count, "point", "points"))
 }
 
 /// Tags that lie closer together or further apart than was said would bend the camera.

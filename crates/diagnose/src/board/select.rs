@@ -12,7 +12,7 @@ use super::motion::BoardPath;
 use super::one_camera::OneCamera;
 use super::target::{Target, View};
 use shutterbug::camera::{Pose, Trajectory};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 
 /// Fewest views: each gives two equations for what is unknown of a camera, four with lens and centre.
 pub const LEAST_VIEWS: usize = 3;
@@ -152,8 +152,7 @@ fn next_px(points: &[Vec<Point>]) -> f64 {
 
 fn check(target: &Target, views: &[View], frames: &Path) -> Result<()> {
     if views.len() < LEAST_VIEWS {
-        let n = views.len();
-        let found = format!("the {} in {n} picture{}", target.describe(), if n == 1 { "" } else { "s" });
+        let found = format!("the {} in {}", target.describe(), counted(views.len(), "picture", "pictures"));
         return Err(Error::input(frames, None, found, format!("it in at least {LEAST_VIEWS}")));
     }
     Ok(())

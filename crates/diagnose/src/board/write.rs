@@ -17,7 +17,7 @@ use super::target::Target;
 use super::tone::Tone;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::capture::CameraFile;
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::files::{Limit, read, write_atomic};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb8, write_png_atomic};
 
@@ -166,8 +166,8 @@ fn camera_toml(
     camera.background_ignored = true;
     camera.static_camera = real.times_ns.is_none();
     let about = format!(
-        "# The pinhole of a camera, from {} views of a board ({}).\n",
-        observed.views.len(),
+        "# The pinhole of a camera, from {} of a board ({}).\n",
+        counted(observed.views.len(), "view", "views"),
         target.describe()
     );
     let why = "# Fitted together with a lens and a readout (board.json), which are left out here: `diagnose` is to \

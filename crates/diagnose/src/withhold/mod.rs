@@ -41,7 +41,7 @@ use crate::diagnose::{REPORT_FILE, Report};
 use crate::out;
 use make::Case;
 use shutterbug::capture::read_text;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{self, Limit};
 use shutterbug::plane::write_atomic;
 
@@ -103,7 +103,11 @@ pub fn withhold(
     let manifest = begin(options)?;
     let candidates = crate::diagnose::effect_names();
     let available = options.form.tells(&hidden::available(&candidates));
-    say(&format!("{} effects can be hidden: {}", available.len(), available.join(", ")));
+    say(&format!(
+        "{} hidden: {}",
+        counted(available.len(), "effect can be", "effects can be"),
+        available.join(", ")
+    ));
     let (clock, mut fresh) = (Instant::now(), 0usize);
     let mut result = WithholdResult { options: manifest, summary: Summary::default(), cases: Vec::new() };
     for index in 0..options.count {

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use shutterbug::capture::Capture;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::plane::{Plane, read_rgb8};
 
 use crate::diagnose::report::LeftOut;
@@ -118,24 +118,32 @@ impl Evidence {
         let reach_s = keep_covered(capture, &mut frames, &mut left_out);
         if frames.len() < FEWEST_FRAMES {
             let why: Vec<_> = left_out.iter().take(3).map(|l| format!("{}: {}", l.filename, l.why)).collect();
-            let found = format!("{} usable frames ({})", frames.len(), why.join(", "));
+            let found =
+                format!("{} ({})", counted(frames.len(), "usable frame", "usable frames"), why.join(", "));
             let expected = format!("at least {FEWEST_FRAMES}: some to fit, others to judge");
             return Err(Error::input(folder, None, found, expected));
         }
         let px = k.width as usize * k.height as usize;
         let split = keep_few(capture, px, &mut frames, &mut left_out);
         let frames = in_dn(frames);
-        let mut warnings = capture.camera.warnings.clone();
-        // A shutter is a candidate: it may be open until the next frame.
-        let gaps = capture.gap_warnings(capture.camera.frame_period_s);
-        gaps.iter().for_each(|gap| tracing::warn!("{gap}"));
-        warnings.extend(gaps);
-        if !left_out.is_empty() {
-            warnings.push(format!("{} of {} frames were left out", left_out.len(), capture.frames.len()));
-        }
+        let warnings = warnings(capture, left_out.len());
         let [fit, choose, report] = split;
         Ok(Self { frames, fit, choose, report, left_out, reach_s, warnings })
     }
+}
+
+/// What a reader should know of the capture and its frames.
+fn warnings(capture: &Capture, left_out: usize) -> Vec<String> {
+    let mut all = capture.camera.warnings.clone();
+    // A shutter is a candidate: it may be open until the next frame.
+    let gaps = capture.gap_warnings(capture.camera.frame_period_s);
+    gaps.iter().for_each(|gap| tracing::warn!("{gap}"));
+    all.extend(gaps);
+    if left_out > 0 {
+        let of = counted(capture.frames.len(), "frame was", "frames were");
+        all.push(format!("{left_out} of {of} left out"));
+    }
+    all
 }
 
 impl Evidence {

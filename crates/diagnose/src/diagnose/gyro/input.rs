@@ -10,7 +10,7 @@ use crate::diagnose::expect::pair::{notes_of_kind, pictures};
 use shutterbug::camera::{Intrinsics, Lens};
 use shutterbug::capture::{CameraFile, IMU_COLUMNS, check_columns, parse_frames, read_text};
 use shutterbug::effects::LensDistortion;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::Limit;
 use shutterbug::plane::{Plane, read_rgb8};
 
@@ -74,8 +74,8 @@ impl Footage {
         let pairs = pairs(&frames, period_s, &gyro);
         if pairs.len() < FEWEST_PAIRS {
             let [from_s, to_s] = gyro.span_s();
-            let found =
-                format!("rates from {from_s:.3} to {to_s:.3} s, which cover {} pairs of frames", pairs.len());
+            let count = counted(pairs.len(), "pair of frames", "pairs of frames");
+            let found = format!("rates from {from_s:.3} to {to_s:.3} s, which cover {count}");
             let last_s = frames[frames.len() - 1].start_s;
             let expected =
                 format!("at least {FEWEST_PAIRS} of the frames, which are from 0 to {last_s:.3} s");

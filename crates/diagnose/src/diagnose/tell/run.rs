@@ -29,7 +29,7 @@ use crate::diagnose::search::searches::{Outcome, search_all};
 use crate::diagnose::search::{Search, Watch};
 use shutterbug::capture::{CameraFile, Capture};
 use shutterbug::chain::Settings;
-use shutterbug::error::Result;
+use shutterbug::error::{Result, counted};
 use shutterbug::gpu::Context;
 
 /// How often where frames are compared is looked for.
@@ -204,7 +204,12 @@ fn prepare(
     evidence.warnings.extend(given.pair.iter().flat_map(|p| p.notes.clone()));
     let journal = Journal::open(options, || given.key(&evidence, options))?;
     if journal.found > 0 {
-        progress.step("going on", &format!("{} results of an earlier run are there", journal.found), 1, 1);
+        progress.step(
+            "going on",
+            &format!("{} of an earlier run found", counted(journal.found, "result", "results")),
+            1,
+            1,
+        );
     }
     budget.count = Count { all: evidence.frames.len(), report: evidence.report.len() };
     if budget.is_limited() {

@@ -39,7 +39,7 @@ use clock::Clock;
 use fingerprint::{Fingerprint, apart, distance};
 use marks::BINS;
 use shutterbug::capture::CameraFile;
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::plane::{Plane, read_rgb8};
 use simulated::Simulated;
 
@@ -67,7 +67,7 @@ impl Folder {
     fn list(path: &Path) -> Result<Self> {
         let all = pictures(path)?;
         if all.len() < FEWEST_FRAMES {
-            let found = format!("{} pictures", all.len());
+            let found = counted(all.len(), "picture", "pictures");
             let expected = format!("at least {FEWEST_FRAMES}: half of them are kept to judge by");
             return Err(Error::input(path, None, found, expected));
         }

@@ -23,7 +23,7 @@ use crate::diagnose::expect::compared::bytes;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::pair::pictures;
 use crate::diagnose::report::{Measure, Report};
-use shutterbug::error::{Error, Result, one_line};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::write_png_atomic;
 
 /// What stands for the folders in the command: real frames, and those that they are compared with.
@@ -264,9 +264,10 @@ impl Begun {
         };
         let (before, among, real, simulated) = (self.before, self.among_real, self.real, self.simulated);
         report.sentence += &format!(
-            " By {name}, {real} real frames that no fit has seen are {before:.4} from {simulated} simulated \
-            ones as they are, \
-             {after:.4} from them with what was found, and {among:.4} from other real ones."
+            " By {name}, the distance of {} that no fit has seen from {} is {before:.4} as they are, {after:.4} with \
+             what was found, and {among:.4} from other real ones.",
+            counted(real, "real frame", "real frames"),
+            counted(simulated, "simulated one", "simulated ones")
         );
         report.measures.push(Measure {
             name: format!("distance by {name}"),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::matched::{Matched, stem};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 
 /// Checks the folders of planes beside simulated frames; notes on what is not read.
 ///
@@ -26,9 +26,9 @@ pub(super) fn notes(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<
         }
         if name == "mask" && !missing.is_empty() {
             notes.push(format!(
-                "mask/ has nothing for {} of {} frames, {} the first: they are compared as a whole",
+                "mask/ has nothing for {} of {}, {} the first: they are compared as a whole",
                 missing.len(),
-                matched.len(),
+                counted(matched.len(), "frame", "frames"),
                 missing[0]
             ));
         }

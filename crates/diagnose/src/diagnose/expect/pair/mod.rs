@@ -31,7 +31,7 @@ use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX};
 use crate::diagnose::report::Alignment;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::capture::{CameraFile, Capture, FrameEntry};
-use shutterbug::error::{Error, Result};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
@@ -122,9 +122,9 @@ impl Pair {
         }
         let parts = stills::parts(matched.len());
         if parts > 1 {
-            let count = matched.len();
+            let count = counted(matched.len(), "picture", "pictures");
             notes.push(format!(
-                "{count} pictures: each is divided into {parts} parts, some to fit and others to judge by"
+                "{count}: each is divided into {parts} parts, some to fit and others to judge by"
             ));
             sim_frames.divide(parts);
         }

@@ -2,6 +2,7 @@
 
 use super::{Pairs, median};
 use crate::diagnose::evidence::Evidence;
+use shutterbug::error::counted;
 
 /// What another simulated frame must leave of the unlikeness to its own for a real one to be that frame.
 const LEFT: f64 = 0.15;
@@ -85,10 +86,10 @@ fn whole(pairs: &Pairs, late: usize, ahead: bool) -> bool {
 
 fn shifted(late: usize, ahead: bool) -> String {
     let (is, before) = if ahead { ("later", "dropped") } else { ("earlier", "put in") };
-    let (frames, were) = if late == 1 { ("frame", "was") } else { ("frames", "were") };
+    let (frames, were) = (counted(late, "frame", "frames"), counted(late, "frame was", "frames were"));
     format!(
-        "each real frame is the one that the simulation shows {late} {frames} {is}: frames.csv and real/ are \
-         shifted, {late} {frames} {were} {before} at the start, or the clocks are off by a whole number of frames"
+        "each real frame is the one that the simulation shows {frames} {is}: frames.csv and real/ are \
+         shifted, {were} {before} at the start, or the clocks are off by a whole number of frames"
     )
 }
 
@@ -103,12 +104,9 @@ fn from_a_frame_on(pairs: &Pairs, found: &[usize]) -> Option<String> {
     }
     let at = pairs.indices[first];
     let n = shift.unsigned_abs();
-    let what = match (shift > 0, n) {
-        (true, 1) => "a frame was dropped".to_owned(),
-        (true, n) => format!("{n} frames were dropped"),
-        (false, 1) => "a frame stands there twice or was put in".to_owned(),
-        (false, n) => format!("{n} frames were put in"),
-    };
+    let were = counted(n as usize, "frame was", "frames were");
+    let what =
+        if shift > 0 { format!("{were} dropped") } else { format!("{were} put in or stand there twice") };
     Some(format!("from frame {at} on the real frames are those of other times by {n}: {what} before it"))
 }
 
