@@ -116,6 +116,12 @@ impl Trajectory {
         ends.into_iter().map(gap).collect()
     }
 
+    /// Number of poses strictly inside a span.
+    pub fn poses_within(&self, from_s: f64, to_s: f64) -> usize {
+        let before = |end_s: f64| self.times_s.partition_point(|&t| t < end_s);
+        before(to_s).saturating_sub(self.times_s.partition_point(|&t| t <= from_s))
+    }
+
     /// Number of poses.
     pub fn pose_count(&self) -> usize {
         self.poses.len()

@@ -102,15 +102,17 @@ fn parse_line<'a>(path: &Path, number: usize, line: &'a str) -> Result<(i64, &'a
         let found = format!("timestamp `{}`", shortened(timestamp));
         Error::input(path, number, found, format!("a whole number of ns that fits in 64 bits{hint}"))
     })?;
-    if filename.is_empty()
-        || filename.starts_with('.')
-        || filename.contains(['/', '\\', ',', ':'])
-        || filename.contains(char::is_control)
-    {
+    if !is_plain_name(filename) {
         let found = format!("file name `{}`", shortened(filename).escape_debug());
         return Err(Error::input(path, number, found, "a plain name such as 000000.png, without folders"));
     }
     Ok((timestamp_ns, filename))
+}
+
+/// Whether this is the name of a file in a folder, not a way to one elsewhere.
+pub fn is_plain_name(name: &str) -> bool {
+    let elsewhere = |c: char| "/\\,:".contains(c) || c.is_control();
+    !name.is_empty() && !name.starts_with('.') && !name.contains(elsewhere)
 }
 
 /// The start of what was found, so that an error stays one line.

@@ -10,12 +10,13 @@ mod json;
 mod lights;
 mod text;
 mod tum;
+mod units;
 
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
 pub use columns::{IMU_COLUMNS, check_columns};
-pub use frames_csv::{FrameEntry, clock_epoch_ns, parse_frames};
+pub use frames_csv::{FrameEntry, clock_epoch_ns, is_plain_name, parse_frames};
 pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;
 
@@ -91,8 +92,12 @@ impl Capture {
         }
         let trajectory = tum::read_trajectory(&root.join("trajectory.tum"), epoch_ns)?;
         tum::bind_objects(root, epoch_ns, &mut scene)?;
-        let capture = Self { root: root.to_owned(), camera, scene, trajectory, frames, epoch_ns };
+        let mut capture = Self { root: root.to_owned(), camera, scene, trajectory, frames, epoch_ns };
         capture.check_coverage()?;
+        if let Some(warning) = units::unused_poses(&capture) {
+            tracing::warn!("{warning}");
+            capture.camera.warnings.push(warning);
+        }
         Ok(capture)
     }
 
@@ -179,7 +184,14 @@ fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Resul
         let expected = format!("at least two, as {what} needs poses from {from_s:.9} s to {to_s:.9} s");
         return Err(Error::input(trajectory.path(), None, found, expected));
     }
-    trajectory.require(from_s, to_s, what)
+    trajectory.require(from_s, to_s, what).map_err(|problem| {
+        match units::of_poses(trajectory, [from_s, to_s]) {
+            Some(hint) => {
+                Error::At { path: trajectory.path().to_owned(), line: None, problem: Box::new(problem), hint }
+            }
+            None => problem,
+        }
+    })
 }
 
 /// Frames may be left out of a capture, but none can follow another in less than the frame period. Up to a hundredth is
@@ -189,8 +201,7 @@ fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String>
     if closest_s >= 0.99 * frame_period_s {
         return None;
     }
-    // 33.3 for a camera of 30 frames a second.
-    let hint = if closest_s * 100.0 < frame_period_s { "; is the period in s?" } else { "" };
+    let hint = units::of_spacing(closest_s, frame_period_s);
     Some(format!("frames are as near as {closest_s} s, but frame_period_s = {frame_period_s} s{hint}"))
 }
 

@@ -25,8 +25,8 @@ fn made_by_hand(text: &str) -> Vec<String> {
 
 fn counts(line: &str) -> bool {
     THINGS.iter().any(|thing| {
-        let found = line.match_indices(&format!("}} {thing}"));
-        found.map(|(at, _)| &line[..at]).any(|before| {
+        let plural = format!("}} {thing}");
+        line.match_indices(&plural).map(|(at, _)| &line[..at]).any(|before| {
             let Some(open) = before.rfind('{') else { return false };
             let name = &before[open + 1..];
             let of_all = before[..open].ends_with("of ") || before[..open].ends_with('/');

@@ -172,7 +172,7 @@ fn cameras_that_are_odd_but_possible_are_read_with_a_warning() {
     assert!(camera.warnings.is_empty(), "{:?}", camera.warnings);
     fixture.write("camera.toml", CAMERA.replace("0.04", "40"));
     let warnings = fixture.read().expect("allowed").camera.warnings;
-    assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in s?"]);
+    assert_eq!(warnings, ["frames are as near as 0.04 s, but frame_period_s = 40 s; is the period in ms?"]);
 }
 
 #[test]

@@ -267,7 +267,7 @@ pub struct Diagnose {
     pub unpaired: bool,
     /// A distance of your own, before and after, as "fid {a} {b}": a command that is given two folders of pictures and
     /// prints a number in its last line. It is split into words as by a shell, and run without one
-    #[arg(long, requires = "unpaired")]
+    #[arg(long, requires = "unpaired", conflicts_with_all = ["matches", "capture", "camera", "scene", "poses"])]
     pub distance: Option<String>,
     /// Folder for report.json, camera.toml and pictures; made if absent
     #[arg(long)]
@@ -310,6 +310,10 @@ pub enum Described {
     Estimated,
 }
 
+/// What does not go with `--curve`. Options that require it name these too: clap asks for no option that conflicts with
+/// one that is there, and what requires it would be ignored.
+const NOT_OF_A_CURVE: [&str; 4] = ["count", "imperfect", "form", "only"];
+
 /// Arguments of `withhold`.
 #[derive(Debug, clap::Args)]
 pub struct Withhold {
@@ -342,10 +346,12 @@ pub struct Withhold {
     #[arg(long, value_delimiter = ',', conflicts_with = "count")]
     pub curve: Vec<String>,
     /// --curve: strengths per effect
-    #[arg(long, requires = "curve", default_value_t = 6, value_parser = in_steps(2, 40))]
+    #[arg(long, requires = "curve", conflicts_with_all = NOT_OF_A_CURVE, default_value_t = 6,
+        value_parser = in_steps(2, 40))]
     pub points: usize,
     /// --curve: captures per strength
-    #[arg(long, requires = "curve", default_value_t = 3, value_parser = in_steps(1, 1000))]
+    #[arg(long, requires = "curve", conflicts_with_all = NOT_OF_A_CURVE, default_value_t = 3,
+        value_parser = in_steps(1, 1000))]
     pub repeats: usize,
     /// Falsify the descriptions of the captures: reflectance, lamps, poses, object, or all
     #[arg(long, value_delimiter = ',', conflicts_with = "curve")]

@@ -88,7 +88,7 @@ pub enum PatternName {
 
 fn size(text: &str) -> Result<[usize; 2], String> {
     let number = |t: &str| t.trim().parse().ok().filter(|n| (2..1000).contains(n));
-    let both = text.split_once(['x', 'X']).and_then(|(a, b)| Some([number(a)?, number(b)?]));
+    let both = text.split_once(['x', 'X', '\u{d7}']).and_then(|(a, b)| Some([number(a)?, number(b)?]));
     both.ok_or_else(|| "columns and rows as in 9x6, each 2 to 999".to_owned())
 }
 
@@ -117,5 +117,20 @@ fn times(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(times @ 1..=64) => Ok(times),
         _ => Err("a whole number, 1 to 64".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::size;
+
+    #[test]
+    fn a_size_has_any_sign_of_times() {
+        for text in ["9x6", "9X6", "9\u{d7}6", " 9 \u{d7} 6 "] {
+            assert_eq!(size(text), Ok([9, 6]), "{text}");
+        }
+        for text in ["9", "9*6", "9\u{d7}", "1x6", "9xx6"] {
+            assert!(size(text).is_err(), "{text}");
+        }
     }
 }

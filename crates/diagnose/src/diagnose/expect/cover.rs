@@ -27,18 +27,18 @@ pub(crate) struct Cover {
 }
 
 impl Cover {
-    /// Where the given camera `base` sees geometry.
+    /// Where the given camera `base` sees geometry. `from` is what errors name: the camera of a scene, the folder of
+    /// frames that another simulator made.
     ///
     /// # Errors
     /// Less than a hundredth of the pixels.
-    pub(crate) fn new(forward: &Forward, base: &Theta, camera: &std::path::Path) -> Result<Self> {
+    pub(crate) fn new(forward: &Forward, base: &Theta, from: &std::path::Path) -> Result<Self> {
         let eroded =
             |room: usize| -> Vec<_> { forward.sharp.par_iter().map(|s| eroded(&s.coverage, room)).collect() };
         let outer = eroded(ROOM_PX);
         let masks: Vec<_> = (0..outer.len()).map(|at| seen(forward, at, base, &outer[at])).collect();
         if share(&masks) < 0.01 {
-            let found = "background = \"ignore\" leaves less than 1 % of the pixels to compare";
-            return Err(Error::input(camera, None, found, "a scene that fills more of the frames"));
+            return Err(too_little(forward.outside.is_some(), from));
         }
         Ok(Self { masks, inner: eroded(FITTED_ROOM_PX) })
     }
@@ -62,6 +62,23 @@ impl Cover {
         tracing::info!("compared: {:.1} % of the pixels, before {:.1} %", 100.0 * now, 100.0 * was);
         now < was
     }
+}
+
+/// That hardly anything is left to compare, and what left it out.
+fn too_little(of_frames: bool, from: &std::path::Path) -> Error {
+    let (found, expected) = if of_frames {
+        (
+            "less than 1 % of the pixels to compare: simulated values at white, what is black in mask/ and what other \
+             lines show (depth, motion) are left out",
+            "simulated frames that are not clipped, and a mask/ that is white where frames are compared",
+        )
+    } else {
+        (
+            "background = \"ignore\" leaves less than 1 % of the pixels to compare",
+            "a scene that fills more of the frames",
+        )
+    };
+    Error::input(from, None, found, expected)
 }
 
 /// Share of the pixels that are open.

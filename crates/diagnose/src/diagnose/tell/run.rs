@@ -223,7 +223,8 @@ fn prepare(
     let aligned =
         given.pair.map(|_| crate::diagnose::expect::pair::align(&mut forward, &evidence)).transpose()?;
     let compared = capture.camera.background_ignored || given.pair.is_some();
-    let cover = compared.then(|| Cover::new(&forward, &base, &capture.camera.path)).transpose()?;
+    let from = if given.pair.is_some() { &capture.root } else { &capture.camera.path };
+    let cover = compared.then(|| Cover::new(&forward, &base, from)).transpose()?;
     let set_up = setup_checks::look(&mut forward, &evidence, &base)?;
     set_up.iter().for_each(|what| progress.step("set-up", what, 1, 1));
     Ok(Prepared { evidence, forward, cover, aligned, set_up, journal })

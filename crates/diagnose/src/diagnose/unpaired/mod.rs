@@ -30,7 +30,7 @@ use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
-use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, pictures};
+use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, one_a_name, pictures};
 use crate::diagnose::judge::{closed_fraction, quantile};
 use crate::diagnose::report::Report;
 use crate::diagnose::search::decide::NAMED;
@@ -66,6 +66,7 @@ impl Folder {
     /// Too few pictures.
     fn list(path: &Path) -> Result<Self> {
         let all = pictures(path)?;
+        one_a_name(path, &all)?;
         if all.len() < FEWEST_FRAMES {
             let found = counted(all.len(), "picture", "pictures");
             let expected = format!("at least {FEWEST_FRAMES}: half of them are kept to judge by");

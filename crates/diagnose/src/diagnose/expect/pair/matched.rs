@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::Path;
 
-use shutterbug::capture::{FrameEntry, parse_frames, read_text};
-use shutterbug::error::{Error, Result};
+use shutterbug::capture::{FrameEntry, is_plain_name, parse_frames, read_text};
+use shutterbug::error::{Error, Result, one_line};
 use shutterbug::files::Limit;
 
 /// Extensions of pictures.
@@ -39,6 +39,23 @@ pub(super) fn matched(sim: &Path, real: &Path, given: Option<&Path>) -> Result<V
     by_name((sim, &sims), (real, &reals))
 }
 
+/// Refuses two pictures of one name: as which of them a frame is meant cannot be told, and one frame would count twice.
+pub(crate) fn one_a_name(folder: &Path, sorted: &[String]) -> Result<()> {
+    let mut of: HashMap<&str, &String> = HashMap::new();
+    for name in sorted {
+        if let Some(other) = of.insert(stem(name), name) {
+            let found = format!("{other} and {name}");
+            return Err(Error::input(
+                folder,
+                None,
+                found,
+                "names that differ, endings aside: one picture a frame",
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// The pictures in a folder, by name.
 ///
 /// # Errors
@@ -68,6 +85,8 @@ pub(super) fn stem(name: &str) -> &str {
 }
 
 fn by_name((sim, sims): (&Path, &[String]), (real, reals): (&Path, &[String])) -> Result<Vec<Matched>> {
+    one_a_name(sim, sims)?;
+    one_a_name(real, reals)?;
     let of: HashMap<&str, &String> = reals.iter().map(|r| (stem(r), r)).collect();
     let pair = |s: &String| Some(Matched { sim: s.clone(), real: (*of.get(stem(s))?).clone() });
     let all: Vec<Matched> = sims.iter().filter_map(pair).collect();
@@ -98,6 +117,10 @@ fn by_file(path: &Path, (sim, real): (&Path, &Path)) -> Result<Vec<Matched>> {
             return Err(Error::input(path, number, format!("`{line}`"), "`sim,real`: two file names"));
         };
         for (folder, name) in [(sim, a), (real, b)] {
+            if !is_plain_name(name) {
+                let found = format!("`{}`", one_line(name));
+                return Err(Error::input(path, number, found, "a plain file name, without folders"));
+            }
             if !folder.join(name).is_file() {
                 let found = format!("`{name}`, which is not in {}", folder.display());
                 return Err(Error::input(path, number, found, "names of files that are there"));
@@ -206,6 +229,10 @@ mod tests {
         assert_eq!(by_time, [pair("a.png", "b.jpg"), pair("b.png", "c.jpg")]);
     }
 
+    fn name_of(folder: &Path) -> String {
+        folder.file_name().expect("a name").to_string_lossy().into_owned()
+    }
+
     #[test]
     fn what_does_not_match_is_said_with_its_line() {
         let (sim, real) = (folder(&["a.png"]), folder(&["z.png"]));
@@ -219,6 +246,13 @@ mod tests {
         fs::write(&list, "sim,real\na.png,q.png\n").expect("written");
         let line = said(matched(sim.path(), real.path(), Some(&list)));
         assert!(line.contains("m.csv:2") && line.contains("q.png"), "{line}");
+        // A file elsewhere is no frame of the folder, whether it is there or not.
+        fs::write(&list, format!("a.png,../{}/z.png\n", name_of(real.path()))).expect("written");
+        let line = said(matched(sim.path(), real.path(), Some(&list)));
+        assert!(line.contains("m.csv:1") && line.contains("without folders"), "{line}");
+        let twice = folder(&["a.jpg", "a.png", "b.png"]);
+        let two = said(matched(twice.path(), sim.path(), None));
+        assert!(two.contains("a.jpg and a.png"), "{two}");
         let empty = folder(&[]);
         assert!(said(matched(empty.path(), real.path(), None)).contains("no picture"));
     }

@@ -41,7 +41,7 @@ pub(crate) use align::slopes_to;
 pub(crate) use frames::{Geometry, SimFrames};
 pub(crate) use kinds::notes as notes_of_kind;
 pub use matched::Matched;
-pub(crate) use matched::pictures;
+pub(crate) use matched::{one_a_name, pictures};
 pub(crate) use outside::Outside;
 pub(crate) use sample::{channel_at, depth_at};
 pub(crate) use stills::{FEW, needs_more};

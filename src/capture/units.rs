@@ -1,0 +1,73 @@
+//! Times that are in another unit than the file's: what would fit together if they were not.
+
+use super::Capture;
+use crate::camera::Trajectory;
+
+/// What a second is in other units, and their names.
+const UNITS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// Time between the frames of an ordinary camera, s. Of two times that contradict each other the one that is further
+/// from it (in octaves) is the one that is doubted.
+const ORDINARY_S: f64 = 1.0 / 30.0;
+
+/// The unit in which one time would be another: the power of a thousand that is nearest to their ratio.
+fn unit_of(ratio: f64) -> Option<&'static str> {
+    let thousands = (ratio.log10() / 3.0).round();
+    UNITS.iter().find(|(factor, _)| factor.log10() / 3.0 == thousands).map(|(_, name)| *name)
+}
+
+/// Frames that are nearer than the period: which of the two is in another unit, if so.
+pub(super) fn of_spacing(closest_s: f64, period_s: f64) -> String {
+    let Some(unit) = unit_of(period_s / closest_s) else { return String::new() };
+    let off = |s: f64| (s / ORDINARY_S).ln().abs();
+    if off(period_s) > off(closest_s) {
+        return format!("; is the period in {unit}?");
+    }
+    // What was read as ns would be so many times longer.
+    let written = match unit {
+        "ms" => "us",
+        "us" => "ms",
+        _ => "s",
+    };
+    format!("; are the timestamps in {written}, not in ns?")
+}
+
+/// By how much a span must be longer to be covered by poses, and what the two files are in then.
+fn fitting(path: &Trajectory, [from_s, to_s]: [f64; 2]) -> Option<(f64, String)> {
+    let pairs = [(1e9, "s", "ns"), (1e6, "ms", "us"), (1e3, "us", "ms")];
+    let (factor, frames, poses) = pairs.into_iter().find(|(f, ..)| path.covers(from_s * f, to_s * f))?;
+    Some((
+        factor,
+        format!("are the timestamps of frames.csv (ns) in {frames}, or these times (s) in {poses}?"),
+    ))
+}
+
+/// Poses that do not cover a frame: the units in which they would.
+pub(super) fn of_poses(path: &Trajectory, span_s: [f64; 2]) -> Option<String> {
+    fitting(path, span_s).map(|(_, units)| format!("; {units}"))
+}
+
+/// All frames between two poses, where in another unit poses would lie among them.
+pub(super) fn unused_poses(capture: &Capture) -> Option<String> {
+    let (path, last) = (&capture.trajectory, capture.frames.len().checked_sub(1)?);
+    let span_s = [capture.shutter(0).start_s, capture.shutter(last).end_s()];
+    if path.poses_within(span_s[0], span_s[1]) > 0 {
+        return None;
+    }
+    let (factor, units) = fitting(path, span_s)?;
+    (path.poses_within(span_s[0] * factor, span_s[1] * factor) > 0)
+        .then(|| format!("{}: all frames lie between two of its poses; {units}", path.path().display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_times_the_stranger_one_is_doubted() {
+        assert_eq!(of_spacing(0.04, 40.0), "; is the period in ms?");
+        assert_eq!(of_spacing(4e-11, 0.04), "; are the timestamps in s, not in ns?");
+        assert_eq!(of_spacing(4e-5, 0.04), "; are the timestamps in us, not in ns?");
+        // Control: a frame too many.
+        assert_eq!(of_spacing(0.02, 0.04), "");
+    }
+}
