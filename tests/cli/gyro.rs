@@ -105,6 +105,17 @@ fn footage(folder: &Path, name: &str, effects: &str) -> Option<PathBuf> {
     Some(real)
 }
 
+/// Rates of a gyro with that scale whose clock runs so many times as fast.
+fn gyro_of(real: &Path, scale: f64, clock: f64) {
+    let mut table = String::from("#timestamp [ns],wx,wy,wz\n");
+    for k in -120..=520 {
+        let t = 2.5e-3 * f64::from(k);
+        let w = scale * rate(t);
+        writeln!(table, "{},{},{},{}", 10_000_000_000 + (clock * t * 1e9) as i64, w.x, w.y, w.z).unwrap();
+    }
+    fs::write(real.join("imu.csv"), table).unwrap();
+}
+
 /// Rates at 400 Hz, scaled and later by so much, with the noise of a cheap sensor and so many times its drift.
 fn gyro(real: &Path, scale: f64, late_s: f64, drift: f64) {
     let mut dice = Dice(9);
@@ -212,6 +223,17 @@ fn a_gyro_tells_readout_exposure_and_clocks() {
         scaled["sentence"]
     );
     assert!(state(&scaled, "rolling_shutter").starts_with("undetermined"));
+    // A clock that runs 2 % fast changes nothing that is measured by the frames', and is said.
+    gyro_of(&real, 1.0, 1.02);
+    let fast = report(&real, &out);
+    holds(found(&fast, "rolling_shutter", "readout_time_s"), READOUT_S, 0.0009);
+    holds(found(&fast, "motion_blur", "exposure_time_s"), EXPOSURE_S, 0.0018);
+    assert!(fast["warnings"].to_string().contains("clock runs 2.0"), "{}", fast["warnings"]);
+    assert!(!all["warnings"].to_string().contains("clock runs"), "control: {}", all["warnings"]);
+    gyro_of(&real, -1.0, 1.0);
+    let opposite = report(&real, &out);
+    assert_eq!(opposite["verdict"], "unknown_effect");
+    assert!(opposite["sentence"].as_str().unwrap().contains("the opposite sign"), "{}", opposite["sentence"]);
     another_centre_is_no_cause_of_the_camera(&real, &out);
     refused(&real, &out);
 }

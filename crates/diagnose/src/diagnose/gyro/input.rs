@@ -95,6 +95,11 @@ impl Footage {
         })
     }
 
+    /// From the first frame to the last, s.
+    pub(super) fn span_s(&self) -> f64 {
+        self.frames[self.frames.len() - 1].start_s - self.frames[0].start_s
+    }
+
     pub(super) fn intrinsics(&self) -> &Intrinsics {
         &self.camera.intrinsics
     }

@@ -165,6 +165,7 @@ fn warnings(footage: &Footage, timed: Option<&Timed>) -> Vec<String> {
                 .to_owned(),
         );
     }
+    all.extend(timed.filter(|t| t.is_trusted()).and_then(Timed::clock));
     all.extend(timed.map(|t| {
         format!(
             "content moves {:.1} px from frame to frame; the scene is taken to be far: what is near moves \

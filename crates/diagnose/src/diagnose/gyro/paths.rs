@@ -32,13 +32,18 @@ pub(super) const MARGIN_PX: f64 = 0.05;
 const LEAST_MOTION_PX: f64 = 1.0;
 
 /// Numbers that are fitted: middle of the exposure of row 0 (or column 0) behind the timestamp, s; time from the
-/// first row to the last and from the first column to the last, s; drift of the gyro, rad/s; its scale less 1.
+/// first row to the last and from the first column to the last, s; drift of the gyro, rad/s; its scale less 1; how much
+/// more of its own seconds pass in one of the frames'. The offset is that in the middle of the footage.
 pub(super) const OFFSET: usize = 0;
 pub(super) const ROWS: usize = 1;
 pub(super) const COLUMNS: usize = 2;
 const DRIFT: usize = 3;
 pub(super) const SCALE: usize = 6;
-pub(super) type Numbers = [f64; 7];
+/// See [`OFFSET`].
+pub(super) const CLOCK: usize = 7;
+pub(super) type Numbers = [f64; 8];
+/// A gyro that turns the other way: its scale less 1.
+const OPPOSITE: f64 = -2.0;
 
 /// Points that one frame and the next show.
 pub(super) struct Step {
@@ -63,6 +68,10 @@ pub(super) struct Timed {
     /// What displacements are known to, px, root mean square: by how much the errors of neighbouring points differ.
     pub known_px: f64,
     pub motion_px: f64,
+    /// By how much content would be misplaced at the ends of the footage if both clocks ran alike, px.
+    clock_px: f64,
+    /// What a gyro that turns the other way would leave, px; sought where this one explains nothing.
+    opposite_px: Option<f64>,
     /// By pair of frames: error before and after, px.
     pub by_pair: Vec<[f64; 2]>,
 }
@@ -100,11 +109,14 @@ impl Step {
     }
 }
 
-/// Time of a place in a frame, s.
+/// Time of a place in a frame by the gyro's clock, s.
 pub(super) fn time_s(footage: &Footage, n: &Numbers, frame: usize, px: DVec2) -> f64 {
     let k = footage.intrinsics();
     let part = DVec2::new((px.x - 0.5) / f64::from(k.width), (px.y - 0.5) / f64::from(k.height));
-    footage.frames[frame].start_s + n[OFFSET] + n[ROWS] * part.y + n[COLUMNS] * part.x
+    let [from_s, to_s] = [0, footage.frames.len() - 1].map(|f| footage.frames[f].start_s);
+    let middle_s = 0.5 * (from_s + to_s);
+    let at_s = footage.frames[frame].start_s + n[ROWS] * part.y + n[COLUMNS] * part.x;
+    n[OFFSET] + middle_s + (at_s - middle_s) * (1.0 + n[CLOCK])
 }
 
 /// Of the gyro, rad/s.
@@ -112,9 +124,9 @@ fn drift(n: &Numbers) -> DVec3 {
     DVec3::new(n[DRIFT], n[DRIFT + 1], n[DRIFT + 2])
 }
 
-/// How fast the camera turns about its axes, rad/s.
+/// How fast the camera turns about its axes at a time of the gyro's clock, rad per second of the frames'.
 pub(super) fn rate(footage: &Footage, n: &Numbers, time_s: f64) -> DVec3 {
-    footage.gyro.rate(time_s) * (1.0 + n[SCALE]) + drift(n)
+    (footage.gyro.rate(time_s) * (1.0 + n[SCALE]) + drift(n)) * (1.0 + n[CLOCK])
 }
 
 /// Where a far point that is on a ray at one time is at another, by the gyro.
@@ -147,13 +159,13 @@ fn middle(errors: &[DVec2]) -> f64 {
     all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The offset of the clocks from which a fit begins: the one that leaves least.
-fn start(footage: &Footage, steps: &[&Step]) -> Numbers {
+/// The offset of the clocks from which a fit begins, of a gyro of that scale less 1: the one that leaves least.
+fn start(footage: &Footage, steps: &[&Step], scale: f64) -> Numbers {
     let count = (2.0 * FURTHEST_S / STEP_S) as i32;
     let mut best = (f64::INFINITY, Numbers::default());
     for k in 0..=count {
         let mut n = Numbers::default();
-        n[OFFSET] = -FURTHEST_S + STEP_S * f64::from(k);
+        (n[OFFSET], n[SCALE]) = (-FURTHEST_S + STEP_S * f64::from(k), scale);
         let left: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
         let left = middle(&left);
         if left < best.0 {
@@ -165,7 +177,7 @@ fn start(footage: &Footage, steps: &[&Step]) -> Numbers {
 
 /// Robust least squares in some of the numbers.
 fn fitted(footage: &Footage, steps: &[&Step], from: &Numbers, free: &[usize], rounds: usize) -> Numbers {
-    const NUDGE: Numbers = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
+    const NUDGE: Numbers = [1e-4; 8];
     let mut n = *from;
     for _ in 0..rounds {
         let now: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
@@ -205,12 +217,12 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     };
     let (fit, held): (Vec<&Step>, Vec<&Step>) = (part(false).collect(), part(true).collect());
     let motion_px = rms(held.iter().flat_map(|s| s.points.iter().map(|p| p[1] - p[0])));
-    let start = start(footage, &fit);
-    let rest: Vec<usize> = (DRIFT..=SCALE).collect();
+    let begin = start(footage, &fit, 0.0);
+    let rest: Vec<usize> = (DRIFT..=CLOCK).collect();
     let with =
         |times: &[usize]| -> Vec<usize> { times.iter().copied().chain(rest.iter().copied()).collect() };
     let judge = |n: &Numbers| rms(held.iter().flat_map(|s| errors(footage, s, n)));
-    let alone = fitted(footage, &fit, &start, &with(&[OFFSET]), ROUNDS);
+    let alone = fitted(footage, &fit, &begin, &with(&[OFFSET]), ROUNDS);
     let rows = fitted(footage, &fit, &alone, &with(&[OFFSET, ROWS]), ROUNDS);
     let columns = fitted(footage, &fit, &alone, &with(&[OFFSET, COLUMNS]), ROUNDS);
     let (lines, first) = if judge(&rows) <= judge(&columns) { (ROWS, rows) } else { (COLUMNS, columns) };
@@ -218,25 +230,20 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     // With all pairs for the answer; those that were held out have judged.
     let all: Vec<&Step> = used.iter().map(|i| &steps[*i]).collect();
     let numbers = fitted(footage, &all, &first, &free, ROUNDS);
-    let groups = GROUPS.min(all.len());
-    let without = |g: usize| {
-        let some: Vec<&Step> =
-            all.iter().enumerate().filter(|(k, _)| k % groups != g).map(|(_, s)| *s).collect();
-        fitted(footage, &some, &numbers, &free, 4)
-    };
-    let left_out: Vec<Numbers> = (0..groups).map(without).collect();
-    let mut half = Numbers::default();
-    for p in 0..half.len() {
-        half[p] = jackknife(&left_out.iter().map(|n| n[p]).collect::<Vec<_>>());
-    }
     let mut neutral = first;
-    (neutral[OFFSET], neutral[ROWS], neutral[COLUMNS]) = (0.0, 0.0, 0.0);
-    let neutral = fitted(footage, &fit, &neutral, &rest, ROUNDS);
+    [OFFSET, ROWS, COLUMNS, CLOCK].iter().for_each(|p| neutral[*p] = 0.0);
+    let neutral = fitted(footage, &fit, &neutral, &rest[..rest.len() - 1], ROUNDS);
     let both = |s: &Step| [&neutral, &numbers].map(|n| rms(errors(footage, s, n).into_iter()));
     let known_px = known_px(footage, &held, &first);
+    let opposite = || {
+        let begin = start(footage, &fit, OPPOSITE);
+        judge(&fitted(footage, &fit, &begin, &with(&[OFFSET, lines]), ROUNDS))
+    };
     Some(Timed {
-        half,
+        half: half(footage, &all, &numbers, &free),
         known_px,
+        clock_px: numbers[CLOCK].abs() * 0.5 * footage.span_s() * motion_px / footage.period_s,
+        opposite_px: (judge(&first) > MOST_LEFT * motion_px).then(opposite),
         before_px: judge(&neutral),
         after_px: judge(&first),
         offset_alone_px: judge(&alone),
@@ -244,6 +251,18 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
         by_pair: steps.iter().map(both).collect(),
         numbers,
     })
+}
+
+/// Half widths of 95 % intervals, by leaving out groups of pairs in turn.
+fn half(footage: &Footage, all: &[&Step], numbers: &Numbers, free: &[usize]) -> Numbers {
+    let groups = GROUPS.min(all.len());
+    let without = |g: usize| {
+        let some: Vec<&Step> =
+            all.iter().enumerate().filter(|(k, _)| k % groups != g).map(|(_, s)| *s).collect();
+        fitted(footage, &some, numbers, free, 4)
+    };
+    let left_out: Vec<Numbers> = (0..groups).map(without).collect();
+    std::array::from_fn(|p| jackknife(&left_out.iter().map(|n| n[p]).collect::<Vec<_>>()))
 }
 
 /// What displacements are known to, px: errors of what was measured differ from point to point, those of a geometry
@@ -279,6 +298,13 @@ impl Timed {
                 "the camera hardly turns: content moves {motion_px:.2} px from frame to frame"
             ));
         }
+        if self.opposite_px.is_some_and(|px| px <= MOST_LEFT * motion_px && px <= MOST_LEFT_PX) {
+            return Some(
+                "the frames turn the other way than the gyro: its rates have the opposite sign of the camera's turn \
+                 in its own axes (x right, y down, z forward)"
+                    .to_owned(),
+            );
+        }
         // Asked so that errors that are no numbers are a doubt too.
         if !(left_px <= MOST_LEFT * motion_px && left_px <= MOST_LEFT_PX) {
             return Some(format!(
@@ -286,7 +312,8 @@ impl Timed {
                 frame, and points are \
                  {left_px:.2} px from where the gyro has them at best. It may be of another recording, its \
                  clock more than \
-                 {FURTHEST_S} s off, its axes not the camera's, or the scene near"
+                 {FURTHEST_S} s off, its axes not the camera's, its focal length another, or the \
+                 scene near"
             ));
         }
         if self.leaves() && self.closed() < NAMED[0] {
@@ -297,7 +324,8 @@ impl Timed {
                 self.before_px, self.known_px
             ));
         }
-        let scale = 1.0 + self.numbers[SCALE];
+        // Of the gyro's rates, not of its seconds.
+        let scale = (1.0 + self.numbers[SCALE]) * (1.0 + self.numbers[CLOCK]);
         if (scale - 1.0).abs() > SCALE_OFF.max(self.half[SCALE]) {
             return Some(format!(
                 "the frames turn {scale:.3} times as far as the gyro: its unit (rad/s), its scale or the \
@@ -306,6 +334,20 @@ impl Timed {
             ));
         }
         None
+    }
+
+    /// That the gyro's clock runs at another rate than the frames', where that is seen.
+    pub(super) fn clock(&self) -> Option<String> {
+        let (fast, half) = (self.numbers[CLOCK], self.half[CLOCK]);
+        (fast.abs() > half && self.clock_px > MARGIN_PX).then(|| {
+            let how = if fast > 0.0 { "fast" } else { "slow" };
+            format!(
+                "the gyro's clock runs {:.2} % (+- {:.2}) {how} against that of the frames: readout and exposure are \
+                 by the frames' clock, the offset is that in the middle of the footage",
+                100.0 * fast.abs(),
+                100.0 * half
+            )
+        })
     }
 
     /// Whether points lie further off than they are measured to.
