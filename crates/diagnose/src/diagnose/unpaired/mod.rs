@@ -13,6 +13,7 @@
 mod bounds;
 mod choose;
 mod clock;
+mod drawn;
 mod fingerprint;
 mod marked;
 mod marks;

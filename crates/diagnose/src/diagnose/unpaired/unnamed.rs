@@ -5,12 +5,11 @@ use std::borrow::Borrow;
 
 use rayon::prelude::*;
 
+use super::drawn::{self, STANDS_OUT_DN};
 use crate::diagnose::judge::quantile;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::luma;
 
-/// How far a single pixel stands out from all eight around it, DN.
-const STANDS_OUT_DN: f32 = 25.0;
 /// What content makes of the share of such pixels: at most 4.6e-4 in a frame of 24 folders of photographs and renders.
 const SINGLE_ERROR: f64 = 1e-3;
 /// What content and tables of 8 bits make of the share of values that never occur: at most 0.11 in the same folders.
@@ -46,6 +45,7 @@ pub(super) fn differences(
         [false, true] => out.push("colour, which the simulated frames do not have at all".to_owned()),
         _ => {}
     }
+    out.extend(drawn::said(real, simulated));
     out
 }
 
