@@ -1,7 +1,7 @@
 //! What the best set leaves on the frames to report by beyond what correct renderers leave: spread that is of another
 //! kind than the model's, values that are far off, edges that do not match.
 
-use super::noise::{BIN_ERROR, NoiseData, flat_map};
+use super::noise::{BIN_ERROR, NoiseData, chance2, flat_map};
 use super::smear::Smear;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::discrepancy::{COLOUR_DN, REACH};
@@ -188,7 +188,7 @@ impl NoiseData {
         let rounding2 = |l: f64| ROUNDING_DN2 / slope_dn(l).powi(2);
         let standard = |seen: f64, model: f64, level: f64, n: f64, l: f64| {
             let systematic = REACH * BIN_ERROR * level;
-            (seen - model) / (systematic.powi(2) + 3.0 / n * level * level + rounding2(l).powi(2)).sqrt()
+            (seen - model) / (systematic.powi(2) + chance2(n) * level * level + rounding2(l).powi(2)).sqrt()
         };
         let mean = |z: Vec<f64>| z.iter().map(|z| z.abs()).sum::<f64>() / z.len().max(1) as f64;
         let singles = self.unclipped().into_iter().map(|[l, v, n]| {
@@ -196,7 +196,7 @@ impl NoiseData {
             standard(v, model, v.max(model), n, l)
         });
         let most = self.total.iter().map(|b| b[1]).fold(0.0, f64::max);
-        let pattern = self.fixed.iter().map(|&[l, v, n]| {
+        let pattern = self.fixed.iter().map(|&[l, v, n, _]| {
             let model = dsnu2 + prnu2 * l * l;
             standard(v, model, v.max(model).max(most), n, l)
         });

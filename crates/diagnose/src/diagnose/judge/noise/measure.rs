@@ -351,8 +351,12 @@ impl Values {
             // Free noise makes as much of a sum of two halves as of their difference, a pattern is in the sum alone,
             // twice.
             let [sum, difference] = self.of_halves(bin, tone.step_linear(1));
-            let variance = (sum - difference).max(0.0) / (4.0 * HIGH_PASS);
-            data.fixed.push([linear.max(0.0), variance * whole[bin] / gain, v.len() as f64]);
+            let [pattern, free] =
+                [sum - difference, difference].map(|v| v * whole[bin] / (4.0 * HIGH_PASS * gain));
+            let count = v.len() as f64;
+            // Beside free noise both have the chance of that.
+            let free2 = 2.0 * chance2(count) * free * (free + pattern.max(0.0));
+            data.fixed.push([linear.max(0.0), pattern, count, free2]);
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();
@@ -420,6 +424,13 @@ fn kept_by(weights: &[[f32; 3]; 3]) -> f64 {
 /// What equal noise in all colours keeps where pixels share their chroma, on average.
 fn kept(shared: [[f32; 3]; 3]) -> f32 {
     shared.iter().flatten().sum::<f32>() / 3.0
+}
+
+/// Squared relative error that a variance of so many high-passed values has by chance: the middle of a normal
+/// distribution tells it to 7.6 / n (variance of the difference of two quantiles, Cramer 1946), and neighbours that
+/// share their values make that 1.9 times as much (1 + 2 (4 / 9 + 1 / 36)).
+pub(crate) fn chance2(count: f64) -> f64 {
+    7.6 * 1.9 / count
 }
 
 /// Half a DN to either side, by value and frame: between whole values quantiles would jump. Where a scene has solid

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use crate::diagnose::expect::discrepancy::SPREAD_ERROR;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::fit::intervals::Way;
-pub(crate) use measure::{ahead_of_steps, flat_map};
+pub(crate) use measure::{ahead_of_steps, chance2, flat_map};
 
 mod coefficients;
 mod measure;
@@ -29,8 +29,9 @@ pub(crate) const NOISES: [&str; 5] =
 pub(crate) struct NoiseData {
     /// Of single values about what their neighbours say.
     pub(crate) total: Vec<[f64; 3]>,
-    /// The part of it that is the same in every frame.
-    pub(crate) fixed: Vec<[f64; 3]>,
+    /// The part of it that is the same in every frame, and the variance that free noise gives that figure: what is seen
+    /// of a pattern is a difference of two spreads, and may be negative by chance.
+    pub(crate) fixed: Vec<[f64; 4]>,
     /// Of rows beyond that of their pixels.
     pub(crate) row2: f64,
     /// The variance of that figure.
@@ -50,7 +51,7 @@ impl NoiseData {
             theta.set(P::Row, self.row2.sqrt());
         }
         if on("fixed_pattern_noise") {
-            let [dsnu2, prnu2] = line(&self.unclipped_fixed(), PATTERN).0;
+            let [dsnu2, prnu2] = line_beside(&self.unclipped_fixed(), PATTERN).0;
             // A pattern is a part of the spread: where single frames have none, it is what renderers differ by at
             // places that stay in sight.
             if theta.is_on(P::Quality) || self.holds(|l| dsnu2 + prnu2 * l * l) {
@@ -109,7 +110,7 @@ impl NoiseData {
     }
 
     /// The same bins of the fixed pattern.
-    fn unclipped_fixed(&self) -> Vec<[f64; 3]> {
+    fn unclipped_fixed(&self) -> Vec<[f64; 4]> {
         let free = self.unclipped();
         let from = free.first().map_or(0.0, |b| b[0]);
         let to = free.last().map_or(1.0, |b| b[0]);
@@ -125,7 +126,7 @@ impl NoiseData {
         // A parameter is the root of its coefficient.
         let root = |p: P, variance: f64| (p, variance.sqrt() / (2.0 * theta.get(p)).max(1e-6));
         if on("fixed_pattern_noise") {
-            let variances = line(&self.unclipped_fixed(), PATTERN).1;
+            let variances = line_beside(&self.unclipped_fixed(), PATTERN).1;
             out.extend([root(P::Dsnu, variances[0]), root(P::Prnu, variances[1])]);
         }
         let (read, shot) = (f64::from(u8::from(on("read_noise"))), f64::from(u8::from(on("shot_noise"))));
@@ -151,13 +152,12 @@ impl NoiseData {
         for [l, v, n] in self.unclipped() {
             let [a, b] = [from, to].map(|t| single(t, l));
             let level = v.max(a).max(b);
-            seen.push([v, a, b, (level * share).powi(2) + 3.0 / n * level * level]);
+            seen.push([v, a, b, level * level * (share * share + chance2(n))]);
         }
-        for [l, v, n] in self.unclipped_fixed() {
+        for [l, v, n, free2] in self.unclipped_fixed() {
             let [a, b] = [from, to].map(|t| pattern(t, l));
-            // A pattern is what is left of all noise: it is known no better than that.
-            let level = self.total.iter().map(|b| b[1]).fold(v.max(a).max(b), f64::max);
-            seen.push([v, a, b, (v.max(b) * share).powi(2) + 3.0 / n * level * level]);
+            let level = v.max(a).max(b);
+            seen.push([v, a, b, level * level * (share * share + chance2(n)) + free2]);
         }
         let [a, b] = [from, to].map(|t| t.get(P::Row).powi(2));
         let level = self.row2.max(a).max(b);
@@ -177,12 +177,18 @@ const PATTERN: fn(f64) -> [f64; 2] = |l| [1.0, l * l];
 /// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance, and the
 /// variances of the coefficients.
 fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    let bins: Vec<_> = bins.iter().map(|&[l, v, n]| [l, v, n, 0.0]).collect();
+    line_beside(&bins, f)
+}
+
+/// The same of bins whose figures have a variance by chance besides, the last number of each.
+fn line_beside(bins: &[[f64; 4]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
     let equations = |previous: [f64; 2]| {
         let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
-        for &[l, v, n] in bins {
+        for &[l, v, n, free2] in bins {
             let g = f(l);
             let model = (previous[0] * g[0] + previous[1] * g[1]).max(0.1 * v).max(1e-9);
-            let weight = 1.0 / (model * model * (BIN_ERROR * BIN_ERROR + 3.0 / n));
+            let weight = 1.0 / (model * model * (BIN_ERROR * BIN_ERROR + chance2(n)) + free2);
             for i in 0..2 {
                 b[i] += weight * g[i] * v;
                 (0..2).for_each(|j| a[i][j] += weight * g[i] * g[j]);
@@ -228,6 +234,8 @@ fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) 
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::diagnose::evidence::Evidence;
     use crate::diagnose::expect::model::candidate_of;
@@ -297,11 +305,49 @@ mod tests {
         assert!(full_well_e > 1100.0 || read < 0.006, "control: not taken back, {full_well_e} e, {read}");
     }
 
+    /// How many standard errors a fixed pattern is told from none by, as measured of six frames with noise of `read`
+    /// that is new in each.
+    fn pattern_beside_noise(dsnu: f32, read: f32) -> f64 {
+        let theta = Theta::neutral();
+        let linear = |x: usize| 0.1 + 0.05 * (x / 20) as f32;
+        let dn = |l: f32| 255.0 * (1.055 * l.max(1e-4).powf(1.0 / 2.4) - 0.055);
+        let mean = Plane::from_fn(160, 120, |x, _| [dn(linear(x)); 3]);
+        let frame = |f: u32| {
+            let normal = |x, y, c, k| shutterbug::chain::rng::random_normal([x, y], c, k, [5, 6])[0];
+            Arc::new(Plane::from_fn(160, 120, |x, y| {
+                [0u32, 1, 2].map(|c| {
+                    let (column, row) = (x as u32, y as u32);
+                    let noise = dsnu * normal(column, row, c, 99) + read * normal(column, row, c, f);
+                    dn(linear(x) + noise).round()
+                })
+            }))
+        };
+        let frames: Vec<usize> = (0..6).collect();
+        let evidence = Evidence::of_frames((0..6).map(frame));
+        let data = NoiseData::measure(&evidence, &frames, &vec![mean; 6], None, &theta, None);
+        let fit = |names: &[&str]| data.fit(&theta, &theta, names);
+        let (without, with) = (fit(&["read_noise"]), fit(&["fixed_pattern_noise", "read_noise"]));
+        data.way(&without, &with).map_or(0.0, |way| 2.0 * way.share / way.half)
+    }
+
+    #[test]
+    fn a_pattern_is_told_beside_six_times_as_much_noise_and_none_is_not() {
+        let told = pattern_beside_noise(0.003, 0.018);
+        assert!(told > 3.5, "{told} standard errors");
+        let told = pattern_beside_noise(0.0, 0.018);
+        assert!(told < 3.0, "control: {told} standard errors");
+    }
+
     #[test]
     fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
         let dsnu = |seen: f64| {
             let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();
-            let data = NoiseData { total: bins(seen), fixed: bins(4e-6), row2: 0.0, row_error2: 0.0 };
+            let data = NoiseData {
+                total: bins(seen),
+                fixed: bins(4e-6).iter().map(|&[l, v, n]| [l, v, n, 0.0]).collect(),
+                row2: 0.0,
+                row_error2: 0.0,
+            };
             data.fit(&Theta::neutral(), &Theta::neutral(), &["fixed_pattern_noise"]).get(P::Dsnu)
         };
         assert_eq!(dsnu(0.0), 0.0);
