@@ -2,6 +2,7 @@
 
 use std::io::Cursor;
 use std::path::Path;
+use std::sync::Once;
 
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -21,8 +22,8 @@ pub const MAX_PIXELS: u64 = 1 << 27;
 /// Reads a PNG or JPEG as 8-bit RGB, shape `[height, width, 3]`; grey pictures are repeated in all three channels.
 ///
 /// # Errors
-/// A file that cannot be read or decoded, that was cut off, that is larger than [`MAX_SIDE_PX`], [`MAX_PIXELS`] or
-/// [`MAX_DECODED_BYTES`], or whose EXIF data ask viewers to turn it (see [`decode_picture`]).
+/// A file that cannot be read or decoded, that was cut off, or that is larger than [`MAX_SIDE_PX`], [`MAX_PIXELS`] or
+/// [`MAX_DECODED_BYTES`].
 pub fn read_rgb8(path: &Path) -> Result<Plane<u8>> {
     read_rgb8_as(path, path)
 }
@@ -42,10 +43,9 @@ const JPEG_PIXELS_A_BYTE: u64 = 512;
 
 /// Decodes the bytes of a PNG or JPEG; `path` is what errors name. Its size is looked at before memory is spent on it.
 ///
-/// A picture that viewers turn (EXIF orientation) is refused. Its rows are not the rows that are seen: which lines a
-/// rolling shutter reads in what order, which pixels share noise, and the blocks of a JPEG would be others than those
-/// of the picture upright, and two orientations of one sensor would be laid on each other. Whoever has the pictures
-/// knows which of the two is meant.
+/// Rows are those of the file, which are the sensor's: an EXIF orientation, by which viewers turn a picture, is not
+/// followed. Turned, lines would be read in another order, and pictures of one sensor that was held in two ways would
+/// not lie on each other. The first such picture of a run is warned of.
 ///
 /// # Errors
 /// As [`read_rgb8`].
@@ -62,7 +62,11 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let mut header = header.into_decoder().map_err(|e| bad(e.to_string()))?;
     let (width, height) = header.dimensions();
     check_size(path, width, height)?;
-    check_upright(path, header.orientation().unwrap_or(Orientation::NoTransforms))?;
+    let orientation = header.orientation().unwrap_or(Orientation::NoTransforms);
+    if let Some(shown) = shown_as(orientation) {
+        static SAID: Once = Once::new();
+        SAID.call_once(|| tracing::warn!("{}: {}", path.display(), turned(orientation, shown)));
+    }
     // Else some hundred bytes would take the time of the largest picture, and all of it would be made up.
     let too_little = u64::from(width) * u64::from(height) > JPEG_PIXELS_A_BYTE * bytes.len() as u64;
     if format == Some(ImageFormat::Jpeg) && (too_little || !super::jpeg_end::is_whole(bytes)) {
@@ -76,24 +80,26 @@ pub fn decode_picture(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     reader.decode().map_err(|e| bad(e.to_string()))
 }
 
-/// Refuses what viewers turn before they show it.
-fn check_upright(path: &Path, orientation: Orientation) -> Result<()> {
-    let shown = match orientation {
-        Orientation::NoTransforms => return Ok(()),
+/// How viewers show a picture of that orientation; nothing where they show it as it is.
+fn shown_as(orientation: Orientation) -> Option<&'static str> {
+    Some(match orientation {
+        Orientation::NoTransforms => return None,
         Orientation::Rotate90 => "turned by 90 degrees to the right",
         Orientation::Rotate180 => "turned by 180 degrees",
         Orientation::Rotate270 => "turned by 90 degrees to the left",
         Orientation::FlipHorizontal => "mirrored",
         Orientation::FlipVertical => "upside down and mirrored",
         Orientation::Rotate90FlipH | Orientation::Rotate270FlipH => "turned by 90 degrees and mirrored",
-    };
-    let reason = format!(
-        "its EXIF orientation ({}) has viewers show it {shown}, so it is not clear which rows are meant: turn the \
-         pixels of all pictures (jpegtran -rotate, mogrify -auto-orient), or take them as the sensor delivered them \
-         (exiftool -Orientation= removes the mark)",
+    })
+}
+
+fn turned(orientation: Orientation, shown: &str) -> String {
+    format!(
+        "by its EXIF orientation ({}) viewers show it {shown}; it is read as it is stored, which is how the sensor \
+         delivered it. If the other pictures are upright, turn the pixels of this one and its like (jpegtran -rotate, \
+         mogrify -auto-orient). Said of the first such picture",
         orientation.to_exif()
-    );
-    Err(Error::Picture { path: path.to_owned(), action: "use", reason })
+    )
 }
 
 fn check_size(path: &Path, width: u32, height: u32) -> Result<()> {
@@ -164,22 +170,29 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_viewers_turn_is_refused_and_says_what_to_do() {
+    fn a_picture_that_viewers_turn_is_read_as_it_is_stored_and_known() {
         for format in [ImageFormat::Png, ImageFormat::Jpeg] {
-            let decode = |orientation: u8| decode_picture(Path::new("a"), &marked(format, orientation));
+            let told = |orientation: u8| {
+                let bytes = marked(format, orientation);
+                let read = decode_picture(Path::new("a"), &bytes).expect("it is whole");
+                assert_eq!([read.width(), read.height()], [64, 48], "{orientation}");
+                let mut decoder =
+                    ImageReader::with_format(Cursor::new(bytes), format).into_decoder().expect("it is whole");
+                let orientation = decoder.orientation().expect("it has one");
+                shown_as(orientation).map(|shown| turned(orientation, shown))
+            };
             for (orientation, shown) in
                 [(3, "by 180 degrees"), (6, "to the right"), (8, "to the left"), (2, "mirrored")]
             {
-                let error = decode(orientation).expect_err("it is turned").to_string();
-                let number = format!("EXIF orientation ({orientation})");
+                let said = told(orientation).expect("viewers turn it");
                 assert!(
-                    error.contains(&number) && error.contains(shown) && error.contains("jpegtran"),
-                    "{error}"
+                    said.contains(&format!("orientation ({orientation})")) && said.contains(shown),
+                    "{said}"
                 );
             }
             // Controls: upright, and numbers that mean nothing.
             for upright in [1, 0, 9] {
-                assert_eq!(decode(upright).expect("upright").width(), 64, "{upright}");
+                assert_eq!(told(upright), None, "{upright}");
             }
         }
     }
