@@ -69,7 +69,7 @@ fn lens_profiles_are_searched_shown_and_used() {
     );
     assert!(!found.contains("dash-2") && !found.contains("drone"), "control: other words: {found}");
     assert!(
-        said.contains("1 entries") && said.contains("table.csv:4") && said.contains("fx_px = -40"),
+        said.contains("1 entry") && said.contains("table.csv:4") && said.contains("fx_px = -40"),
         "{said}"
     );
 
