@@ -51,11 +51,15 @@ impl Search<'_> {
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
         let without = theta.with(p, 0.0);
+        let coarse = [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST].map(|q| (q, self.shown.refutes(p, q)));
+        if p == P::Quality && coarse.iter().all(|(_, refuted)| *refuted) {
+            return Ok(Fit { theta: without, half: BTreeMap::new() });
+        }
         let weighing = self.weighing(&without, &PIXELS)?;
         let mut tried: Vec<(f64, f64)> = Vec::new();
         let mut attempt = |search: &mut Self, value: f64| -> Result<f64> {
             let value = value.clamp(1.0, p.spec().range[1]).round();
-            if !tried.iter().any(|t| t.0 == value) {
+            if !tried.iter().any(|t| t.0 == value) && !search.shown.refutes(p, value) {
                 let cost = search.cost(&theta.with(p, value), &PIXELS, &weighing)?;
                 tried.push((value, cost));
             }
@@ -64,7 +68,7 @@ impl Search<'_> {
         };
         let mut at = 1.0;
         if p == P::Quality {
-            for value in [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST] {
+            for (value, _) in coarse.into_iter().filter(|(_, refuted)| !refuted) {
                 at = attempt(self, value)?;
             }
             // The finest compression hides little: where that is the best there is none, and none is looked for

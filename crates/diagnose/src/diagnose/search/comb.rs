@@ -21,20 +21,39 @@ const ANYWHERE: f32 = 0.1;
 /// Least evidence for a quality, nats: of all coefficients that differ, and of each.
 const LEAST_NATS: [f32; 2] = [50.0, 0.25];
 
-/// The quality of the compression that frames (places) have behind them; none if they have none of these.
-pub(crate) fn quality(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
+/// Qualities of compression that are asked of: the steps of finer ones do not show.
+const QUALITIES: std::ops::RangeInclusive<u8> = 5..=97;
+
+/// What coefficients tell of compression.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Told {
+    /// The quality of the compression that frames have behind them; none if they have none of these.
+    pub quality: Option<u8>,
+    /// Qualities that they have not behind them: coefficients lie between the multiples of their steps.
+    pub refuted: Vec<u8>,
+}
+
+/// What frames (places) tell of compression.
+pub(crate) fn told(evidence: &Evidence, frames: &[usize]) -> Told {
     let some = spread_out(frames, FRAMES);
     let coefficients: Vec<[f32; AREA]> =
         some.iter().flat_map(|&at| of_frame(&evidence.frames[at].dn)).collect();
-    let told = |quality: u8| {
-        let Sums { all, apart, places } = evidence_for(&coefficients, &steps(quality, false));
-        let clear = apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * places && all > 0.0;
-        clear.then_some((all, quality))
+    let of = |quality: u8| (quality, evidence_for(&coefficients, &steps(quality, false)));
+    let all: Vec<(u8, Sums)> = QUALITIES.into_par_iter().map(of).collect();
+    let clear = |s: &Sums, sign: f32| {
+        let apart = sign * s.apart;
+        apart > LEAST_NATS[0] && apart > LEAST_NATS[1] * s.places && sign * s.all > 0.0
     };
-    let told: Vec<_> = (5u8..=97).into_par_iter().filter_map(told).collect();
-    let best = told.into_iter().reduce(|best, other| if other.0 > best.0 { other } else { best });
-    tracing::debug!("compression: {best:?} (nats, quality) from {} blocks", coefficients.len());
-    best.map(|b| b.1)
+    let best = all.iter().filter(|(_, s)| clear(s, 1.0));
+    let best = best.reduce(|best, other| if other.1.all > best.1.all { other } else { best });
+    let refuted: Vec<u8> = all.iter().filter(|(_, s)| clear(s, -1.0)).map(|(quality, _)| *quality).collect();
+    let said = best.map(|(quality, sums)| (sums.all, *quality));
+    tracing::debug!(
+        "compression: {said:?} (nats, quality) from {} blocks, {} qualities refuted",
+        coefficients.len(),
+        refuted.len()
+    );
+    Told { quality: said.map(|s| s.1), refuted }
 }
 
 /// Coefficients of the brightness of all whole blocks that nothing has clipped.
@@ -107,7 +126,26 @@ mod tests {
     }
 
     fn told(dn: &Plane<f32>) -> Option<u8> {
-        quality(&Evidence::of_one(dn.clone()), &[0])
+        super::told(&Evidence::of_one(dn.clone()), &[0]).quality
+    }
+
+    fn refuted(dn: &Plane<f32>) -> Vec<u8> {
+        super::told(&Evidence::of_one(dn.clone()), &[0]).refuted
+    }
+
+    #[test]
+    fn what_was_not_compressed_refutes_compression_and_what_was_does_not() {
+        for sigma in [0.0, 3.0, 10.0] {
+            let plain = picture(sigma);
+            let against = refuted(&plain);
+            let wanted = [30, 62, 82, 92];
+            assert!(wanted.iter().all(|q| against.contains(q)), "noise of {sigma} DN: {against:?}");
+            for quality in wanted {
+                let packed = shutterbug::effects::jpeg::compressed(&plain, quality);
+                assert!(!refuted(&packed).contains(&quality), "control: noise of {sigma} DN, {quality}");
+            }
+        }
+        assert!(refuted(&Plane::from_fn(96, 64, |_, _| [90.0; 3])).is_empty(), "a wall tells nothing");
     }
 
     #[test]
