@@ -16,6 +16,13 @@ use shutterbug::plane::Plane;
 pub(crate) const STEP: f32 = 0.05;
 /// Newton steps: a factor of two is not linear in DN.
 pub(crate) const STEPS: usize = 3;
+/// Most of them, while places are simulated at the end of the range.
+pub(crate) const MOST_STEPS: usize = 6;
+/// Slope of a delivered value by the logarithm of its radiance just below the end of the range (sRGB), DN: at the end
+/// there is none, but it is known where it has to go.
+const SLOPE_BELOW_WHITE: f32 = 255.0 * 1.055 / 2.4;
+/// Less than that is none, DN.
+const NO_SLOPE: f32 = 1.0;
 /// Passes of the reconstruction a step.
 const PASSES: usize = 4;
 /// Most that a step changes a logarithm by.
@@ -38,6 +45,8 @@ struct Sample {
     local: [f32; 3],
     weight: [f32; 3],
     left: [f32; 3],
+    /// Whether a colour is simulated at the end of the range, and is not there.
+    clipped: bool,
 }
 
 /// A frame to learn from: what it shows, what is simulated, and that brightened by [`STEP`].
@@ -49,8 +58,9 @@ pub(crate) struct Lesson<'a> {
 }
 
 impl Map {
-    /// Improves the factor by what frames leave.
-    pub(crate) fn learn(&mut self, grid: &Grid, lessons: &[Lesson<'_>]) {
+    /// Improves the factor by what frames leave; whether that is far from done, because much is simulated at the end of
+    /// the range.
+    pub(crate) fn learn(&mut self, grid: &Grid, lessons: &[Lesson<'_>]) -> bool {
         self.log.resize(grid.count(), [0.0; 3]);
         let mut samples: Vec<Sample> = lessons.iter().flat_map(samples).collect();
         let mut total = vec![[0.0f32; 3]; grid.count()];
@@ -75,6 +85,7 @@ impl Map {
             .zip(&change)
             .for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c].clamp(-MOST, MOST)));
         self.seen = seen;
+        samples.iter().filter(|s| s.clipped).count() > samples.len() / 100
     }
 
     /// Gives corners that nothing was seen of what their group has, or their surface, or all.
@@ -163,16 +174,19 @@ fn samples(lesson: &Lesson<'_>) -> Vec<Sample> {
         if cell == NONE || !lesson.surface.clean[i] {
             return None;
         }
-        let (mut weight, mut left) = ([0.0; 3], [0.0; 3]);
+        let (mut weight, mut left, mut clipped) = ([0.0; 3], [0.0; 3], false);
         for c in 0..3 {
             let v = 3 * i + c;
-            let slope = (lesson.brighter.data[v] - lesson.simulated.data[v]) / STEP;
             let off = lesson.real.data[v] - lesson.simulated.data[v];
+            let mut slope = (lesson.brighter.data[v] - lesson.simulated.data[v]) / STEP;
+            if slope < NO_SLOPE && lesson.simulated.data[v] > 128.0 && off < -1.0 {
+                (slope, clipped) = (SLOPE_BELOW_WHITE, true);
+            }
             // Least squares far from a bright solution would be drawn by it: large differences count by their size.
             weight[c] = slope * slope / (1.0 + (off / LARGE_DN).abs()) + 1e-3;
             left[c] = (off * slope / (slope * slope + 1.0)).clamp(-MOST, MOST);
         }
-        Some(Sample { cell, local: lesson.surface.local[i], weight, left })
+        Some(Sample { cell, local: lesson.surface.local[i], weight, left, clipped })
     };
     let places = (s / 2..h).step_by(s).flat_map(|y| (s / 2..w).step_by(s).map(move |x| y * w + x));
     places.filter_map(one).collect()
@@ -193,7 +207,7 @@ pub(crate) fn without_factor(
             let at = |c: usize| (slopes[f][3 * i + c], pictures[f][3 * i + c], weights_of[f][3 * i + c]);
             let weight = [0, 1, 2].map(|c| at(c).2 * at(c).0.powi(2) + 1e-9);
             let left = [0, 1, 2].map(|c| at(c).0 * at(c).1 / (at(c).0.powi(2) + 1.0));
-            samples.push(Sample { cell, local, weight, left });
+            samples.push(Sample { cell, local, weight, left, clipped: false });
         }
     }
     let mut total = vec![[0.0f32; 3]; grid.count()];
@@ -238,6 +252,41 @@ mod tests {
             (surface.cell[i], surface.local[i]) = grid.place_for_tests(at);
         }
         surface
+    }
+
+    /// The factor, its mean over a wall, that real frames of 120 DN ask of one that is simulated as so many DN, if it
+    /// were not for the end of the range.
+    fn learnt_of_a_bright_wall(simulated_dn: f32) -> f32 {
+        let mut grid = Grid::new(0.2);
+        let surface = wall(&mut grid, 0.0);
+        let (mut map, real) = (Map::default(), Plane::from_fn(160, 40, |_, _| [120.0; 3]));
+        let mean = |map: &Map| {
+            let factor = map.factor(&grid, &surface, [160, 40]).data;
+            factor.iter().sum::<f32>() / factor.len() as f32
+        };
+        let mut left = STEPS;
+        for step in 0..MOST_STEPS {
+            let factor = if step == 0 { 1.0 } else { mean(&map) };
+            let picture = |by: f32| {
+                Plane::from_fn(160, 40, |_, _| [(simulated_dn * by * factor.powf(1.0 / 2.4)).min(255.0); 3])
+            };
+            let (simulated, brighter) = (picture(1.0), picture((STEP / 2.4).exp()));
+            let lesson =
+                Lesson { surface: &surface, real: &real, simulated: &simulated, brighter: &brighter };
+            left = if map.learn(&grid, &[lesson]) { STEPS } else { left - 1 };
+            if left == 0 {
+                break;
+            }
+        }
+        mean(&map)
+    }
+
+    #[test]
+    fn what_is_simulated_at_the_end_of_the_range_is_darkened_too() {
+        for simulated_dn in [200.0f32, 280.0, 400.0] {
+            let (factor, want) = (learnt_of_a_bright_wall(simulated_dn), (120.0 / simulated_dn).powf(2.4));
+            assert!((factor / want - 1.0).abs() < 0.1, "{simulated_dn} DN: {factor} for {want}");
+        }
     }
 
     #[test]
