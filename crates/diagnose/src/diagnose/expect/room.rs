@@ -15,6 +15,12 @@ pub(crate) fn is_of_surfaces(name: &str) -> bool {
     name == NAMES[0]
 }
 
+/// Whether an effect is a constant factor on the radiance: beside free factors of surfaces it cannot be told from the
+/// power of the lamps, and what it seems to explain is what those have not come to yet.
+pub(crate) fn is_constant_factor(name: &str) -> bool {
+    name == "exposure_gain"
+}
+
 /// What of the description is taken to be wrong: part of every point of a search.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Room {
