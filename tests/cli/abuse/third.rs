@@ -182,9 +182,13 @@ fn pictures_without_an_edge_have_no_sharpness() {
     };
     let round = |x: f64, y: f64| if (x - 80.0).hypot(y - 60.0) < 35.0 { 200.0 } else { 40.0 };
     let bar = |x: f64, y: f64| if (70.0..76.0).contains(&(x - 0.1 * y)) { 200.0 } else { 40.0 };
-    assert_refused(&edge(&|x, y| noise(x, y, 1), &[]), 1, &["a.png: found "]);
+    assert_refused(&edge(&|x, y| noise(x, y, 1), &[]), 1, &["a.png: found no slanted edge"]);
     assert_refused(&edge(&|x, y| 120.0 + noise(x, y, 1) / 64.0, &[]), 1, &["a.png: found "]);
-    assert_refused(&edge(&|x, y| noise(x, y, 1), &["--region", "10,10,64,64"]), 1, &["a.png: found "]);
+    assert_refused(
+        &edge(&|x, y| noise(x, y, 1), &["--region", "10,10,64,64"]),
+        1,
+        &["a.png: found no edge, but noise"],
+    );
     assert_refused(&edge(&round, &[]), 1, &["a.png: found "]);
     assert_refused(&edge(&bar, &[]), 1, &["a.png: found "]);
     assert_refused(&edge(&|x, y| 60.0 + 400.0 * slanted(x, y), &[]), 1, &["black or white cut them off"]);
