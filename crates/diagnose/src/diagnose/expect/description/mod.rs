@@ -30,7 +30,7 @@ use grid::{Grid, Surface};
 pub(crate) use known::Known;
 pub(crate) use masks::Kind;
 pub(crate) use poses::PoseShare;
-use radiance::{Lesson, MOST_STEPS, Map, STEP, STEPS};
+use radiance::{Lesson, Map, STEP, in_steps};
 use rays::Body;
 use surface::CELL;
 
@@ -97,8 +97,7 @@ impl Forward {
         let smooth = own.with(P::Quality, 0.0);
         let tone = Tone::new(&smooth);
         let mut map = Map::default();
-        let mut left = STEPS;
-        for step in 0..MOST_STEPS {
+        in_steps(|step| {
             let shared = &*self;
             let drawn: Vec<[Plane<f32>; 2]> = (0..sources.len())
                 .into_par_iter()
@@ -112,12 +111,8 @@ impl Forward {
                     brighter: &drawn[i][1],
                 })
                 .collect();
-            // What has only just left the end of the range is not where it goes yet.
-            left = if map.learn(&shared.description.grid, &lessons) { STEPS } else { left - 1 };
-            if left == 0 {
-                break;
-            }
-        }
+            map.learn(&shared.description.grid, &lessons)
+        });
         map.fill(&self.description.grid);
         let map = Arc::new(map);
         if self.description.maps.len() > 64 {

@@ -15,9 +15,9 @@ use shutterbug::plane::Plane;
 /// Logarithm by which pictures are brightened to see what a factor does.
 pub(crate) const STEP: f32 = 0.05;
 /// Newton steps: a factor of two is not linear in DN.
-pub(crate) const STEPS: usize = 3;
+const STEPS: usize = 3;
 /// Most of them, while much is far from done.
-pub(crate) const MOST_STEPS: usize = 6;
+const MOST_STEPS: usize = 6;
 /// Slope of a delivered value by the logarithm of its radiance just below the end of the range (sRGB), DN: at the end
 /// there is none, but it is known where it has to go.
 const SLOPE_BELOW_WHITE: f32 = 255.0 * 1.055 / 2.4;
@@ -47,6 +47,18 @@ struct Sample {
     left: [f32; 3],
     /// Whether a colour is simulated at the end of the range, and is not there.
     clipped: bool,
+}
+
+/// Takes Newton steps, each told its number; it answers whether much is far from done (see [`Map::learn`]). What has
+/// only just left the end of the range is not where it goes yet: then as many follow as without.
+pub(crate) fn in_steps(mut step: impl FnMut(usize) -> bool) {
+    let mut left = STEPS;
+    for number in 0..MOST_STEPS {
+        left = if step(number) { STEPS } else { left - 1 };
+        if left == 0 {
+            return;
+        }
+    }
 }
 
 /// A frame to learn from: what it shows, what is simulated, and that brightened by [`STEP`].
@@ -267,8 +279,7 @@ mod tests {
             let factor = map.factor(&grid, &surface, [160, 40]).data;
             factor.iter().sum::<f32>() / factor.len() as f32
         };
-        let mut left = STEPS;
-        for step in 0..MOST_STEPS {
+        in_steps(|step| {
             let factor = if step == 0 { 1.0 } else { mean(&map) };
             let picture = |by: f32| {
                 Plane::from_fn(160, 40, |_, _| [(simulated_dn * by * factor.powf(1.0 / 2.4)).min(255.0); 3])
@@ -276,11 +287,8 @@ mod tests {
             let (simulated, brighter) = (picture(1.0), picture((STEP / 2.4).exp()));
             let lesson =
                 Lesson { surface: &surface, real: &real, simulated: &simulated, brighter: &brighter };
-            left = if map.learn(&grid, &[lesson]) { STEPS } else { left - 1 };
-            if left == 0 {
-                break;
-            }
-        }
+            map.learn(&grid, &[lesson])
+        });
         mean(&map)
     }
 
