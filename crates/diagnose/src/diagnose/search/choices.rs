@@ -51,8 +51,9 @@ impl Search<'_> {
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
         let without = theta.with(p, 0.0);
-        let coarse = [20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST].map(|q| (q, self.shown.refutes(p, q)));
-        if p == P::Quality && coarse.iter().all(|(_, refuted)| *refuted) {
+        let mut coarse = vec![20.0, 40.0, 60.0, 75.0, 85.0, 92.0, FINEST];
+        coarse.retain(|q| !self.shown.refutes(p, *q));
+        if coarse.is_empty() {
             return Ok(Fit { theta: without, half: BTreeMap::new() });
         }
         let weighing = self.weighing(&without, &PIXELS)?;
@@ -68,7 +69,7 @@ impl Search<'_> {
         };
         let mut at = 1.0;
         if p == P::Quality {
-            for (value, _) in coarse.into_iter().filter(|(_, refuted)| !refuted) {
+            for value in coarse {
                 at = attempt(self, value)?;
             }
             // The finest compression hides little: where that is the best there is none, and none is looked for

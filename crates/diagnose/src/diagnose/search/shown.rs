@@ -5,6 +5,7 @@ use super::{comb, levels, pairs};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
 
+/// What they show.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shown {
     /// Parameters whose values the frames show, in light-path order.
