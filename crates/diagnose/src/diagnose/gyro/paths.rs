@@ -232,7 +232,8 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     let numbers = fitted(footage, &all, &first, &free, ROUNDS);
     let mut neutral = first;
     [OFFSET, ROWS, COLUMNS, CLOCK].iter().for_each(|p| neutral[*p] = 0.0);
-    let neutral = fitted(footage, &fit, &neutral, &rest[..rest.len() - 1], ROUNDS);
+    // Its clock is not free here: before anything is found the two run alike.
+    let neutral = fitted(footage, &fit, &neutral, &(DRIFT..=SCALE).collect::<Vec<_>>(), ROUNDS);
     let both = |s: &Step| [&neutral, &numbers].map(|n| rms(errors(footage, s, n).into_iter()));
     let known_px = known_px(footage, &held, &first);
     let opposite = || {
