@@ -3,38 +3,35 @@
 use super::Capture;
 use crate::camera::Trajectory;
 
-/// What a second is in other units, and their names.
-const UNITS: [(f64, &str); 3] = [(1e3, "ms"), (1e6, "us"), (1e9, "ns")];
+/// By how much times are too long or too short, what a file of seconds is in then, and what one of nanoseconds.
+const UNITS: [(f64, &str, &str); 3] = [(1e9, "ns", "s"), (1e6, "us", "ms"), (1e3, "ms", "us")];
 /// Time between the frames of an ordinary camera, s. Of two times that contradict each other the one that is further
 /// from it (in octaves) is the one that is doubted.
 const ORDINARY_S: f64 = 1.0 / 30.0;
 
-/// The unit in which one time would be another: the power of a thousand that is nearest to their ratio.
-fn unit_of(ratio: f64) -> Option<&'static str> {
+/// The units in which one time would be another: the power of a thousand that is nearest to their ratio.
+fn units_of(ratio: f64) -> Option<[&'static str; 2]> {
     let thousands = (ratio.log10() / 3.0).round();
-    UNITS.iter().find(|(factor, _)| factor.log10() / 3.0 == thousands).map(|(_, name)| *name)
+    UNITS
+        .iter()
+        .find(|(factor, ..)| factor.log10() / 3.0 == thousands)
+        .map(|(_, of_s, of_ns)| [*of_s, *of_ns])
 }
 
 /// Frames that are nearer than the period: which of the two is in another unit, if so.
 pub(super) fn of_spacing(closest_s: f64, period_s: f64) -> String {
-    let Some(unit) = unit_of(period_s / closest_s) else { return String::new() };
+    let Some([period, stamps]) = units_of(period_s / closest_s) else { return String::new() };
     let off = |s: f64| (s / ORDINARY_S).ln().abs();
     if off(period_s) > off(closest_s) {
-        return format!("; is the period in {unit}?");
+        return format!("; is the period in {period}?");
     }
     // What was read as ns would be so many times longer.
-    let written = match unit {
-        "ms" => "us",
-        "us" => "ms",
-        _ => "s",
-    };
-    format!("; are the timestamps in {written}, not in ns?")
+    format!("; are the timestamps in {stamps}, not in ns?")
 }
 
 /// By how much a span must be longer to be covered by poses, and what the two files are in then.
 fn fitting(path: &Trajectory, [from_s, to_s]: [f64; 2]) -> Option<(f64, String)> {
-    let pairs = [(1e9, "s", "ns"), (1e6, "ms", "us"), (1e3, "us", "ms")];
-    let (factor, frames, poses) = pairs.into_iter().find(|(f, ..)| path.covers(from_s * f, to_s * f))?;
+    let (factor, poses, frames) = UNITS.into_iter().find(|(f, ..)| path.covers(from_s * f, to_s * f))?;
     Some((
         factor,
         format!("are the timestamps of frames.csv (ns) in {frames}, or these times (s) in {poses}?"),
