@@ -31,20 +31,18 @@ impl Darkness {
     pub(super) fn look(&mut self, frame: &Frame, settings: &Settings, view: &View) {
         self.looked_at += 1;
         let picture = &frame.picture;
-        let unlit = || {
-            let none = Plane::new(picture.width, picture.height, 4);
-            chain::picture(effects::LIST, settings, view, &none)
-        };
         let sum = |p: &Plane<u8>| p.data.iter().map(|v| u64::from(*v)).sum::<u64>();
-        if sum(picture) > LIT_DN * picture.data.len() as u64 {
-            return;
-        }
+        let (seen, values) = (sum(picture), picture.data.len() as u64);
         // A frame that is brighter by half a step in each value has seen light; the others are looked at closely.
-        let typical = *self.typical.get_or_insert_with(|| sum(&unlit()));
-        if sum(picture) > typical + picture.data.len() as u64 / 2 {
+        let is_lit = |typical: u64| seen > typical + values / 2;
+        if seen > LIT_DN * values || self.typical.is_some_and(is_lit) {
             return;
         }
-        let unlit = unlit();
+        let none = Plane::new(picture.width, picture.height, 4);
+        let unlit = chain::picture(effects::LIST, settings, view, &none);
+        if is_lit(*self.typical.get_or_insert_with(|| sum(&unlit))) {
+            return;
+        }
         if picture.data.iter().zip(&unlit.data).all(|(a, b)| a.abs_diff(*b) <= ROUNDING_DN) {
             self.dark.push(frame.index as usize);
         }
