@@ -2,7 +2,7 @@
 
 use super::curve::{is_behind_encoding, switched_on};
 use super::tone::Tone;
-use crate::chain::{At, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
+use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
 use crate::effects::LIST;
 use crate::effects::jpeg::compressed;
 use crate::effects::jpeg::packing::packed_mean;
@@ -21,10 +21,71 @@ enum Job<'a> {
     Encode,
 }
 
+/// Which pixels of a picture are looked at: one in `step` along each axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lattice {
+    /// Row and column of the first, px.
+    pub first: usize,
+    /// From one to the next, px.
+    pub step: usize,
+}
+
+impl Lattice {
+    /// All of them.
+    pub const WHOLE: Self = Self { first: 0, step: 1 };
+
+    /// Along one axis: the pixels looked at, of a side of so many.
+    pub fn along(self, side: usize) -> impl Iterator<Item = usize> + Clone {
+        (self.first..side).step_by(self.step)
+    }
+
+    /// Side of a picture of which so many pixels are looked at along it, as far as the last of them.
+    fn reach(self, count: usize) -> usize {
+        self.first + self.step * count.saturating_sub(1) + 1
+    }
+
+    /// The pixels looked at, row by row, by number in a picture of so many columns and rows.
+    pub fn places(self, [width, height]: [usize; 2]) -> impl Iterator<Item = usize> {
+        self.along(height).flat_map(move |y| self.along(width).map(move |x| y * width + x))
+    }
+
+    /// The pixels looked at, as a smaller picture.
+    #[must_use]
+    pub fn of<T: Copy>(self, picture: &Plane<T>) -> Plane<T> {
+        let (size, n) = ([picture.width, picture.height], picture.channels);
+        let data = self.places(size).flat_map(|i| &picture.data[n * i..n * i + n]).copied().collect();
+        let [width, height] = size.map(|side| self.along(side).count());
+        Plane { width, height, channels: n, data }
+    }
+}
+
+/// Whether a camera makes each pixel's mean of that pixel alone: nothing mixes neighbours.
+#[must_use]
+pub fn is_pointwise(settings: &Settings) -> bool {
+    let mixes = |e: &dyn Effect| {
+        matches!(e.moments(), Moments::File(_)) || matches!(e.work(), Work::Neighbourhood { .. })
+    };
+    !switched_on(settings).any(|e| matches!(e.stage(), Stage::Pixel(..)) && mixes(e))
+}
+
 /// Mean over the noise of the frames of a camera: DN (0 to 255, unrounded), shape `[height, width, 3]`. `linear`:
 /// radiance of the same shape; `tone`: of `settings`, or of a camera that differs from it in nothing about single
 /// values.
 pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &Tone) -> Plane<f32> {
+    expected_on(linear, Lattice::WHOLE, settings, view, tone)
+}
+
+/// [`expected`] of some of the pixels of a camera that [`is_pointwise`]; `linear`: radiance of those, see
+/// [`Lattice::of`].
+pub fn expected_on(
+    linear: &Plane<f32>,
+    on: Lattice,
+    settings: &Settings,
+    view: &View,
+    tone: &Tone,
+) -> Plane<f32> {
+    debug_assert!(on == Lattice::WHOLE || is_pointwise(settings), "neighbours are not there");
+    let scan = Scan { on, view, tone };
     let packed = Packed::new(LIST, settings, view);
     let mut picture = linear.clone();
     let (mut jobs, mut unit, mut mixed) = (Vec::new(), 1.0, false);
@@ -33,9 +94,8 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
             continue;
         }
         if tone.bent[0] == effect.id() {
-            if tone.colors != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                jobs.push(Job::Colors(tone.colors));
-            }
+            let colors = tone.colors != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            jobs.extend(colors.then_some(Job::Colors(tone.colors)));
             jobs.push(Job::Encode);
             continue;
         }
@@ -44,17 +104,15 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
             (Moments::Noise(_), _) => {}
             (Moments::Colors(_), _) if !is_behind_encoding(effect) => {}
             (Moments::Light(of), _) => jobs.push(Job::Light(of, parameters)),
-            (Moments::Affine(of), _) => {
-                jobs.push(Job::Affine(of(settings, view).map(|v| v.map(|v| v as f32))))
-            }
+            (Moments::Affine(of), _) => jobs.push(Job::Affine(single(of(settings, view)))),
             (Moments::Colors(of), _) => {
                 // It makes values that the delivered picture cannot have.
                 mixed = true;
-                jobs.push(Job::Colors(of(settings).map(|v| v.map(|v| v as f32))));
+                jobs.push(Job::Colors(single(of(settings))));
             }
             (Moments::Steps(_), _) => jobs.push(Job::Steps),
             (Moments::File(of), _) => {
-                done(&mut picture, &mut jobs, view, tone, &mut unit);
+                scan.done(&mut picture, &mut jobs, &mut unit);
                 clip(&mut picture, &mut mixed);
                 picture = filed(&picture, tone, of(settings));
             }
@@ -63,69 +121,89 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
                 jobs.push(Job::Twin(twin, parameters, effect.variant(settings)));
             }
             (_, Work::Neighbourhood { reference, .. }) => {
-                done(&mut picture, &mut jobs, view, tone, &mut unit);
+                scan.done(&mut picture, &mut jobs, &mut unit);
                 let before = picture;
                 picture = reference(&scaled(&before, 1.0 / unit), settings, &parameters);
                 if unit > 1.0 {
                     picture.data.iter_mut().for_each(|v| *v *= unit);
-                    let lifts = match effect.moments() {
-                        Moments::Pixels(of) => of(settings).pixel[1] > 1.0,
-                        _ => false,
-                    };
-                    clipped(&mut picture, &before, tone, lifts);
+                    clipped(&mut picture, &before, tone, lifts(effect, settings));
                     mixed = true;
                 }
             }
             (_, Work::Elsewhere | Work::Host(_)) => {}
         }
     }
-    done(&mut picture, &mut jobs, view, tone, &mut unit);
+    scan.done(&mut picture, &mut jobs, &mut unit);
     clip(&mut picture, &mut mixed);
     picture
+}
+
+/// In single precision.
+fn single<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
+    rows.map(|row| row.map(|v| v as f32))
+}
+
+/// Whether a filter makes more of the noise of single pixels.
+fn lifts(effect: &dyn Effect, settings: &Settings) -> bool {
+    matches!(effect.moments(), Moments::Pixels(of) if of(settings).pixel[1] > 1.0)
 }
 
 fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {
     Plane { data: picture.data.iter().map(|v| factor * v).collect(), ..*picture }
 }
 
-/// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand.
-/// `unit`: what full scale is, since values are DN behind the encoding here, and shares of full scale in twins.
-fn done(picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, view: &View, tone: &Tone, unit: &mut f32) {
-    let (width, source) = (picture.width, Plane::new(0, 0, 4));
-    let mut light = vec![1.0; width];
-    for (y, row) in picture.data.chunks_exact_mut(3 * width).enumerate() {
-        let mut unit = *unit;
-        for job in jobs.iter() {
-            let pixels = row.chunks_exact_mut(3);
-            match job {
-                Job::Light(of, parameters) => {
-                    of(parameters, view, y, &mut light);
-                    pixels.zip(&light).for_each(|(p, light)| p.iter_mut().for_each(|v| *v *= light));
+/// Where the pixels of a picture are, and how values become delivered ones.
+struct Scan<'a> {
+    on: Lattice,
+    view: &'a View,
+    tone: &'a Tone,
+}
+
+impl Scan<'_> {
+    /// Does what has been put together, a row at a time: one thing after the other is done to values that are at hand.
+    /// `unit`: what full scale is, since values are DN behind the encoding here, and shares of full scale in twins.
+    fn done(&self, picture: &mut Plane<f32>, jobs: &mut Vec<Job<'_>>, unit: &mut f32) {
+        let view = self.view;
+        let (width, source) = (picture.width, Plane::new(0, 0, 4));
+        // Light is stated for whole rows.
+        let mut light = vec![1.0; self.on.reach(width)];
+        let across = || self.on.along(self.on.reach(width));
+        let down = self.on.along(self.on.reach(picture.height));
+        for (y, row) in down.zip(picture.data.chunks_exact_mut(3 * width)) {
+            let mut unit = *unit;
+            for job in jobs.iter() {
+                let pixels = row.chunks_exact_mut(3);
+                match job {
+                    Job::Light(of, parameters) => {
+                        of(parameters, view, y, &mut light);
+                        let light = light[self.on.first..].iter().step_by(self.on.step);
+                        pixels.zip(light).for_each(|(p, light)| p.iter_mut().for_each(|v| *v *= light));
+                    }
+                    Job::Affine(of) => {
+                        pixels.for_each(|p| (0..3).for_each(|c| p[c] = of[c][0] * p[c] + of[c][1]))
+                    }
+                    Job::Colors(of) => pixels.for_each(|p| {
+                        let v = of.map(|w| w[0] * p[0] + w[1] * p[1] + w[2] * p[2]);
+                        p.copy_from_slice(&v);
+                    }),
+                    Job::Encode => {
+                        self.tone.encode(row);
+                        unit = 255.0;
+                    }
+                    Job::Steps => pixels.for_each(|p| (0..3).for_each(|c| p[c] = self.tone.stepped(p[c], c))),
+                    Job::Twin(twin, parameters, variant) => across().zip(pixels).for_each(|(x, p)| {
+                        let at = At { pixel: [x as u32, y as u32], view, source: &source, variant: *variant };
+                        let seen = twin([p[0] / unit, p[1] / unit, p[2] / unit], &at, parameters);
+                        (0..3).for_each(|c| p[c] = seen[c] * unit);
+                    }),
                 }
-                Job::Affine(of) => {
-                    pixels.for_each(|p| (0..3).for_each(|c| p[c] = of[c][0] * p[c] + of[c][1]))
-                }
-                Job::Colors(of) => pixels.for_each(|p| {
-                    let v = of.map(|w| w[0] * p[0] + w[1] * p[1] + w[2] * p[2]);
-                    p.copy_from_slice(&v);
-                }),
-                Job::Encode => {
-                    tone.encode(row);
-                    unit = 255.0;
-                }
-                Job::Steps => pixels.for_each(|p| (0..3).for_each(|c| p[c] = tone.stepped(p[c], c))),
-                Job::Twin(twin, parameters, variant) => pixels.enumerate().for_each(|(x, p)| {
-                    let at = At { pixel: [x as u32, y as u32], view, source: &source, variant: *variant };
-                    let seen = twin([p[0] / unit, p[1] / unit, p[2] / unit], &at, parameters);
-                    (0..3).for_each(|c| p[c] = seen[c] * unit);
-                }),
             }
         }
+        if jobs.iter().any(|job| matches!(job, Job::Encode)) {
+            *unit = 255.0;
+        }
+        jobs.clear();
     }
-    if jobs.iter().any(|job| matches!(job, Job::Encode)) {
-        *unit = 255.0;
-    }
-    jobs.clear();
 }
 
 fn clip(picture: &mut Plane<f32>, mixed: &mut bool) {

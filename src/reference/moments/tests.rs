@@ -390,3 +390,37 @@ fn shared_colour_takes_noise_from_the_other_colours() {
         assert!((told[0][0] - 1.0).abs() > 0.2, "control: red keeps less");
     }
 }
+
+#[test]
+fn some_pixels_are_what_they_are_among_all_where_nothing_mixes_neighbours() {
+    let given = settings(&[
+        number("vignetting", "a1", -0.4),
+        number("flicker", "depth", 0.3),
+        number("flicker", "frequency_hz", 100.0),
+        number("glare", "veil", 0.1),
+        number("read_noise", "sigma", 0.02),
+        number("gamma", "exponent", 1.2),
+        number("saturation", "factor", 1.3),
+    ]);
+    assert!(is_pointwise(&given));
+    let (tone, linear) = (Tone::new(&given), three(&radiance()));
+    for scan_order in [ScanOrder::BottomToTop, ScanOrder::LeftToRight] {
+        let mut view = view(42, 31, 3);
+        view.shutter.scan_order = scan_order;
+        view.shutter.line_count = scan_order.line_count(42, 31);
+        let all = expected(&linear, &given, &view, &tone);
+        for on in
+            [Lattice { first: 1, step: 3 }, Lattice { first: 0, step: 2 }, Lattice { first: 5, step: 11 }]
+        {
+            let some = expected_on(&on.of(&linear), on, &given, &view, &tone);
+            assert_eq!(some, on.of(&all), "{on:?} {scan_order:?}");
+        }
+        // Control: elsewhere in the picture they are others.
+        let on = Lattice { first: 1, step: 3 };
+        let elsewhere = expected_on(&on.of(&linear), Lattice { first: 0, step: 3 }, &given, &view, &tone);
+        assert_ne!(elsewhere, on.of(&all));
+    }
+    for mixing in [number("defocus", "sigma_px", 1.0), number("jpeg", "quality", 80.0)] {
+        assert!(!is_pointwise(&settings(&[mixing])), "{mixing:?}");
+    }
+}

@@ -15,7 +15,7 @@ use crate::diagnose::flips::Flips;
 use shutterbug::chain::{Settings, View};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
-use shutterbug::reference::moments::{expected, through_converter, through_file};
+use shutterbug::reference::moments::{Lattice, expected_on, through_converter, through_file};
 
 /// Sets of draws that are kept, see [`Forward::flipped`].
 const KEPT_DRAWS: usize = 4;
@@ -173,13 +173,25 @@ impl Forward {
 
     /// Develops the radiance of a frame.
     pub(crate) fn develop(&self, at: usize, radiance: &Plane<f32>, theta: &Theta, tone: &Tone) -> Plane<f32> {
+        self.develop_on(at, radiance, Lattice::WHOLE, theta, tone)
+    }
+
+    /// Develops the radiance of some pixels of a frame.
+    pub(crate) fn develop_on(
+        &self,
+        at: usize,
+        radiance: &Plane<f32>,
+        on: Lattice,
+        theta: &Theta,
+        tone: &Tone,
+    ) -> Plane<f32> {
         let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
         let settings = settings_of(theta);
         if self.light[at] == 1.0 {
-            return expected(radiance, &settings, &view, tone);
+            return expected_on(radiance, on, &settings, &view, tone);
         }
         let light = self.light[at] as f32;
         let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
-        expected(&lit, &settings, &view, tone)
+        expected_on(&lit, on, &settings, &view, tone)
     }
 }

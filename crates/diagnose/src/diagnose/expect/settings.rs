@@ -5,6 +5,7 @@ use shutterbug::camera::ScanOrder;
 use shutterbug::chain::{Held, ParamKind, Settings, Value};
 use shutterbug::effects;
 use shutterbug::error::Result;
+use shutterbug::reference::moments::is_pointwise;
 
 /// The parameters that a camera already has.
 pub(crate) fn theta_of(settings: &Settings) -> Theta {
@@ -55,6 +56,17 @@ pub(crate) fn settings_of(theta: &Theta) -> Settings {
     settings
 }
 
+/// `theta` without what mixes neighbouring pixels.
+pub(crate) fn without_neighbours(theta: &Theta) -> Theta {
+    let mixes = |c: &&CandidateSpec| {
+        let mut settings = Settings::default();
+        apply(&mut settings, theta, &[c.name]).expect("fits look where effects have values");
+        !is_pointwise(&settings)
+    };
+    let on = |c: &&CandidateSpec| c.parameters.iter().chain(c.more).any(|&p| theta.is_on(p));
+    CANDIDATES.iter().filter(on).filter(mixes).fold(theta.clone(), |theta, c| theta.without(c))
+}
+
 /// The lens of `theta`, which the engine draws through; nothing for an ideal one.
 pub(crate) fn lens(theta: &Theta) -> Settings {
     let mut settings = Settings::default();
@@ -63,4 +75,21 @@ pub(crate) fn lens(theta: &Theta) -> Settings {
         apply(&mut settings, theta, &[lens.name]).expect("in the range of any lens");
     }
     settings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::expect::model::P;
+
+    #[test]
+    fn what_mixes_neighbours_goes_and_what_does_not_stays() {
+        let single = Theta::neutral().with(P::Focal, 1.02).with(P::Bits, 5.0);
+        assert_eq!(without_neighbours(&single), single);
+        let mixing = single.with(P::Defocus, 1.0).with(P::Sharpen, 0.8).with(P::Quality, 80.0);
+        assert!(!is_pointwise(&settings_of(&mixing)), "control");
+        assert!(is_pointwise(&settings_of(&without_neighbours(&mixing))));
+        let still = [P::Focal, P::Bits].map(|p| without_neighbours(&mixing).get(p));
+        assert_eq!(still, [1.02, 5.0]);
+    }
 }

@@ -124,7 +124,7 @@ impl Search<'_> {
             for (&cell, &local) in surface.cell.iter().zip(&surface.local).step_by(7) {
                 if cell != NONE && map.covers(grid, cell, local) {
                     let log =
-                        crate::diagnose::expect::description::radiance::mixed(grid, &map.log, cell, local);
+                        crate::diagnose::expect::description::reconstruct::mixed(grid, &map.log, cell, local);
                     sum += log.iter().map(|v| f64::from(v * v)).sum::<f64>() / 3.0;
                     count += 1.0;
                 }

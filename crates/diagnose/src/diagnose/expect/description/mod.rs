@@ -11,6 +11,7 @@ pub(crate) mod masks;
 pub(crate) mod poses;
 pub(crate) mod radiance;
 pub(crate) mod rays;
+pub(crate) mod reconstruct;
 pub(crate) mod seen_in_pictures;
 pub(crate) mod settle;
 pub(crate) mod surface;
@@ -22,15 +23,17 @@ use rayon::prelude::*;
 
 use super::forward::{Forward, Quality};
 use super::model::{P, Theta};
+use super::settings::without_neighbours;
 use super::tone::Tone;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use shutterbug::reference::moments::Lattice;
 
 use grid::{Grid, Surface};
 pub(crate) use known::Known;
 pub(crate) use masks::Kind;
 pub(crate) use poses::PoseShare;
-use radiance::{Lesson, Map, STEP, in_steps};
+use radiance::{Lesson, Map, STEP, STEPS, in_steps, lattice};
 use rays::Body;
 use surface::CELL;
 
@@ -91,18 +94,31 @@ impl Forward {
         if let Some(known) = self.description.maps.get(&key) {
             return Ok(known.clone());
         }
-        let bare = self.bare_radiance(&sources, &own, quality)?;
-        let surfaces: Vec<_> = sources.iter().map(|&at| self.surface(at, &own)).collect();
         // A compressor's steps have no slope, and cells are larger than its blocks.
         let smooth = own.with(P::Quality, 0.0);
+        let single = without_neighbours(&smooth);
+        let mixes = single != smooth;
+        // What mixes neighbours keeps the mean of a cell: only the last step is taken with it.
+        let mut map = if mixes { self.map_of(&single, quality)?.before_last_step() } else { Map::default() };
+        let bare = self.bare_radiance(&sources, &own, quality)?;
+        let surfaces: Vec<_> = sources.iter().map(|&at| self.surface(at, &own)).collect();
+        let size = [self.intrinsics.width, self.intrinsics.height].map(|side| side as usize);
+        // Where nothing mixes neighbours, only what is compared is developed.
+        let samples = lattice(size[0]);
+        let on = if mixes { Lattice::WHOLE } else { samples };
+        let bare: Vec<_> = bare.par_iter().map(|b| on.of(b)).collect();
         let tone = Tone::new(&smooth);
-        let mut map = Map::default();
-        in_steps(|step| {
+        in_steps(if mixes { 1 } else { STEPS }, |step| {
             let shared = &*self;
-            let drawn: Vec<[Plane<f32>; 2]> = (0..sources.len())
-                .into_par_iter()
-                .map(|i| shared.twice(sources[i], &bare[i], &surfaces[i], &map, step > 0, &smooth, &tone))
-                .collect();
+            let twice = |i: usize| {
+                let mut lit = bare[i].clone();
+                if mixes || step > 0 {
+                    map.light(&shared.description.grid, &surfaces[i], (on, size), &mut lit);
+                }
+                let both = shared.twice(sources[i], lit, on, &smooth, &tone);
+                if mixes { both.map(|picture| samples.of(&picture)) } else { both }
+            };
+            let drawn: Vec<[Plane<f32>; 2]> = (0..sources.len()).into_par_iter().map(twice).collect();
             let lessons: Vec<Lesson<'_>> = (0..sources.len())
                 .map(|i| Lesson {
                     surface: &surfaces[i],
@@ -122,27 +138,19 @@ impl Forward {
         Ok(map)
     }
 
-    /// A frame with its factors, and a little brighter, DN.
-    #[allow(clippy::too_many_arguments)]
+    /// Some pixels of a frame, and a little brighter, DN.
     fn twice(
         &self,
         at: usize,
-        bare: &Plane<f32>,
-        surface: &Surface,
-        map: &Map,
-        known: bool,
+        mut lit: Plane<f32>,
+        on: Lattice,
         theta: &Theta,
         tone: &Tone,
     ) -> [Plane<f32>; 2] {
-        let mut lit = bare.clone();
-        if known {
-            let factor = map.factor(&self.description.grid, surface, [bare.width, bare.height]);
-            lit.data.iter_mut().zip(&factor.data).for_each(|(l, f)| *l *= f);
-        }
-        let simulated = self.develop(at, &lit, theta, tone);
+        let simulated = self.develop_on(at, &lit, on, theta, tone);
         let up = STEP.exp();
         lit.data.iter_mut().for_each(|l| *l *= up);
-        [simulated, self.develop(at, &lit, theta, tone)]
+        [simulated, self.develop_on(at, &lit, on, theta, tone)]
     }
 
     /// What the pixels of a frame see, kept for as long as the geometry stays.

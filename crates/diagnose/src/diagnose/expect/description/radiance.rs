@@ -2,20 +2,21 @@
 //!
 //! The factor is no parameter of a fit: for every camera it is worked out anew from the frames that fits see, so that
 //! what a camera cannot explain in all of them alike is left. Its logarithm is linear between the corners of the cells
-//! of a [`Grid`], and solved for by simultaneous iterative reconstruction (each corner moves by the weighed mean of
-//! what is left around it), which needs no matrix.
+//! of a [`Grid`], see [`super::reconstruct`].
 
 use std::collections::HashMap;
 
 use rayon::prelude::*;
 
 use super::grid::{Grid, NONE, Surface, weights};
+use super::reconstruct::{Places, mixed};
 use shutterbug::plane::Plane;
+use shutterbug::reference::moments::Lattice;
 
 /// Logarithm by which pictures are brightened to see what a factor does.
 pub(crate) const STEP: f32 = 0.05;
 /// Newton steps: a factor of two is not linear in DN.
-const STEPS: usize = 3;
+pub(crate) const STEPS: usize = 3;
 /// Most of them, while much is far from done.
 const MOST_STEPS: usize = 6;
 /// Slope of a delivered value by the logarithm of its radiance just below the end of the range (sRGB), DN: at the end
@@ -37,6 +38,8 @@ const LARGE_DN: f32 = 4.0;
 pub(crate) struct Map {
     pub log: Vec<[f32; 3]>,
     pub seen: Vec<f32>,
+    /// The logarithm before the last step.
+    before: Vec<[f32; 3]>,
 }
 
 /// What one place of one frame says.
@@ -49,19 +52,21 @@ struct Sample {
     clipped: bool,
 }
 
-/// Takes Newton steps, each told its number; it answers whether much is far from done (see [`Map::learn`]). What has
-/// only just left the end of the range is not where it goes yet: then as many follow as without.
-pub(crate) fn in_steps(mut step: impl FnMut(usize) -> bool) {
-    let mut left = STEPS;
+/// Takes Newton steps, `least` or more, each told its number; it answers whether much is far from done (see
+/// [`Map::learn`]). What has only just left the end of the range is not where it goes yet: then as many follow as
+/// without.
+pub(crate) fn in_steps(least: usize, mut step: impl FnMut(usize) -> bool) {
+    let mut left = least;
     for number in 0..MOST_STEPS {
-        left = if step(number) { STEPS } else { left - 1 };
+        left = if step(number) { least } else { left - 1 };
         if left == 0 {
             return;
         }
     }
 }
 
-/// A frame to learn from: what it shows, what is simulated, and that brightened by [`STEP`].
+/// A frame to learn from: what it shows, what is simulated of the pixels of [`lattice`], and that brightened by
+/// [`STEP`].
 pub(crate) struct Lesson<'a> {
     pub surface: &'a Surface,
     pub real: &'a Plane<f32>,
@@ -74,33 +79,25 @@ impl Map {
     /// simulated at the end of the range, or has to go further than a step goes (deep shadows).
     pub(crate) fn learn(&mut self, grid: &Grid, lessons: &[Lesson<'_>]) -> bool {
         self.log.resize(grid.count(), [0.0; 3]);
-        let mut samples: Vec<Sample> = lessons.iter().flat_map(samples).collect();
-        let mut total = vec![[0.0f32; 3]; grid.count()];
-        let mut seen = vec![0.0f32; grid.count()];
-        for s in &samples {
-            for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
-                (0..3).for_each(|c| total[corner as usize][c] += part * s.weight[c]);
-                seen[corner as usize] += part;
-            }
-        }
-        let mut change = vec![[0.0f32; 3]; grid.count()];
-        for _ in 0..PASSES {
-            let step = means(grid, &samples, &total);
-            for s in &mut samples {
-                let by = mixed(grid, &step, s.cell, s.local);
-                (0..3).for_each(|c| s.left[c] -= by[c]);
-            }
-            change.iter_mut().zip(&step).for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c]));
-        }
+        let samples: Vec<Sample> = lessons.iter().flat_map(samples).collect();
+        let places = Places::new(grid, samples.iter().map(|s| (s.cell, s.local, s.weight)));
+        let mut left: Vec<[f32; 3]> = samples.iter().map(|s| s.left).collect();
+        let change = places.reconstructed(&mut left, PASSES);
+        self.before.clone_from(&self.log);
         self.log
             .iter_mut()
             .zip(&change)
             .for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c].clamp(-MOST, MOST)));
-        self.seen = seen;
+        self.seen = places.seen();
         let clipped = samples.iter().filter(|s| s.clipped).count();
         let corners = || change.iter().zip(&self.seen).filter(|(_, seen)| **seen >= LEAST_SEEN);
         let cut_off = corners().filter(|(by, _)| by.iter().any(|v| v.abs() >= MOST)).count();
         100 * clipped > samples.len() || 100 * cut_off > corners().count()
+    }
+
+    /// As it was before its last step: the same step with another camera, and both have come as far.
+    pub(crate) fn before_last_step(&self) -> Self {
+        Self { log: self.before.clone(), ..Self::default() }
     }
 
     /// Gives corners that nothing was seen of what their group has, or their surface, or all.
@@ -130,12 +127,36 @@ impl Map {
         parts.map(|(&corner, part)| if seen(corner) { part } else { 0.0 }).sum::<f32>() >= 0.5
     }
 
+    /// Puts the factor on the radiance of some pixels of a picture of `size` (columns, rows). Of a part of the picture,
+    /// borders between surfaces are left as if they saw one.
+    pub(crate) fn light(
+        &self,
+        grid: &Grid,
+        surface: &Surface,
+        (on, size): (Lattice, [usize; 2]),
+        radiance: &mut Plane<f32>,
+    ) {
+        if on == Lattice::WHOLE {
+            let factor = self.factor(grid, surface, size);
+            return radiance.data.iter_mut().zip(&factor.data).for_each(|(l, f)| *l *= f);
+        }
+        for (light, i) in radiance.data.chunks_exact_mut(3).zip(on.places(size)) {
+            let factor = self.factor_at(grid, surface, i);
+            (0..3).for_each(|c| light[c] *= factor[c]);
+        }
+    }
+
+    fn factor_at(&self, grid: &Grid, surface: &Surface, i: usize) -> [f32; 3] {
+        match surface.cell[i] {
+            NONE => [1.0; 3],
+            cell => mixed(grid, &self.log, cell, surface.local[i]).map(f32::exp),
+        }
+    }
+
     /// The factor on each value of a picture, shape `[height, width, 3]`.
     pub(crate) fn factor(&self, grid: &Grid, surface: &Surface, [w, h]: [usize; 2]) -> Plane<f32> {
-        let of = |(&cell, &local): (&u32, &[f32; 3])| {
-            if cell == NONE { [1.0; 3] } else { mixed(grid, &self.log, cell, local).map(f32::exp) }
-        };
-        let data: Vec<f32> = surface.cell.par_iter().zip(&surface.local).flat_map_iter(of).collect();
+        let of = |i: usize| self.factor_at(grid, surface, i);
+        let data: Vec<f32> = (0..surface.cell.len()).into_par_iter().flat_map_iter(of).collect();
         let mut out = Plane { width: w, height: h, channels: 3, data };
         for (i, parts) in &surface.mixed {
             let to = &mut out.data[3 * *i as usize..3 * *i as usize + 3];
@@ -152,49 +173,25 @@ impl Map {
 /// Samples around a corner that make it seen.
 const LEAST_SEEN: f32 = 1.0;
 
-/// What a field over corners is at a place.
-pub(crate) fn mixed(grid: &Grid, field: &[[f32; 3]], cell: u32, local: [f32; 3]) -> [f32; 3] {
-    let mut sum = [0.0f32; 3];
-    for (&corner, part) in grid.of_cell[cell as usize].iter().zip(weights(local)) {
-        let Some(value) = field.get(corner as usize) else { continue };
-        (0..3).for_each(|c| sum[c] += part * value[c]);
-    }
-    sum
-}
-
-/// Weighed means of what is left around each corner.
-fn means(grid: &Grid, samples: &[Sample], total: &[[f32; 3]]) -> Vec<[f32; 3]> {
-    let mut sums = vec![[0.0f32; 3]; total.len()];
-    for s in samples {
-        for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
-            (0..3).for_each(|c| sums[corner as usize][c] += part * s.weight[c] * s.left[c]);
-        }
-    }
-    for (sum, total) in sums.iter_mut().zip(total) {
-        (0..3).for_each(|c| sum[c] /= total[c].max(1e-6));
-    }
-    sums
-}
-
-/// Px from one sample to the next.
-pub(crate) fn stride(width: usize) -> usize {
-    (width / ACROSS).max(1)
+/// The pixels that factors are estimated from.
+pub(crate) fn lattice(width: usize) -> Lattice {
+    let step = (width / ACROSS).max(1);
+    Lattice { first: step / 2, step }
 }
 
 fn samples(lesson: &Lesson<'_>) -> Vec<Sample> {
     let (w, h) = (lesson.real.width, lesson.real.height);
-    let s = stride(w);
-    let one = |i: usize| {
+    let one = |(sample, i): (usize, usize)| {
         let cell = lesson.surface.cell[i];
         if cell == NONE || !lesson.surface.clean[i] {
             return None;
         }
         let (mut weight, mut left, mut clipped) = ([0.0; 3], [0.0; 3], false);
         for c in 0..3 {
-            let v = 3 * i + c;
-            let off = lesson.real.data[v] - lesson.simulated.data[v];
-            let mut slope = (lesson.brighter.data[v] - lesson.simulated.data[v]) / STEP;
-            if slope < NO_SLOPE && lesson.simulated.data[v] > 128.0 && off < -1.0 {
+            let simulated = lesson.simulated.data[3 * sample + c];
+            let off = lesson.real.data[3 * i + c] - simulated;
+            let mut slope = (lesson.brighter.data[3 * sample + c] - simulated) / STEP;
+            if slope < NO_SLOPE && simulated > 128.0 && off < -1.0 {
                 (slope, clipped) = (SLOPE_BELOW_WHITE, true);
             }
             // Least squares far from a bright solution would be drawn by it: large differences count by their size.
@@ -203,49 +200,54 @@ fn samples(lesson: &Lesson<'_>) -> Vec<Sample> {
         }
         Some(Sample { cell, local: lesson.surface.local[i], weight, left, clipped })
     };
-    let places = (s / 2..h).step_by(s).flat_map(|y| (s / 2..w).step_by(s).map(move |x| y * w + x));
-    places.filter_map(one).collect()
+    lattice(w).places([w, h]).enumerate().filter_map(one).collect()
 }
 
-/// What of some pictures (values that a factor's logarithm moves by `slope` each) a factor could take over, taken out
-/// of them. `surfaces` are at the size of the pictures.
-pub(crate) fn without_factor(
-    grid: &Grid,
-    seen: &[(Vec<u32>, Vec<[f32; 3]>)],
-    slopes: &[Vec<f32>],
-    weights_of: &[Vec<f32>],
-    pictures: &mut [&mut Vec<f32>],
-) {
-    let mut samples = Vec::new();
-    for (f, (cells, locals)) in seen.iter().enumerate() {
-        for (i, (&cell, &local)) in cells.iter().zip(locals).enumerate().filter(|(_, c)| *c.0 != NONE) {
-            let at = |c: usize| (slopes[f][3 * i + c], pictures[f][3 * i + c], weights_of[f][3 * i + c]);
-            let weight = [0, 1, 2].map(|c| at(c).2 * at(c).0.powi(2) + 1e-9);
-            let left = [0, 1, 2].map(|c| at(c).0 * at(c).1 / (at(c).0.powi(2) + 1.0));
-            samples.push(Sample { cell, local, weight, left, clipped: false });
+/// What a factor could take over of pictures.
+pub(crate) struct Takeover<'a> {
+    /// By frame: cells that the values' pixels see, and places within them.
+    seen: &'a [(Vec<u32>, Vec<[f32; 3]>)],
+    /// By frame: what a factor's logarithm moves values by.
+    slopes: &'a [Vec<f32>],
+    places: Places,
+}
+
+impl<'a> Takeover<'a> {
+    pub(crate) fn new(
+        grid: &Grid,
+        seen: &'a [(Vec<u32>, Vec<[f32; 3]>)],
+        slopes: &'a [Vec<f32>],
+        weights: &[Vec<f32>],
+    ) -> Self {
+        let weight = |(f, i): (usize, usize)| {
+            let value = |c: usize| weights[f][3 * i + c] * slopes[f][3 * i + c].powi(2) + 1e-9;
+            (seen[f].0[i], seen[f].1[i], [0, 1, 2].map(value))
+        };
+        Self { seen, slopes, places: Places::new(grid, places_of(seen).map(weight)) }
+    }
+
+    /// Takes it out of some pictures, one a frame.
+    pub(crate) fn take_out(&self, pictures: &mut [&mut Vec<f32>]) {
+        let left = |(f, i): (usize, usize)| {
+            let value = |c: usize| {
+                let slope = self.slopes[f][3 * i + c];
+                slope * pictures[f][3 * i + c] / (slope.powi(2) + 1.0)
+            };
+            [0, 1, 2].map(value)
+        };
+        let mut left: Vec<[f32; 3]> = places_of(self.seen).map(left).collect();
+        let field = self.places.reconstructed(&mut left, 2 * PASSES);
+        for ((f, i), by) in places_of(self.seen).zip(self.places.of(&field)) {
+            (0..3).for_each(|c| pictures[f][3 * i + c] -= self.slopes[f][3 * i + c] * by[c]);
         }
     }
-    let mut total = vec![[0.0f32; 3]; grid.count()];
-    for s in &samples {
-        for (&corner, part) in grid.of_cell[s.cell as usize].iter().zip(weights(s.local)) {
-            (0..3).for_each(|c| total[corner as usize][c] += part * s.weight[c]);
-        }
-    }
-    let mut field = vec![[0.0f32; 3]; grid.count()];
-    for _ in 0..2 * PASSES {
-        let step = means(grid, &samples, &total);
-        for s in &mut samples {
-            let by = mixed(grid, &step, s.cell, s.local);
-            (0..3).for_each(|c| s.left[c] -= by[c]);
-        }
-        field.iter_mut().zip(&step).for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c]));
-    }
-    for (f, (cells, locals)) in seen.iter().enumerate() {
-        for (i, (&cell, &local)) in cells.iter().zip(locals).enumerate().filter(|(_, c)| *c.0 != NONE) {
-            let by = mixed(grid, &field, cell, local);
-            (0..3).for_each(|c| pictures[f][3 * i + c] -= slopes[f][3 * i + c] * by[c]);
-        }
-    }
+}
+
+/// Frames and pixels of them that see a surface.
+fn places_of(seen: &[(Vec<u32>, Vec<[f32; 3]>)]) -> impl Iterator<Item = (usize, usize)> + '_ {
+    seen.iter().enumerate().flat_map(|(f, (cells, _))| {
+        cells.iter().enumerate().filter(|(_, cell)| **cell != NONE).map(move |(i, _)| (f, i))
+    })
 }
 
 #[cfg(test)]
@@ -279,7 +281,7 @@ mod tests {
             let factor = map.factor(&grid, &surface, [160, 40]).data;
             factor.iter().sum::<f32>() / factor.len() as f32
         };
-        in_steps(|step| {
+        in_steps(STEPS, |step| {
             let factor = if step == 0 { 1.0 } else { mean(&map) };
             let picture = |by: f32| {
                 Plane::from_fn(160, 40, |_, _| [(simulated_dn * by * factor.powf(1.0 / 2.4)).min(255.0); 3])

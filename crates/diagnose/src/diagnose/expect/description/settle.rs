@@ -10,7 +10,7 @@ use crate::diagnose::evidence::blocks::pooled;
 use crate::diagnose::expect::description::grid::NONE;
 use crate::diagnose::expect::description::masks::is_paid;
 use crate::diagnose::expect::description::poses::{PoseShare, UNITS, eliminated};
-use crate::diagnose::expect::description::radiance::{STEP, without_factor};
+use crate::diagnose::expect::description::radiance::{STEP, Takeover};
 use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::model::{P, Theta};
@@ -195,9 +195,10 @@ impl Forward {
         let count = values.first().map_or(0, |v| v.1.len());
         let mut columns: Vec<Vec<Vec<f32>>> =
             (0..count).map(|j| values.iter_mut().map(|v| std::mem::take(&mut v.1[j])).collect()).collect();
+        let takeover = Takeover::new(&shared.description.grid, &seen, &slopes, weights);
         columns.par_iter_mut().for_each(|column| {
             let mut pictures: Vec<&mut Vec<f32>> = column.iter_mut().collect();
-            without_factor(&shared.description.grid, &seen, &slopes, weights, &mut pictures);
+            takeover.take_out(&mut pictures);
         });
         for (j, column) in columns.into_iter().enumerate() {
             values.iter_mut().zip(column).for_each(|(v, d)| v.1[j] = d);
