@@ -7,7 +7,7 @@ use crate::gpu_support::device;
 use glam::{DQuat, DVec3};
 use shutterbug::camera::Pose;
 use shutterbug::capture::Capture;
-use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, Report, diagnose};
+use shutterbug_diagnose::diagnose::{DiagnoseOptions, EffectFound, Progress, Report, diagnose};
 
 /// Candidates that are left out, for the sake of time: the ones that are left resemble what is wrong.
 const WITHOUT: [&str; 14] = [
@@ -82,6 +82,9 @@ fn vignetting_is_found_beside_surfaces_of_other_colours_and_not_without_factors(
     let (rms, _) = parameter(&report, "scene_radiance", "rms");
     assert!((0.05..0.2).contains(&rms), "{rms}");
     assert!(report.effects.iter().all(|e| e.camera == (e.name == "vignetting")));
+    // What lamps and exposure may both have done is said of the surfaces, and of nothing else.
+    let alternatives = |e: &EffectFound| e.alternatives.iter().any(|a| a == "exposure_gain");
+    assert!(report.effects.iter().all(|e| alternatives(e) == (e.name == "scene_radiance")));
     assert!(report.sentence.contains("is the camera's"), "{}", report.sentence);
     // Control: with an exact description it is not told.
     let exact = run(&device, &capture, true);

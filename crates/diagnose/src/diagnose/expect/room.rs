@@ -15,10 +15,15 @@ pub(crate) fn is_of_surfaces(name: &str) -> bool {
     name == NAMES[0]
 }
 
-/// Whether an effect is a constant factor on the radiance: beside free factors of surfaces it cannot be told from the
-/// power of the lamps, and what it seems to explain is what those have not come to yet.
-pub(crate) fn is_constant_factor(name: &str) -> bool {
+/// Whether an effect is a constant factor on the radiance.
+fn is_constant_factor(name: &str) -> bool {
     name == "exposure_gain"
+}
+
+/// Whether free factors of surfaces are all that an effect could do. Beside them a constant factor cannot be told from
+/// the power of the lamps, and what it seems to explain is what they have not come to yet.
+pub(crate) fn is_in_surfaces(name: &str, set: &[&str]) -> bool {
+    is_constant_factor(name) && set.iter().any(|n| is_of_surfaces(n))
 }
 
 /// What of the description is taken to be wrong: part of every point of a search.

@@ -11,7 +11,7 @@ use super::support::restored;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{P, candidate_of, is_discrete, mixes_pixels, moves};
-use crate::diagnose::expect::room::is_description;
+use crate::diagnose::expect::room::{is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::{FINE, VALUES};
 use crate::diagnose::judge::{Scores, gain};
@@ -91,6 +91,11 @@ impl Search<'_> {
         plain && !self.is_known(name) && name != "flicker"
     }
 
+    /// Whether a candidate may take the place of a member of the set.
+    fn may_come(&self, name: &str, set: &[&'static str]) -> bool {
+        !set.contains(&name) && self.may_change(name) && !is_in_surfaces(name, set)
+    }
+
     /// One candidate in the place of the members `out`, if that is simpler and as good, or better. Notes what is as
     /// good and no simpler as an alternative.
     fn in_place_of(
@@ -105,8 +110,7 @@ impl Search<'_> {
             out.iter().fold(found.fit.theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)));
         // What moves the picture does not do what changes its values, and the other way round.
         let kind = moves(candidate_of(out[0]));
-        let beside =
-            |n: &&'static str| !found.set.contains(n) && self.may_change(n) && moves(candidate_of(n)) == kind;
+        let beside = |n: &&'static str| self.may_come(n, &found.set) && moves(candidate_of(n)) == kind;
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
         let mut alike = doings.alike(out, &rest, &others);
         alike.extend(self.choices_like(out, &found.set));
@@ -139,7 +143,7 @@ impl Search<'_> {
         now: &Scores,
     ) -> Result<Option<Other>> {
         let plain = |n: &&'static str| self.may_change(n) && !moves(candidate_of(n));
-        let beside = |n: &&'static str| !found.set.contains(n) && plain(n);
+        let beside = |n: &&'static str| plain(n) && self.may_come(n, &found.set);
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
         let members: Vec<_> = members.iter().copied().filter(plain).collect();
         for swap in doings.swaps(&alike_pairs(&members), &alike_pairs(&others), &found.set) {

@@ -28,7 +28,7 @@ use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::model::{
     CandidateSpec, P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves,
 };
-use crate::diagnose::expect::room::{is_constant_factor, is_of_surfaces};
+use crate::diagnose::expect::room::is_in_surfaces;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::expect::weighing::Weighing;
 use crate::diagnose::fit::cost::{Level, Target, cost_of, weighing_of};
@@ -425,9 +425,7 @@ impl<'a> Search<'a> {
 
     /// Candidates that a round asks of.
     fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
-        let free = set.iter().any(|n| is_of_surfaces(n));
-        let told = |n: &str| !(free && is_constant_factor(n));
-        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise && told(n);
+        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise && !is_in_surfaces(n, set);
         self.names.iter().copied().filter(beside).collect()
     }
 

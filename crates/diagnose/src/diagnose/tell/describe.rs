@@ -7,7 +7,7 @@ use crate::diagnose::evidence::budget::{Stage, in_time};
 use crate::diagnose::expect::description::Kind;
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{CandidateSpec, candidate_of};
-use crate::diagnose::expect::room::is_description;
+use crate::diagnose::expect::room::{is_description, is_in_surfaces};
 use crate::diagnose::judge::{Estimate, closed_fraction, gain};
 use crate::diagnose::report::*;
 use crate::diagnose::search::Search;
@@ -294,7 +294,10 @@ fn as_found(
     for (i, name) in set.iter().enumerate() {
         let alone = found.alone.iter().find(|a| a.name == *name);
         let gain = gains[i];
-        let alternatives: &[&str] = found.alternatives.get(name).map_or(&[], Vec::as_slice);
+        let mut alternatives = found.alternatives.get(name).cloned().unwrap_or_default();
+        // The lamps may be brighter, or the exposure longer: a constant factor is the same in both.
+        let same = |n: &&'static str| !set.contains(n) && is_in_surfaces(n, &[name]);
+        alternatives.extend(search.names.iter().copied().filter(same));
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
@@ -309,7 +312,7 @@ fn as_found(
             gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(found, a)),
             gain_ci95: gain.interval(),
             alternatives: alternatives.iter().map(|n| (*n).to_owned()).collect(),
-            footage: footage(name, alternatives),
+            footage: footage(name, &alternatives),
         });
     }
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -322,6 +325,7 @@ fn footage(name: &str, alternatives: &[&str]) -> String {
     let mut films: Vec<&str> =
         std::iter::once(name).chain(alternatives.iter().copied()).map(shown_by).collect();
     films.dedup();
+    films.retain(|film| !film.is_empty());
     if alternatives.is_empty() { String::new() } else { films.join("; or ") }
 }
 
