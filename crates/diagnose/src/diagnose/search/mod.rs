@@ -1,5 +1,6 @@
 //! Which candidates explain the gap: each alone, then sets by forward selection with pruning, refitted jointly.
 
+pub(super) mod alone;
 pub(super) mod apart;
 pub(super) mod candidates;
 pub(super) mod choices;
@@ -38,7 +39,7 @@ use crate::diagnose::fit::normal::screened;
 use crate::diagnose::fit::starts::{best_starts, is_hopeful};
 use crate::diagnose::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
 use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
-use crate::diagnose::judge::{Judge, Scores};
+use crate::diagnose::judge::{Judge, Scores, gain};
 use found::{Alone, Found, SEARCH};
 use shown::Shown;
 use shutterbug::error::Result;
@@ -250,12 +251,13 @@ impl<'a> Search<'a> {
         self.refit(&joint, &start, FINE)
     }
 
-    /// Runs the search, for as long as there is time; what it had found by then is kept.
-    pub(crate) fn run(&mut self, watch: &mut dyn Watch) -> Result<Found> {
+    /// Runs the search, for as long as there is time; what it had found by then is kept. `alone`: what each candidate
+    /// does alone, where another search of the same frames has found that out.
+    pub(crate) fn run(&mut self, watch: &mut dyn Watch, alone: Vec<Alone>) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         self.forward.budget.go_on()?;
         self.forward.budget.stage = Stage::Search;
-        let mut found = Found::nothing(&self.base, before);
+        let mut found = Found { alone, ..Found::nothing(&self.base, before) };
         let ended = self.look_for(&mut found, watch);
         if in_time(ended)?.is_none() {
             let tried = |n: &&str| found.set.is_empty() && found.alone.iter().any(|a| a.name == *n);
@@ -278,7 +280,9 @@ impl<'a> Search<'a> {
         let start = self.with_noise(&packed)?;
         found.fit.theta = start.clone();
         let mut scores = self.judge.scores(self.forward, &start)?;
-        self.each_alone(watch, "each candidate alone", &start, &mut found.alone, &mut found.late)?;
+        if found.alone.is_empty() {
+            self.each_alone(watch, "each candidate alone", &start, &mut found.alone, &mut found.late)?;
+        }
         for round in 0..MOST_EFFECTS {
             let current = found.fit.clone();
             let mut options: Vec<Tried> = if round == 0 {
@@ -305,21 +309,8 @@ impl<'a> Search<'a> {
                 // What has been tried is taken in the time of the end.
                 self.forward.budget.stage = Stage::End;
             }
-            let (mut set, mut chosen) =
-                (found.set.clone(), self.choose(&current.theta, &scores, options.clone())?);
-            if chosen.is_none() && !late && self.holds_to_description() {
-                (set, chosen) = self.by_way_of_another(watch, found, &scores, options)?;
-            }
-            let Some((name, fit, _)) = chosen else { break };
-            set.push(name);
-            let fit =
-                if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
-            // The noise shows better now.
-            let theta = self.with_noise(&fit.theta)?;
-            let better = self.judge.scores(self.forward, &theta)?;
-            tracing::info!("takes {name}: {:.3} to {:.3} DN", scores.mean(), better.mean());
-            (found.set, found.fit) = (set, Fit { theta, half: fit.half });
-            scores = better;
+            let Some((set, fit, better)) = self.taken(watch, found, &scores, options, late)? else { break };
+            (found.set, found.fit, scores) = (set, fit, better);
             if late {
                 self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
                 break;
@@ -327,6 +318,41 @@ impl<'a> Search<'a> {
             self.prune(&mut found.set, &mut found.fit, &mut scores)?;
         }
         Ok(())
+    }
+
+    /// The set with the best option in it, fitted jointly, under the noise that shows beside it. An option that
+    /// explains no more then, for the noise explains as much, gives way to the next.
+    fn taken(
+        &mut self,
+        watch: &mut dyn Watch,
+        found: &Found,
+        now: &Scores,
+        mut options: Vec<Tried>,
+        late: bool,
+    ) -> Result<Option<(Vec<&'static str>, Fit, Scores)>> {
+        let mut by_another = !late && self.holds_to_description();
+        loop {
+            let (mut set, mut chosen) =
+                (found.set.clone(), self.choose(&found.fit.theta, now, options.clone())?);
+            if chosen.is_none() && std::mem::take(&mut by_another) {
+                (set, chosen) = self.by_way_of_another(watch, found, now, options.clone())?;
+            }
+            let Some((name, fit, _)) = chosen else { return Ok(None) };
+            set.push(name);
+            let fit =
+                if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
+            // The noise shows better now.
+            let theta = self.with_noise(&fit.theta)?;
+            let better = self.judge.scores(self.forward, &theta)?;
+            // Beside another description other places are compared.
+            if !self.holds_to_description() || gain(now, &better).value > 0.0 {
+                tracing::info!("takes {name}: {:.3} to {:.3} DN", now.mean(), better.mean());
+                return Ok(Some((set, Fit { theta, half: fit.half }, better)));
+            }
+            tracing::info!("{name} explains no more: {:.3} for {:.3} DN", better.mean(), now.mean());
+            by_another = false;
+            options.retain(|o| o.0 != name);
+        }
     }
 
     /// As before a search, of which that much of the description may be wrong.
@@ -348,66 +374,6 @@ impl<'a> Search<'a> {
         self.room.clear();
         (self.judge.quality, self.forward.native) = (Quality::Fine, true);
         self.judge.kind = found.fit.theta.room.kind();
-    }
-
-    /// Parameters of the candidates that move the picture and, alone, close at least this share of the gap and half of
-    /// what the best of them closes; the best first.
-    pub(crate) fn promising(&mut self, watch: &mut dyn Watch, share: f64) -> Result<Vec<Theta>> {
-        let before = self.judge.scores(self.forward, &self.base.clone())?;
-        let start = self.with_noise(&self.base.clone())?;
-        let all = std::mem::take(&mut self.names);
-        self.names = all.iter().copied().filter(|n| moves(candidate_of(n))).collect();
-        let mut tried = Vec::new();
-        let looked = self.each_alone(watch, "where to compare", &start, &mut tried, &mut Vec::new());
-        self.names = all;
-        let gain = |a: &Alone| a.against.mean() - a.scores.mean();
-        looked?;
-        let best = tried.iter().map(gain).fold(0.0, f64::max);
-        let least = f64::max(share * before.mean(), 0.5 * best);
-        let mut promising: Vec<_> = tried.into_iter().filter(|a| gain(a) >= least).collect();
-        promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
-        Ok(promising.into_iter().map(|a| a.fit.theta).collect())
-    }
-
-    fn each_alone(
-        &mut self,
-        watch: &mut dyn Watch,
-        stage: &str,
-        start: &Theta,
-        alone: &mut Vec<Alone>,
-        late: &mut Vec<&'static str>,
-    ) -> Result<()> {
-        watch.stage(stage, self.names.len());
-        for name in self.names.clone() {
-            watch.step(name);
-            match in_time(self.one_alone(name, start))? {
-                Some(one) => alone.push(one),
-                None => late.push(name),
-            }
-        }
-        Ok(())
-    }
-
-    fn one_alone(&mut self, name: &'static str, start: &Theta) -> Result<Alone> {
-        self.forward.budget.go_on()?;
-        let clock = Instant::now();
-        let candidate = candidate_of(name);
-        let fit = if candidate.noise {
-            let data = self.noise_data(&self.base.clone(), self.fit_frames())?;
-            let theta = self.noisy(&data, &self.base, &[name]);
-            Fit { theta, half: BTreeMap::new() }
-        } else {
-            self.add(candidate, &[], start)?
-        };
-        let scores = self.judge.scores(self.forward, &fit.theta)?;
-        self.log(name, &fit, &scores, clock);
-        let against = match name {
-            _ if candidate.noise => self.base.clone(),
-            _ if self.is_known(name) => self.with_noise(&self.base.clone())?,
-            _ => start.clone(),
-        };
-        let against = self.judge.scores(self.forward, &against)?;
-        Ok(Alone { name, fit, scores, against })
     }
 
     fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {

@@ -28,6 +28,15 @@ pub(crate) struct Elsewhere {
     seen: Seen,
 }
 
+/// What searches of the whole frames came to.
+struct First {
+    found: Found,
+    /// Where the scene lacks something, if the rest is explained without these places.
+    objects: Option<Objects>,
+    /// Whether the description was questioned for it: else it stands as it was given.
+    questioned: bool,
+}
+
 /// Searches, and where objects are found that the scene does not have, once more without their places. If something
 /// that is in no few places remains then, the objects are given up, and the frames are searched as a whole.
 ///
@@ -41,7 +50,7 @@ pub(crate) fn search_all<'a>(
     watch: &mut dyn Watch,
 ) -> Result<Outcome<'a>> {
     let mut search = question.search(forward, seen, masks);
-    let (first, objects) = searched(&mut search, watch)?;
+    let First { found: first, objects, questioned } = searched(&mut search, watch)?;
     let Some(objects) = objects else { return Ok(Outcome { search, found: first, objects: None }) };
     let forward = search.forward;
     forward.compared += 1;
@@ -50,7 +59,7 @@ pub(crate) fn search_all<'a>(
     let elsewhere = &*elsewhere.insert(Elsewhere { masks: objects.masks.clone(), seen: seen_elsewhere });
     let mut search = question.search(forward, &elsewhere.seen, Some(&elsewhere.masks));
     search.forward.budget.stage = Stage::Search;
-    let again = in_time(searched(&mut search, watch))?.map(|(found, _)| found);
+    let again = in_time(searched(&mut search, watch))?.map(|again| again.found);
     if let Some(found) = again.filter(|found| !leaves_unknown(&search, found)) {
         return Ok(Outcome { search, found, objects: Some(objects) });
     }
@@ -58,13 +67,7 @@ pub(crate) fn search_all<'a>(
     search.forward.compared -= 1;
     let mut search = question.search(search.forward, seen, masks);
     search.forward.budget.stage = Stage::Search;
-    let found = match in_time(searched(&mut search, watch))? {
-        Some((found, _)) => found,
-        None => {
-            search.end_as(&first);
-            Found { left_out: vec![SEARCH], ..first }
-        }
-    };
+    let found = search.without_objects(first, questioned, watch)?;
     Ok(Outcome { search, found, objects: None })
 }
 
@@ -75,67 +78,98 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 
 /// Searches with the description as it stands, and once more with one that may be wrong where that leaves more on the
 /// frames to choose by than the discrepancy can make: a description is questioned only where no camera explains the
-/// frames. First of all by what is in few places: where these are, if the rest is explained without them, is returned
-/// too.
-fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<(Found, Option<Objects>)> {
+/// frames. First of all by what is in few places.
+fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
-    let exact = search.run(watch)?;
+    let exact = search.run(watch, Vec::new())?;
     let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
     if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
-        return Ok((exact, None));
+        return Ok(First { found: exact, objects: None, questioned: false });
     }
-    let late = |mut found: Found, room: &[&'static str]| {
-        room.iter().for_each(|n| found.is_late(n));
-        Ok((found, None))
-    };
     search.forward.budget.stage = Stage::Search;
     if left.is_none() || search.late() || !exact.is_whole() {
-        return late(exact, &room);
+        return Ok(late(exact, &room));
     }
     let asked = room.contains(&"scene_radiance");
     let Some(objects) = in_time(if asked { search.undescribed(&exact) } else { Ok(None) })? else {
-        return late(exact, &room);
+        return Ok(late(exact, &room));
     };
     if objects.is_some() {
-        return Ok((exact, objects));
+        return Ok(First { found: exact, objects, questioned: false });
     }
+    questioned(search, exact, &room, watch)
+}
+
+/// The finding of a search with a description that may be wrong, if there are signs of that beside what was found with
+/// it as it stands; else that.
+fn questioned(
+    search: &mut Search<'_>,
+    exact: Found,
+    room: &[&'static str],
+    watch: &mut dyn Watch,
+) -> Result<First> {
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
-    search.begin_anew(room.clone());
+    search.begin_anew(room.to_vec());
     let promises = in_time(search.may_be_the_description(&exact.fit.theta))?;
-    search.begin_anew(room.clone());
+    search.begin_anew(room.to_vec());
     let free = match promises {
-        Some(true) => in_time(search.run(watch))?,
+        Some(true) => in_time(search.run(watch, exact.alone.clone()))?,
         Some(false) => {
             search.end_as(&exact);
-            return Ok((exact, None));
+            return Ok(First { found: exact, objects: None, questioned: true });
         }
         None => None,
     };
     let Some(free) = free else {
         search.end_as(&exact);
-        return late(exact, &room);
+        return Ok(late(exact, room));
     };
-    better_of(search, exact, free, &room)
+    better_of(search, exact, free, room)
+}
+
+/// A finding whose description there was no time to question.
+fn late(mut found: Found, room: &[&'static str]) -> First {
+    room.iter().for_each(|n| found.is_late(n));
+    First { found, objects: None, questioned: true }
+}
+
+impl Search<'_> {
+    /// The finding of the whole frames, where objects turned out to be none.
+    fn without_objects(
+        &mut self,
+        first: Found,
+        has_questioned: bool,
+        watch: &mut dyn Watch,
+    ) -> Result<Found> {
+        if first.fit.theta.room.radiance {
+            self.forward.find_covered(&first.fit.theta)?;
+        }
+        let room = std::mem::take(&mut self.room);
+        if has_questioned {
+            self.end_as(&first);
+            return Ok(first);
+        }
+        if let Some(First { found, .. }) = in_time(questioned(self, first.clone(), &room, watch))? {
+            return Ok(found);
+        }
+        self.end_as(&first);
+        Ok(Found { left_out: vec![SEARCH], ..first })
+    }
 }
 
 /// The finding with a description that may be wrong, if that names a part of it, else the one with it as it stands.
-fn better_of(
-    search: &mut Search<'_>,
-    mut exact: Found,
-    free: Found,
-    room: &[&'static str],
-) -> Result<(Found, Option<Objects>)> {
+fn better_of(search: &mut Search<'_>, mut exact: Found, free: Found, room: &[&'static str]) -> Result<First> {
     search.forward.budget.stage = Stage::End;
     let questioned = free.set.iter().any(|name| is_description(name));
     if questioned && (free.is_whole() || in_time(search.explains_more(&free, &exact))? == Some(true)) {
         let asked = room.contains(&"scene_radiance");
         let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
-        return Ok((free, objects));
+        return Ok(First { found: free, objects, questioned: true });
     }
     search.end_as(&exact);
     if !free.is_whole() {
         exact.leave_out(SEARCH);
         room.iter().for_each(|n| exact.is_late(n));
     }
-    Ok((exact, None))
+    Ok(First { found: exact, objects: None, questioned: true })
 }
