@@ -195,6 +195,13 @@ pub enum Error {
         /// Frames wanted.
         total: usize,
     },
+    /// The user asked a run of cases to stop.
+    CasesInterrupted {
+        /// Cases finished and on disk.
+        done: usize,
+        /// Cases wanted.
+        total: usize,
+    },
     /// The user asked a diagnosis to stop.
     DiagnosisInterrupted {
         /// Stage and step.
@@ -251,6 +258,9 @@ impl fmt::Display for Error {
             | Self::Threads { .. } => self.fmt_machine(f),
             Self::Interrupted { done, total } => {
                 write!(f, "interrupted after {done} of {total} frames; run again with --resume to go on")
+            }
+            Self::CasesInterrupted { done, total } => {
+                write!(f, "interrupted after {done} of {total} cases; run the same command again to go on")
             }
             Self::DiagnosisInterrupted { at, kept } => {
                 write!(f, "interrupted at `{at}`; {}", kept_text(kept))

@@ -19,6 +19,7 @@ mod import_video;
 mod pairs;
 mod reference;
 mod simulate;
+mod withhold;
 
 #[path = "../support/board/mod.rs"]
 mod board_support;
@@ -34,3 +35,15 @@ mod gpu_support;
 mod import_support;
 #[path = "../support/parsers/mod.rs"]
 mod parsers_support;
+
+/// Whether there is a device; without one the test is skipped by name, or fails where a device is required.
+fn device_is_there(test: &str) -> bool {
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_shutterbug")).arg("devices").output().unwrap();
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{test}: {said}");
+        eprintln!("SKIPPED {test}: {said}");
+    }
+    output.status.success()
+}

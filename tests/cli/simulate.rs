@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::device_is_there;
 use shutterbug::plane::{read_exr_plane, read_rgb8};
 
 const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
@@ -21,16 +22,6 @@ fn simulate(out: &Path, more: &[&str]) -> Output {
     // One sample a pixel: these tests are about files, not about edges.
     let samples: &[&str] = if more.contains(&"--samples") { &[] } else { &["--samples", "1"] };
     shutterbug().args(["simulate", DEMO, "--out"]).arg(out).args(samples).args(more).output().unwrap()
-}
-
-/// Whether there is a device; without one the test is skipped by name, or fails where a device is required.
-fn device_is_there(test: &str) -> bool {
-    let output = shutterbug().arg("devices").output().unwrap();
-    if !output.status.success() {
-        assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{test}: {}", text(&output.stderr));
-        eprintln!("SKIPPED {test}: {}", text(&output.stderr));
-    }
-    output.status.success()
 }
 
 fn text(bytes: &[u8]) -> String {

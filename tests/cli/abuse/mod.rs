@@ -22,6 +22,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::device_is_there;
+
 const CAMERA: &str =
     "width = 32\nheight = 24\nfx = 30.0\nfy = 30.0\ncx = 16.0\ncy = 12.0\nframe_period_s = 0.04\n";
 const SCENE: &str = "mtllib colours.mtl\no wall\nv 3 -4 -4\nv 3 4 -4\nv 3 4 4\nv 3 -4 4\nv 2 -1 -1\nv 2 1 -1\nv 2 0 1\n\
@@ -95,16 +97,6 @@ fn shell(script: &str, arguments: &[&Path]) -> Output {
     let mut command = Command::new("bash");
     command.args(["-c", script, env!("CARGO_BIN_EXE_shutterbug")]).args(arguments).stdin(Stdio::null());
     command.output().unwrap()
-}
-
-/// Whether there is a device; without one the test is skipped by name, or fails where a device is required.
-fn device_is_there(test: &str) -> bool {
-    let output = shutterbug().arg("devices").output().unwrap();
-    if !output.status.success() {
-        assert!(std::env::var_os("SHUTTERBUG_REQUIRE_DEVICE").is_none(), "{test}: {}", said(&output));
-        eprintln!("SKIPPED {test}: {}", said(&output));
-    }
-    output.status.success()
 }
 
 fn said(output: &Output) -> String {

@@ -10,7 +10,7 @@ use std::time::Instant;
 use super::curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 use super::hidden::{Grade, grade, graded};
 use super::make::Case;
-use super::{WithholdOptions, begin, diagnose};
+use super::{WithholdOptions, begin, diagnose, is_interruption};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there};
 use shutterbug::plane::{write_atomic, write_png_atomic};
@@ -32,7 +32,7 @@ pub struct CurveOptions {
 ///
 /// # Errors
 /// Names of no effect that has grades; a folder of a run with other options; files that cannot be read or written;
-/// [`Error::Interrupted`].
+/// [`Error::CasesInterrupted`].
 pub fn curves(
     options: &WithholdOptions,
     curve: &CurveOptions,
@@ -54,10 +54,13 @@ pub fn curves(
                 let case = match read_case(&folder)? {
                     Some(case) => case,
                     None => {
+                        let done = result.cases.len();
+                        let interrupted = || Error::CasesInterrupted { done, total };
                         if stop() {
-                            return Err(Error::Interrupted { done: result.cases.len(), total });
+                            return Err(interrupted());
                         }
-                        let case = one_case(options, name, strength, repeat, &folder, stop)?;
+                        let case = one_case(options, name, strength, repeat, &folder, stop);
+                        let case = case.map_err(|e| if is_interruption(&e) { interrupted() } else { e })?;
                         fresh += 1;
                         let each_s = clock.elapsed().as_secs_f64() / fresh as f64;
                         let left_min = (total - result.cases.len() - 1) as f64 * each_s / 60.0;
@@ -106,11 +109,7 @@ fn one_case(
     let hide = |known: &shutterbug::chain::Settings| graded(options.seed, repeat, name, strength, known);
     let case = Case::make(options, repeat, &capture, true, &hide)?;
     case.render(stop)?;
-    let report = diagnose(options, &capture, &folder.join("diagnosis"), None, &[]);
-    if stop() {
-        return Err(Error::Interrupted { done: 0, total: 1 });
-    }
-    let report = report?;
+    let report = diagnose(options, &capture, &folder.join("diagnosis"), None, &[], stop)?;
     let verdict = serde_json::to_value(report.verdict).ok();
     let score = CurveCase {
         effect: name.to_owned(),

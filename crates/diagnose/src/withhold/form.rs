@@ -12,10 +12,11 @@ use std::process::{Command, Stdio};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::WithholdOptions;
+use super::child::made;
 use super::draw::Draw;
 use super::falsify::normal;
 use super::motion::Motion;
-use super::{WithholdOptions, made};
 use crate::diagnose::changes_places;
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::{Capture, read_text};
@@ -68,13 +69,13 @@ impl Form {
     /// Makes the folder of simulated frames `sim` for a capture.
     ///
     /// # Errors
-    /// Files that cannot be read or written, a simulation that fails.
+    /// Files that cannot be read or written, a simulation that fails or is stopped.
     pub(super) fn make(
         self,
         options: &WithholdOptions,
         index: usize,
-        capture: &Path,
-        sim: &Path,
+        (capture, sim): (&Path, &Path),
+        stop: &dyn Fn() -> bool,
     ) -> Result<()> {
         let room = capture.with_file_name("room");
         copy(capture, &room)?;
@@ -98,7 +99,7 @@ impl Form {
         if let Some(device) = &options.device {
             command.arg("--device").arg(device);
         }
-        made(command, "simulation", capture)?;
+        made(command, "simulation", capture, stop)?;
         if self == Self::Pairs {
             for name in ["trajectory.tum", "camera.toml", "frames.csv"] {
                 take(&room.join(name), &sim.join(name))?;

@@ -11,6 +11,7 @@
 
 #[cfg(all(test, feature = "added-effect"))]
 mod added_effect;
+mod child;
 mod curve;
 mod curve_page;
 mod curve_result;
@@ -39,6 +40,7 @@ pub use score::{CaseScore, ParameterScore, Summary, Tally};
 
 use crate::diagnose::{REPORT_FILE, Report};
 use crate::out;
+use child::made;
 use make::Case;
 use shutterbug::capture::read_text;
 use shutterbug::error::{Error, Result, counted};
@@ -93,7 +95,7 @@ pub struct WithholdResult {
 ///
 /// # Errors
 /// A folder of a run with other options; files that cannot be read or written; a diagnosis that fails;
-/// [`Error::Interrupted`].
+/// [`Error::CasesInterrupted`].
 pub fn withhold(
     options: &WithholdOptions,
     say: &mut dyn FnMut(&str),
@@ -116,10 +118,12 @@ pub fn withhold(
             Some(score) => score,
             None if !options.only.is_empty() && !options.only.contains(&index) => continue,
             None => {
+                let interrupted = || Error::CasesInterrupted { done: index, total: options.count };
                 if stop() {
-                    return Err(Error::Interrupted { done: index, total: options.count });
+                    return Err(interrupted());
                 }
-                let score = one_case(options, &available, &candidates, index, &folder, say, stop)?;
+                let score = one_case(options, &available, &candidates, index, &folder, say, stop);
+                let score = score.map_err(|e| if is_interruption(&e) { interrupted() } else { e })?;
                 fresh += 1;
                 let left = (options.count - index - 1) as f64 * clock.elapsed().as_secs_f64() / fresh as f64;
                 let mark = if score.exact { "right" } else { "WRONG" };
@@ -144,6 +148,11 @@ pub fn withhold(
     Ok(result)
 }
 
+/// Whether an error says that somebody asked to stop.
+fn is_interruption(error: &Error) -> bool {
+    matches!(error, Error::Interrupted { .. } | Error::CasesInterrupted { .. })
+}
+
 fn one_case(
     options: &WithholdOptions,
     available: &[&'static str],
@@ -166,14 +175,9 @@ fn one_case(
     let left_out = if case.hidden.kind == Kind::LeftOut { &case.hidden.names[..] } else { &[] };
     let sim = folder.join("sim");
     if options.form != Form::Capture {
-        options.form.make(options, index, &capture, &sim)?;
+        options.form.make(options, index, (&capture, &sim), stop)?;
     }
-    let blind = diagnose(options, &capture, &folder.join("diagnosis"), None, left_out);
-    // What stops this process stops the other one too, which then fails.
-    if stop() {
-        return Err(Error::Interrupted { done: index, total: options.count });
-    }
-    let blind = blind?;
+    let blind = diagnose(options, &capture, &folder.join("diagnosis"), None, left_out, stop)?;
     // Opened: the diagnosis has ended.
     write_atomic(&folder.join("answer.json"), answer.as_bytes())?;
     let opened = serde_json::from_str(&answer).expect("just written as JSON");
@@ -183,7 +187,7 @@ fn one_case(
         let camera = folder.join("true-camera.toml");
         case.write_true_camera(&camera)?;
         // Nothing is tried: what is asked for is the score of the true camera by the same judge.
-        let truth = diagnose(options, &capture, &folder.join("truth"), Some(&camera), candidates)?;
+        let truth = diagnose(options, &capture, &folder.join("truth"), Some(&camera), candidates, stop)?;
         let g = &blind.gap;
         score.closed_by_truth =
             Some((g.before - truth.gap.before) / (g.before - g.floor)).filter(|f| f.is_finite());
@@ -209,6 +213,7 @@ fn diagnose(
     out: &Path,
     camera: Option<&Path>,
     without: &[&str],
+    stop: &dyn Fn() -> bool,
 ) -> Result<Report> {
     out::made_elsewhere(out)?;
     let mut command = Command::new(&options.program);
@@ -231,24 +236,10 @@ fn diagnose(
     if let Some(device) = options.device.as_ref().filter(|_| options.form == Form::Capture) {
         command.arg("--device").arg(device);
     }
-    made(command, "diagnosis", capture)?;
+    made(command, "diagnosis", capture, stop)?;
     let path = out.join(REPORT_FILE);
     let text = read_text(&path, "the report of the diagnosis", Limit::OWN)?;
     Report::from_json(&path, &text)
-}
-
-/// Runs a command to its end; its last line is what an error says.
-fn made(mut command: Command, what: &str, capture: &Path) -> Result<()> {
-    let program = PathBuf::from(command.get_program());
-    let output = command.output().map_err(|e| Error::io(&program, "run", e))?;
-    if output.status.success() {
-        return Ok(());
-    }
-    let text = String::from_utf8_lossy(&output.stderr);
-    let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
-    let found = format!("a {what} that ended with {}: {last}", output.status);
-    let expected = "one that comes to its end; mend the cause and run the same command again";
-    Err(Error::input(capture, None, found, expected))
 }
 
 /// Writes what the captures depend on; a folder of other ones is refused.
