@@ -429,6 +429,7 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_an_outside_frame: Work::Outside, ["vkCreateComputePipelines"];
     #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_accumulation: Work::Scene(1, ""), DRAWN;
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_paper: Work::Scene(2, ""), DRAWN;
     #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
@@ -438,6 +439,7 @@ every_call! {
     #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits:
         Work::Finer, ["vkCreateComputePipelines"];
+    #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_shared_memory: Work::Shared, ["vkGetFenceStatus"];
 }
 

@@ -129,6 +129,7 @@ fn pictures_that_lie_roughly_on_each_other_tell_values_and_sharpness_and_no_geom
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn folders_of_different_moments_tell_noise_and_shared_colour() {
     let Some(data) = shared() else { return };
     let few = few("sharpening,chromatic_aberration,hot_pixels,bayer_mosaic");

@@ -95,6 +95,7 @@ fn accumulation(renders: u32) -> Method {
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn random_motion_is_met() {
     let Some(watched) = device("random_motion_is_met") else { return };
     let number = |name: &str, otherwise: u64| {

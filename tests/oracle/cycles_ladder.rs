@@ -51,6 +51,7 @@ fn real(root: &Path, capture: &Capture, frame: usize) -> Plane<u8> {
 }
 
 #[test]
+#[ignore = "long: a minute"]
 fn every_capture_is_met() {
     let Some(watched) = device("every_capture_is_met") else { return };
     eprintln!("| capture | exact | fast | accumulation | paper |\n|---|---|---|---|---|");

@@ -15,6 +15,7 @@ use shutterbug::capture::CameraFile;
 use shutterbug::effects::LensDistortion;
 
 #[test]
+#[ignore = "long: half a minute"]
 fn thirteen_poses_follow_a_camera_that_shakes() {
     let test = "thirteen_poses_follow_a_camera_that_shakes";
     let Some(engine) = engine(test, options(0, 1)) else { return };

@@ -59,6 +59,7 @@ fn by_motion(
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn several_motion_images_are_integrated_and_never_worse_than_one() {
     let test = "several_motion_images_are_integrated_and_never_worse_than_one";
     let Some(engine) = engine(test, options(2, 1)) else { return };

@@ -88,6 +88,7 @@ fn with_text(k: u32) -> GrayImage {
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn a_text_on_the_frames_is_no_stuck_pixels() {
     let folders = Folders::new(&[("text", &with_text as &dyn Fn(u32) -> GrayImage)].into());
     for more in [&[][..], &["--unpaired"]] {
