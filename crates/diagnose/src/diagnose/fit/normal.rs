@@ -132,7 +132,8 @@ fn columns(
         };
         let changed = changed.with(P::Quality, 0.0);
         let way = match p {
-            P::Exposure => Way::Render(forward.radiance(frames, &changed, level.quality)?),
+            // What other factors could do in its place is taken out of the column anyway.
+            P::Exposure => Way::Render(forward.lit_as(frames, &changed, theta, level.quality)?),
             P::Offset | P::Readout => Way::Time,
             p if p.is_remap() => Way::Remap(forward.flow_of_remap(theta, p, step)),
             _ => Way::Value,

@@ -254,6 +254,13 @@ impl<'a> Search<'a> {
     /// Runs the search, for as long as there is time; what it had found by then is kept. `alone`: what each candidate
     /// does alone, where another search of the same frames has found that out.
     pub(crate) fn run(&mut self, watch: &mut dyn Watch, alone: Vec<Alone>) -> Result<Found> {
+        let mut found = self.look(watch, alone)?;
+        self.end(&mut found, watch)?;
+        Ok(found)
+    }
+
+    /// [`Search::run`] as far as the set is found.
+    pub(crate) fn look(&mut self, watch: &mut dyn Watch, alone: Vec<Alone>) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         self.forward.budget.go_on()?;
         self.forward.budget.stage = Stage::Search;
@@ -265,12 +272,17 @@ impl<'a> Search<'a> {
             late.into_iter().for_each(|n| found.is_late(n));
             found.leave_out(SEARCH);
         }
+        Ok(found)
+    }
+
+    /// The rest of [`Search::run`].
+    pub(crate) fn end(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         watch.stage("the set to the end", 4);
         watch.step("all parameters together");
         let clock = Instant::now();
-        self.finish(&mut found, watch)?;
+        self.finish(found, watch)?;
         self.forward.budget.tell(clock.elapsed().as_secs_f64());
-        Ok(found)
+        Ok(())
     }
 
     fn look_for(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {

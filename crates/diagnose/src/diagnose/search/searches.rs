@@ -1,13 +1,14 @@
 //! The searches of a diagnosis: with the description as it stands, with one that may be wrong, and without the places
 //! of what the scene does not have.
 
-use super::decide::{Facts, decide};
+use super::decide::{Facts, NAMED, decide};
 use super::found::{Found, SEARCH};
 use super::objects::Objects;
 use super::question::{Question, Seen};
 use crate::diagnose::evidence::budget::{Stage, in_time};
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::room::is_description;
+use crate::diagnose::judge::closed_fraction;
 use crate::diagnose::report::Verdict;
 use crate::diagnose::search::{Search, Watch};
 use shutterbug::error::Result;
@@ -81,7 +82,13 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 /// frames. First of all by what is in few places.
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
-    let exact = search.run(watch, Vec::new())?;
+    let mut exact = search.look(watch, Vec::new())?;
+    let early = in_time(search.questioned_early(&exact, &room, watch))?.flatten();
+    if let Some(first) = early {
+        return Ok(first);
+    }
+    search.begin_anew(Vec::new());
+    search.end(&mut exact, watch)?;
     let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
     if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
         return Ok(First { found: exact, objects: None, questioned: false });
@@ -134,6 +141,40 @@ fn late(mut found: Found, room: &[&'static str]) -> First {
 }
 
 impl Search<'_> {
+    /// The finding with a description that may be wrong, where that is asked about before a set is brought to its end:
+    /// one that closes too little to be named beside an unknown effect is no finding, and its end takes as long as the
+    /// search.
+    fn questioned_early(
+        &mut self,
+        exact: &Found,
+        room: &[&'static str],
+        watch: &mut dyn Watch,
+    ) -> Result<Option<First>> {
+        let now = self.judge.scores(self.forward, &exact.fit.theta)?;
+        let closed = closed_fraction(exact.before.mean(), now.mean(), now.floor());
+        let is_finding = closed >= NAMED[0] || now.beyond_bounds().is_empty();
+        if room.is_empty() || is_finding || self.late() || !exact.is_whole() {
+            return Ok(None);
+        }
+        let asked = room.contains(&"scene_radiance");
+        if asked && self.undescribed(exact)?.is_some() {
+            return Ok(None);
+        }
+        tracing::info!("{:?} closes {closed:.2}: {room:?} may be wrong", exact.set);
+        self.begin_anew(room.to_vec());
+        let promises = self.may_be_the_description(&exact.fit.theta)?;
+        self.begin_anew(room.to_vec());
+        if promises {
+            let found = self.run(watch, exact.alone.clone())?;
+            if found.set.iter().any(|name| is_description(name)) {
+                self.forward.budget.stage = Stage::End;
+                let objects = if asked { in_time(self.undescribed(&found))?.flatten() } else { None };
+                return Ok(Some(First { found, objects, questioned: true }));
+            }
+        }
+        Ok(None)
+    }
+
     /// The finding of the whole frames, where objects turned out to be none.
     fn without_objects(
         &mut self,

@@ -63,12 +63,23 @@ impl Forward {
         theta: &Theta,
         quality: Quality,
     ) -> Result<Vec<Arc<Plane<f32>>>> {
+        self.lit_as(frames, theta, theta, quality)
+    }
+
+    /// What the camera of `theta` sees of surfaces as bright as the factors that go with the camera of `lights` say.
+    pub(crate) fn lit_as(
+        &mut self,
+        frames: &[usize],
+        theta: &Theta,
+        lights: &Theta,
+        quality: Quality,
+    ) -> Result<Vec<Arc<Plane<f32>>>> {
         let bare = self.bare_radiance(frames, theta, quality)?;
-        if !theta.room.radiance {
+        if !lights.room.radiance {
             return Ok(bare);
         }
-        let map = self.map_of(theta, quality)?;
-        let surfaces: Vec<_> = frames.iter().map(|&at| self.surface(at, theta)).collect();
+        let map = self.map_of(lights, quality)?;
+        let surfaces: Vec<_> = frames.iter().map(|&at| self.surface(at, lights)).collect();
         let size = [self.intrinsics.width as usize, self.intrinsics.height as usize];
         let grid = &self.description.grid;
         let lit = bare.iter().zip(&surfaces).map(|(plane, surface)| {
