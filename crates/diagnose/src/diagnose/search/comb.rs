@@ -21,11 +21,12 @@ const ANYWHERE: f32 = 0.1;
 /// Least evidence for a quality, nats: of all coefficients that differ, and of each.
 const LEAST_NATS: [f32; 2] = [50.0, 0.25];
 
-/// Pixels of a block that must differ from each other for it to refute anything, of 64. Rounding is white among these
-/// alone: equal pixels are off by the same, a flat block by up to 4 in the coefficient of its mean.
+/// Root mean square that the fine half of a block's coefficients must have for it to refute anything, DN: clear of what
+/// rounding makes. Rounding is white where pixels differ like that. Equal pixels are off by the same, up to 4 in the
+/// coefficient of a flat block's mean.
 ///
 /// Measured: a compression of 31 of walls without noise, off by 2.7 in that coefficient and 1 in the next, was refuted.
-const LEAST_VARIED: usize = 32;
+const LEAST_FINE: f32 = 3.0 * ROUNDING;
 
 /// Qualities of compression that are asked of: the steps of finer ones do not show.
 const QUALITIES: std::ops::RangeInclusive<u8> = 5..=97;
@@ -55,7 +56,7 @@ pub(crate) fn told(evidence: &Evidence, frames: &[usize]) -> Told {
     let best = all.iter().filter(|(_, s)| clear(s, 1.0));
     let best = best.reduce(|best, other| if other.1.all > best.1.all { other } else { best });
     let count = blocks.len();
-    let varied: Vec<Block> = blocks.into_iter().filter(|b| b.distinct >= LEAST_VARIED).collect();
+    let varied: Vec<Block> = blocks.into_iter().filter(|b| b.fine >= LEAST_FINE).collect();
     let refuted = sums(&varied);
     let refuted: Vec<u8> =
         refuted.iter().filter(|(_, s)| clear(s, -1.0)).map(|(quality, _)| *quality).collect();
@@ -72,16 +73,16 @@ pub(crate) fn told(evidence: &Evidence, frames: &[usize]) -> Told {
 struct Block {
     /// Coefficients of its brightness.
     coefficients: [f32; AREA],
-    /// How many of its pixels differ in brightness.
-    distinct: usize,
+    /// Root mean square of the fine half of them.
+    fine: f32,
 }
 
 impl Block {
     fn of(luma: [f32; AREA], dct: &Dct) -> Self {
-        let mut sorted = luma;
-        sorted.sort_unstable_by(f32::total_cmp);
-        let distinct = 1 + sorted.windows(2).filter(|two| two[1] > two[0]).count();
-        Self { coefficients: dct.forward(&luma), distinct }
+        let coefficients = dct.forward(&luma);
+        let is_fine = |i: &usize| i % SIDE + i / SIDE >= SIDE;
+        let squares: Vec<f32> = (0..AREA).filter(is_fine).map(|i| coefficients[i].powi(2)).collect();
+        Self { coefficients, fine: (squares.iter().sum::<f32>() / squares.len() as f32).sqrt() }
     }
 }
 
