@@ -60,6 +60,7 @@ const CRATES: &[Crate] = &[
         sources: "crates/diagnose/src",
         layers: &[
             pure("out", &["files", "error"]),
+            pure("child", &["error"]),
             pure("calibrate", &["reference", "effects", "chain", "camera", "plane", "files", "error"]),
             pure("board", &["capture", "camera", "chain", "plane", "files", "error"]),
             Layer { module: "diagnose", uses: Uses::All, ash: false, unsafe_code: false },

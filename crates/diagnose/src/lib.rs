@@ -7,6 +7,7 @@
 
 pub mod board;
 pub mod calibrate;
+mod child;
 pub mod diagnose;
 pub mod out;
 pub mod report;

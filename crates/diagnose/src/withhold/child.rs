@@ -1,10 +1,10 @@
 //! Commands that a run starts, and that stop when it does.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use crate::child::{heard, last_line, pid_of};
 use shutterbug::error::{Error, Result};
 
 /// From one look at a command to the next.
@@ -19,11 +19,7 @@ pub(super) fn made(mut command: Command, what: &str, capture: &Path, stop: &dyn 
     let program = PathBuf::from(command.get_program());
     let started = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
     let mut child = started.map_err(|e| Error::io(&program, "run", e))?;
-    let mut said = child.stderr.take().expect("it is piped");
-    let heard = std::thread::spawn(move || {
-        let mut text = Vec::new();
-        said.read_to_end(&mut text).map(|_| text)
-    });
+    let said = heard(child.stderr.take());
     let mut asked = false;
     let status = loop {
         if let Some(status) = child.try_wait().map_err(|e| Error::io(&program, "wait for", e))? {
@@ -35,22 +31,20 @@ pub(super) fn made(mut command: Command, what: &str, capture: &Path, stop: &dyn 
         }
         std::thread::sleep(LOOK);
     };
-    let text = heard.join().expect("it only reads").map_err(|e| Error::io(&program, "read from", e))?;
     if status.success() {
         return Ok(());
     }
     if stop() {
         return Err(Error::CasesInterrupted { done: 0, total: 1 });
     }
-    let text = String::from_utf8_lossy(&text);
-    let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("no message");
+    let last = last_line(&said.recv().unwrap_or_default()).unwrap_or_else(|| "no message".to_owned());
     let found = format!("a {what} that ended with {status}: {last}");
     let expected = "one that comes to its end; mend the cause and run the same command again";
     Err(Error::input(capture, None, found, expected))
 }
 
 fn ask_to_stop(child: &Child) {
-    if let Some(pid) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+    if let Some(pid) = pid_of(child) {
         // It may have ended by itself.
         let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
     }

@@ -10,7 +10,7 @@ use std::time::Instant;
 use super::curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 use super::hidden::{Grade, grade, graded};
 use super::make::Case;
-use super::{WithholdOptions, begin, diagnose, is_interruption};
+use super::{WithholdOptions, begin, diagnose, unless_stopped};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there};
 use shutterbug::plane::{write_atomic, write_png_atomic};
@@ -54,13 +54,9 @@ pub fn curves(
                 let case = match read_case(&folder)? {
                     Some(case) => case,
                     None => {
-                        let done = result.cases.len();
-                        let interrupted = || Error::CasesInterrupted { done, total };
-                        if stop() {
-                            return Err(interrupted());
-                        }
-                        let case = one_case(options, name, strength, repeat, &folder, stop);
-                        let case = case.map_err(|e| if is_interruption(&e) { interrupted() } else { e })?;
+                        let case = unless_stopped([result.cases.len(), total], stop, || {
+                            one_case(options, name, strength, repeat, &folder, stop)
+                        })?;
                         fresh += 1;
                         let each_s = clock.elapsed().as_secs_f64() / fresh as f64;
                         let left_min = (total - result.cases.len() - 1) as f64 * each_s / 60.0;

@@ -118,12 +118,9 @@ pub fn withhold(
             Some(score) => score,
             None if !options.only.is_empty() && !options.only.contains(&index) => continue,
             None => {
-                let interrupted = || Error::CasesInterrupted { done: index, total: options.count };
-                if stop() {
-                    return Err(interrupted());
-                }
-                let score = one_case(options, &available, &candidates, index, &folder, say, stop);
-                let score = score.map_err(|e| if is_interruption(&e) { interrupted() } else { e })?;
+                let score = unless_stopped([index, options.count], stop, || {
+                    one_case(options, &available, &candidates, index, &folder, say, stop)
+                })?;
                 fresh += 1;
                 let left = (options.count - index - 1) as f64 * clock.elapsed().as_secs_f64() / fresh as f64;
                 let mark = if score.exact { "right" } else { "WRONG" };
@@ -148,9 +145,18 @@ pub fn withhold(
     Ok(result)
 }
 
-/// Whether an error says that somebody asked to stop.
-fn is_interruption(error: &Error) -> bool {
-    matches!(error, Error::Interrupted { .. } | Error::CasesInterrupted { .. })
+/// Runs a case, unless somebody has asked to stop. An interruption within it is one of the run.
+fn unless_stopped<T>(
+    [done, total]: [usize; 2],
+    stop: &dyn Fn() -> bool,
+    case: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    match if stop() { Err(Error::CasesInterrupted { done, total }) } else { case() } {
+        Err(Error::Interrupted { .. } | Error::CasesInterrupted { .. }) => {
+            Err(Error::CasesInterrupted { done, total })
+        }
+        other => other,
+    }
 }
 
 fn one_case(

@@ -3,12 +3,10 @@
 //! and the like are but letters, and a folder's name stays one argument whatever is in it.
 
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -18,6 +16,7 @@ use super::choose::Chosen;
 use super::marked::Mark;
 use super::simulated::Simulated;
 use super::{Folder, radiance_of};
+use crate::child::{heard, last_line, pid_of};
 use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::expect::compared::bytes;
 use crate::diagnose::expect::model::Theta;
@@ -34,8 +33,6 @@ const OF_A_SHELL: [&str; 9] = ["|", "||", "&", "&&", ";", "<", ">", ">>", "2>&1"
 const MOST_PICTURES: usize = 1000;
 /// How often a command is looked after.
 const LOOK: Duration = Duration::from_millis(20);
-/// What is kept of the end of what a command prints, bytes.
-const KEPT: usize = 1 << 16;
 /// How long its last words are waited for when it has ended.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// Most letters of what a command printed that an error repeats.
@@ -302,35 +299,10 @@ fn copy<'a>(from: &Path, names: impl Iterator<Item = &'a String>, to: &Path) -> 
 
 /// Ends a command and whatever it started that is still there.
 fn end_group(child: &Child) {
-    if let Some(group) = i32::try_from(child.id()).ok().and_then(rustix::process::Pid::from_raw) {
+    if let Some(group) = pid_of(child) {
         // Nothing may be left to end.
         let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
     }
-}
-
-/// The end of what a stream says, once it is over.
-fn heard(stream: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
-    let (send, receive) = channel();
-    thread::spawn(move || {
-        let (mut kept, mut some) = (Vec::new(), [0; 4096]);
-        if let Some(mut stream) = stream {
-            while let Ok(n @ 1..) = stream.read(&mut some) {
-                kept.extend_from_slice(&some[..n]);
-                let beyond = kept.len().saturating_sub(KEPT);
-                kept.drain(..beyond);
-            }
-        }
-        // Nobody waits any more where the command was stopped.
-        let _ = send.send(kept);
-    });
-    receive
-}
-
-/// The last line that is not blank.
-fn last_line(said: &[u8]) -> Option<String> {
-    let text = String::from_utf8_lossy(said);
-    let line = text.lines().rev().map(str::trim).find(|l| !l.is_empty())?;
-    Some(one_line(line))
 }
 
 fn shortened(line: &str) -> String {
