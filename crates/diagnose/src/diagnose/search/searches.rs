@@ -83,10 +83,10 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
     let mut exact = search.look(watch, Vec::new())?;
-    let early = in_time(search.questioned_early(&exact, &room, watch))?.flatten();
-    if let Some(first) = early {
-        return Ok(first);
-    }
+    let free = match in_time(search.freed_early(&exact, &room, watch))?.flatten() {
+        Some(free) if names_description(&free) => return search.with_objects(free, &room),
+        other => other,
+    };
     search.begin_anew(Vec::new());
     search.end(&mut exact, watch)?;
     let left = in_time(search.judge.scores(search.forward, &exact.fit.theta))?;
@@ -97,37 +97,36 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     if left.is_none() || search.late() || !exact.is_whole() {
         return Ok(late(exact, &room));
     }
-    let asked = room.contains(&"scene_radiance");
-    let Some(objects) = in_time(if asked { search.undescribed(&exact) } else { Ok(None) })? else {
+    let Some(objects) = in_time(search.objects_beside(&exact, &room))? else {
         return Ok(late(exact, &room));
     };
     if objects.is_some() {
         return Ok(First { found: exact, objects, questioned: false });
     }
-    questioned(search, exact, &room, watch)
+    questioned(search, exact, (free, &room), watch)
 }
 
 /// The finding of a search with a description that may be wrong, if there are signs of that beside what was found with
-/// it as it stands; else that.
+/// it as it stands; else that. `free`: what such a search has found already.
 fn questioned(
     search: &mut Search<'_>,
     exact: Found,
-    room: &[&'static str],
+    (free, room): (Option<Found>, &[&'static str]),
     watch: &mut dyn Watch,
 ) -> Result<First> {
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
-    search.begin_anew(room.to_vec());
-    let promises = in_time(search.may_be_the_description(&exact.fit.theta))?;
-    search.begin_anew(room.to_vec());
-    let free = match promises {
-        Some(true) => in_time(search.run(watch, exact.alone.clone()))?,
+    let freed = match in_time(search.promises(&exact, room))? {
+        Some(true) => match free {
+            Some(free) => Some(free),
+            None => in_time(search.run(watch, exact.alone.clone()))?,
+        },
         Some(false) => {
             search.end_as(&exact);
             return Ok(First { found: exact, objects: None, questioned: true });
         }
         None => None,
     };
-    let Some(free) = free else {
+    let Some(free) = freed else {
         search.end_as(&exact);
         return Ok(late(exact, room));
     };
@@ -140,39 +139,52 @@ fn late(mut found: Found, room: &[&'static str]) -> First {
     First { found, objects: None, questioned: true }
 }
 
+fn names_description(found: &Found) -> bool {
+    found.set.iter().any(|name| is_description(name))
+}
+
 impl Search<'_> {
-    /// The finding with a description that may be wrong, where that is asked about before a set is brought to its end:
-    /// one that closes too little to be named beside an unknown effect is no finding, and its end takes as long as the
-    /// search.
-    fn questioned_early(
+    /// The finding of a search with a description that may be wrong, where that is asked about before a set is brought
+    /// to its end, and there are signs of it: a set that closes too little to be named beside an unknown effect is no
+    /// finding, and its end takes as long as the search.
+    fn freed_early(
         &mut self,
         exact: &Found,
         room: &[&'static str],
         watch: &mut dyn Watch,
-    ) -> Result<Option<First>> {
+    ) -> Result<Option<Found>> {
         let now = self.judge.scores(self.forward, &exact.fit.theta)?;
         let closed = closed_fraction(exact.before.mean(), now.mean(), now.floor());
         let is_finding = closed >= NAMED[0] || now.beyond_bounds().is_empty();
         if room.is_empty() || is_finding || self.late() || !exact.is_whole() {
             return Ok(None);
         }
-        let asked = room.contains(&"scene_radiance");
-        if asked && self.undescribed(exact)?.is_some() {
+        if self.objects_beside(exact, room)?.is_some() {
             return Ok(None);
         }
         tracing::info!("{:?} closes {closed:.2}: {room:?} may be wrong", exact.set);
+        if self.promises(exact, room)? { self.run(watch, exact.alone.clone()).map(Some) } else { Ok(None) }
+    }
+
+    /// Whether the description may be the cause of what a finding leaves; behind it a search with it free can begin.
+    fn promises(&mut self, exact: &Found, room: &[&'static str]) -> Result<bool> {
         self.begin_anew(room.to_vec());
-        let promises = self.may_be_the_description(&exact.fit.theta)?;
+        let promises = self.may_be_the_description(&exact.fit.theta);
         self.begin_anew(room.to_vec());
-        if promises {
-            let found = self.run(watch, exact.alone.clone())?;
-            if found.set.iter().any(|name| is_description(name)) {
-                self.forward.budget.stage = Stage::End;
-                let objects = if asked { in_time(self.undescribed(&found))?.flatten() } else { None };
-                return Ok(Some(First { found, objects, questioned: true }));
-            }
-        }
-        Ok(None)
+        promises
+    }
+
+    /// Where the scene lacks something, if that is why a finding leaves more than the discrepancy; asked where the
+    /// scene may be wrong.
+    fn objects_beside(&mut self, found: &Found, room: &[&'static str]) -> Result<Option<Objects>> {
+        if room.contains(&"scene_radiance") { self.undescribed(found) } else { Ok(None) }
+    }
+
+    /// A finding with the description free, and where the scene lacks something beside it.
+    fn with_objects(&mut self, found: Found, room: &[&'static str]) -> Result<First> {
+        self.forward.budget.stage = Stage::End;
+        let objects = in_time(self.objects_beside(&found, room))?.flatten();
+        Ok(First { found, objects, questioned: true })
     }
 
     /// The finding of the whole frames, where objects turned out to be none.
@@ -182,30 +194,27 @@ impl Search<'_> {
         has_questioned: bool,
         watch: &mut dyn Watch,
     ) -> Result<Found> {
-        if first.fit.theta.room.radiance {
-            self.forward.find_covered(&first.fit.theta)?;
-        }
         let room = std::mem::take(&mut self.room);
-        if has_questioned {
-            self.end_as(&first);
-            return Ok(first);
+        if !has_questioned {
+            return Ok(questioned(self, first, (None, &room), watch)?.found);
         }
-        if let Some(First { found, .. }) = in_time(questioned(self, first.clone(), &room, watch))? {
-            return Ok(found);
+        // What other frames saw was found for the search elsewhere since. The report needs it, however late it is.
+        if first.fit.theta.room.radiance {
+            self.forward.budget.stage = Stage::Must;
+            self.forward.find_covered(&first.fit.theta)?;
+            self.forward.budget.stage = Stage::End;
         }
         self.end_as(&first);
-        Ok(Found { left_out: vec![SEARCH], ..first })
+        Ok(first)
     }
 }
 
 /// The finding with a description that may be wrong, if that names a part of it, else the one with it as it stands.
 fn better_of(search: &mut Search<'_>, mut exact: Found, free: Found, room: &[&'static str]) -> Result<First> {
     search.forward.budget.stage = Stage::End;
-    let questioned = free.set.iter().any(|name| is_description(name));
-    if questioned && (free.is_whole() || in_time(search.explains_more(&free, &exact))? == Some(true)) {
-        let asked = room.contains(&"scene_radiance");
-        let objects = if asked { in_time(search.undescribed(&free))?.flatten() } else { None };
-        return Ok(First { found: free, objects, questioned: true });
+    let is_better = |search: &mut Search<'_>| in_time(search.explains_more(&free, &exact));
+    if names_description(&free) && (free.is_whole() || is_better(search)? == Some(true)) {
+        return search.with_objects(free, room);
     }
     search.end_as(&exact);
     if !free.is_whole() {
