@@ -56,14 +56,12 @@ pub(crate) fn told(evidence: &Evidence, frames: &[usize]) -> Told {
     let best = all.iter().filter(|(_, s)| clear(s, 1.0));
     let best = best.reduce(|best, other| if other.1.all > best.1.all { other } else { best });
     let count = blocks.len();
-    let varied: Vec<Block> = blocks.into_iter().filter(|b| b.fine >= LEAST_FINE).collect();
-    let refuted = sums(&varied);
-    let refuted: Vec<u8> =
-        refuted.iter().filter(|(_, s)| clear(s, -1.0)).map(|(quality, _)| *quality).collect();
+    let rough: Vec<Block> = blocks.into_iter().filter(|b| b.fine >= LEAST_FINE).collect();
+    let against = sums(&rough).into_iter().filter(|(_, s)| clear(s, -1.0));
+    let refuted: Vec<u8> = against.map(|(quality, _)| quality).collect();
     let said = best.map(|(quality, sums)| (sums.all, *quality));
     tracing::debug!(
-        "compression: {said:?} (nats, quality) from {} blocks, {} qualities refuted",
-        count,
+        "compression: {said:?} (nats, quality) from {count} blocks, {} qualities refuted",
         refuted.len()
     );
     Told { quality: said.map(|s| s.1), refuted }
@@ -165,7 +163,7 @@ mod tests {
 
     #[test]
     fn what_was_not_compressed_refutes_compression_and_what_was_does_not() {
-        for sigma in [3.0, 10.0] {
+        for sigma in [0.0, 3.0, 10.0] {
             let plain = picture(sigma);
             let against = refuted(&plain);
             let wanted = [30, 62, 82, 92];
