@@ -83,9 +83,9 @@ impl Forward {
         let size = [self.intrinsics.width as usize, self.intrinsics.height as usize];
         let grid = &self.description.grid;
         let lit = bare.iter().zip(&surfaces).map(|(plane, surface)| {
-            let mut factor = map.factor(grid, surface, size);
-            factor.data.iter_mut().zip(&plane.data).for_each(|(f, l)| *f *= l);
-            Arc::new(factor)
+            let mut lit = (**plane).clone();
+            map.light(grid, surface, (Lattice::WHOLE, size), &mut lit);
+            Arc::new(lit)
         });
         Ok(lit.collect())
     }
