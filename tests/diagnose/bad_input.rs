@@ -63,9 +63,14 @@ fn frames_that_cannot_be_judged_are_refused() {
     assert!(error(&all, &capture).contains("no such folder"));
 }
 
-/// Diagnoses with a few candidates only: what is asked here does not depend on the others.
-fn brief(context: &crate::gpu_support::Watched, capture: &Capture) -> Result<Report, String> {
-    let kept = ["exposure_gain", "gamma", "vignetting", "read_noise", "pose_offset", "defocus"];
+/// Candidates of several kinds.
+const SOME: [&str; 6] = ["exposure_gain", "gamma", "vignetting", "read_noise", "pose_offset", "defocus"];
+
+/// Where no candidate matters.
+const ONE: [&str; 1] = ["exposure_gain"];
+
+/// Diagnoses with these candidates only.
+fn brief(context: &crate::gpu_support::Watched, capture: &Capture, kept: &[&str]) -> Result<Report, String> {
     let without = effect_names().into_iter().filter(|n| !kept.contains(n)).map(str::to_owned).collect();
     let options = DiagnoseOptions { without, ..DiagnoseOptions::default() };
     diagnose(&context.0, capture, &options, &mut Silent).map(|d| d.report).map_err(|e| e.to_string())
@@ -82,7 +87,7 @@ fn frames_of_another_scene_are_no_effect_of_the_camera() {
         let name = format!("real/{f:06}.png");
         fs::copy(other.path().join(&name), folder.path().join(&name)).unwrap();
     }
-    let report = brief(&context, &capture).unwrap();
+    let report = brief(&context, &capture, &SOME).unwrap();
     assert_eq!(report.verdict, Verdict::UnknownEffect, "{:?}", report.gap);
     assert!(report.effects.is_empty(), "an invented cause: {:?}", report.effects);
     assert_eq!(report.gap.closed_fraction, 0.0);
@@ -94,7 +99,7 @@ fn frames_of_another_scene_are_no_effect_of_the_camera() {
     );
     // Control: its own frames with an effect that is no candidate are a gap of another kind.
     let capture = make(&context.0, folder.path(), "[white_balance]\nr = 1.3\nb = 0.8\n", "", 1.0, 7);
-    let report = brief(&context, &capture).unwrap();
+    let report = brief(&context, &capture, &SOME).unwrap();
     assert!(!report.sentence.contains("this scene") && report.gap.before > 2.0, "{}", report.sentence);
     assert!(!report.warnings.iter().any(|w| w.contains("this scene")), "{:?}", report.warnings);
 }
@@ -119,7 +124,7 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
     let reread = || Capture::read(folder.path(), None).map_err(|e| e.to_string());
     for (late, first) in [(1, "frame 8 (000008.png)"), (9, "frame 0 (000000.png)")] {
         csv(late);
-        let said = reread().and_then(|c| brief(&context, &c).map(|_| ())).unwrap_err();
+        let said = reread().and_then(|c| brief(&context, &c, &ONE).map(|_| ())).unwrap_err();
         assert!(
             said.contains(first) && said.contains("trajectory.tum") && said.contains("covers only"),
             "{said}"
@@ -127,7 +132,7 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
         assert!(said.contains("160."), "the span: {said}");
     }
     csv(0);
-    assert!(brief(&context, &reread().unwrap()).is_ok(), "control");
+    assert!(brief(&context, &reread().unwrap(), &ONE).is_ok(), "control");
 
     // Too few frames.
     for f in 3..9 {
@@ -137,7 +142,7 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
         )
         .unwrap();
     }
-    let said = brief(&context, &capture).unwrap_err();
+    let said = brief(&context, &capture, &ONE).unwrap_err();
     assert!(
         said.contains("3 usable frames") && said.contains("no such file") && said.contains("at least 4"),
         "{said}"
@@ -154,7 +159,7 @@ fn times_without_poses_and_masks_without_pixels_are_refused() {
     let text = "mtllib scene.mtl\nusemtl m1\nv 50 0 0\nv 50 1 0\nv 50 0 1\nf 1 2 3\n";
     fs::write(folder.path().join("scene.obj"), text).unwrap();
     fs::write(folder.path().join("camera.toml"), format!("{CAMERA}background = \"ignore\"\n")).unwrap();
-    let said = brief(&context, &reread().unwrap()).unwrap_err();
+    let said = brief(&context, &reread().unwrap(), &ONE).unwrap_err();
     assert!(said.contains("leaves less than 1 % of the pixels") && said.contains("camera.toml"), "{said}");
 }
 
@@ -163,10 +168,10 @@ fn what_is_not_simulated_is_said() {
     let Some(context) = device("auto_exposure") else { return };
     let folder = tempfile::tempdir().unwrap();
     let capture = make(&context.0, folder.path(), "", "[auto_exposure]\ntarget = 0.2\n", 1.0, 7);
-    let report = brief(&context, &capture).unwrap();
+    let report = brief(&context, &capture, &ONE).unwrap();
     let said =
         report.warnings.iter().any(|w| w.contains("[auto_exposure]") && w.contains("does not simulate"));
     assert!(said, "{:?}", report.warnings);
     let capture = make(&context.0, folder.path(), "", "[gamma]\nexponent = 1.0\n", 1.0, 7);
-    assert!(brief(&context, &capture).unwrap().warnings.is_empty(), "control");
+    assert!(brief(&context, &capture, &ONE).unwrap().warnings.is_empty(), "control");
 }

@@ -22,7 +22,7 @@ const SLOW: [&str; 9] = [
 ];
 
 /// Candidates that resemble no shutter and no blur.
-const OF_VALUES: [&str; 8] = [
+const OF_VALUES: [&str; 18] = [
     "jpeg",
     "bayer_mosaic",
     "chroma_subsampling",
@@ -31,6 +31,16 @@ const OF_VALUES: [&str; 8] = [
     "white_balance",
     "saturation",
     "tone_curve",
+    "exposure_gain",
+    "flicker",
+    "vignetting",
+    "gamma",
+    "black_level",
+    "quantization",
+    "hot_pixels",
+    "shot_noise",
+    "row_noise",
+    "fixed_pattern_noise",
 ];
 
 #[test]
