@@ -1,12 +1,12 @@
 //! Hidden effects are found, with their parameters, and nothing else is; what is no candidate is not sold as one.
 #![allow(clippy::unwrap_used)]
 
-use crate::diagnose_support::{frames_of, make, names, near, parameter, run};
+use crate::diagnose_support::{frames_of, make, make_by, names, near, parameter, run};
 use crate::gpu_support::device;
 use shutterbug::capture::Capture;
 use shutterbug::engine::{ExactOptions, Method};
 use shutterbug::plane::metrics::mean_absolute_difference;
-use shutterbug_diagnose::diagnose::{CandidateState, Report, Verdict};
+use shutterbug_diagnose::diagnose::{CandidateState, Report, Verdict, effect_names};
 
 /// Candidates that a control does not ask of: they take most of the time.
 const SLOW: [&str; 9] = [
@@ -107,6 +107,27 @@ fn shutter_and_blur_are_told_apart_and_camera_toml_reproduces_them() {
     assert!((difference(&simulated) - after.after).abs() < 0.05, "{} {after:?}", difference(&simulated));
     let given = frames_of(&context.0, &capture, Method::Exact(ExactOptions::default()));
     assert!((difference(&given) - after.before).abs() < 0.1 && after.before > after.after + 1.0, "control");
+}
+
+/// Frames that are searched at half of their size: what a smaller camera tells is what the whole one does.
+#[test]
+fn large_frames_tell_the_same_at_a_smaller_size() {
+    let Some(context) = device("large_frames") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let camera = "width = 640\nheight = 360\nfx = 550.0\nfy = 550.0\ncx = 322.0\ncy = 178.5\n\
+        frame_period_s = 0.04\n";
+    let hidden = "[rolling_shutter]\nreadout_time_s = 0.021\nscan_order = \"bottom_to_top\"\n[vignetting]\n\
+        a1 = -0.3\na2 = 0.05\n";
+    let capture = make_by(&context.0, folder.path(), camera, [hidden, ""], 0.5, 2);
+    let asked = ["rolling_shutter", "time_offset", "pose_offset", "vignetting", "exposure_gain", "gamma"];
+    let without: Vec<&str> = effect_names().into_iter().filter(|n| !asked.contains(n)).collect();
+    let report = run(&context.0, &capture, &without).report;
+    assert_eq!(names(&report), ["rolling_shutter", "vignetting"], "{:?}", report.gap);
+    near(&report, "rolling_shutter", "readout_time_s", 0.021, 0.01);
+    near(&report, "vignetting", "a1", -0.3, 0.05);
+    // The imitation was fitted at the smaller size alone.
+    let offset = report.candidates.iter().find(|c| c.name == "time_offset").unwrap();
+    assert!(offset.gap_with.unwrap() < 0.9 * report.gap.before, "{offset:?}");
 }
 
 #[test]

@@ -107,17 +107,29 @@ pub fn make(
     speed: f64,
     seed: u64,
 ) -> Capture {
+    make_by(context, folder, CAMERA, [hidden, known], speed, seed)
+}
+
+/// The same by another camera than [`CAMERA`].
+pub fn make_by(
+    context: &Arc<Context>,
+    folder: &Path,
+    camera: &str,
+    [hidden, known]: [&str; 2],
+    speed: f64,
+    seed: u64,
+) -> Capture {
     let frames = 9;
     let mut dice = Dice(seed);
     write_scene(folder, &mut dice);
     write_path(folder, frames, speed, &mut dice);
-    fs::write(folder.join("camera.toml"), format!("{CAMERA}{hidden}")).unwrap();
+    fs::write(folder.join("camera.toml"), format!("{camera}{hidden}")).unwrap();
     let capture = Capture::read(folder, None).unwrap();
     fs::create_dir_all(folder.join("real")).unwrap();
     for (f, picture) in frames_of(context, &capture, reference()).into_iter().enumerate() {
         write_png_atomic(&folder.join(format!("real/{f:06}.png")), &picture).unwrap();
     }
-    fs::write(folder.join("camera.toml"), format!("{CAMERA}{known}")).unwrap();
+    fs::write(folder.join("camera.toml"), format!("{camera}{known}")).unwrap();
     Capture::read(folder, None).unwrap()
 }
 

@@ -28,6 +28,8 @@ const LARGE_PX: usize = 640 * 480 * 2;
 /// Most px of all frames together that are held, but for those that the parts need: a diagnosis takes about 100 bytes a
 /// px.
 const MOST_PX_IN_ALL: usize = 24 << 20;
+/// Px of the frames that are scored at a time: what a camera may do to each is drawn several times.
+const SCORED_PX: usize = 8 << 20;
 /// Frames a block: two, so that frame-to-frame differences exist within the held-out ones.
 pub(crate) const BLOCK: usize = 2;
 
@@ -161,6 +163,14 @@ impl Evidence {
             reach_s: [0.0; 2],
             warnings: Vec::new(),
         }
+    }
+}
+
+impl Evidence {
+    /// How many frames of this size are scored at a time.
+    pub(crate) fn at_a_time(&self) -> usize {
+        let px = self.frames.first().map_or(1, |f| f.dn.width * f.dn.height);
+        (SCORED_PX / px.max(1)).max(BLOCK)
     }
 }
 

@@ -23,6 +23,15 @@ pub(crate) struct Bench {
     pub(crate) clock: u64,
 }
 
+impl Bench {
+    /// Engines stay, pictures go.
+    pub(crate) fn clear(&mut self) {
+        self.cache.clear();
+        self.developed.clear();
+        self.wide.kept.clear();
+    }
+}
+
 /// Place, how well, times, order of lines, and the set-up and lens.
 pub(crate) type Key = (usize, Quality, [u64; 3], ScanOrder, Vec<u64>);
 

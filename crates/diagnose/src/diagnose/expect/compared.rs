@@ -1,5 +1,7 @@
 //! A frame that is compared: as it is, and as it is simulated without the effects found and with them.
 
+use std::sync::Arc;
+
 use super::sharp::Sharp;
 use shutterbug::plane::Plane;
 
@@ -19,9 +21,9 @@ pub(crate) struct Shown {
     pub start_s: f64,
     pub held_out: bool,
     pub scores: [f64; 2],
-    pub real: Plane<f32>,
-    pub before: Plane<f32>,
-    pub after: Plane<f32>,
+    pub real: Arc<Plane<f32>>,
+    pub before: Arc<Plane<f32>>,
+    pub after: Arc<Plane<f32>>,
 }
 
 pub(crate) fn bytes(plane: &Plane<f32>) -> Plane<u8> {

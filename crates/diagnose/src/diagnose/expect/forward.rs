@@ -70,6 +70,18 @@ pub(crate) struct Forward {
     pub(crate) compared: u32,
     /// What has been worked out.
     pub(crate) journal: Arc<Mutex<Journal>>,
+    /// Side of the squares of the camera's pixels whose means are compared, px.
+    pub(crate) pooled: usize,
+    /// The same frames with fewer pixels, where these are many.
+    pub(crate) reduced: Option<Box<Reduced>>,
+}
+
+/// The frames of a capture with fewer pixels.
+pub(crate) struct Reduced {
+    pub forward: Forward,
+    pub evidence: Evidence,
+    /// By place; 1 where compared.
+    pub masks: Vec<Plane<f32>>,
 }
 
 /// What stands for the margin in the key of a picture that is read through a lens.
@@ -110,6 +122,8 @@ impl Forward {
             compared: 0,
             journal: Arc::default(),
             description: Known::new(evidence),
+            pooled: 1,
+            reduced: None,
         };
         if let Some(outside) = &forward.outside {
             forward.sharp = (0..evidence.frames.len()).map(|at| outside.sharp(at)).collect();
@@ -122,6 +136,26 @@ impl Forward {
         forward.sharp =
             (0..evidence.frames.len()).map(|at| forward.measure(at, &mut engine)).collect::<Result<_>>()?;
         Ok(forward)
+    }
+
+    /// Results are noted there.
+    pub(crate) fn keep_in(&mut self, journal: &Arc<Mutex<Journal>>) {
+        self.journal = journal.clone();
+        if let Some(reduced) = &mut self.reduced {
+            reduced.forward.keep_in(journal);
+        }
+    }
+
+    /// Renders made so far, of fewer pixels too, and the time they took, s.
+    pub(crate) fn renders_made(&self) -> (usize, f64) {
+        let of = self.reduced.as_ref().map_or((0, 0.0), |reduced| reduced.forward.renders);
+        (self.renders.0 + of.0, self.renders.1 + of.1)
+    }
+
+    /// Lets go of all that only a search needs.
+    pub(crate) fn ends_search(&mut self) {
+        self.renders = self.renders_made();
+        (self.reduced, self.aside) = (None, Bench::default());
     }
 
     /// The instant of the sharp planes: in the middle of where exposures lie; the timestamp for a camera at rest, which
@@ -344,7 +378,7 @@ impl Forward {
         if this.trying {
             return work(who);
         }
-        let key = format!("{key} {} {}", this.native, this.compared);
+        let key = format!("{key} {} {} {}", this.native, this.compared, this.pooled);
         if let Some(value) = this.journal().recall(kind, &key) {
             return Ok(value);
         }
@@ -364,12 +398,13 @@ impl Forward {
         std::mem::swap(&mut self.bench, &mut self.aside);
         self.trying = trying;
         if trying {
-            self.bench.cache.clear();
-            self.bench.developed.clear();
+            self.bench.clear();
             self.bench.engines.iter_mut().flatten().try_for_each(Engine::forget)?;
             self.bench.wide.begin(self.aside.wide.margin_px)?;
+        } else {
+            self.aside.clear();
         }
-        Ok(())
+        self.reduced.as_mut().map_or(Ok(()), |reduced| reduced.forward.swap_benches(trying))
     }
 
     fn journal(&self) -> std::sync::MutexGuard<'_, Journal> {

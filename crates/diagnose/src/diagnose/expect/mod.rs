@@ -17,6 +17,7 @@ pub(super) mod model;
 pub(super) mod options;
 pub(super) mod pair;
 pub(super) mod parts;
+pub(super) mod reduced;
 pub(super) mod room;
 pub(super) mod settings;
 pub(super) mod sharp;

@@ -46,6 +46,13 @@ impl Weighing {
         Self { delta, noise2 }
     }
 
+    /// Where each pixel is the mean of a square of the camera's, whose noise is that of one of them.
+    pub(crate) fn of_means(mut self, side: usize) -> Self {
+        let share = 1.0 / (side * side) as f32;
+        self.noise2.iter_mut().flatten().for_each(|v| *v *= share);
+        self
+    }
+
     /// With more variance of each value, DN^2: by frame; none for any frame adds none.
     pub(crate) fn widened(mut self, more: Vec<Vec<f32>>) -> Self {
         if self.noise2.is_empty() {

@@ -62,7 +62,7 @@ pub(crate) fn weighing_of(
 ) -> Result<Weighing> {
     let tone = Tone::new(theta);
     let means = if tone.is_noisy() { forward.pictures(frames, theta, level.quality)? } else { Vec::new() };
-    Ok(Weighing::new(&means, &tone, level.block, delta))
+    Ok(Weighing::new(&means, &tone, level.block, delta).of_means(forward.pooled))
 }
 
 /// Real minus simulated, averaged over blocks; masked values are 0.

@@ -37,6 +37,9 @@ pub(crate) const RESAMPLES: usize = 1000;
 /// Stream of the resamples ("BS").
 const STREAM_BOOTSTRAP: u32 = 0x4253;
 
+/// What a few frames come to: scores, the frames as simulated, and number and sight of the last.
+type Part = (Vec<FrameScore>, Vec<Arc<Plane<f32>>>, Option<(usize, SeenIn)>);
+
 /// Scores on some frames, one per frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scores(pub Vec<FrameScore>);
@@ -264,7 +267,36 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on any frames (places).
     pub(crate) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
+        Ok(self.seen_on(forward, theta, frames)?.0)
+    }
+
+    /// The same, and the frames as they are simulated, stuck pixels included.
+    pub(crate) fn seen_on(
+        &self,
+        forward: &mut Forward,
+        theta: &Theta,
+        frames: &[usize],
+    ) -> Result<(Scores, Vec<Arc<Plane<f32>>>)> {
         let clock = Instant::now();
+        let (mut scores, mut pictures, mut last) = (Vec::new(), Vec::new(), None);
+        for some in frames.chunks(self.evidence.at_a_time()) {
+            let (more, means, end) = self.scored(forward, theta, some, last)?;
+            scores.extend(more);
+            pictures.extend(means);
+            last = end;
+        }
+        forward.budget.has_scored(frames.len(), self.quality, clock.elapsed());
+        Ok((Scores(scores), pictures))
+    }
+
+    /// Scores, frames as simulated, and what the last of them showed; `last`: what the one before the first did.
+    fn scored(
+        &self,
+        forward: &mut Forward,
+        theta: &Theta,
+        frames: &[usize],
+        last: Option<(usize, SeenIn)>,
+    ) -> Result<Part> {
         let mut means = forward.pictures(frames, theta, self.quality)?;
         let drawn = forward.drawn(frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
@@ -291,9 +323,11 @@ impl<'a> Judge<'a> {
             })
             .collect();
         let index = |i: usize| self.evidence.frames[frames[i]].index;
-        let follows = |i: usize| i > 0 && index(i) == index(i - 1) + 1;
+        let ahead = last.as_ref().map(|(index, _)| *index);
+        let before = |i: usize| if i > 0 { Some(index(i - 1)) } else { ahead };
+        let follows = |i: usize| before(i).is_some_and(|before| index(i) == before + 1);
         let mut scores = Vec::new();
-        let mut last: Option<SeenIn> = None;
+        let mut last = last.map(|(_, seen)| seen);
         // What a model says of every value takes many times what the picture does: a few frames at a time.
         let few = rayon::current_num_threads().max(2);
         for (chunk, frames) in scored.chunks(few).enumerate() {
@@ -307,8 +341,9 @@ impl<'a> Judge<'a> {
             scores.par_extend((0..seen.len()).into_par_iter().map(score));
             last = seen.into_iter().next_back();
         }
-        forward.budget.has_scored(frames.len(), self.quality, clock.elapsed());
-        Ok(Scores(scores))
+        let end = last.map(|seen| (index(frames.len() - 1), seen));
+        drop(scored);
+        Ok((scores, means, end))
     }
 
     /// Sorted resamples, by blocks, of the closed fraction; the same for every call with one seed.

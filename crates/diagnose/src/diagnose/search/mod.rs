@@ -9,6 +9,7 @@ pub(super) mod decide;
 pub(super) mod doings;
 pub(super) mod ending;
 pub(super) mod exchange;
+pub(super) mod fits;
 pub(super) mod found;
 pub(super) mod levels;
 pub(super) mod objects;
@@ -22,8 +23,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::{Stage, in_time};
-use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::model::{
@@ -31,15 +32,15 @@ use crate::diagnose::expect::model::{
 };
 use crate::diagnose::expect::room::is_in_surfaces;
 use crate::diagnose::expect::tone::Tone;
-use crate::diagnose::expect::weighing::Weighing;
-use crate::diagnose::fit::cost::{Level, Target, cost_of, weighing_of};
+use crate::diagnose::fit::cost::{Level, Target};
 use crate::diagnose::fit::flicker::is_periodic;
 use crate::diagnose::fit::intervals::Slopes;
 use crate::diagnose::fit::normal::screened;
-use crate::diagnose::fit::starts::{best_starts, is_hopeful};
+use crate::diagnose::fit::starts::is_hopeful;
 use crate::diagnose::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
 use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
 use crate::diagnose::judge::{Judge, Scores, gain};
+use fits::Size;
 use found::{Alone, Found, SEARCH};
 use shown::Shown;
 use shutterbug::error::Result;
@@ -56,8 +57,6 @@ const BENT: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
 const LITTLE: f64 = 0.25;
 /// What share of a gap, counted from the floor, is nearly all of it.
 const NEARLY_ALL: f64 = 0.85;
-/// Beyond which difference sizes are compared instead of squares, DN.
-const COMPARED_DN: f64 = 1.5;
 
 /// Where the search stands, for people who wait.
 pub(crate) trait Watch {
@@ -104,12 +103,10 @@ impl<'a> Search<'a> {
 
     /// Fits a set jointly from a start.
     pub(crate) fn refit(&mut self, set: &[&'static str], start: &Theta, schedule: Schedule) -> Result<Fit> {
-        let free = free(set);
-        if free.is_empty() {
+        if free(set).is_empty() {
             return self.refit_poses(start);
         }
-        let (target, frames) = (self.target(), self.fit_frames());
-        fit(self.forward, target, frames, start, &free, schedule)
+        self.at(Size::Whole).refit(set, start, schedule)
     }
 
     /// The last fit of a set, with what was freed besides.
@@ -121,19 +118,6 @@ impl<'a> Search<'a> {
             found.fit.theta = fit.theta;
         }
         Ok(())
-    }
-
-    /// Robust cost on the frames that fits see.
-    pub(crate) fn cost(&mut self, theta: &Theta, level: &Level, weighing: &Weighing) -> Result<f64> {
-        let frames = spread_out(self.fit_frames(), level.frames);
-        let target = self.target();
-        cost_of(self.forward, target, &frames, theta, level, weighing)
-    }
-
-    /// The weights under which costs of a stage are compared: those of the noise in `theta`.
-    pub(crate) fn weighing(&mut self, theta: &Theta, level: &Level) -> Result<Weighing> {
-        let frames = spread_out(self.fit_frames(), level.frames);
-        weighing_of(self.forward, &frames, theta, level, COMPARED_DN)
     }
 
     /// What the differences that `theta` leaves tell of the noise.
@@ -205,8 +189,8 @@ impl<'a> Search<'a> {
         if is_discrete(candidate) {
             return self.add_discrete(candidate, theta);
         }
-        let target = self.target();
-        let starts = best_starts(self.forward, target, self.evidence, theta, candidate, 2)?;
+        let size = self.size_for(candidate, theta);
+        let starts = self.at(size).starts(theta, candidate)?;
         let schedule = match candidate.name {
             // Means over blocks know nothing of a px more or less of sharpness.
             "sharpening" => DETAILS,
@@ -215,7 +199,7 @@ impl<'a> Search<'a> {
             _ => VALUES,
         };
         let last = schedule[schedule.len() - 1];
-        let weighing = self.weighing(theta, &last)?;
+        let weighing = self.at(size).weighing(theta, &last)?;
         // Values are looked for with the geometry held, whose renders are kept, but together with the set's other
         // values: a gain beside a white balance helps only if both move.
         let who: Vec<_> =
@@ -223,16 +207,16 @@ impl<'a> Search<'a> {
         let mut best: Option<(f64, Theta)> = None;
         let mut valleys: Vec<Theta> = Vec::new();
         for start in &starts {
-            let mut found = self.refit(&who, start, &schedule[..1])?;
+            let mut found = self.at(size).refit(&who, start, &schedule[..1])?;
             if valleys.iter().any(|v| is_near(v, &found.theta, &free(&who))) {
                 continue;
             }
             valleys.push(found.theta.clone());
-            found = self.refit(&who, &found.theta, &schedule[1..])?;
+            found = self.at(size).refit(&who, &found.theta, &schedule[1..])?;
             if set.contains(&"jpeg") {
                 found = self.beside_compression(&who, found, schedule)?;
             }
-            let cost = self.cost(&found.theta, &last, &weighing)?;
+            let cost = self.at(size).cost(&found.theta, &last, &weighing)?;
             if best.as_ref().is_none_or(|b| cost < b.0) {
                 best = Some((cost, found.theta));
             }
@@ -243,12 +227,12 @@ impl<'a> Search<'a> {
             tracing::info!("flicker: brightness goes up and down, but not as a sine");
             return Ok(Fit { theta: theta.clone(), half: BTreeMap::new() });
         }
-        let was = self.cost(theta, &last, &weighing)?;
+        let was = self.at(size).cost(theta, &last, &weighing)?;
         // Values are fitted with the geometry held; the one that is taken is fitted jointly then.
         if cost >= was || !moves(candidate) {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
-        self.refit(&joint, &start, FINE)
+        self.at(size).refit(&joint, &start, FINE)
     }
 
     /// Runs the search, for as long as there is time; what it had found by then is kept. `alone`: what each candidate
@@ -391,7 +375,7 @@ impl<'a> Search<'a> {
     fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
         let parameters = fit.theta.report(candidate_of(name), &BTreeMap::new());
         let values: Vec<String> = parameters.iter().map(|(k, v)| format!("{k} {}", v.value)).collect();
-        let (count, spent_s) = self.forward.renders;
+        let (count, spent_s) = self.forward.renders_made();
         tracing::info!(
             "{name}: {:.3} DN ({:.3}) in {:.1} s, {} [{count} renders, {spent_s:.1} s]",
             scores.mean(),

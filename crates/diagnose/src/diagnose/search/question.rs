@@ -60,6 +60,9 @@ impl<'a> Question<'a> {
     where
         'a: 'b,
     {
+        if let Some(reduced) = &mut forward.reduced {
+            reduced.compare_in(&seen.masks);
+        }
         Search {
             judge: Judge::new(self.evidence, masks, self.seed, seen.hot.clone()),
             forward,

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -14,12 +15,48 @@ use crate::diagnose::evidence::budget::{Stage, in_time};
 use crate::diagnose::expect::compared::{Compared, Shown, bytes};
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::P;
+use crate::diagnose::judge::Scores;
 use crate::diagnose::report::{FrameEntry, FramePictures, Maps, Report, Verdict};
 use crate::diagnose::search::Search;
 use crate::diagnose::search::found::{Found, PICTURES};
 use shutterbug::capture::{CameraFile, Capture};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, write_atomic, write_png_atomic};
+
+/// Frames (places) before and after: pictures and scores.
+struct Both {
+    frames: Vec<usize>,
+    pictures: [Vec<Arc<Plane<f32>>>; 2],
+    scores: [Scores; 2],
+}
+
+/// Simulates and scores all frames, or those of the report where there is no time for more.
+fn both(search: &mut Search<'_>, found: &mut Found, evidence: &Evidence) -> Result<Both> {
+    let quality = found.quality;
+    let points = [search.base.clone(), found.fit.theta.clone()];
+    let frames: Vec<usize> = (0..evidence.frames.len()).collect();
+    search.forward.budget.stage = Stage::End;
+    let seen = if search.forward.budget.affords(frames.len(), quality) {
+        let [before, after] =
+            points.each_ref().map(|t| in_time(search.judge.seen_on(search.forward, t, &frames)));
+        before?.zip(after?)
+    } else {
+        None
+    };
+    search.forward.budget.stage = Stage::Must;
+    if let Some(((worse, before), (better, after))) = seen {
+        return Ok(Both { frames, pictures: [before, after], scores: [worse, better] });
+    }
+    // These have been scored, and rendered, for the report.
+    found.leave_out(PICTURES);
+    let frames = evidence.report.clone();
+    let [before, after] = points.each_ref().map(|t| search.forward.pictures(&frames, t, quality));
+    let (before, mut after) = (before?, after?);
+    if found.fit.theta.get(P::Hot) > 0.0 {
+        after.iter_mut().for_each(|m| search.judge.hot.put(Arc::make_mut(m)));
+    }
+    Ok(Both { frames, pictures: [before, after], scores: [found.before.clone(), found.after.clone()] })
+}
 
 /// Simulates all frames of the evidence before and after, and says where they differ.
 pub(crate) fn show(
@@ -28,31 +65,11 @@ pub(crate) fn show(
     evidence: &Evidence,
     report: &mut Report,
 ) -> Result<Vec<Shown>> {
-    let base = search.base.clone();
     // As `simulate` does it, if there was time for that.
     let quality = found.quality;
     (search.judge.quality, search.forward.native) = (quality, quality == Quality::Fine);
-    let mut all: Vec<usize> = (0..evidence.frames.len()).collect();
-    let mut scores = None;
-    search.forward.budget.stage = Stage::End;
-    if search.forward.budget.affords(all.len(), quality) {
-        let both =
-            [&base, &found.fit.theta].map(|t| in_time(search.judge.scores_on(search.forward, t, &all)));
-        let [before, after] = both;
-        scores = before?.zip(after?);
-    }
-    // These have been scored, and rendered, for the report.
-    let scores = scores.unwrap_or_else(|| {
-        found.leave_out(PICTURES);
-        all.clone_from(&evidence.report);
-        (found.before.clone(), found.after.clone())
-    });
-    search.forward.budget.stage = Stage::Must;
-    let before = search.forward.simulate(&all, &base, quality)?;
-    let mut after = search.forward.simulate(&all, &found.fit.theta, quality)?;
-    if found.fit.theta.get(P::Hot) > 0.0 {
-        after.iter_mut().for_each(|m| search.judge.hot.put(m));
-    }
+    search.forward.ends_search();
+    let Both { frames: all, pictures: [before, after], scores } = both(search, found, evidence)?;
     let held: Vec<Compared<'_>> = all
         .iter()
         .enumerate()
@@ -73,8 +90,8 @@ pub(crate) fn show(
         index: evidence.frames[at].index,
         start_s: evidence.frames[at].start_s,
         held_out: evidence.report.contains(&at),
-        scores: [scores.0.0[i].score, scores.1.0[i].score],
-        real: (*evidence.frames[at].dn).clone(),
+        scores: scores.each_ref().map(|s| s.0[i].score),
+        real: evidence.frames[at].dn.clone(),
         before,
         after,
     });

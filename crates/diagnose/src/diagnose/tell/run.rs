@@ -13,7 +13,7 @@ use crate::diagnose::evidence::budget::{Budget, Count, Stage, in_time};
 use crate::diagnose::evidence::{Evidence, RealFrame};
 use crate::diagnose::expect::compared::Shown;
 use crate::diagnose::expect::cover::Cover;
-use crate::diagnose::expect::forward::Forward;
+use crate::diagnose::expect::forward::{Forward, Reduced};
 use crate::diagnose::expect::journal::{Journal, key};
 use crate::diagnose::expect::light::lights;
 use crate::diagnose::expect::model::{Theta, candidate_of};
@@ -169,7 +169,7 @@ fn diagnose_given(
     let percepts = add_percepts(given, &mut search, &mut found, (&frames, &camera), &mut report)?;
     report.warnings.extend(found.said());
     report.next = if given.pair.is_some() { next_of_pair(&report) } else { next(&report, given.capture) };
-    (report.input.renders, report.input.render_seconds) = search.forward.renders;
+    (report.input.renders, report.input.render_seconds) = search.forward.renders_made();
     report.input.seconds = clock.elapsed().as_secs_f64();
     let mut description = search.description_parts(&found.fit.theta)?;
     if let Some(objects) = &objects {
@@ -216,9 +216,12 @@ fn prepare(
         budget.has_written(time_of_writing(&evidence.frames[0].dn));
     }
     let sim = given.pair.map(|p| &p.sim);
-    let mut forward = Forward::new(given.context, capture, &evidence, sim, budget)?;
+    let mut forward = Forward::new(given.context, capture, &evidence, sim, budget.clone())?;
+    if let (Some(context), None) = (given.context, sim) {
+        forward.reduced = Reduced::new(context, capture, &evidence, budget)?;
+    }
     let journal = Arc::new(Mutex::new(journal));
-    forward.journal = journal.clone();
+    forward.keep_in(&journal);
     let base = given.base();
     let aligned =
         given.pair.map(|_| crate::diagnose::expect::pair::align(&mut forward, &evidence)).transpose()?;
