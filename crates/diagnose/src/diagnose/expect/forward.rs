@@ -152,6 +152,14 @@ impl Forward {
         (self.renders.0 + of.0, self.renders.1 + of.1)
     }
 
+    /// Lets go of the engines and pictures of what was tried: the finest samples of large frames need their room.
+    pub(crate) fn forget_tries(&mut self) {
+        self.aside = Bench::default();
+        if let Some(reduced) = &mut self.reduced {
+            (reduced.forward.bench, reduced.forward.aside) = (Bench::default(), Bench::default());
+        }
+    }
+
     /// Lets go of all that only a search needs.
     pub(crate) fn ends_search(&mut self) {
         self.renders = self.renders_made();

@@ -26,6 +26,7 @@ impl Search<'_> {
     pub(crate) fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
         self.forward.budget.stage = Stage::End;
+        self.forward.forget_tries();
         let fitted = if searched { self.fit_to_the_end(found) } else { Ok(()) };
         if in_time(fitted)?.is_none() || !searched {
             found.leave_out(FITS);
