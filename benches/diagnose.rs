@@ -1,7 +1,8 @@
 //! Time of a diagnosis against frames and pixels, and what dominates it: `cargo bench --bench diagnose [CAPTURE]`.
 //!
-//! Takes a capture (else ../shared/data/cycles-dev/d01), with all, with half and with a quarter of its frames, and in
-//! its own size and at half of it (real frames averaged over 2x2 px). Prints a line a run and the time of each stage.
+//! Takes a capture (else ../shared/data/cycles-dev/d01), with all and with half of its frames, and in its own size, a
+//! half, a quarter and an eighth of it (real frames averaged over squares; d14 has all four sizes). Prints a line a run
+//! and the time of each stage.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,6 +13,9 @@ use shutterbug::capture::Capture;
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 use shutterbug::plane::{Plane, read_rgb8, write_png_atomic};
 use shutterbug_diagnose::diagnose::{DiagnoseOptions, Progress, diagnose};
+
+/// Smallest side of frames that are tried, px.
+const LEAST_SIDE_PX: usize = 90;
 
 /// Seconds by stage.
 struct Stages {
@@ -125,10 +129,14 @@ fn main() {
     let all = fs::read_to_string(from.join("frames.csv")).expect("there").lines().count() - 1;
     let whole = one(&context, &from, all, 1);
     let fewer = one(&context, &from, all / 2, 1);
-    let small = one(&context, &from, all, 2);
-    println!(
-        "half the frames: {:.2} of the time; a quarter of the pixels: {:.2}",
-        fewer / whole,
-        small / whole
-    );
+    println!("half the frames: {:.2} of the time", fewer / whole);
+    let camera = Capture::read(&from, None).expect("a capture").camera.intrinsics;
+    let divides = |s: &usize| {
+        let sides = [camera.width, camera.height].map(|v| v as usize);
+        sides.iter().all(|side| side.is_multiple_of(*s) && side / s >= LEAST_SIDE_PX)
+    };
+    for scale in [2, 4, 8].into_iter().filter(divides) {
+        let small = one(&context, &from, all, scale);
+        println!("1/{} of the pixels: {:.2} of the time", scale * scale, small / whole);
+    }
 }
