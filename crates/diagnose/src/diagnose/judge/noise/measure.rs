@@ -208,9 +208,9 @@ struct Values {
     total: Vec<Vec<f32>>,
     /// Sum of the simulated values, DN.
     dn: Vec<f64>,
-    /// Sum and difference of the means of one value over two halves of the frames in which it is about as bright, and
-    /// the mean linear value.
-    fixed: Vec<Vec<[f32; 3]>>,
+    /// Sum and difference of the means of one value over two halves of the frames in which it is about as bright, the
+    /// mean linear value, and the difference in units in which it spreads as single values do.
+    fixed: Vec<Vec<[f32; 4]>>,
     rows: Vec<f64>,
     /// Variance that a row's mean has from its pixels, sum and number.
     row_own: [f64; 2],
@@ -287,10 +287,12 @@ impl Values {
                 let mean = |i: usize| alike.iter().map(|s| s[i]).sum::<f32>() / alike.len() as f32;
                 let half = |from: usize| {
                     let half = alike.iter().skip(from).step_by(2);
-                    half.clone().map(|s| s[0]).sum::<f32>() / half.count() as f32
+                    let count = half.clone().count() as f32;
+                    (half.map(|s| s[0]).sum::<f32>() / count, count)
                 };
-                let (a, b) = (half(0), half(1));
-                self.fixed[bin(mean(1))].push([a + b, a - b, mean(2)]);
+                let ((a, n), (b, k)) = (half(0), half(1));
+                let single = (a - b) / (1.0 / n + 1.0 / k).sqrt();
+                self.fixed[bin(mean(1))].push([a + b, a - b, mean(2), single]);
             }
         }
     }
@@ -357,6 +359,13 @@ impl Values {
             // Beside free noise both have the chance of that.
             let free2 = 2.0 * chance2(count) * free * (free + pattern.max(0.0));
             data.fixed.push([linear.max(0.0), pattern, count, free2]);
+            // Behind a file or a coarse converter other figures tell of single values.
+            if packed.is_none() && self.steps[bin].is_empty() {
+                let mut single: Vec<f32> = v.iter().map(|v| v[3]).collect();
+                let rounding = mixing[1] * quantum(tone, mean_dn[bin]);
+                let seen = (robust_variance(&mut single) / HIGH_PASS - rounding).max(0.0);
+                data.fresh.push([linear.max(0.0), tone.unrounded(seen / gain), count]);
+            }
         }
         if self.rows.len() >= 20 {
             let mut rows: Vec<f32> = self.rows.iter().map(|v| *v as f32).collect();

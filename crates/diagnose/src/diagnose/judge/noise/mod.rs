@@ -32,6 +32,9 @@ pub(crate) struct NoiseData {
     /// The part of it that is the same in every frame, and the variance that free noise gives that figure: what is seen
     /// of a pattern is a difference of two spreads, and may be negative by chance.
     pub(crate) fixed: Vec<[f64; 4]>,
+    /// The part of it that is new in every frame, from differences between frames: a pattern, whose spread is known to
+    /// a part of it, is not in them.
+    pub(crate) fresh: Vec<[f64; 3]>,
     /// Of rows beyond that of their pixels.
     pub(crate) row2: f64,
     /// The variance of that figure.
@@ -65,14 +68,10 @@ impl NoiseData {
             // A model without a pattern takes its spread for noise that is new in every frame.
             read2 + shot + theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * l).powi(2)
         };
-        let rest: Vec<[f64; 3]> =
-            self.unclipped().iter().map(|&[l, v, n]| [l, (v - known(l)).max(0.0), n]).collect();
-        let [read2, inverse] = match (on("read_noise"), on("shot_noise")) {
-            (true, true) => line(&rest, |l| [1.0, l]).0,
-            (true, false) => line(&rest, |_| [1.0, 0.0]).0,
-            (false, true) => line(&rest, |l| [0.0, l]).0,
-            (false, false) => [0.0, 0.0],
-        };
+        let rest = self.beside_pattern(&theta, known);
+        let [read, shot] = [on("read_noise"), on("shot_noise")].map(|on| f64::from(u8::from(on)));
+        let [read2, inverse] =
+            if read + shot > 0.0 { line_beside(&rest, |l| [read, shot * l]).0 } else { [0.0; 2] };
         if on("read_noise") {
             theta.set(P::Read, read2.sqrt());
         }
@@ -98,6 +97,28 @@ impl NoiseData {
         told <= 2.0 * seen
     }
 
+    /// What bins tell of noise that is new in every frame, less what is `known` of single values: from single frames,
+    /// to the error of the pattern of `theta` in them, and beside a pattern from differences between frames too.
+    fn beside_pattern(&self, theta: &Theta, known: impl Fn(f64) -> f64) -> Vec<[f64; 4]> {
+        let single = |&[l, v, n]: &[f64; 3]| [l, v - known(l), n, (BIN_ERROR * pattern_of(theta, l)).powi(2)];
+        let fresh = |&[l, v, n]: &[f64; 3]| [l, v - known(l) + pattern_of(theta, l), n, 0.0];
+        let mut all: Vec<[f64; 4]> = self.unclipped().iter().map(single).collect();
+        if all.iter().all(|bin| bin[3] == 0.0) {
+            all.iter_mut().for_each(|bin| bin[1] = bin[1].max(0.0));
+        }
+        all.extend(self.fresh_beside(&[theta]).iter().map(fresh));
+        all
+    }
+
+    /// Bins of what is new in every frame, where one of several models has a pattern: without one single frames tell
+    /// the same.
+    fn fresh_beside(&self, models: &[&Theta]) -> Vec<[f64; 3]> {
+        let has_pattern = models.iter().any(|t| t.is_on(P::Dsnu) || t.is_on(P::Prnu));
+        let [from, to] = self.span();
+        let inside = |b: &&[f64; 3]| has_pattern && (from..=to).contains(&b[0]);
+        self.fresh.iter().filter(inside).copied().collect()
+    }
+
     /// Bins whose spread the darkest value does not cut off; the brightest ones where that leaves too few.
     pub(crate) fn unclipped(&self) -> Vec<[f64; 3]> {
         let inside = |[l, v, _]: &&[f64; 3]| {
@@ -111,12 +132,15 @@ impl NoiseData {
 
     /// The same bins of the fixed pattern.
     fn unclipped_fixed(&self) -> Vec<[f64; 4]> {
-        let free = self.unclipped();
-        let from = free.first().map_or(0.0, |b| b[0]);
-        let to = free.last().map_or(1.0, |b| b[0]);
-        let inside: Vec<_> =
-            self.fixed.iter().filter(|b| (0.98 * from..=1.02 * to).contains(&b[0])).copied().collect();
+        let [from, to] = self.span();
+        let inside: Vec<_> = self.fixed.iter().filter(|b| (from..=to).contains(&b[0])).copied().collect();
         if inside.len() >= 2 { inside } else { self.fixed.clone() }
+    }
+
+    /// Linear values between which nothing is cut off.
+    fn span(&self) -> [f64; 2] {
+        let free = self.unclipped();
+        [free.first().map_or(0.0, |b| 0.98 * b[0]), free.last().map_or(1.02, |b| 1.02 * b[0])]
     }
 
     /// Standard errors of the parameters of `names` from those of the bins.
@@ -131,7 +155,8 @@ impl NoiseData {
         }
         let (read, shot) = (f64::from(u8::from(on("read_noise"))), f64::from(u8::from(on("shot_noise"))));
         if read + shot > 0.0 {
-            let variances = line(&self.unclipped(), |l| [read, shot * l]).1;
+            let variances =
+                line_beside(&self.beside_pattern(theta, |l| pattern_of(theta, l)), |l| [read, shot * l]).1;
             if read > 0.0 {
                 out.extend([root(P::Read, variances[0])]);
             }
@@ -145,8 +170,8 @@ impl NoiseData {
     /// Where what is measured lies between the noise of two models; nothing where they have the same.
     pub(crate) fn way(&self, from: &Theta, to: &Theta) -> Option<Way> {
         let share = if to.is_on(P::Quality) { PACKED_ERROR } else { BIN_ERROR };
-        let pattern = |t: &Theta, l: f64| t.get(P::Dsnu).powi(2) + (t.get(P::Prnu) * l).powi(2);
-        let single = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot) + pattern(t, l);
+        let fresh = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot);
+        let single = |t: &Theta, l: f64| fresh(t, l) + pattern_of(t, l);
         // What is seen, what either model says, and the variance of what is seen.
         let mut seen: Vec<[f64; 4]> = Vec::new();
         for [l, v, n] in self.unclipped() {
@@ -154,8 +179,13 @@ impl NoiseData {
             let level = v.max(a).max(b);
             seen.push([v, a, b, level * level * (share * share + chance2(n))]);
         }
+        for [l, v, n] in self.fresh_beside(&[from, to]) {
+            let [a, b] = [from, to].map(|t| fresh(t, l));
+            let level = v.max(a).max(b);
+            seen.push([v, a, b, level * level * (share * share + chance2(n))]);
+        }
         for [l, v, n, free2] in self.unclipped_fixed() {
-            let [a, b] = [from, to].map(|t| pattern(t, l));
+            let [a, b] = [from, to].map(|t| pattern_of(t, l));
             let level = v.max(a).max(b);
             seen.push([v, a, b, level * level * (share * share + chance2(n)) + free2]);
         }
@@ -171,17 +201,16 @@ impl NoiseData {
     }
 }
 
+/// Variance of the pattern of a model, of a linear value.
+fn pattern_of(theta: &Theta, linear: f64) -> f64 {
+    theta.get(P::Dsnu).powi(2) + (theta.get(P::Prnu) * linear).powi(2)
+}
+
 /// How the variance of a fixed pattern grows with brightness.
 const PATTERN: fn(f64) -> [f64; 2] = |l| [1.0, l * l];
 
 /// Two coefficients, neither negative, of `variance = x . f(linear)`, weighted by number over squared variance, and the
-/// variances of the coefficients.
-fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
-    let bins: Vec<_> = bins.iter().map(|&[l, v, n]| [l, v, n, 0.0]).collect();
-    line_beside(&bins, f)
-}
-
-/// The same of bins whose figures have a variance by chance besides, the last number of each.
+/// variances of the coefficients. The last number of a bin is the variance that its figure has besides.
 fn line_beside(bins: &[[f64; 4]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
     let equations = |previous: [f64; 2]| {
         let (mut a, mut b) = ([[0.0; 2]; 2], [0.0; 2]);
@@ -305,9 +334,8 @@ mod tests {
         assert!(full_well_e > 1100.0 || read < 0.006, "control: not taken back, {full_well_e} e, {read}");
     }
 
-    /// How many standard errors a fixed pattern is told from none by, as measured of six frames with noise of `read`
-    /// that is new in each.
-    fn pattern_beside_noise(dsnu: f32, read: f32) -> f64 {
+    /// What is measured of six frames with a pattern and noise of `read` that is new in each.
+    fn measured_of_six(dsnu: f32, read: f32) -> NoiseData {
         let theta = Theta::neutral();
         let linear = |x: usize| 0.1 + 0.05 * (x / 20) as f32;
         let dn = |l: f32| 255.0 * (1.055 * l.max(1e-4).powf(1.0 / 2.4) - 0.055);
@@ -324,10 +352,27 @@ mod tests {
         };
         let frames: Vec<usize> = (0..6).collect();
         let evidence = Evidence::of_frames((0..6).map(frame));
-        let data = NoiseData::measure(&evidence, &frames, &vec![mean; 6], None, &theta, None);
-        let fit = |names: &[&str]| data.fit(&theta, &theta, names);
-        let (without, with) = (fit(&["read_noise"]), fit(&["fixed_pattern_noise", "read_noise"]));
-        data.way(&without, &with).map_or(0.0, |way| 2.0 * way.share / way.half)
+        NoiseData::measure(&evidence, &frames, &vec![mean; 6], None, &theta, None)
+    }
+
+    /// The camera with a pattern and noise as measured, and how many standard errors it is told from the one with
+    /// `alone` of the two by.
+    fn told_beside(data: &NoiseData, alone: &'static str) -> (Theta, f64) {
+        let none = Theta::neutral();
+        let fit = |names: &[&str]| data.fit(&none, &none, names);
+        let (without, with) = (fit(&[alone]), fit(&["fixed_pattern_noise", "read_noise"]));
+        let errors = data.way(&without, &with).map_or(0.0, |way| 2.0 * way.share / way.half);
+        (with, errors)
+    }
+
+    fn pattern_beside_noise(dsnu: f32, read: f32) -> f64 {
+        told_beside(&measured_of_six(dsnu, read), "read_noise").1
+    }
+
+    /// Read noise, and standard errors.
+    fn noise_beside_pattern(dsnu: f32, read: f32) -> [f64; 2] {
+        let (with, errors) = told_beside(&measured_of_six(dsnu, read), "fixed_pattern_noise");
+        [with.get(P::Read), errors]
     }
 
     #[test]
@@ -339,10 +384,19 @@ mod tests {
     }
 
     #[test]
+    fn noise_is_told_beside_five_times_as_much_of_a_pattern_and_none_is_not() {
+        let told = noise_beside_pattern(0.02, 0.0044);
+        assert!((told[0] / 0.0044 - 1.0).abs() < 0.1 && told[1] > 5.0, "{told:?}");
+        let told = noise_beside_pattern(0.02, 0.0);
+        assert!(told[1] < 3.0, "control: {told:?}");
+    }
+
+    #[test]
     fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
         let dsnu = |seen: f64| {
             let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();
             let data = NoiseData {
+                fresh: Vec::new(),
                 total: bins(seen),
                 fixed: bins(4e-6).iter().map(|&[l, v, n]| [l, v, n, 0.0]).collect(),
                 row2: 0.0,
@@ -352,6 +406,10 @@ mod tests {
         };
         assert_eq!(dsnu(0.0), 0.0);
         assert!((dsnu(5e-6) / 2e-3 - 1.0).abs() < 1e-3, "control: {}", dsnu(5e-6));
+    }
+
+    fn line(bins: &[[f64; 3]], f: impl Fn(f64) -> [f64; 2]) -> ([f64; 2], [f64; 2]) {
+        line_beside(&bins.iter().map(|&[l, v, n]| [l, v, n, 0.0]).collect::<Vec<_>>(), f)
     }
 
     #[test]
