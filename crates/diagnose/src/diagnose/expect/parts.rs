@@ -1,7 +1,7 @@
 //! Which part of the scene each pixel of a frame shows.
 
 use super::forward::Forward;
-use shutterbug::camera::Intrinsics;
+use super::reduced::divided;
 use shutterbug::reference::raster::{View, render};
 use shutterbug::scene::{Material, Shading};
 
@@ -27,16 +27,7 @@ impl Forward {
         scene.shading = Shading::Unlit;
         let part = |i: usize| Material { kd: [i as f32 + 1.0, 0.0, 0.0], ..Material::default() };
         scene.materials = (0..count.max(1)).map(part).collect();
-        let k = &self.intrinsics;
-        let s = step as f64;
-        let small = Intrinsics {
-            width: (k.width as usize / step).max(1) as u32,
-            height: (k.height as usize / step).max(1) as u32,
-            fx: k.fx / s,
-            fy: k.fy / s,
-            cx: k.cx / s,
-            cy: k.cy / s,
-        };
+        let small = divided(&self.intrinsics, step);
         let time_s = self.starts_s[at];
         let world_from_camera = self.trajectory.pose_at(time_s);
         let view = View { intrinsics: small, world_from_camera, time_s };

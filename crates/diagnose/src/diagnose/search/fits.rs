@@ -47,11 +47,11 @@ impl Search<'_> {
 
     /// Fits at a size.
     pub(crate) fn at(&mut self, size: Size) -> Fits<'_> {
-        let from = &*self.forward;
-        let (budget, light, compared) = (from.budget.clone(), from.light.clone(), from.compared);
-        if size == Size::Whole || from.reduced.is_none() {
+        if size == Size::Whole || self.forward.reduced.is_none() {
             return Fits { forward: self.forward, evidence: self.evidence, masks: self.masks };
         }
+        let from = &*self.forward;
+        let (budget, light, compared) = (from.budget.clone(), from.light.clone(), from.compared);
         let reduced = self.forward.reduced.as_deref_mut().expect("just seen");
         let Reduced { forward, evidence, masks } = reduced;
         (forward.budget, forward.light, forward.compared) = (budget, light, compared);
