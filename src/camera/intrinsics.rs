@@ -48,6 +48,13 @@ impl Intrinsics {
         }
     }
 
+    /// The camera whose pixels are squares of this one's, `side` px wide; what fills no square is left out.
+    pub fn divided(&self, side: u32) -> Self {
+        let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|v| v / f64::from(side));
+        let [width, height] = [self.width, self.height].map(|v| v / side);
+        Self { width, height, fx, fy, cx, cy }
+    }
+
     /// Vulkan clip space from camera space: y down, depth 1 at [`NEAR_M`] and 0 at infinity.
     pub fn clip_from_camera(&self) -> DMat4 {
         let (w, h) = (f64::from(self.width), f64::from(self.height));

@@ -124,16 +124,7 @@ fn shrunk(picture: &Plane<u8>, times: usize) -> Plane<u8> {
 /// The fitted pinhole in pictures that were cut and shrunk so many times: places count from the first pixel's corner.
 fn pinhole(fit: &BoardFit, times: usize) -> Intrinsics {
     let whole = fit.camera.intrinsics();
-    let (k, n) = (cropped(&whole, cut(&whole, fit.camera.lens())), times as f64);
-    let side = |px: u32| px / times as u32;
-    Intrinsics {
-        width: side(k.width),
-        height: side(k.height),
-        fx: k.fx / n,
-        fy: k.fy / n,
-        cx: k.cx / n,
-        cy: k.cy / n,
-    }
+    cropped(&whole, cut(&whole, fit.camera.lens())).divided(times as u32)
 }
 
 /// Text of the trajectory; time (ns) and view of each frame; time between frames, s.

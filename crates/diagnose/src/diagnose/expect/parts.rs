@@ -1,7 +1,6 @@
 //! Which part of the scene each pixel of a frame shows.
 
 use super::forward::Forward;
-use super::reduced::divided;
 use shutterbug::reference::raster::{View, render};
 use shutterbug::scene::{Material, Shading};
 
@@ -27,7 +26,7 @@ impl Forward {
         scene.shading = Shading::Unlit;
         let part = |i: usize| Material { kd: [i as f32 + 1.0, 0.0, 0.0], ..Material::default() };
         scene.materials = (0..count.max(1)).map(part).collect();
-        let small = divided(&self.intrinsics, step);
+        let small = self.intrinsics.divided(step as u32);
         let time_s = self.starts_s[at];
         let world_from_camera = self.trajectory.pose_at(time_s);
         let view = View { intrinsics: small, world_from_camera, time_s };

@@ -11,7 +11,6 @@ use super::settings::settings_of;
 use crate::diagnose::evidence::blocks::pooled;
 use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::evidence::{Evidence, RealFrame};
-use shutterbug::camera::Intrinsics;
 use shutterbug::capture::Capture;
 use shutterbug::error::Result;
 use shutterbug::gpu::Context;
@@ -34,7 +33,7 @@ impl Reduced {
         let k = &capture.camera.intrinsics;
         let Some(side) = side_for([k.width, k.height].map(|v| v as usize)) else { return Ok(None) };
         let mut small = capture.clone();
-        small.camera.intrinsics = divided(k, side);
+        small.camera.intrinsics = k.divided(side as u32);
         let frame = |f: &RealFrame| RealFrame { dn: Arc::new(averaged(&f.dn, side)), ..f.clone() };
         let evidence = Evidence { frames: evidence.frames.iter().map(frame).collect(), ..evidence.clone() };
         let mut forward = Forward::new(Some(context), &small, &evidence, None, budget)?;
@@ -47,13 +46,6 @@ impl Reduced {
         let side = self.forward.pooled;
         self.masks = masks.par_iter().map(|mask| whole_squares(mask, side)).collect();
     }
-}
-
-/// The camera whose pixels are squares of another's.
-pub(crate) fn divided(k: &Intrinsics, side: usize) -> Intrinsics {
-    let [fx, fy, cx, cy] = [k.fx, k.fy, k.cx, k.cy].map(|v| v / side as f64);
-    let [width, height] = [k.width, k.height].map(|v| (v / side as u32).max(1));
-    Intrinsics { width, height, fx, fy, cx, cy }
 }
 
 /// 1 where all pixels of a square are.
