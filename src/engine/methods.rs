@@ -11,6 +11,7 @@ use super::finish::Finish;
 use super::flight::{Flight, MAX_IN_FLIGHT, Room, Ticket};
 use super::frame::{Frame, FrameInstants, FrameRequest};
 use super::paper::PaperOptions;
+use super::scene::clusters::Clusters;
 use super::scene::lens::{LensKey, LensStage};
 use super::scene::planes::PlanesPass;
 use super::scene::taps::{GatherInputs, Taps, WarpInputs, read_back};
@@ -199,6 +200,7 @@ impl Engine {
         let mut stage = Stage {
             buffers: SceneBuffers::new(context, &scene)?,
             plan: SamplePlan::new(options.samples, &context.info().sample_counts)?,
+            clusters: Clusters::new(&scene),
             scene,
             trajectory,
             intrinsics,

@@ -49,7 +49,7 @@ pub use paper::gather::{ChosenBy, GatherChoice, cache_path, choose_gather};
 pub use paper::kernels::{GATHER_KERNELS, Gather, GatherKernel};
 pub use paper::{MotionSource, PaperOptions, Shift};
 pub use pixel_chain::PixelChain;
-pub use scene::margin::{Reach, reach};
+pub use scene::reach::{Reach, reach};
 pub use scene::taps::{GatherInputs, WarpInputs};
 
 pub(crate) use flight::Flight;

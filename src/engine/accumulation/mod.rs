@@ -6,8 +6,8 @@ use crate::camera::{ShutterTiming, Trajectory};
 use crate::engine::flight::Room;
 use crate::engine::frame::FrameRequest;
 use crate::engine::scene::accumulate::{Accumulate, WeightedLines};
+use crate::engine::scene::clusters::Sought;
 use crate::engine::scene::lens::Channel;
-use crate::engine::scene::margin::reach_of;
 use crate::engine::scene::{Choices, Renderer, Shot, Stage};
 use crate::engine::slots::FrameSlot;
 use crate::error::Result;
@@ -110,7 +110,7 @@ impl Accumulation {
         let speed = (0..4).map(|i| {
             let from_s = start_s + quarter_s * f64::from(i);
             let to_s = (from_s + quarter_s).min(end_s);
-            reach_of(stage, path, from_s, &[to_s]).largest_px / quarter_s
+            stage.reach(path, (from_s, &[to_s]), Sought::All).largest_px / quarter_s
         });
         let speed_px_per_s = speed.fold(0.0, f64::max);
         AccumulationPlan::auto_renders(shutter, speed_px_per_s, self.options.step_px, self.options.most)

@@ -6,7 +6,7 @@ use super::blur::orientation;
 use crate::camera::{Intrinsics, NEAR_M, ShutterTiming};
 use crate::engine::frame::FrameRequest;
 use crate::engine::scene::Stage;
-use crate::engine::scene::margin::reach_of;
+use crate::engine::scene::clusters::Sought;
 use crate::engine::scene::{camera_path, check_coverage};
 use crate::gpu::RenderArea;
 use crate::raster::{LensPush, PlacePush, View, spaced};
@@ -92,7 +92,7 @@ pub(super) fn measure_reach(stage: &Stage, request: &FrameRequest) -> BlurReach 
         let to_s = (from_s + 2.0 * half_s).min(shutter.end_s());
         // Where what is in view at the middle is at the ends, and what is in view at the ends at the middle: both bound
         // how far beyond the border the gather reads.
-        let seen = reach_of(stage, &path, from_s + half_s, &[from_s, to_s]);
+        let seen = stage.reach(&path, (from_s + half_s, &[from_s, to_s]), Sought::All);
         let limit = [stage.intrinsics.width, stage.intrinsics.height];
         for (i, limit) in limit.into_iter().enumerate() {
             let needed = if seen.largest_px < UNSEEN_PX { 0.0 } else { seen.beyond_px[i] + MARGIN_GUARD_PX };

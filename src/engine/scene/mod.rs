@@ -2,9 +2,11 @@
 //! passes that more than one of them runs.
 
 pub(crate) mod accumulate;
+pub(crate) mod clusters;
 pub(crate) mod lens;
 pub(crate) mod margin;
 pub(crate) mod planes;
+pub(crate) mod reach;
 pub(crate) mod resolve;
 pub(crate) mod taps;
 
@@ -21,8 +23,10 @@ use crate::gpu::{Context, Recorder};
 use crate::raster::{Instant, SamplePlan, SceneBuffers};
 use crate::scene::Scene;
 
+use clusters::{Clusters, Sought};
 use lens::{Channel, LensStage};
 use planes::{Ending, PlanesPass};
+use reach::{Projection, Reach};
 use taps::Taps;
 
 /// What a method can be told, and how it is made of that: one for each method, in its folder.
@@ -127,12 +131,22 @@ impl<'a> Shot<'a> {
 pub(crate) struct Stage {
     pub(crate) buffers: SceneBuffers,
     pub(crate) scene: Arc<Scene>,
+    pub(crate) clusters: Clusters,
     pub(crate) trajectory: Arc<Trajectory>,
     pub(crate) intrinsics: Intrinsics,
     pub(crate) plan: SamplePlan,
     /// The lens of the frame that is being made.
     pub(crate) lens: Option<LensStage>,
     pub(crate) context: Arc<Context>,
+}
+
+impl Stage {
+    /// How far content is at `reference_s` from where it is at each of `times_s`, through the lens if there is one.
+    pub(crate) fn reach(&self, path: &Trajectory, times: (f64, &[f64]), sought: Sought) -> Reach {
+        let lens = self.lens.as_ref().map(|l| &l.extended);
+        let projection = Projection { intrinsics: &self.intrinsics, lens };
+        self.clusters.reach(&self.scene, path, &projection, times, sought)
+    }
 }
 
 /// The camera's path as the frame sees it.
