@@ -44,6 +44,8 @@ fn name_the_shared_library() {
     };
     if env::var("CARGO_CFG_TARGET_OS").is_ok_and(|os| os == "linux") {
         println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libshutterbug.so.{abi}");
+        // It keeps a Vulkan instance (src/gpu/instance.rs): unloaded and loaded anew, it would keep one more each time.
+        println!("cargo:rustc-cdylib-link-arg=-Wl,-z,nodelete");
     }
 }
 

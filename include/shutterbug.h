@@ -19,7 +19,9 @@
  *           independent of each other.
  * FORK      In a forked child, every call on a handle of the parent returns FORKED at once, whatever the parent was
  *           doing. Destroying such a handle returns OK and does not touch the parent's object. The child creates its
- *           own engines.
+ *           own engines on software drivers. Where the parent has opened the driver of a GPU, the child's
+ *           shutterbug_engine_create returns SHUTTERBUG_NO_DEVICE: opening it again would take the parent's device
+ *           away. Fork before the first engine, or start the child anew (exec, Python's "spawn").
  * UNITS     Seconds, metres, pixels; the names end in the unit. Pixel (0,0) is top left, its centre is (0.5, 0.5), x
  *           points right, y points down. Pictures are stored top row first. A camera looks along +z (x right, y down).
  *           World coordinates are metres in any right-handed frame. A pose maps camera to world coordinates;
@@ -29,7 +31,9 @@
  * STRUCTS   Set struct_size = sizeof(struct) before you pass one, for outputs too, and zero the rest (= {0}) before you
  *           fill in fields: zero is each option's default. Structs grow at their end only. A size from an older header
  *           is accepted; the missing fields count as zero. Any other size gives SHUTTERBUG_STRUCT_SIZE.
- * PROCESS   The only global state is the table of live handles, and two idle log subscribers that keep the engines'
+ * PROCESS   The only global state is the table of live handles, one Vulkan instance that engines share and that stays
+ *           until the process ends (drivers do not survive many instances; a second where validation is on; none with
+ *           a loader or a device of your own), and two idle log subscribers that keep the engines'
  *           logs apart. No signal handlers, no exit, nothing on stdout. A bug in the library becomes SHUTTERBUG_PANIC,
  *           with Rust's message on stderr; it makes that one handle unusable. The first engine that loads a scene
  *           starts a pool of worker threads, which stay, idle.

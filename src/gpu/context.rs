@@ -11,9 +11,10 @@ use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::failed;
+use super::instance::{self, Opened};
 use super::open::{HostDevice, Loader, OpenDevice};
 use super::select::{self, DeviceChoice, DeviceInfo};
-use super::validation::{self, Messenger, Validation};
+use super::validation::{Messenger, Validation};
 use crate::error::{Error, Result};
 
 /// How to make a [`Context`].
@@ -42,7 +43,7 @@ pub struct Context {
 /// What lives longest, in one place because it is destroyed together (or leaked together after `abandon`).
 pub(super) struct Root {
     pub(super) instance: Instance,
-    /// Whether the instance is destroyed with this.
+    /// Whether the instance is destroyed with this; else it is the process's or the host's.
     owned: bool,
     messenger: Option<Messenger>,
     _entry: Entry,
@@ -54,7 +55,7 @@ impl Context {
     /// # Errors
     /// No loader, no (matching) device, a device that lacks something, no validation layer where it is required.
     pub fn new(options: &ContextOptions) -> Result<Arc<Self>> {
-        Self::with_entry(select::load()?, options)
+        Self::on_instance(instance::shared(options.validation)?, options)
     }
 
     /// Opens a device with the caller's Vulkan loader (statically linked, or a layer).
@@ -62,11 +63,11 @@ impl Context {
     /// # Errors
     /// As for [`Self::new`].
     pub fn with_loader(loader: Loader, options: &ContextOptions) -> Result<Arc<Self>> {
-        Self::with_entry(loader.entry(), options)
+        Self::on_instance(instance::own(loader.entry(), options.validation)?, options)
     }
 
-    fn with_entry(entry: Entry, options: &ContextOptions) -> Result<Arc<Self>> {
-        let root = Root::new(entry, options.validation)?;
+    fn on_instance(opened: Opened, options: &ContextOptions) -> Result<Arc<Self>> {
+        let root = Root::new(opened, options.validation)?;
         let info = options.device.pick(&select::enumerate(&root.instance)?)?;
         let device = OpenDevice::create(&root.instance, &info)?;
         Self::assemble(root, device, info)
@@ -128,7 +129,8 @@ impl Context {
         !self.open.owned
     }
 
-    /// What the validation layer has reported so far; always empty when it is off.
+    /// What the validation layer has reported since this context was made, of all contexts of the process that it
+    /// watches; always empty when it is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.root.messenger.as_ref().map_or_else(Vec::new, |m| m.messages.all())
     }
@@ -191,34 +193,11 @@ impl Drop for Context {
 }
 
 impl Root {
-    fn new(entry: Entry, validation: Validation) -> Result<Self> {
-        let watch = validation == Validation::Required;
-        if watch {
-            validation::check_layer(&entry)?;
-        }
-        let layers: &[*const i8] = if watch { &[validation::LAYER.as_ptr()] } else { &[] };
-        let extensions: &[*const i8] = if watch {
-            &[debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()]
-        } else {
-            &[]
-        };
-        let app = vk::ApplicationInfo::default()
-            .application_name(c"shutterbug")
-            .engine_name(c"shutterbug")
-            .api_version(select::API_FLOOR);
-        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
-        let mut info = vk::InstanceCreateInfo::default()
-            .application_info(&app)
-            .enabled_layer_names(layers)
-            .enabled_extension_names(extensions);
-        if watch {
-            info = info.push_next(&mut features);
-        }
-        let instance = select::create_instance(&entry, &info)?;
-        // Owned from here on: a messenger that cannot be made must not leave the instance behind.
-        let mut root = Self { instance, messenger: None, owned: true, _entry: entry };
-        if watch {
+    fn new(opened: Opened, validation: Validation) -> Result<Self> {
+        let Opened { entry, instance, owned } = opened;
+        // From here on a messenger that cannot be made does not leave an instance of its own behind.
+        let mut root = Self { instance, messenger: None, owned, _entry: entry };
+        if validation == Validation::Required {
             root.messenger = Some(Messenger::new(&root._entry, &root.instance)?);
         }
         Ok(root)

@@ -125,20 +125,6 @@ fn describe(d: &DeviceInfo) -> String {
     format!("{}: {} [{}]{lacks}", d.index, d.name, d.uuid)
 }
 
-/// All devices in order of preference, usable or not.
-///
-/// # Errors
-/// No loader, or a loader that fails.
-pub fn devices() -> Result<Vec<DeviceInfo>> {
-    let entry = load()?;
-    let app = vk::ApplicationInfo::default().api_version(API_FLOOR);
-    let instance = create_instance(&entry, &vk::InstanceCreateInfo::default().application_info(&app))?;
-    let all = enumerate(&instance);
-    // SAFETY: nothing made from the instance is alive.
-    unsafe { instance.destroy_instance(None) };
-    all
-}
-
 /// An instance; a loader that finds no driver says so here.
 pub(super) fn create_instance(entry: &Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<Instance> {
     // SAFETY: `info` and what it points to live through the call.
@@ -157,9 +143,14 @@ const NO_DRIVER: &str = "none: the Vulkan loader finds no driver (Debian: apt-ge
 /// Names a file that stands in for the Vulkan loader: another loader, or a driver that can be asked without one.
 pub const LIBRARY_VARIABLE: &str = "SHUTTERBUG_VULKAN_LIBRARY";
 
+/// What [`LIBRARY_VARIABLE`] names.
+pub(super) fn library() -> Option<OsString> {
+    std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty())
+}
+
 /// The Vulkan loader of this machine, or the one of [`LIBRARY_VARIABLE`].
 pub(super) fn load() -> Result<Entry> {
-    let named = std::env::var_os(LIBRARY_VARIABLE).filter(|file| !file.is_empty());
+    let named = library();
     // To open a pipe would wait for somebody who writes to it. A name without a folder is looked for by the system.
     let irregular =
         |file: &&OsString| std::path::Path::new(file).metadata().is_ok_and(|about| !about.is_file());

@@ -208,11 +208,17 @@ unsafe extern "system" fn device_proc(device: vk::Device, name: *const c_char) -
     wrap(name, unsafe { call(device, name) })
 }
 
-/// The system's loader, opened once.
+/// The system's loader, opened once. As in a host that draws, an instance of its own is alive meanwhile: NVIDIA's driver
+/// does not survive hundreds of instances that come and go while there is no other.
 fn loader() -> vk::PFN_vkGetInstanceProcAddr {
-    static ENTRY: std::sync::OnceLock<Option<ash::Entry>> = std::sync::OnceLock::new();
-    let entry = ENTRY.get_or_init(|| unsafe { ash::Entry::load() }.ok());
-    entry.as_ref().expect("checked by the test").static_fn().get_instance_proc_addr
+    static ENTRY: std::sync::OnceLock<Option<(ash::Entry, Option<ash::Instance>)>> =
+        std::sync::OnceLock::new();
+    let entry = ENTRY.get_or_init(|| {
+        let entry = unsafe { ash::Entry::load() }.ok()?;
+        let hosts = unsafe { entry.create_instance(&vk::InstanceCreateInfo::default(), None) }.ok();
+        Some((entry, hosts))
+    });
+    entry.as_ref().expect("checked by the test").0.static_fn().get_instance_proc_addr
 }
 
 /// What a host does with one engine.
