@@ -13,6 +13,7 @@ use shutterbug::Error;
 use shutterbug::camera::{Intrinsics, Pose, ScanOrder, Trajectory};
 use shutterbug::engine::{Engine, EngineOptions, Method};
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation, devices};
+use shutterbug::plane::MAX_SIDE_PX;
 
 const K: Intrinsics = Intrinsics { width: 33, height: 21, fx: 30.0, fy: 30.0, cx: 16.0, cy: 11.0 };
 const CHILD: &str = "SHUTTERBUG_TEST_CHILD";
@@ -116,6 +117,10 @@ fn sizes_beyond_the_limits_are_refused() {
             u64::from(2 * (side / 2 + 1)),
         ),
     ] {
+        if name == "wider than the device with supersampling" && side / 2 >= MAX_SIDE_PX {
+            eprintln!("SKIPPED {name}: this device draws {side} px, more than any picture needs");
+            continue;
+        }
         for method in [accumulation(2), paper(2)] {
             match try_engine(&watched.0, k, samples, method).map(|_| ()) {
                 Err(error @ Error::Limit { value, limit, .. }) => {
@@ -128,7 +133,7 @@ fn sizes_beyond_the_limits_are_refused() {
         }
     }
     // Control: the same engine with sizes inside the limits draws.
-    let k = size(side / 2, 1);
+    let k = size((side / 2).min(MAX_SIDE_PX), 1);
     try_engine(&watched.0, k, 16, accumulation(1)).unwrap().render(&still(&k)).unwrap();
 }
 

@@ -335,7 +335,8 @@ fn exact_gather_is_its_twin() {
                 let (_, outliers) = differing(&got, &want, HALF);
                 let pixels = got.width * got.height;
                 // Rounding decides which of two surfaces is hit, and how many samples a path of a whole length has.
-                let allowed = 1 + pixels / 200;
+                // A device that rounds in its own way decides twice as often otherwise as one that rounds as we do.
+                let allowed = 1 + pixels / if bench.exact() { 200 } else { 100 };
                 let label = format!("{size:?}, {speed_px} px, {tau_per_px}");
                 assert!(outliers <= allowed, "{label}: {outliers} of {pixels}");
                 beyond += want.data.chunks(4).filter(|p| p[3] < 0.0).count();
