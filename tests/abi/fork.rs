@@ -57,8 +57,8 @@ fn works() -> bool {
     camera == 0 && frame.is_ok() && shutterbug_engine_destroy(engine) == 0
 }
 
-/// An engine of a child's own, beside what its parent has of the driver: a software driver begins anew; that of a GPU is
-/// not touched, for the parent's sake.
+/// An engine of a child's own, beside what its parent has of the driver: a software driver begins anew; that of a GPU
+/// is not touched, for the parent's sake.
 fn works_or_is_refused(software: bool) -> bool {
     if software {
         return works();
