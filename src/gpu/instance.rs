@@ -48,8 +48,8 @@ fn refuse_a_child(on_a_gpu: u32, process: u32) -> Result<()> {
         wanted: "can be opened in a forked child".to_owned(),
         present: format!(
             "process {on_a_gpu}, from which this one was forked, has opened the driver of a GPU, and a child \
-             that opens it too takes the parent's device away. Fork before the first engine, or start the child anew (Python: \
-             multiprocessing.set_start_method(\"spawn\"))"
+             that opens it too takes the parent's device away. Fork before the first engine, or start the child anew \
+             (Python: multiprocessing.set_start_method(\"spawn\"))"
         ),
     })
 }

@@ -208,8 +208,8 @@ unsafe extern "system" fn device_proc(device: vk::Device, name: *const c_char) -
     wrap(name, unsafe { call(device, name) })
 }
 
-/// The system's loader, opened once. As in a host that draws, an instance of its own is alive meanwhile: NVIDIA's driver
-/// does not survive hundreds of instances that come and go while there is no other.
+/// The system's loader, opened once. As in a host that draws, an instance of its own is alive meanwhile: NVIDIA's
+/// driver does not survive hundreds of instances that come and go while there is no other.
 fn loader() -> vk::PFN_vkGetInstanceProcAddr {
     static ENTRY: std::sync::OnceLock<Option<(ash::Entry, Option<ash::Instance>)>> =
         std::sync::OnceLock::new();
