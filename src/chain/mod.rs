@@ -2,17 +2,21 @@
 //!
 //! `docs/add-an-effect.md` walks through a real one.
 
+mod filter;
 mod fit;
 mod handle;
+mod mixing;
 mod moments;
 mod pack;
 mod params;
 mod plan;
 pub mod rng;
 
+pub use filter::Filter;
 pub use fit::{Fit, Held, Law, Trial};
 pub use handle::{Choice, Number};
-pub use moments::{BANDS, Left, Mixing, Moments, Noise, Variances, mixing_of};
+pub use mixing::{BANDS, Left, Mixing, mixing_of};
+pub use moments::{Moments, Noise, Variances, mixing};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, Wanted, check_order};
@@ -147,7 +151,9 @@ pub trait Effect: Sync {
             (_, Moments::Noise(_)) => {
                 "twenty frames of evenly lit cards from nearly black to nearly white, camera at rest"
             }
-            (_, Moments::Pixels(_)) => "fine coloured detail and a slanted edge, camera at rest",
+            (_, Moments::Pixels(_) | Moments::Filter(_)) => {
+                "fine coloured detail and a slanted edge, camera at rest"
+            }
             (_, Moments::File(_)) => "smooth gradients beside fine texture",
             (_, Moments::Light(_)) => "an evenly lit wall that fills the picture",
             (_, Moments::Colors(_)) => "a chart of saturated colours and greys",

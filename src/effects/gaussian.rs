@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::chain::{BANDS, Left, Mixing, Packer, Pass};
+use crate::chain::{Packer, Pass};
 use crate::plane::Plane;
 
 /// Weights of distance 0 to the radius, which is four sigma (as in scipy.ndimage); both sides add up to 1.
@@ -97,49 +97,6 @@ pub(super) fn filter(source: &Plane<f32>, f: impl Fn(usize, usize) -> [f32; 3] +
         row.chunks_exact_mut(n).enumerate().for_each(|(x, rgba)| rgba[..3].copy_from_slice(&f(x, y)));
     });
     out
-}
-
-/// What v + amount (v - soft) leaves of white noise, soft being the Gaussian of v: boxes and Gaussians are products of
-/// what they are along each axis.
-pub(super) fn mixing(amount: f64, sigma_px: f64) -> Mixing {
-    let half = weights(sigma_px);
-    let radius = half.len() - 1;
-    let square = f64::from(half[0].powi(2)) + 2.0 * half[1..].iter().map(|w| f64::from(w * w)).sum::<f64>();
-    let centre = f64::from(half[0]);
-    // Of the variance of white noise; `same` is the weight of a value in its own soft one, `all` the sum of the squares
-    // of weights.
-    let lifted = |same: f64, all: f64| {
-        (1.0 + amount).powi(2) - 2.0 * amount * (1.0 + amount) * same + amount * amount * all
-    };
-    let (pixel, row) = (lifted(centre * centre, square * square), lifted(centre, square));
-    let soft = |from: &[f64]| -> Vec<f64> {
-        let mut to = vec![0.0; from.len()];
-        for (i, v) in from.iter().enumerate().filter(|(_, v)| **v != 0.0) {
-            (0..=2 * radius).for_each(|k| to[i + k - radius] += v * f64::from(half[k.abs_diff(radius)]));
-        }
-        to
-    };
-    let bands = BANDS.map(|n| {
-        let of = |side: usize| -> Vec<f64> {
-            let inside = 2 * radius..2 * radius + side;
-            let value = |i: usize| if inside.contains(&i) { 1.0 / side as f64 } else { 0.0 };
-            (0..4 * radius + 2 * n).map(value).collect()
-        };
-        let plain = [of(n), of(2 * n)];
-        let once = [soft(&plain[0]), soft(&plain[1])];
-        // Of the block's mean less that of the larger block.
-        let product = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| {
-            let dot = |i: usize, j: usize| a[i].iter().zip(&b[j]).map(|(a, b)| a * b).sum::<f64>().powi(2);
-            dot(0, 0) - dot(0, 1) - dot(1, 0) + dot(1, 1)
-        };
-        let variance = (1.0 + amount).powi(2) * product(&plain, &plain)
-            - 2.0 * amount * (1.0 + amount) * product(&plain, &once)
-            + amount * amount * product(&once, &once);
-        (variance / product(&plain, &plain) / pixel) as f32
-    });
-    let left = Left { bands, lines: [(row / pixel) as f32; 2], ..Left::ALL };
-    let (pixel, row) = (pixel as f32, row as f32);
-    Mixing { pixel: [pixel; 3], row: [row; 3], row_seen: row, left: [left; 3], shared: None }
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Left, Mixing, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings,
-    Stage, View, Work,
+    Domain, Effect, Filter, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
+    View, Work,
 };
 use crate::plane::Plane;
 use crate::plane::stats::{LUMA, luma};
@@ -125,31 +125,13 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![pass(0), pass(1)]
 }
 
-/// Of places without edges: luma and the colours' differences to it are smoothed on their own. White noise has as much
-/// of it in each of the three colours.
-fn mixing(settings: &Settings) -> Mixing {
-    let [luma, chroma] =
-        sigmas_px(settings).map(|sigma| (sigma > 0.0).then(|| gaussian::mixing(-1.0, sigma)));
-    let [luma, chroma] = [luma, chroma].map(|m| m.unwrap_or(Mixing::NONE));
-    let all: f32 = LUMA.iter().map(|w| w * w).sum();
-    // What both have in common lies between what each leaves.
-    let blend = |c: usize, y: f32, d: f32| {
-        all * y + 2.0 * (LUMA[c] - all) * (y * d).sqrt() + (1.0 - 2.0 * LUMA[c] + all) * d
-    };
-    let mut mixing = luma;
-    for c in 0..3 {
-        let (y, d) = (&luma.left[c], &chroma.left[c]);
-        let (py, pd) = (luma.pixel[c], chroma.pixel[c]);
-        let pixel = blend(c, py, pd);
-        mixing.pixel[c] = pixel;
-        mixing.row[c] = luma.row[c];
-        mixing.left[c] = Left {
-            bands: [0, 1, 2].map(|i| blend(c, y.bands[i] * py, d.bands[i] * pd) / pixel),
-            lines: [0, 1].map(|i| blend(c, y.lines[i] * py, d.lines[i] * pd) / pixel),
-            ..Left::ALL
-        };
-    }
-    mixing
+/// Of places without edges: luma and the colours' differences to it are smoothed on their own.
+fn smoothing(settings: &Settings) -> Filter {
+    let [luma, chroma] = sigmas_px(settings).map(|sigma| match sigma > 0.0 {
+        true => gaussian::weights(sigma),
+        false => vec![1.0],
+    });
+    Filter::lifted([(-1.0, &luma), (-1.0, &chroma)])
 }
 
 impl Effect for NoiseReduction {
@@ -171,7 +153,7 @@ impl Effect for NoiseReduction {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Pixels(mixing)
+        Moments::Filter(smoothing)
     }
 
     fn work(&self) -> Work {

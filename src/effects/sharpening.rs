@@ -4,8 +4,8 @@
 
 use super::gaussian;
 use crate::chain::{
-    Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage, View,
-    Work,
+    Domain, Effect, Filter, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Pass, Settings, Stage,
+    View, Work,
 };
 use crate::plane::Plane;
 
@@ -71,7 +71,10 @@ impl Effect for Sharpening {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Pixels(|settings| gaussian::mixing(amount(settings), radius_px(settings)))
+        Moments::Filter(|settings| {
+            let soft = gaussian::weights(radius_px(settings));
+            Filter::lifted([(amount(settings), &soft); 2])
+        })
     }
 
     fn work(&self) -> Work {

@@ -2,7 +2,7 @@
 
 use super::curve::{is_behind_encoding, switched_on};
 use super::tone::Tone;
-use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, slot_of};
+use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, mixing, slot_of};
 use crate::effects::LIST;
 use crate::effects::jpeg::compressed;
 use crate::effects::jpeg::packing::packed_mean;
@@ -145,7 +145,7 @@ fn single<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
 
 /// Whether a filter makes more of the noise of single pixels.
 fn lifts(effect: &dyn Effect, settings: &Settings) -> bool {
-    matches!(effect.moments(), Moments::Pixels(of) if of(settings).pixel[1] > 1.0)
+    mixing(std::iter::once(effect), settings).pixel[1] > 1.0
 }
 
 fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {

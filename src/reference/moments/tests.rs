@@ -1,12 +1,13 @@
 //! Means and spreads against the chain's own references: without noise value by value, with it by drawing frames.
 
+use super::curve::switched_on;
 use super::*;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
-use crate::chain::{BANDS, Effect, Mixing, Moments, Packed, Settings, Value, View, Work};
+use crate::chain::{self, BANDS, Mixing, Moments, Packed, Settings, Value, View, Work};
 use crate::effects::jpeg::packing::{band, lines, normal_noise, square};
 use crate::effects::{LIST, by_id};
 use crate::plane::Plane;
-use crate::reference::chain;
+use crate::reference::chain as by_hand;
 
 type Given<'a> = &'a [(&'static str, &'static str, Value)];
 
@@ -63,10 +64,10 @@ fn mean(settings: &Settings) -> Plane<f32> {
 /// The chain's own, DN.
 fn drawn(settings: &Settings) -> Vec<f32> {
     if settings.has("jpeg") {
-        let picture = chain::picture(LIST, settings, &view(42, 31, 3), &radiance());
+        let picture = by_hand::picture(LIST, settings, &view(42, 31, 3), &radiance());
         return picture.data.iter().map(|v| f32::from(*v)).collect();
     }
-    let values = chain::values(LIST, settings, &view(42, 31, 3), &radiance());
+    let values = by_hand::values(LIST, settings, &view(42, 31, 3), &radiance());
     three(&values).data.iter().map(|v| 255.0 * v.clamp(0.0, 1.0)).collect()
 }
 
@@ -170,7 +171,7 @@ fn of_colour(settings: &Settings, [r, g, b]: [f32; 3]) -> ([[f64; 2]; 3], [[f64;
     let flat = Plane::from_fn(SIDE, SIDE, |_, _| [r, g, b, 1.0]);
     let mut sums = [[0.0f64; 3]; 3];
     for frame in 0..FRAMES {
-        let picture = chain::picture(LIST, settings, &view(SIDE as u32, SIDE as u32, frame), &flat);
+        let picture = by_hand::picture(LIST, settings, &view(SIDE as u32, SIDE as u32, frame), &flat);
         for (i, v) in picture.data.iter().enumerate() {
             let (sum, v) = (&mut sums[i % 3], f64::from(*v));
             *sum = [sum[0] + v, sum[1] + v * v, sum[2] + 1.0];
@@ -326,17 +327,15 @@ fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve()
     assert!(seen[1][0] - silent[1][0] > 3.0 && seen[1][1] > 100.0 * silent[1][1], "{seen:?} {silent:?}");
 }
 
-/// What a step that mixes pixels makes of white noise, over what it says of it: pixels, bands, lines.
-fn ratios(effect: &dyn Effect, settings: &Settings) -> (Mixing, [f32; 6]) {
-    let (Moments::Pixels(of), Work::Neighbourhood { reference, .. }) = (effect.moments(), effect.work())
-    else {
-        panic!("{} mixes no pixels", effect.id())
-    };
-    let mixing = of(settings);
-    let view = view(512, 512, 0);
-    let packed = Packed::new(LIST, settings, &view);
-    let noise = normal_noise([512, 512]);
-    let seen = reference(&noise, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
+/// What the steps of a camera that mix pixels make of white noise, over what is said of it: pixels, bands, lines.
+fn ratios(settings: &Settings) -> (Mixing, [f32; 6]) {
+    let mixing = chain::mixing(switched_on(settings), settings);
+    let packed = Packed::new(LIST, settings, &view(512, 512, 0));
+    let mut seen = normal_noise([512, 512]);
+    for effect in switched_on(settings) {
+        let Work::Neighbourhood { reference, .. } = effect.work() else { continue };
+        seen = reference(&seen, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
+    }
     let all: f32 = mixing.pixel.iter().sum();
     let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| mixing.pixel[c] * of(c)).sum::<f32>() / all;
     let pixel = square(seen.data.iter().copied());
@@ -357,7 +356,7 @@ fn steps_that_mix_pixels_leave_of_noise_what_they_say() {
         &[number("noise_reduction", "luma_sigma_px", 0.7), number("noise_reduction", "chroma_sigma_px", 1.5)],
     ];
     for given in cases {
-        let (mixing, ratios) = ratios(by_id(given[0].0).expect("an effect"), &settings(given));
+        let (mixing, ratios) = ratios(&settings(given));
         for (k, ratio) in ratios.into_iter().enumerate() {
             let most = if k < 4 { 0.08 } else { 0.15 };
             assert!((ratio - 1.0).abs() < most, "{given:?}: {ratios:?}");
@@ -366,6 +365,24 @@ fn steps_that_mix_pixels_leave_of_noise_what_they_say() {
         let left = mixing.left[1];
         assert!((mixing.pixel[1] - 1.0).abs() > 0.2 && (left.bands[2] - 1.0).abs() > 0.3, "{mixing:?}");
     }
+}
+
+#[test]
+fn filters_together_leave_of_noise_what_they_say() {
+    let given: Given<'_> = &[
+        number("noise_reduction", "luma_sigma_px", 0.58),
+        number("noise_reduction", "chroma_sigma_px", 1.1),
+        number("sharpening", "amount", 1.0),
+        number("sharpening", "radius_px", 0.9),
+    ];
+    let (mixing, ratios) = ratios(&settings(given));
+    for (k, ratio) in ratios.into_iter().enumerate() {
+        assert!((ratio - 1.0).abs() < if k < 4 { 0.03 } else { 0.15 }, "{ratios:?}");
+    }
+    // Control: one behind the other, as if the noise were white between them.
+    let alone = |given| chain::mixing(switched_on(&settings(given)), &settings(given));
+    let white = alone(&given[..2]).then(&alone(&given[2..]));
+    assert!(white.pixel[1] > 1.3 * mixing.pixel[1], "{white:?}, {mixing:?}");
 }
 
 #[test]

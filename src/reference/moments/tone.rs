@@ -4,7 +4,7 @@
 use glam::Mat3;
 
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
-use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances};
+use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances, mixing};
 use crate::effects::jpeg::flips::rounded_variance;
 use crate::effects::jpeg::packing::{Packing, rounded_mean};
 use crate::plane::stats::erf;
@@ -118,7 +118,7 @@ impl Tone {
             by_dn: None,
             behind: None,
             packed: None,
-            mixing: Mixing::NONE,
+            mixing: mixing(switched_on(settings), settings),
         };
         for effect in switched_on(settings) {
             let is_raw = matches!(effect.stage(), Stage::Pixel(Domain::Electrons | Domain::RawDn, _));
@@ -141,7 +141,6 @@ impl Tone {
                     };
                     tone.colors = [0, 1, 2].map(|i| [0, 1, 2].map(|j| entry(i, j)));
                 }
-                Moments::Pixels(of) => tone.mixing = tone.mixing.then(&of(settings)),
                 Moments::Steps(of) => tone.step = of(settings) as f32,
                 _ => {}
             }

@@ -6,7 +6,7 @@ use super::discrepancy::{MIXED_ERROR, SPREAD_ERROR};
 use super::model::{P, Theta};
 use super::settings::settings_of;
 pub(crate) use shutterbug::chain::Variances;
-use shutterbug::chain::{Mixing, Moments};
+use shutterbug::chain::{self, Mixing};
 use shutterbug::effects;
 use shutterbug::reference::moments;
 
@@ -44,11 +44,8 @@ impl Deref for Tone {
 /// What the steps of `theta` that mix pixels leave of noise.
 fn mixing(theta: &Theta) -> Mixing {
     let settings = settings_of(theta);
-    let on = effects::LIST.iter().filter(|e| e.variant(&settings) != 0);
-    on.fold(Mixing::NONE, |mixing, effect| match effect.moments() {
-        Moments::Pixels(of) => mixing.then(&of(&settings)),
-        _ => mixing,
-    })
+    let on = effects::LIST.iter().copied().filter(|e| e.variant(&settings) != 0);
+    chain::mixing(on, &settings)
 }
 
 /// Variance that white noise keeps behind the steps that mix pixels, by channel.
