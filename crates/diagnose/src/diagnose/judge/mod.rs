@@ -265,6 +265,25 @@ impl<'a> Judge<'a> {
         Ok(scores)
     }
 
+    /// What the spread of `theta` scores on the frames to choose by, about the pictures of `shown`.
+    pub(crate) fn scores_about(
+        &mut self,
+        forward: &mut Forward,
+        theta: &Theta,
+        shown: &Theta,
+    ) -> Result<Scores> {
+        if theta == shown {
+            return self.scores(forward, theta);
+        }
+        let key = format!("{:?} {:?} {theta:?} about {shown:?}", self.quality, self.kind);
+        if let Some(known) = self.known.get(&key) {
+            return Ok(known.clone());
+        }
+        let scores = self.seen_about(forward, [theta, shown], &self.evidence.choose.clone())?.0;
+        self.known.insert(key, scores.clone());
+        Ok(scores)
+    }
+
     /// Scores of `theta` on any frames (places).
     pub(crate) fn scores_on(&self, forward: &mut Forward, theta: &Theta, frames: &[usize]) -> Result<Scores> {
         Ok(self.seen_on(forward, theta, frames)?.0)
@@ -277,10 +296,20 @@ impl<'a> Judge<'a> {
         theta: &Theta,
         frames: &[usize],
     ) -> Result<(Scores, Vec<Arc<Plane<f32>>>)> {
+        self.seen_about(forward, [theta; 2], frames)
+    }
+
+    /// The same about the pictures of another model, the second.
+    fn seen_about(
+        &self,
+        forward: &mut Forward,
+        models: [&Theta; 2],
+        frames: &[usize],
+    ) -> Result<(Scores, Vec<Arc<Plane<f32>>>)> {
         let clock = Instant::now();
         let (mut scores, mut pictures, mut last) = (Vec::new(), Vec::new(), None);
         for some in frames.chunks(self.evidence.at_a_time()) {
-            let (more, means, end) = self.scored(forward, theta, some, last)?;
+            let (more, means, end) = self.scored(forward, models, some, last)?;
             scores.extend(more);
             pictures.extend(means);
             last = end;
@@ -293,11 +322,11 @@ impl<'a> Judge<'a> {
     fn scored(
         &self,
         forward: &mut Forward,
-        theta: &Theta,
+        [theta, shown]: [&Theta; 2],
         frames: &[usize],
         last: Option<(usize, SeenIn)>,
     ) -> Result<Part> {
-        let mut means = forward.pictures(frames, theta, self.quality)?;
+        let mut means = forward.pictures(frames, shown, self.quality)?;
         let drawn = forward.drawn(frames, theta, self.quality, &means)?;
         if theta.get(P::Hot) > 0.0 {
             means.iter_mut().for_each(|m| self.hot.put(Arc::make_mut(m)));

@@ -88,6 +88,9 @@ impl Search<'_> {
         if self.shows_otherwise(worse, better) || self.places_better(worse, better)? {
             return Ok(true);
         }
+        if self.spreads_better(worse, better)? {
+            return Ok(true);
+        }
         let Some(way) = self.way(worse, better)? else { return Ok(true) };
         // Half widths are two standard errors. An effect may have followed what is none in as many directions as it has
         // parameters.
@@ -106,6 +109,26 @@ impl Search<'_> {
             self.is_known(name) || (noisy && is_discrete(candidate_of(name)) && mixes_pixels(name))
         };
         a.differing(b).filter(|&p| a.is_on(p) != b.is_on(p)).any(|p| shows(p.spec().effect))
+    }
+
+    /// Whether a filter behind the noise, which only one of two models has, shows in how the noise spreads over
+    /// neighbours, whichever model's pictures the frames are held against. Filters that undo each other leave pictures
+    /// nearly as they were, and noise not.
+    fn spreads_better(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        let filters = |p: P| matches!(p.spec().effect, "noise_reduction" | "sharpening");
+        let one_has = worse.differing(better).any(|p| filters(p) && worse.is_on(p) != better.is_on(p));
+        if !one_has || ![worse, better].iter().all(|t| Tone::new(t).is_noisy()) {
+            return Ok(false);
+        }
+        for shown in [worse, better] {
+            let [a, b] = [worse, better].map(|t| self.judge.scores_about(self.forward, t, shown));
+            let (a, b) = (a?, b?);
+            tracing::debug!("about {shown:?}: {:?}", gain(&a, &b));
+            if !self.gains(&a, &b) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Where the real frames lie between the pictures of two models; nothing where these differ by noise alone.
