@@ -68,7 +68,9 @@ impl Context {
 
     fn on_instance(opened: Opened, options: &ContextOptions) -> Result<Arc<Self>> {
         let root = Root::new(opened, options.validation)?;
-        let info = options.device.pick(&select::enumerate(&root.instance)?)?;
+        let all = select::enumerate(&root.instance)?;
+        instance::note(&all);
+        let info = options.device.pick(&all)?;
         let device = OpenDevice::create(&root.instance, &info)?;
         Self::assemble(root, device, info)
     }

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use ash::ext::debug_utils;
 use ash::{Entry, Instance, vk};
 
-use super::select::{self, DeviceInfo};
+use super::select::{self, DeviceInfo, DeviceKind};
 use super::validation::{self, Validation};
 use crate::error::{Error, Result};
 
@@ -54,16 +54,9 @@ fn refuse_a_child(on_a_gpu: u32, process: u32) -> Result<()> {
     })
 }
 
-/// Notes that this process has the driver of a GPU open, if the instance shows one.
-fn note(instance: &Instance) {
-    // SAFETY: the instance is alive.
-    let Ok(all) = (unsafe { instance.enumerate_physical_devices() }) else { return };
-    let is_gpu = |&device: &vk::PhysicalDevice| {
-        // SAFETY: the device is of the live instance.
-        let about = unsafe { instance.get_physical_device_properties(device) };
-        about.device_type != vk::PhysicalDeviceType::CPU
-    };
-    if all.iter().any(is_gpu) {
+/// Notes that this process has the driver of a GPU open, if one of these devices is a GPU.
+pub(super) fn note(all: &[DeviceInfo]) {
+    if all.iter().any(|d| d.kind != DeviceKind::Cpu) {
         // Who was first stays: what its children may do does not change.
         let _ = ON_A_GPU.compare_exchange(0, std::process::id(), Ordering::AcqRel, Ordering::Acquire);
     }
@@ -113,7 +106,6 @@ pub(super) fn own(entry: Entry, validation: Validation) -> Result<Opened> {
         info = info.push_next(&mut features);
     }
     let instance = select::create_instance(&entry, &info)?;
-    note(&instance);
     Ok(Opened { entry, instance, owned: true })
 }
 
@@ -128,7 +120,9 @@ pub fn devices() -> Result<Vec<DeviceInfo>> {
         // SAFETY: nothing made from the instance is alive.
         unsafe { opened.instance.destroy_instance(None) };
     }
-    all
+    let all = all?;
+    note(&all);
+    Ok(all)
 }
 
 #[cfg(test)]
