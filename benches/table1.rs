@@ -4,7 +4,7 @@
 //! times are CPU times, `LP_NUM_THREADS` is 2 unless it is set, and device times that disagree with the host's clock
 //! are an error. `--quick`: the smallest picture and few frames. `--only TEXT`: cells whose name holds the text, such
 //! as `generic`, `640x480` or `velocity 24 320x240`, or one of `throughput`, `raster16` and `rates`; prints them and
-//! writes no files.
+//! writes no files. `--from FILE.json` measures nothing: it writes table and chart of what was measured elsewhere.
 #![allow(clippy::unwrap_used)]
 
 #[path = "table1/cells.rs"]
@@ -58,6 +58,9 @@ fn main() {
         let done = Command::new(again).args(&arguments[1..]).env("LP_NUM_THREADS", THREADS).status().unwrap();
         std::process::exit(done.code().unwrap_or(1));
     }
+    if let Some(at) = arguments.iter().position(|a| a == "--from") {
+        return written_from(arguments.get(at + 1));
+    }
     let quick = arguments.iter().any(|a| a == "--quick") || std::env::var_os("TABLE1_QUICK").is_some();
     let only = arguments.iter().position(|a| a == "--only").and_then(|i| arguments.get(i + 1));
     let device = DeviceChoice::from_option_or_environment(None);
@@ -68,6 +71,24 @@ fn main() {
     if let Err(error) = run(&context, quick, only.map(String::as_str)) {
         eprintln!("table1: {error}");
         std::process::exit(1);
+    }
+}
+
+/// Table and chart of an earlier run, of any device.
+fn written_from(file: Option<&String>) {
+    let read = |file: &String| -> Result<report::Table, String> {
+        let text = std::fs::read_to_string(file).map_err(|e| format!("{file}: {e}"))?;
+        serde_json::from_str(&text).map_err(|e| format!("{file}: {e}"))
+    };
+    match file.ok_or_else(|| "--from wants a table1.json".to_owned()).and_then(read) {
+        Ok(table) => {
+            table.write(&output());
+            println!("{}", table.markdown());
+        }
+        Err(error) => {
+            eprintln!("table1: {error}");
+            std::process::exit(1);
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shutterbug::error::Result;
 use shutterbug::gpu::{
     Bound, Buffer, ComputePipeline, Context, Format, Image, ImageSpec, Location, Sampler, Slot, Usage,
@@ -23,7 +23,7 @@ const TAPS_SIZE: [u32; 2] = [640, 480];
 const TAPS: u32 = 32;
 
 /// Rates of a device.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Bounds {
     /// Bytes read plus bytes written a second by `vkCmdCopyBuffer`.
     pub copy_bytes_per_s: f64,
@@ -32,7 +32,7 @@ pub struct Bounds {
 }
 
 /// A time and what bounds it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Bounded {
     pub name: String,
     pub ms: f64,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shutterbug::camera::Intrinsics;
 use shutterbug::capture::Capture;
 use shutterbug::chain::Settings;
@@ -38,9 +38,9 @@ const LIMIT: Duration = Duration::from_secs(600);
 const CLOCKS: (f64, f64) = (0.2, 1.0);
 
 /// What was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Cell {
-    pub method: &'static str,
+    pub method: String,
     pub samples: u32,
     pub aa_samples: u32,
     pub width: u32,
@@ -64,7 +64,7 @@ pub struct Cell {
     pub passes: Vec<Pass>,
 }
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Pass {
     pub name: String,
     pub ms_median: f64,
@@ -187,7 +187,7 @@ impl Bench {
         };
         let (device, host, wait) = (sorted(|r| r.device_ms), sorted(|r| r.host_ms), sorted(|r| r.wait_ms));
         Ok(Cell {
-            method,
+            method: method.to_owned(),
             samples,
             aa_samples: AA_SAMPLES,
             width: size[0],

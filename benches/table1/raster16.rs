@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant as Clock};
 
 use bytemuck::{Pod, Zeroable};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shutterbug::camera::{Intrinsics, Trajectory};
 use shutterbug::error::Result;
 use shutterbug::gpu::{
@@ -46,9 +46,9 @@ pub const WAYS: [&str; 4] = [
 pub const COMPARED_WITH: usize = 1;
 
 /// One way at one size.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Way {
-    pub name: &'static str,
+    pub name: String,
     pub size: [u32; 2],
     pub ms_least: f64,
     pub ms_median: f64,
@@ -121,7 +121,7 @@ pub fn measure(world: &World<'_>) -> Result<Vec<Way>> {
         };
         let (host, cpu) = (sorted(|t| t.0), sorted(|t| t.1));
         Way {
-            name: WAYS[way],
+            name: WAYS[way].to_owned(),
             size,
             ms_least: host[0],
             ms_median: host[host.len() / 2],

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use shutterbug::plane::write_png_atomic;
 
 use super::cells::{Cell, METHODS, SAMPLES, SIZES};
@@ -21,7 +21,7 @@ pub const PAPER: [[Option<f64>; 4]; 3] = [
 pub const MOONSHOT_MS: f64 = 16.266;
 
 /// The whole result.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Table {
     pub device: String,
     pub driver: String,
@@ -38,7 +38,7 @@ pub struct Table {
 }
 
 /// What stands beside the table.
-#[derive(Default, Serialize)]
+#[derive(Default, Serialize, Deserialize)]
 pub struct Extra {
     /// Size, frames in flight, frames a second of the generic model.
     pub throughput: Vec<([u32; 2], u32, f64)>,
