@@ -74,12 +74,8 @@ impl Clusters {
         }
         triangles.sort_by_cached_key(|t| (t.object, wholes[t.object].place_of(&t.bounds)));
         let order = triangles.iter().map(|t| t.run.start as u32).collect();
-        let of_triangle =
-            |(i, t): (usize, &Boxed)| Boxed { object: t.object, bounds: t.bounds, run: i..i + 1 };
-        let clusters = joined(triangles.iter().enumerate().map(of_triangle), MOST);
-        let of_cluster =
-            |(i, c): (usize, &Boxed)| Boxed { object: c.object, bounds: c.bounds, run: i..i + 1 };
-        let groups = joined(clusters.iter().enumerate().map(of_cluster), MOST);
+        let clusters = joined(&triangles);
+        let groups = joined(&clusters);
         Self { triangles: order, groups, clusters }
     }
 
@@ -135,16 +131,16 @@ fn triangle(scene: &Scene, first: usize) -> Boxed {
     Boxed { object: corners[0].object as usize, bounds, run: first..first + 3 }
 }
 
-/// Runs of what belongs to one object, `most` long at most.
-fn joined(parts: impl Iterator<Item = Boxed>, most: usize) -> Vec<Boxed> {
+/// Runs of parts that belong to one object.
+fn joined(parts: &[Boxed]) -> Vec<Boxed> {
     let mut all: Vec<Boxed> = Vec::new();
-    for part in parts {
-        match all.last_mut().filter(|last| last.object == part.object && last.run.len() < most) {
+    for (i, part) in parts.iter().enumerate() {
+        match all.last_mut().filter(|last| last.object == part.object && last.run.len() < MOST) {
             Some(last) => {
                 last.bounds = last.bounds.with(part.bounds);
-                last.run.end = part.run.end;
+                last.run.end = i + 1;
             }
-            None => all.push(Boxed { bounds: Bounds::NONE.with(part.bounds), ..part }),
+            None => all.push(Boxed { object: part.object, bounds: part.bounds, run: i..i + 1 }),
         }
     }
     all
