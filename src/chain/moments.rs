@@ -91,9 +91,9 @@ pub enum Moments {
 
 /// What the effects of a camera that mix pixels leave of white noise. Filters are taken together: what one removes the
 /// next cannot raise. Between them and a mosaic the noise is taken for white.
-pub fn mixing<'a>(effects: impl Iterator<Item = &'a dyn Effect>, settings: &Settings) -> Mixing {
+pub fn mixing(effects: &[&dyn Effect], settings: &Settings) -> Mixing {
     let (mut mixing, mut filter) = (Mixing::NONE, Filter::none());
-    for effect in effects {
+    for effect in effects.iter().filter(|e| e.variant(settings) != 0) {
         match effect.moments() {
             Moments::Pixels(of) => mixing = mixing.then(&of(settings)),
             Moments::Filter(of) => filter = filter.then(&of(settings)),

@@ -145,7 +145,7 @@ fn single<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
 
 /// Whether a filter makes more of the noise of single pixels.
 fn lifts(effect: &dyn Effect, settings: &Settings) -> bool {
-    mixing(std::iter::once(effect), settings).pixel[1] > 1.0
+    mixing(&[effect], settings).pixel[1] > 1.0
 }
 
 fn scaled(picture: &Plane<f32>, factor: f32) -> Plane<f32> {

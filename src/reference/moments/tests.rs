@@ -329,7 +329,7 @@ fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve()
 
 /// What the steps of a camera that mix pixels make of white noise, over what is said of it: pixels, bands, lines.
 fn ratios(settings: &Settings) -> (Mixing, [f32; 6]) {
-    let mixing = chain::mixing(switched_on(settings), settings);
+    let mixing = chain::mixing(LIST, settings);
     let packed = Packed::new(LIST, settings, &view(512, 512, 0));
     let mut seen = normal_noise([512, 512]);
     for effect in switched_on(settings) {
@@ -380,7 +380,7 @@ fn filters_together_leave_of_noise_what_they_say() {
         assert!((ratio - 1.0).abs() < if k < 4 { 0.03 } else { 0.15 }, "{ratios:?}");
     }
     // Control: one behind the other, as if the noise were white between them.
-    let alone = |given| chain::mixing(switched_on(&settings(given)), &settings(given));
+    let alone = |given| chain::mixing(LIST, &settings(given));
     let white = alone(&given[..2]).then(&alone(&given[2..]));
     assert!(white.pixel[1] > 1.3 * mixing.pixel[1], "{white:?}, {mixing:?}");
 }

@@ -5,6 +5,7 @@ use glam::Mat3;
 
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
 use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances, mixing};
+use crate::effects::LIST;
 use crate::effects::jpeg::flips::rounded_variance;
 use crate::effects::jpeg::packing::{Packing, rounded_mean};
 use crate::plane::stats::erf;
@@ -118,7 +119,7 @@ impl Tone {
             by_dn: None,
             behind: None,
             packed: None,
-            mixing: mixing(switched_on(settings), settings),
+            mixing: mixing(LIST, settings),
         };
         for effect in switched_on(settings) {
             let is_raw = matches!(effect.stage(), Stage::Pixel(Domain::Electrons | Domain::RawDn, _));

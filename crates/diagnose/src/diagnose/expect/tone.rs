@@ -43,9 +43,7 @@ impl Deref for Tone {
 
 /// What the steps of `theta` that mix pixels leave of noise.
 fn mixing(theta: &Theta) -> Mixing {
-    let settings = settings_of(theta);
-    let on = effects::LIST.iter().copied().filter(|e| e.variant(&settings) != 0);
-    chain::mixing(on, &settings)
+    chain::mixing(effects::LIST, &settings_of(theta))
 }
 
 /// Variance that white noise keeps behind the steps that mix pixels, by channel.
