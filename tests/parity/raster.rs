@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use shutterbug::camera::samples::sample_positions;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::engine::Planes;
+use shutterbug::gpu::DeviceKind;
 use shutterbug::plane::Plane;
 use shutterbug::reference::raster::{MotionSpan, Rendered, View, render};
 use shutterbug::scene::{Scene, Shading};
@@ -100,12 +101,16 @@ struct Interior {
     told: String,
 }
 
-fn interior(got: &Planes, want: &Wanted, grid_px: f64) -> Interior {
+fn interior(got: &Planes, want: &Wanted, watched: &Watched) -> Interior {
+    let grid_px = grid_px(watched);
     let mut interior = Interior::default();
     let (got_inverse, want_inverse) = (inverse(&got.depth_m), inverse(&want.sampled.depth_m));
     let (color, motion) = (&want.shaded.color, &want.shaded.motion_px);
-    // Samplers weigh texels in steps of 1/256 in each direction, of texels that may be as bright as anything.
-    let between_texels = 2.0 / 256.0 * color.data.iter().fold(1.0, |m: f32, v| m.max(*v));
+    // Samplers of GPUs weigh texels in steps of 1/256 in each direction, of texels that may be as bright as anything.
+    let brightest = match watched.0.info().kind {
+        DeviceKind::Cpu => 1.0,
+        _ => color.data.iter().fold(1.0, |m: f32, v| m.max(*v)),
+    };
     for (x, y) in (0..color.height).flat_map(|y| (0..color.width).map(move |x| (x, y))) {
         if !uniform_around(&want.ids.color, x, y) {
             continue;
@@ -120,7 +125,7 @@ fn interior(got: &Planes, want: &Wanted, grid_px: f64) -> Interior {
         // Samples are half floats (11 bits).
         let own = color.pixel(x, y).iter().fold(1.0, |m: f32, v| m.max(*v));
         let allowed = [
-            1e-3 * own + between_texels + shift(color, at, grid_px),
+            1e-3 * own + 2.0 / 256.0 * brightest.max(own) + shift(color, at, grid_px),
             depth_tolerance(grid_px) * scale + shift(&want_inverse, at, grid_px),
             2e-3 + shift(motion, at, grid_px),
         ];
@@ -167,25 +172,31 @@ fn surfaces_are_those_of_the_reference() {
             let scene = rich(lights);
             let want = Wanted::new(&scene, &path, k, samples);
             let got = planes(&watched, &scene, &path, k, samples);
-            let d = interior(&got, &want, grid_px(&watched));
-            eprintln!("{width}x{height}, {samples} samples, {lights} lights: {d:#?}");
+            let d = interior(&got, &want, &watched);
+            eprintln!("{width}x{height}, {samples} samples, {lights} lights: {d:?}");
             assert_eq!(d.wrong, 0, "{width}x{height}, {samples} samples, {lights} lights: {d:#?}");
             if width == 161 {
-                controls(&got, &scene, want, (k, samples), grid_px(&watched));
+                controls(&got, &scene, want, (k, samples), &watched);
             }
         }
     }
 }
 
 /// Wrong answers are seen: a shifted camera, one light less, motion backwards.
-fn controls(got: &Planes, scene: &Scene, mut want: Wanted, (k, samples): (Intrinsics, u32), grid_px: f64) {
+fn controls(
+    got: &Planes,
+    scene: &Scene,
+    mut want: Wanted,
+    (k, samples): (Intrinsics, u32),
+    watched: &Watched,
+) {
     let (path, places) = (walk(), shaded_places(samples));
     let seen = |shaded: Rendered, want: &Wanted| {
         let want = Wanted { shaded, sampled: want.sampled.clone(), ids: want.ids.clone() };
-        interior(got, &want, grid_px).wrong
+        interior(got, &want, watched).wrong
     };
     // A tenth of a px, or what a coarse grid leaves visible.
-    let cx = k.cx + 0.1_f64.max(6.0 * grid_px);
+    let cx = k.cx + 0.1_f64.max(6.0 * grid_px(watched));
     let shifted = reference(scene, &path, Intrinsics { cx, ..k }, &places);
     assert!(seen(shifted, &want) > 1000, "control: a shifted camera");
     if let Shading::Lit(lights) = &scene.shading {
