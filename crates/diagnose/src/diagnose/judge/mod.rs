@@ -256,13 +256,7 @@ impl<'a> Judge<'a> {
 
     /// Scores of `theta` on the frames to choose by.
     pub(crate) fn scores(&mut self, forward: &mut Forward, theta: &Theta) -> Result<Scores> {
-        let key = format!("{:?} {:?} {theta:?}", self.quality, self.kind);
-        if let Some(known) = self.known.get(&key) {
-            return Ok(known.clone());
-        }
-        let scores = self.scores_on(forward, theta, &self.evidence.choose.clone())?;
-        self.known.insert(key, scores.clone());
-        Ok(scores)
+        self.scores_about(forward, theta, theta)
     }
 
     /// What the spread of `theta` scores on the frames to choose by, about the pictures of `shown`.
@@ -272,10 +266,8 @@ impl<'a> Judge<'a> {
         theta: &Theta,
         shown: &Theta,
     ) -> Result<Scores> {
-        if theta == shown {
-            return self.scores(forward, theta);
-        }
-        let key = format!("{:?} {:?} {theta:?} about {shown:?}", self.quality, self.kind);
+        let about = if theta == shown { String::new() } else { format!(" about {shown:?}") };
+        let key = format!("{:?} {:?} {theta:?}{about}", self.quality, self.kind);
         if let Some(known) = self.known.get(&key) {
             return Ok(known.clone());
         }

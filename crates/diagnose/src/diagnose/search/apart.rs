@@ -88,9 +88,6 @@ impl Search<'_> {
         if self.shows_otherwise(worse, better) || self.places_better(worse, better)? {
             return Ok(true);
         }
-        if self.spreads_better(worse, better)? {
-            return Ok(true);
-        }
         let Some(way) = self.way(worse, better)? else { return Ok(true) };
         // Half widths are two standard errors. An effect may have followed what is none in as many directions as it has
         // parameters.
@@ -98,7 +95,7 @@ impl Search<'_> {
         let fitted = worse.differing(better).filter(added).count().max(1);
         let needed = 0.5 * quantile_of_length(self.tests(), fitted);
         tracing::debug!("{:.3} of the way, half width {:.3}", way.share, way.half);
-        Ok(way.share > needed * way.half)
+        Ok(way.share > needed * way.half || self.spreads_better(worse, better)?)
     }
 
     /// Whether an effect that only one of two models has shows otherwise than in the mean: in how it spreads noise over
