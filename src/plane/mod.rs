@@ -19,7 +19,7 @@ pub use io::{
     MAX_DECODED_BYTES, MAX_PIXELS, MAX_SIDE_PX, decode_picture, read_rgb8, read_rgb8_as, write_png_atomic,
 };
 pub use raw::{RawLayout, digital_number};
-pub use srgb::{srgb_decode, srgb_encode, srgb8};
+pub use srgb::{srgb_decode, srgb_encode, srgb_slope, srgb8};
 
 /// A picture of `height` rows, `width` columns and `channels` interleaved values: shape `[height, width, channels]`.
 #[derive(Clone, Debug, PartialEq)]

@@ -34,6 +34,11 @@ pub fn srgb_decode(encoded: f32) -> f32 {
     if encoded <= 0.040_45 { encoded * 0.077_399_38 } else { p }
 }
 
+/// Slope of the standard's curve: encoded value by linear radiance, both 1 = white.
+pub fn srgb_slope(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
+}
+
 /// Linear radiance to an 8-bit sRGB value: `round(255 srgb(L))`.
 pub fn srgb8(linear: f32) -> u8 {
     (255.0 * srgb_encode(linear) + 0.5) as u8

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 use super::CameraModel;
 use super::common::lens_left_out;
 use shutterbug::camera::{Distortion, NEAR_M};
+use shutterbug::plane::srgb_slope;
 
 /// Far clip plane, m. Gazebo needs one, this program has none; its own default is 100.
 const FAR_M: f64 = 1000.0;
@@ -109,11 +110,6 @@ fn paper_noise_parts(camera: &CameraModel) -> Option<String> {
             parts.join(" and ")
         )
     })
-}
-
-/// Slope of the sRGB curve, displayed by linear.
-fn srgb_slope(linear: f64) -> f64 {
-    1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0)
 }
 
 fn escaped(text: &str) -> String {

@@ -8,7 +8,6 @@ use std::sync::LazyLock;
 
 use shutterbug::chain::rng::{random_normal, seed_words};
 use shutterbug::plane::Plane;
-use shutterbug::plane::stats::erf;
 
 /// Error of a value at an edge, px of displacement, independent from pixel to pixel: sampling of the pixel's area.
 ///
@@ -51,75 +50,6 @@ pub(crate) const SPREAD_ERROR: f32 = 0.05;
 pub(crate) const MIXED_ERROR: f32 = 0.1;
 /// The discrepancy may reach so many of its standard deviations before it is called a gap.
 pub(crate) const REACH: f64 = 2.0;
-
-/// Mean and variance of a delivered value, a whole number of DN.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Rounded {
-    pub mean: f32,
-    /// New in every value, DN^2.
-    pub free: f32,
-    /// Common to all values of the colour, DN^2.
-    pub common: f32,
-}
-
-/// Places within a DN, and widths of the noise, at which [`Rounded`] is tabled.
-const TABLE: [usize; 2] = [65, 21];
-/// Width of the noise from which on rounding adds 1/12 and nothing else, DN.
-const WIDE_DN: f32 = 1.0;
-
-static ROUNDED: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
-    let at = |i: usize| {
-        let (place, width) = (i % TABLE[0], i / TABLE[0]);
-        let place = place as f64 / (TABLE[0] - 1) as f64;
-        let width = width as f64 / (TABLE[1] - 1) as f64 * f64::from(WIDE_DN);
-        integers(place, width).map(|v| v as f32)
-    };
-    (0..TABLE[0] * TABLE[1]).map(at).collect()
-});
-
-/// Mean (above `place`) and variances, free and common, of `place` plus colour error plus noise of `width`, rounded.
-fn integers(place: f64, width: f64) -> [f64; 3] {
-    let below = |x: f64, sigma: f64| 0.5 * (1.0 + erf(x / (sigma.max(1e-4) * std::f64::consts::SQRT_2)));
-    let mean_of = |place: f64| -> [f64; 2] {
-        (-5..=6).fold([0.0; 2], |[mean, square], k| {
-            let k = f64::from(k);
-            let p = below(k + 0.5 - place, width) - below(k - 0.5 - place, width);
-            [mean + p * k, square + p * k * k]
-        })
-    };
-    // Over the colour's error: mean, mean of the squared mean, mean of the variance.
-    let (mut all, mut weights) = ([0.0; 3], 0.0);
-    for i in -30..=30 {
-        let z = f64::from(i) / 10.0;
-        let weight = (-0.5 * z * z).exp();
-        let [mean, square] = mean_of(place + z * COLOUR_DN);
-        let parts = [mean, mean * mean, square - mean * mean];
-        (0..3).for_each(|k| all[k] += weight * parts[k]);
-        weights += weight;
-    }
-    let [mean, square, free] = all.map(|v| v / weights);
-    [mean - place, free, (square - mean * mean).max(0.0)]
-}
-
-/// What a sensor delivers of `mean` DN under noise of variance `free`, DN^2.
-pub(crate) fn rounded(mean: f32, free: f32) -> Rounded {
-    let width = free.max(0.0).sqrt();
-    if width >= WIDE_DN {
-        let common = (COLOUR_DN * COLOUR_DN) as f32;
-        return Rounded { mean, free: free + 1.0 / 12.0, common };
-    }
-    let whole = mean.floor();
-    let x = (mean - whole) * (TABLE[0] - 1) as f32;
-    let y = width / WIDE_DN * (TABLE[1] - 1) as f32;
-    let (i, j) = ((x as usize).min(TABLE[0] - 2), (y as usize).min(TABLE[1] - 2));
-    let (fx, fy) = (x - i as f32, y - j as f32);
-    let at = |i: usize, j: usize| ROUNDED[j * TABLE[0] + i];
-    let [moved, free, common] = [0, 1, 2].map(|k| {
-        let row = |j: usize| at(i, j)[k] * (1.0 - fx) + at(i + 1, j)[k] * fx;
-        row(j) * (1.0 - fy) + row(j + 1) * fy
-    });
-    Rounded { mean: mean + moved, free, common }
-}
 
 /// Draws of another correct simulation, see [`off_by`].
 pub(crate) const DRAWS: usize = 4;
@@ -187,28 +117,6 @@ pub(crate) fn edges(mean: &Plane<f32>, path: Option<&Plane<f32>>) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_value_without_noise_rounds_to_its_neighbour_and_one_half_way_to_either() {
-        let near = rounded(128.1, 0.0);
-        assert!((near.mean - 128.0).abs() < 0.03 && near.free < 1e-3, "{near:?}");
-        let between = rounded(128.5, 0.0);
-        assert!((between.mean - 128.5).abs() < 0.01, "{between:?}");
-        // All values of the colour go the same way: what one has, their mean has.
-        assert!(between.common > 0.23 && between.free < 0.01, "{between:?}");
-    }
-
-    #[test]
-    fn noise_shakes_rounding_into_a_twelfth() {
-        for place in [0.0, 0.25, 0.5, 0.9] {
-            for width in [0.7f32, 0.95, 1.05, 3.0] {
-                let seen = rounded(60.0 + place, width * width);
-                assert!((seen.mean - 60.0 - place).abs() < 0.01, "{place} {width}: {seen:?}");
-                assert!((seen.free - width * width - 1.0 / 12.0).abs() < 0.02, "{place} {width}: {seen:?}");
-                assert!((seen.common.sqrt() - COLOUR_DN as f32).abs() < 0.02, "{place} {width}: {seen:?}");
-            }
-        }
-    }
 
     #[test]
     fn a_step_of_ten_dn_may_be_off_by_half_a_dn_and_a_flat_place_by_nothing() {

@@ -19,6 +19,7 @@ pub(super) mod pair;
 pub(super) mod parts;
 pub(super) mod reduced;
 pub(super) mod room;
+pub(super) mod rounding;
 pub(super) mod settings;
 pub(super) mod sharp;
 pub(super) mod tone;

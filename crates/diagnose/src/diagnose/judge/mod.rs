@@ -327,7 +327,7 @@ impl<'a> Judge<'a> {
         let masks = forward.masked(self.masks, self.kind.and(theta.room.kind()));
         let flips = forward.flips(frames, theta, self.quality)?;
         let paths = forward.paths(frames, theta);
-        let given = forward.given_variances(frames, theta, &means);
+        let given = forward.given(frames, theta, &tone, &means);
         let scored: Vec<_> = frames
             .iter()
             .zip(&means)

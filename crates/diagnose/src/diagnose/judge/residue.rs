@@ -7,7 +7,7 @@ use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::discrepancy::{COLOUR_DN, REACH};
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
-use shutterbug::plane::Plane;
+use shutterbug::plane::{Plane, srgb_slope};
 
 /// Figures of what is left.
 #[derive(Clone, Copy, Debug, Default)]
@@ -172,7 +172,7 @@ const ROUNDING_DN2: f64 = 0.5;
 
 /// Slope of the sRGB curve, DN per unit.
 fn slope_dn(linear: f64) -> f64 {
-    if linear <= 0.003_130_8 { 255.0 * 12.92 } else { 255.0 * 1.055 / 2.4 * linear.powf(1.0 / 2.4 - 1.0) }
+    255.0 * srgb_slope(linear)
 }
 
 /// Level of brightness at which what renderers make of a row is counted.

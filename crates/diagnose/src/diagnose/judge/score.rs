@@ -6,11 +6,17 @@
 //! spread is that of rounding and of the discrepancy. Every statistic is taken to be normal. Pixels count half, the
 //! other families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
+mod alike;
+
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::{Arc, LazyLock};
 
+use alike::{Alike, beside_larger};
+
 use crate::diagnose::evidence::blocks::pooled as averages;
-use crate::diagnose::expect::discrepancy::{DRAWS, REACH, edges, rounded};
+use crate::diagnose::expect::discrepancy::{COLOUR_DN, DRAWS, REACH, edges};
+use crate::diagnose::expect::pair::given::GivenValue;
+use crate::diagnose::expect::rounding::{rounded, rounded_twice};
 use crate::diagnose::expect::tone::{Tone, Variances};
 use crate::diagnose::flips::Flips;
 use shutterbug::chain::Left;
@@ -85,8 +91,8 @@ pub(crate) struct Scored<'a> {
     pub drawn: &'a [Arc<Plane<f32>>],
     /// Whether the draws say what edges may be off by: they do behind what rounds coarsely.
     pub edges_drawn: bool,
-    /// Variance of single values because the simulation is read from pictures, DN^2.
-    pub given: Option<&'a [f32]>,
+    /// How well values are known where the simulation is read from pictures.
+    pub given: Option<&'a [GivenValue]>,
 }
 
 /// CRPS of `error` (real minus mean) under a normal distribution of that variance; the absolute error without one.
@@ -202,6 +208,9 @@ struct Seen {
     /// What correct simulations may differ by, DN^2: in this value alone, and in all of its colour.
     single: f32,
     common: f32,
+    /// Variance that all values have in common whose picture has the same `value`, DN^2; see [`GivenValue`].
+    alike: f32,
+    value: u8,
 }
 
 fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
@@ -216,10 +225,17 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     } else {
         (Variances::default(), 0.0, Left::ALL)
     };
-    let single = if frame.edges_drawn { 0.0 } else { edges[i] } + frame.given.map_or(0.0, |g| g[i]);
+    let given = frame.given.map(|g| g[i]);
+    let single = if frame.edges_drawn { 0.0 } else { edges[i] } + given.map_or(0.0, |g| g.single);
     let drawn = frame.drawn.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
     let variance = left.pixel * (noise.free + noise.fixed) + single + drawn;
-    let whole = rounded(mean, variance + noise.row);
+    let whole = match given {
+        Some(g) => rounded_twice(mean, variance + noise.row, g.step),
+        None => rounded(mean, variance + noise.row),
+    };
+    // Of what is common the colours' own error is; the rest is rounding.
+    let common =
+        if given.is_some() { whole.common.min((COLOUR_DN * COLOUR_DN) as f32) } else { whole.common };
     Seen {
         error: frame.real.data[i] - whole.mean,
         noise,
@@ -227,7 +243,9 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
         left,
         rounding: (whole.free - variance - noise.row).max(0.0),
         single,
-        common: whole.common,
+        common,
+        alike: whole.common - common,
+        value: given.map_or(0, |g| g.value),
     }
 }
 
@@ -258,7 +276,7 @@ pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
     for (i, v) in values.iter().enumerate() {
         let Some(v) = v else { continue };
         let noise = v.left.pixel * (v.noise.free + v.noise.fixed) + v.noise.row + v.rounding;
-        let off = v.single + v.common + mean_square(&frame.drawn, |draw| draw.data[i]);
+        let off = v.single + v.common + v.alike + mean_square(&frame.drawn, |draw| draw.data[i]);
         let known = off + unsure * noise;
         sums[0].add(blocks.at(i / 3 % w, i / 3 / w), v.error.into(), (noise + off).into(), known.into());
     }
@@ -270,7 +288,11 @@ pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
             let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
             let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
             let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
-            let off = drawn + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
+            let alike = match a.value == b.value {
+                true => (a.alike.sqrt() - b.alike.sqrt()).powi(2),
+                false => a.alike + b.alike,
+            };
+            let off = drawn + alike + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
             // A fixed pattern is the same in both, as strong as their values make it.
             let pattern = |v: &Seen| (v.left.pixel * v.noise.fixed).sqrt();
             let noise = noise(a) + noise(b) + (pattern(a) - pattern(b)).powi(2);
@@ -339,6 +361,7 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
             frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
         };
         let drawn = [averaged(size), averaged(2 * size)];
+        let alike = beside_larger(&frame.values, frame.size, size);
         for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
             let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
             let (f, g) = (fine[at], coarse[around]);
@@ -351,7 +374,9 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
             let free = 0.75 * f[3 + band] / (f[2] * f[2]);
             let row = 0.5 * f[1] / f[2] / size as f64;
             let differ = drawn[0].iter().zip(&drawn[1]).map(|(f, g)| f64::from(f[at] - g[around]).powi(2));
-            let off = 0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + differ.sum::<f64>() / DRAWS as f64;
+            let alike = alike.get(at).copied().map_or(0.0, f64::from);
+            let off =
+                0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + alike + differ.sum::<f64>() / DRAWS as f64;
             let known = off + unsure * (free + row);
             sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
         }
@@ -390,16 +415,16 @@ impl Line {
         self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
     }
 
-    /// Variance of the mean that correct simulations may differ by.
-    fn off(&self) -> f64 {
+    /// Variance of the mean that correct simulations may differ by; `alike`: see [`Alike::in_mean`].
+    fn off(&self, alike: f64) -> f64 {
         let n = self.sums[3];
         let drawn = self.drawn.iter().map(|d| (d / n).powi(2)).sum::<f64>() / DRAWS as f64;
-        self.sums[4] / (n * n) + self.sums[5] / n + drawn
+        self.sums[4] / (n * n) + self.sums[5] / n + drawn + alike
     }
 
     /// Adds the mean, of which `row` is the share that noise of rows keeps.
-    fn count(&self, sums: &mut Sums, block: usize, row: f64, unsure: f64) {
-        let ([error, free, rows, n, ..], off) = (self.sums, self.off());
+    fn count(&self, sums: &mut Sums, block: usize, row: f64, unsure: f64, alike: f64) {
+        let ([error, free, rows, n, ..], off) = (self.sums, self.off(alike));
         let noise = free / (n * n) + row * rows / n;
         sums.add(block, error / n, noise + off, off + unsure * noise);
     }
@@ -410,18 +435,23 @@ fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
     let ([w, h], unsure) = (frame.size, f64::from(frame.unsure));
     let mut rows = vec![Line::default(); h * 3];
     let mut columns = vec![Line::default(); w * 3];
+    let given = frame.values.iter().flatten().any(|v| v.alike > 0.0);
+    let mut alike = [h, w].map(|lines| Alike::new(3 * lines, given));
     for (i, v) in frame.values.iter().enumerate() {
         let Some(v) = v else { continue };
         let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
         rows[y * 3 + c].add(v, v.left.lines[0], &frame.drawn, i);
         columns[x * 3 + c].add(v, v.left.lines[1], &frame.drawn, i);
+        alike[0].add(y * 3 + c, v);
+        alike[1].add(x * 3 + c, v);
     }
     for (i, r) in rows.iter().enumerate().filter(|(_, r)| r.sums[3] >= 0.25 * w as f64) {
-        r.count(&mut sums[0], blocks.row(i / 3), 1.0, unsure);
+        r.count(&mut sums[0], blocks.row(i / 3), 1.0, unsure, alike[0].in_mean(i, r.sums[3]));
     }
     for (i, c) in columns.iter().enumerate().filter(|(_, c)| c.sums[3] >= 0.25 * h as f64) {
         // Rows are drawn anew along a column.
-        c.count(&mut sums[1], blocks.column(i / 3), 1.0 / c.sums[3], unsure);
+        let alike = alike[1].in_mean(i, c.sums[3]);
+        c.count(&mut sums[1], blocks.column(i / 3), 1.0 / c.sums[3], unsure, alike);
     }
 }
 

@@ -40,6 +40,8 @@ pub(crate) struct SimFrames {
     pub times_s: Vec<f64>,
     pub period_s: f64,
     pub geometry: Geometry,
+    /// Whether the pictures' values are linear.
+    pub linear: bool,
 }
 
 impl SimFrame {

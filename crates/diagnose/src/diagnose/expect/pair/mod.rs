@@ -7,6 +7,7 @@
 mod align;
 mod beside;
 mod frames;
+pub(crate) mod given;
 mod guess;
 mod kinds;
 mod matched;
@@ -114,7 +115,8 @@ impl Pair {
                 camera.linear,
             )?);
         }
-        let mut sim_frames = SimFrames { frames, times_s, period_s, geometry: Geometry::None };
+        let mut sim_frames =
+            SimFrames { frames, times_s, period_s, geometry: Geometry::None, linear: camera.linear };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes, &go_on)?;
         if sim_frames.geometry == Geometry::None && stills::parts(matched.len()) == 1 {
             let real_of = |i: usize| read_rgb8(&real.join(&matched[i].real));

@@ -179,6 +179,7 @@ mod tests {
             times_s: vec![0.0, 0.1],
             period_s: 0.1,
             geometry: Geometry::None,
+            linear: false,
         };
         let found = track(&mut sim, &k, &|| Ok(())).expect("in time").expect("a path");
         let step = found.path.pose_at(0.1).inverse().then_from(&found.path.pose_at(0.0));

@@ -14,10 +14,12 @@ use glam::{DQuat, DVec2, DVec3, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::frames::Geometry;
+use super::given::{Given, GivenValue};
 use super::outside::Outside;
 use super::sample::{depth_at, read, shifted};
 use crate::diagnose::expect::forward::{Forward, Quality};
 use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::tone::Tone;
 use shutterbug::camera::{Pose, ScanOrder, ShutterTiming};
 use shutterbug::plane::Plane;
 
@@ -123,19 +125,18 @@ impl Forward {
         (0..reader.size()[0] * reader.size()[1]).into_par_iter().map(one).collect()
     }
 
-    /// Variance of the values of some frames because pictures, not a scene, are read, DN^2: they were rounded once, a
-    /// value between pixels is not known from its neighbours, and what was warped lies a little off. Nothing for a
-    /// scene.
-    pub(crate) fn given_variances(
+    /// How well the values of some frames are known because pictures, not a scene, are read. Nothing for a scene.
+    pub(crate) fn given(
         &self,
         frames: &[usize],
         theta: &Theta,
+        tone: &Tone,
         means: &[Arc<Plane<f32>>],
-    ) -> Option<Vec<Vec<f32>>> {
+    ) -> Option<Vec<Given>> {
         let outside = self.outside.as_ref()?;
         let rays = self.rays(theta, 1.0);
         let one = |(&at, mean): (&usize, &Arc<Plane<f32>>)| {
-            Reader::new(self, outside, at, theta, &rays, Quality::Coarse).variance(mean)
+            Reader::new(self, outside, at, theta, &rays, Quality::Coarse).given(mean, tone)
         };
         Some(frames.par_iter().zip(means).map(one).collect())
     }
@@ -236,12 +237,12 @@ impl<'a> Reader<'a> {
         Plane { width, height, channels: 3, data }
     }
 
-    /// See [`Forward::given_variances`].
-    fn variance(&self, mean: &Plane<f32>) -> Vec<f32> {
+    /// See [`Forward::given`].
+    fn given(&self, mean: &Plane<f32>, tone: &Tone) -> Given {
         let off_px = self.outside.left_px[self.at];
         let (w, h) = (mean.width, mean.height);
         let one = |i: usize| {
-            let (_, [a, b, c], _) = self.places(i);
+            let (j, [a, b, c], _) = self.places(i);
             // Along an exposure errors of many places are averaged.
             let many = ((c - b).length() + (b - a).length()).max(1.0);
             let between = |v: f32| {
@@ -250,11 +251,16 @@ impl<'a> Reader<'a> {
             };
             let (x, y) = (i % w, i / w);
             let at = |x: usize, y: usize, c: usize| mean.data[3 * (y * w + x) + c];
+            let (column, row) = (b.x.clamp(0.0, w as f32 - 1.0), b.y.clamp(0.0, h as f32 - 1.0));
+            let picture = self.outside.sim.frames[j].radiance.pixel(column as usize, row as usize);
             [0, 1, 2].map(|c| {
                 let gx = 0.5 * (at((x + 1).min(w - 1), y, c) - at(x.saturating_sub(1), y, c));
                 let gy = 0.5 * (at(x, (y + 1).min(h - 1), c) - at(x, y.saturating_sub(1), c));
                 let lies = off_px * off_px;
-                1.0 / 12.0 + gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies)
+                GivenValue {
+                    single: gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies),
+                    ..GivenValue::of(picture[c], self.outside.sim.linear, at(x, y, c), tone, c)
+                }
             })
         };
         (0..w * h).into_par_iter().flat_map_iter(one).collect()
