@@ -11,15 +11,17 @@ mod pack;
 mod params;
 mod plan;
 pub mod rng;
+mod spread;
 
 pub use filter::Filter;
 pub use fit::{Fit, Held, Law, Trial};
 pub use handle::{Choice, Number};
-pub use mixing::{BANDS, Left, Mixing, mixing_of};
+pub use mixing::{BANDS, Left, Mixing};
 pub use moments::{Moments, Noise, Variances, mixing};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, Wanted, check_order};
+pub use spread::Spread;
 
 use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;
@@ -151,7 +153,7 @@ pub trait Effect: Sync {
             (_, Moments::Noise(_)) => {
                 "twenty frames of evenly lit cards from nearly black to nearly white, camera at rest"
             }
-            (_, Moments::Pixels(_) | Moments::Filter(_)) => {
+            (_, Moments::Mosaic(_) | Moments::Filter(_) | Moments::Shares(_)) => {
                 "fine coloured detail and a slanted edge, camera at rest"
             }
             (_, Moments::File(_)) => "smooth gradients beside fine texture",

@@ -1,9 +1,13 @@
 //! What effects do to the mean and the spread of values: beside its kernel and twin an effect says how noise comes in,
 //! is bent, mixed and rounded. `reference::moments` runs the list.
 
+use std::sync::LazyLock;
+
 use super::filter::Filter;
 use super::mixing::Mixing;
+use super::spread::Spread;
 use super::{Effect, Parameters, Settings, View};
+use crate::plane::stats::LUMA;
 
 /// Variances of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -79,26 +83,51 @@ pub enum Moments {
     Curve,
     /// Makes each colour of all three: `[of][from]`.
     Colors(fn(&Settings) -> [[f64; 3]; 3]),
-    /// Mixes pixels linearly, as its twin does; the spread is what this leaves of it.
-    Pixels(fn(&Settings) -> Mixing),
-    /// The same by a filter that is alike in all places: several of them are one.
+    /// Fills in the colours that a mosaic leaves out: noise of one pixel and colour gets into others.
+    Mosaic(fn(&Settings) -> &'static Spread),
+    /// Filters, alike in all places: several filters are one.
     Filter(fn(&Settings) -> Filter),
+    /// Makes the colours' difference to luma one in blocks of so many columns and rows.
+    Shares(fn(&Settings) -> [usize; 2]),
     /// Rounds to multiples of this step.
     Steps(fn(&Settings) -> f64),
     /// Rounds the coefficients of blocks, at this quality.
     File(fn(&Settings) -> u8),
 }
 
-/// What the effects of a camera that mix pixels leave of white noise. Filters are taken together: what one removes the
-/// next cannot raise. Between them and a mosaic the noise is taken for white.
+/// What the effects of a camera that mix pixels leave of white noise. They are taken together: what a filter removes the
+/// next cannot raise, and what a mosaic spreads a filter does not average away.
 pub fn mixing(effects: &[&dyn Effect], settings: &Settings) -> Mixing {
-    let (mut mixing, mut filter) = (Mixing::NONE, Filter::none());
+    let (mut spread, mut filter, mut block) = (&*WHITE, Filter::none(), None);
     for effect in effects.iter().filter(|e| e.variant(settings) != 0) {
         match effect.moments() {
-            Moments::Pixels(of) => mixing = mixing.then(&of(settings)),
+            Moments::Mosaic(of) => spread = of(settings),
             Moments::Filter(of) => filter = filter.then(&of(settings)),
+            Moments::Shares(of) => block = Some(of(settings)),
             _ => {}
         }
     }
-    if filter.is_none() { mixing } else { mixing.then(&filter.mixing()) }
+    let mixing = if filter.is_none() { spread.alone() } else { filter.mixing(spread) };
+    let shared = block.map(|block| {
+        let behind = filter.sharing(spread, block);
+        shared((block[0] * block[1]) as f64, mixing.pixel.map(f64::from), behind)
+    });
+    Mixing { shared, ..mixing }
+}
+
+static WHITE: LazyLock<Spread> = LazyLock::new(Spread::white);
+
+/// What each colour has of each colour's variance, `[of][from]`, where `n` pixels share the differences to luma. Of
+/// independent pixels it keeps its own brightness and the mean over n of its difference; `ahead` and `behind` are the
+/// variances of pixels that are not, before and after.
+fn shared(n: f64, ahead: [f64; 3], behind: [f64; 3]) -> [[f32; 3]; 3] {
+    let weight = |of: usize, from: usize| {
+        let luma = f64::from(LUMA[from]);
+        let difference = if of == from { 1.0 - luma } else { -luma };
+        (luma + difference / n).powi(2) + (n - 1.0) * (difference / n).powi(2)
+    };
+    [0, 1, 2].map(|of| {
+        let independent: f64 = (0..3).map(|from| weight(of, from) * ahead[from]).sum();
+        [0, 1, 2].map(|from| (weight(of, from) * behind[of] / independent) as f32)
+    })
 }

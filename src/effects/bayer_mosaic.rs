@@ -11,8 +11,7 @@ use std::sync::LazyLock;
 
 use super::gaussian;
 use crate::chain::{
-    Choice, Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
-    mixing_of,
+    Choice, Domain, Effect, Fit, Law, Moments, ParamSpec, Parameters, Pass, Settings, Spread, Stage, Work,
 };
 use crate::plane::Plane;
 
@@ -139,13 +138,13 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![Pass { file: "bayer_mosaic.comp", constants, run: [1, 1] }]
 }
 
-/// The same for each pattern: what a block's mean has is that of the whole of four cells.
-fn mixing(settings: &Settings) -> Mixing {
-    static BOTH: [LazyLock<Mixing>; 2] = [
-        LazyLock::new(|| mixing_of(|source| filled(source, [0, 0], false))),
-        LazyLock::new(|| mixing_of(|source| filled(source, [0, 0], true))),
+/// The same for each pattern, on average over its four pixels.
+fn spread(settings: &Settings) -> &'static Spread {
+    static BOTH: [LazyLock<Spread>; 2] = [
+        LazyLock::new(|| Spread::behind(|source| filled(source, [0, 0], false))),
+        LazyLock::new(|| Spread::behind(|source| filled(source, [0, 0], true))),
     ];
-    *BOTH[usize::from(is_malvar(settings))]
+    &BOTH[usize::from(is_malvar(settings))]
 }
 
 impl BayerMosaic {
@@ -185,7 +184,7 @@ impl Effect for BayerMosaic {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Pixels(mixing)
+        Moments::Mosaic(spread)
     }
 
     fn work(&self) -> Work {

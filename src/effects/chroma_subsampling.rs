@@ -4,10 +4,10 @@
 
 use super::gaussian;
 use crate::chain::{
-    Choice, Domain, Effect, Fit, Law, Mixing, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
+    Choice, Domain, Effect, Fit, Law, Moments, ParamSpec, Parameters, Pass, Settings, Stage, Work,
 };
 use crate::plane::Plane;
-use crate::plane::stats::{LUMA, luma};
+use crate::plane::stats::luma;
 
 /// The effect; its values live in [`Settings`].
 pub struct ChromaSubsampling;
@@ -48,14 +48,8 @@ fn passes(settings: &Settings) -> Vec<Pass> {
     vec![Pass { file: "chroma_subsampling.comp", constants: [rows, 0], run: [2, rows] }]
 }
 
-/// A pixel keeps its own brightness, and has the mean over n of the colour's difference to brightness.
-fn mixing(settings: &Settings) -> Mixing {
-    let n = 2.0 * block_rows(settings) as f32;
-    let weight = |of: usize, from: usize| {
-        let difference = if of == from { 1.0 - LUMA[from] } else { -LUMA[from] };
-        (LUMA[from] + difference / n).powi(2) + (n - 1.0) * (difference / n).powi(2)
-    };
-    Mixing { shared: Some([0, 1, 2].map(|of| [0, 1, 2].map(|from| weight(of, from)))), ..Mixing::NONE }
+fn shares(settings: &Settings) -> [usize; 2] {
+    [2, block_rows(settings)]
 }
 
 impl Effect for ChromaSubsampling {
@@ -72,7 +66,7 @@ impl Effect for ChromaSubsampling {
     }
 
     fn moments(&self) -> Moments {
-        Moments::Pixels(mixing)
+        Moments::Shares(shares)
     }
 
     fn work(&self) -> Work {

@@ -327,15 +327,19 @@ fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve()
     assert!(seen[1][0] - silent[1][0] > 3.0 && seen[1][1] > 100.0 * silent[1][1], "{seen:?} {silent:?}");
 }
 
-/// What the steps of a camera that mix pixels make of white noise, over what is said of it: pixels, bands, lines.
-fn ratios(settings: &Settings) -> (Mixing, [f32; 6]) {
-    let mixing = chain::mixing(LIST, settings);
-    let packed = Packed::new(LIST, settings, &view(512, 512, 0));
-    let mut seen = normal_noise([512, 512]);
+/// A picture behind the steps of a camera that mix pixels.
+fn filtered(mut picture: Plane<f32>, settings: &Settings) -> Plane<f32> {
+    let packed = Packed::new(LIST, settings, &view(picture.width as u32, picture.height as u32, 0));
     for effect in switched_on(settings) {
         let Work::Neighbourhood { reference, .. } = effect.work() else { continue };
-        seen = reference(&seen, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
+        picture = reference(&picture, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
     }
+    picture
+}
+
+/// What the steps of a camera that mix pixels make of white noise, over what is said of it: pixels, bands, lines.
+fn ratios(settings: &Settings) -> (Mixing, [f32; 6]) {
+    let (mixing, seen) = (chain::mixing(LIST, settings), filtered(normal_noise([512, 512]), settings));
     let all: f32 = mixing.pixel.iter().sum();
     let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| mixing.pixel[c] * of(c)).sum::<f32>() / all;
     let pixel = square(seen.data.iter().copied());
@@ -367,31 +371,80 @@ fn steps_that_mix_pixels_leave_of_noise_what_they_say() {
     }
 }
 
+/// Noise reduction and sharpening that undo each other.
+const FILTERS: [(&str, &str, f64); 4] = [
+    ("noise_reduction", "luma_sigma_px", 0.58),
+    ("noise_reduction", "chroma_sigma_px", 1.1),
+    ("sharpening", "amount", 1.0),
+    ("sharpening", "radius_px", 0.9),
+];
+
 #[test]
 fn filters_together_leave_of_noise_what_they_say() {
-    let given: Given<'_> = &[
-        number("noise_reduction", "luma_sigma_px", 0.58),
-        number("noise_reduction", "chroma_sigma_px", 1.1),
-        number("sharpening", "amount", 1.0),
-        number("sharpening", "radius_px", 0.9),
-    ];
-    let (mixing, ratios) = ratios(&settings(given));
-    for (k, ratio) in ratios.into_iter().enumerate() {
-        assert!((ratio - 1.0).abs() < if k < 4 { 0.03 } else { 0.15 }, "{ratios:?}");
+    let filters = FILTERS.map(|(effect, name, value)| number(effect, name, value));
+    let (bilinear, malvar) = ("bilinear", "malvar_he_cutler");
+    for demosaic in [None, Some(bilinear), Some(malvar)] {
+        let mosaic =
+            demosaic.map(|d| [word("bayer_mosaic", "pattern", "GRBG"), word("bayer_mosaic", "demosaic", d)]);
+        let given: Vec<_> = mosaic.into_iter().flatten().chain(filters).collect();
+        let (mixing, ratios) = ratios(&settings(&given));
+        for (k, ratio) in ratios.into_iter().enumerate() {
+            assert!((ratio - 1.0).abs() < if k < 4 { 0.03 } else { 0.15 }, "{demosaic:?}: {ratios:?}");
+        }
+        // Control: one behind the other, as if the noise were white between them.
+        let alone = |given: Given<'_>| chain::mixing(LIST, &settings(given)).pixel[1];
+        let white = alone(&filters[..2]) * alone(&filters[2..]) * mosaic.map_or(1.0, |m| alone(&m));
+        assert!((white / mixing.pixel[1] - 1.0).abs() > 0.08, "{demosaic:?}: {white}, {mixing:?}");
     }
-    // Control: one behind the other, as if the noise were white between them.
-    let alone = |given| chain::mixing(LIST, &settings(given));
-    let white = alone(&given[..2]).then(&alone(&given[2..]));
-    assert!(white.pixel[1] > 1.3 * mixing.pixel[1], "{white:?}, {mixing:?}");
+}
+
+#[test]
+fn rows_behind_a_mosaic_and_filters_keep_what_they_say() {
+    let noise = normal_noise([1, 4096]);
+    let rows = Plane::from_fn(16, 4096, |_, y| [noise.pixel(0, y)[0]; 3]);
+    let filters = FILTERS.map(|(effect, name, value)| number(effect, name, value));
+    for mosaic in [None, Some(word("bayer_mosaic", "pattern", "RGGB"))] {
+        let given: Vec<_> = mosaic.into_iter().chain(filters).collect();
+        let settings = settings(&given);
+        let (mixing, seen) = (chain::mixing(LIST, &settings), filtered(rows.clone(), &settings));
+        let ahead = square(noise.data.iter().step_by(3).copied());
+        for c in 0..3 {
+            let kept = square(seen.data.iter().skip(c).step_by(3).copied()) / ahead;
+            assert!((kept / mixing.row[c] - 1.0).abs() < 0.05, "{mosaic:?} {c}: {kept}, {mixing:?}");
+        }
+        let mean = |y: usize| seen.data[y * 48..y * 48 + 48].iter().sum::<f32>() / 48.0;
+        let kept = square((0..4096).map(mean)) / ahead;
+        assert!((kept / mixing.row_seen - 1.0).abs() < 0.05, "{mosaic:?}: {kept}, {mixing:?}");
+        // Control: filters alone keep all of it here.
+        assert!(mosaic.is_none() || mixing.row_seen < 0.9, "{mixing:?}");
+    }
+}
+
+#[test]
+fn colour_that_pixels_share_keeps_of_filtered_noise_what_is_said() {
+    let filters = FILTERS.map(|(effect, name, value)| number(effect, name, value));
+    let mosaic = [word("bayer_mosaic", "pattern", "RGGB")];
+    for ahead in [&[][..], &filters[..], &mosaic[..]] {
+        for scheme in ["4:2:0", "4:2:2"] {
+            let shares = [word("chroma_subsampling", "scheme", scheme)];
+            let given: Vec<_> = ahead.iter().chain(&shares).copied().collect();
+            let settings = settings(&given);
+            let mixing = chain::mixing(LIST, &settings);
+            let seen = filtered(normal_noise([512, 512]), &settings);
+            let shared = mixing.shared.expect("they share");
+            for c in 0..3 {
+                let told: f32 = (0..3).map(|from| shared[c][from] * mixing.pixel[from]).sum();
+                let seen = square(seen.data.iter().skip(c).step_by(3).copied());
+                assert!((seen / told - 1.0).abs() < 0.03, "{given:?} {c}: {seen}, told {told}");
+            }
+        }
+    }
 }
 
 #[test]
 fn shared_colour_takes_noise_from_the_other_colours() {
     let effect = by_id("chroma_subsampling").expect("an effect");
-    let (Moments::Pixels(of), Work::Neighbourhood { reference, .. }) = (effect.moments(), effect.work())
-    else {
-        panic!("it mixes pixels")
-    };
+    let Work::Neighbourhood { reference, .. } = effect.work() else { panic!("it mixes pixels") };
     // Noise in red alone.
     let noise = normal_noise([256, 256]);
     let red = Plane::from_fn(256, 256, |x, y| [noise.pixel(x, y)[0], 0.0, 0.0]);
@@ -399,7 +452,7 @@ fn shared_colour_takes_noise_from_the_other_colours() {
         let settings = settings(&[word("chroma_subsampling", "scheme", scheme)]);
         let packed = Packed::new(LIST, &settings, &view(256, 256, 0));
         let seen = reference(&red, &settings, &packed.parameters(0));
-        let told = of(&settings).shared.expect("they share");
+        let told = chain::mixing(LIST, &settings).shared.expect("they share");
         for (of, told) in told.iter().enumerate() {
             let seen = square(seen.data.iter().skip(of).step_by(3).copied());
             assert!((seen / told[0] - 1.0).abs() < 0.05, "{scheme} {of}: {seen}, told {}", told[0]);
