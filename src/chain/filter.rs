@@ -1,6 +1,6 @@
 //! Filters that are alike in all places, and what several of them together leave of noise.
 
-use super::mixing::{BANDS, Left, Mixing};
+use super::mixing::{BANDS, DISTANCES, Left, Mixing};
 use super::spread::{APART, Spread, Table};
 use crate::plane::stats::LUMA;
 
@@ -48,76 +48,160 @@ impl Filter {
 
     /// What it leaves of noise that has as much in each colour ahead of what spreads it.
     pub fn mixing(&self, spread: &Spread) -> Mixing {
-        let pixel = self.channels(spread, &self.products(|a, b| sums(a, b, &[block(1, 1), block(1, 1)])));
+        let one = block([1, 1]);
+        let singles = self.products(|a, b, _| sums(a, b, [&one, &one]));
+        let pixel = self.channels(spread, &singles);
         let bands = BANDS.map(|n| {
             // White noise leaves 1/n^2 in a block and a quarter of it in the larger one.
             let white = 0.75 / (n * n) as f64;
-            self.channels(spread, &self.products(|a, b| off_block(a, b, n))).map(|v| v / white)
+            self.channels(spread, &self.products(|a, b, _| off_block(a, b, n))).map(|v| v / white)
         });
-        let lines = [true, false].map(|row| self.channels(spread, &self.products(|a, b| of_line(a, b, row))));
+        let lines =
+            [true, false].map(|row| self.channels(spread, &self.products(|a, b, _| of_line(a, b, row))));
+        // White noise leaves 1.5 of its variance.
+        let apart = DISTANCES.map(|d| beside(d));
+        let apart =
+            apart.each_ref().map(|t| self.products(|a, b, _| sums(a, b, [t, t]).map(|l| l.map(|v| v / 1.5))));
+        let high_pass = apart.each_ref().map(|products| self.channels(spread, products));
         let left = [0, 1, 2].map(|c| {
             let share = |of: &[f64; 3]| (of[c] / pixel[c]) as f32;
-            Left { bands: bands.each_ref().map(share), lines: lines.each_ref().map(share), ..Left::ALL }
+            Left {
+                pixel: 1.0,
+                high_pass: high_pass.each_ref().map(share),
+                bands: bands.each_ref().map(share),
+                lines: lines.each_ref().map(share),
+            }
         });
-        let rows = self.products(of_rows);
-        let row = [0, 1, 2].map(|c| self.row(spread, &rows, &only(c)) as f32);
+        let brightness = LUMA.map(f64::from);
+        let white: f64 = brightness.iter().map(|w| w * w).sum();
+        let luma = |products: &Products<Table>| {
+            (together(products, [&brightness; 2], |product, colours| over(product, spread, colours)) / white)
+                as f32
+        };
+        let luma = [luma(&singles), luma(&apart[0]), luma(&apart[1])];
+        let rows = self.products(|a, b, _| of_rows(a, b));
+        let row = [0, 1, 2].map(|c| over_rows(spread, &rows, &only(c)) as f32);
         // The mean over a row has no columns, and is that over its colours.
-        let means = self.products(|a, b| of_row_means(a, b));
-        let row_seen = self.row(spread, &means, &[1.0 / 3.0; 3]) as f32;
-        Mixing { pixel: pixel.map(|v| v as f32), row, row_seen, left, shared: None }
+        let means = self.products(|a, b, _| of_row_means(a, b));
+        let row_seen = over_rows(spread, &means, &[1.0 / 3.0; 3]) as f32;
+        Mixing { pixel: pixel.map(|v| v as f32), row, row_seen, left, luma, shared: None }
     }
 
-    /// Variance of single pixels, by channel, where blocks of so many columns and rows share the colours' differences to
-    /// luma behind it.
-    pub(super) fn sharing(&self, spread: &Spread, [columns, rows]: [usize; 2]) -> [f64; 3] {
-        // A pixel has its own luma. What that and the block's mean have in common is, over the block's pixels on average,
-        // what two means have.
-        let [own, mean] = [block(1, 1), block(columns, rows)];
-        let luma = sums(&self.luma, &self.luma, &[own.clone(), own]);
-        let both = sums(&self.luma, &self.chroma, &[mean.clone(), mean.clone()]);
-        let chroma = sums(&self.chroma, &self.chroma, &[mean.clone(), mean]);
-        self.channels(spread, &[luma, both, chroma])
+    /// What two mixtures of the channels have in common in a pixel, where blocks of so many columns and rows share the
+    /// colours' differences to luma behind it.
+    pub(super) fn in_common(&self, spread: &Spread, size: [usize; 2], mixtures: [&[f64; 3]; 2]) -> f64 {
+        // A pixel has its own luma, and the mean over its block of the rest.
+        let [own, mean] = [block([1, 1]), block(size)];
+        let of = |shared: bool| if shared { &mean } else { &own };
+        let products = self.products(|a, b, shared| sums(a, b, shared.map(of)));
+        together(&products, mixtures, |product, colours| over(product, spread, colours))
     }
 
-    fn products<T>(&self, of: impl Fn(&Kernels, &Kernels) -> T) -> Products<T> {
-        [of(&self.luma, &self.luma), of(&self.luma, &self.chroma), of(&self.chroma, &self.chroma)]
+    /// See [`super::Mixed::spectrum`].
+    pub(super) fn spectrum<const N: usize>(
+        &self,
+        spread: &Spread,
+        size: [usize; 2],
+        mixture: &[f64; 3],
+        waves: &[[f64; N]; N],
+    ) -> Vec<f64> {
+        let along = |axis: usize| {
+            let shared = waves.map(|wave| averaged(&wave, size[axis]));
+            self.products(|a, b, of| {
+                let wave = |u: usize| of.map(|shares| if shares { &shared[u][..] } else { &waves[u][..] });
+                (0..N).map(|u| by_kernel(a, b, wave(u))).collect::<Vec<_>>()
+            })
+        };
+        let [rows, columns] = [along(0), along(1)];
+        let products: [_; 3] = std::array::from_fn(|k| (&rows[k], &columns[k]));
+        let one = |i: usize| {
+            together(&products, [mixture; 2], |(row, column), colours| {
+                let common = spread.of(colours[0], colours[1]);
+                let both = row[i % N].iter().zip(&column[i / N]);
+                both.map(|((factor, x), (_, y))| factor * weighed(&common, x, y)).sum()
+            })
+        };
+        (0..N * N).map(one).collect()
+    }
+
+    /// See [`super::Mixed::row_spectrum`].
+    pub(super) fn row_spectrum<const N: usize>(
+        &self,
+        spread: &Spread,
+        size: [usize; 2],
+        mixture: &[f64; 3],
+        waves: &[[f64; N]; N],
+    ) -> [f64; N] {
+        let shared = waves.map(|wave| averaged(&wave, size[1]));
+        let products = self.products(|a, b, of| {
+            let level = by_parity(a, b, &waves[0]);
+            let wave = |u: usize| of.map(|shares| if shares { &shared[u][..] } else { &waves[u][..] });
+            (level, (0..N).map(|v| by_kernel(a, b, wave(v))).collect::<Vec<_>>())
+        });
+        std::array::from_fn(|v| {
+            together(&products, [mixture; 2], |(level, columns), colours| {
+                let common = spread.of_rows(colours[0], colours[1]);
+                let both = level.iter().zip(&columns[v]);
+                let one = |([even, odd], (factor, column)): (&[f64; 2], &(f64, Reach))| {
+                    let along = common.iter().zip(column).map(|(c, w)| w * (even * c[0] + odd * c[1]));
+                    factor * along.sum::<f64>()
+                };
+                both.map(one).sum()
+            })
+        })
+    }
+
+    /// `of`: of two kernels, and whether blocks share what each of them makes.
+    fn products<T>(&self, of: impl Fn(&Kernels, &Kernels, [bool; 2]) -> T) -> Products<T> {
+        [
+            of(&self.luma, &self.luma, [false, false]),
+            of(&self.luma, &self.chroma, [false, true]),
+            of(&self.chroma, &self.chroma, [true, true]),
+        ]
     }
 
     /// Variances by channel of sums whose weights have these products.
     fn channels(&self, spread: &Spread, products: &Products<Table>) -> [f64; 3] {
-        [0, 1, 2].map(|c| {
-            let of = |product: &Table, [one, other]: [&[f64; 3]; 2]| {
-                let common = spread.of(one, other);
-                product.iter().flatten().zip(common.iter().flatten()).map(|(w, v)| w * v).sum()
-            };
-            together(products, &only(c), of)
-        })
+        [0, 1, 2]
+            .map(|c| together(products, [&only(c); 2], |product, colours| over(product, spread, colours)))
     }
+}
 
-    /// The same of the noise of rows in a mixture of the channels.
-    fn row(&self, spread: &Spread, products: &Products<[[f64; 2]; APART + 1]>, channels: &[f64; 3]) -> f64 {
-        let of = |product: &[[f64; 2]; APART + 1], [one, other]: [&[f64; 3]; 2]| {
-            let common = spread.of_rows(one, other);
-            product.iter().flatten().zip(common.iter().flatten()).map(|(w, v)| w * v).sum()
-        };
-        together(products, channels, of)
-    }
+/// What noise that is spread so has in sums whose weights have these products.
+fn over(products: &Table, spread: &Spread, [one, other]: [&[f64; 3]; 2]) -> f64 {
+    let common = spread.of(one, other);
+    products.iter().flatten().zip(common.iter().flatten()).map(|(w, v)| w * v).sum()
+}
+
+/// The same of the noise of rows in a mixture of the channels.
+fn over_rows(spread: &Spread, products: &Products<[[f64; 2]; APART + 1]>, channels: &[f64; 3]) -> f64 {
+    together(products, [channels; 2], |product, [one, other]| {
+        let common = spread.of_rows(one, other);
+        product.iter().flatten().zip(common.iter().flatten()).map(|(w, v)| w * v).sum()
+    })
 }
 
 /// One channel.
-fn only(c: usize) -> [f64; 3] {
+pub(super) fn only(c: usize) -> [f64; 3] {
     [0, 1, 2].map(|k| f64::from(u8::from(k == c)))
 }
 
-/// Variance of a mixture of the channels, each of which is luma and its difference to it.
-fn together<T>(products: &Products<T>, channels: &[f64; 3], of: impl Fn(&T, [&[f64; 3]; 2]) -> f64) -> f64 {
-    let luma = LUMA.map(f64::from);
-    let whole: f64 = channels.iter().sum();
-    let luma = luma.map(|w| whole * w);
-    let chroma = [0, 1, 2].map(|c| channels[c] - luma[c]);
-    of(&products[0], [&luma, &luma])
-        + 2.0 * of(&products[1], [&luma, &chroma])
-        + of(&products[2], [&chroma, &chroma])
+/// What two mixtures of the channels have in common, each of which is luma and its difference to it.
+fn together<T>(
+    products: &Products<T>,
+    mixtures: [&[f64; 3]; 2],
+    of: impl Fn(&T, [&[f64; 3]; 2]) -> f64,
+) -> f64 {
+    let parts = mixtures.map(|channels| {
+        let whole: f64 = channels.iter().sum();
+        let luma = LUMA.map(|w| whole * f64::from(w));
+        [luma, [0, 1, 2].map(|c| channels[c] - luma[c])]
+    });
+    let [[luma, chroma], [other_luma, other_chroma]] = &parts;
+    of(&products[0], [luma, other_luma])
+        + of(&products[1], [luma, other_chroma])
+        + of(&products[1], [other_luma, chroma])
+        + of(&products[2], [chroma, other_chroma])
 }
 
 fn behind(first: &Kernels, next: &Kernels) -> Kernels {
@@ -134,8 +218,23 @@ fn softened(values: &[f64], weights: &[f64]) -> Vec<f64> {
 }
 
 /// The mean over a block of so many columns and rows.
-fn block(columns: usize, rows: usize) -> Sum {
-    [columns, rows].map(|n| vec![1.0 / n as f64; n])
+fn block(size: [usize; 2]) -> Sum {
+    size.map(|n| vec![1.0 / n as f64; n])
+}
+
+/// A pixel beside the mean of two others in its row, so far away.
+fn beside(distance: usize) -> Sum {
+    let weight = |x: usize| match x {
+        x if x == distance => 1.0,
+        x if x % (2 * distance) == 0 => -0.5,
+        _ => 0.0,
+    };
+    [(0..=2 * distance).map(weight).collect(), vec![1.0]]
+}
+
+/// Weights of which each so many have their mean.
+fn averaged<const N: usize>(weights: &[f64; N], of: usize) -> [f64; N] {
+    std::array::from_fn(|i| weights[i / of * of..(i / of + 1) * of].iter().sum::<f64>() / of as f64)
 }
 
 /// Sums of products of two lists of weights at a distance from minus to plus `most`, which begin so far from the middle
@@ -169,15 +268,40 @@ fn pairs<'a>(a: &'a Kernels, b: &'a Kernels) -> impl Iterator<Item = (f64, &'a V
     a.iter().flat_map(move |x| b.iter().map(move |y| (x.0 * y.0, &x.1, &y.1)))
 }
 
+/// By distance.
+type Reach = [f64; APART + 1];
+
+/// By pair of kernels: its factor, and products of two lists of weights, each behind its kernel.
+fn by_kernel(a: &Kernels, b: &Kernels, [s, t]: [&[f64]; 2]) -> Vec<(f64, Reach)> {
+    let of = |(factor, x, y): (f64, &Vec<f64>, &Vec<f64>)| {
+        let all = products(&softened(s, x), &softened(t, y), [middle(x), middle(y)], APART as isize);
+        (factor, folded(&all))
+    };
+    pairs(a, b).map(of).collect()
+}
+
+/// By pair of kernels: products at all even and at all odd distances.
+fn by_parity(a: &Kernels, b: &Kernels, s: &[f64]) -> Vec<[f64; 2]> {
+    let of = |(_, x, y): (f64, &Vec<f64>, &Vec<f64>)| {
+        let most = (x.len() + y.len() + 2 * s.len()) as isize;
+        let all = products(&softened(s, x), &softened(s, y), [middle(x), middle(y)], most);
+        let mut sums = [0.0; 2];
+        (-most..=most).zip(all).for_each(|(d, v)| sums[d.rem_euclid(2) as usize] += v);
+        sums
+    };
+    pairs(a, b).map(of).collect()
+}
+
+fn weighed(common: &Table, row: &Reach, column: &Reach) -> f64 {
+    let along = |line: &Reach| line.iter().zip(row).map(|(c, w)| c * w).sum::<f64>();
+    common.iter().zip(column).map(|(line, w)| w * along(line)).sum()
+}
+
 /// Products of the weights of two sums, each over what a filter makes, by distance along a column and along a row.
-fn sums(a: &Kernels, b: &Kernels, [s, t]: &[Sum; 2]) -> Table {
+fn sums(a: &Kernels, b: &Kernels, [s, t]: [&Sum; 2]) -> Table {
     let mut out = Table::default();
-    for (factor, x, y) in pairs(a, b) {
-        let along = |axis: usize| {
-            let (x_all, y_all) = (softened(&s[axis], x), softened(&t[axis], y));
-            folded(&products(&x_all, &y_all, [middle(x), middle(y)], APART as isize))
-        };
-        let [row, column] = [along(0), along(1)];
+    let along = |axis: usize| by_kernel(a, b, [&s[axis], &t[axis]]);
+    for ((factor, row), (_, column)) in along(0).into_iter().zip(along(1)) {
         for (dy, dx) in (0..=APART).flat_map(|dy| (0..=APART).map(move |dx| (dy, dx))) {
             out[dy][dx] += factor * column[dy] * row[dx];
         }
@@ -187,12 +311,12 @@ fn sums(a: &Kernels, b: &Kernels, [s, t]: &[Sum; 2]) -> Table {
 
 /// The same of the mean of a block less that of the larger block that it begins.
 fn off_block(a: &Kernels, b: &Kernels, side: usize) -> Table {
-    let [small, large] = [block(side, side), block(2 * side, 2 * side)];
+    let [small, large] = [side, 2 * side].map(|n| block([n, n]));
     let mut out = Table::default();
     for (sign, s, t) in
         [(1.0, &small, &small), (-1.0, &small, &large), (-1.0, &large, &small), (1.0, &large, &large)]
     {
-        let more = sums(a, b, &[s.clone(), t.clone()]);
+        let more = sums(a, b, [s, t]);
         out.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(o, m)| *o += sign * m);
     }
     out
@@ -217,14 +341,8 @@ fn of_line(a: &Kernels, b: &Kernels, row: bool) -> Table {
 /// The same of single pixels, by distance along a column and whether columns lie an odd number apart.
 fn of_rows(a: &Kernels, b: &Kernels) -> [[f64; 2]; APART + 1] {
     let mut out = [[0.0; 2]; APART + 1];
-    for (factor, x, y) in pairs(a, b) {
-        let most = (x.len() + y.len()) as isize;
-        let row = products(x, y, [middle(x), middle(y)], most);
-        let column = folded(&products(x, y, [middle(x), middle(y)], APART as isize));
-        for (i, weight) in row.iter().enumerate() {
-            let odd = (i as isize - most).rem_euclid(2) as usize;
-            (0..=APART).for_each(|dy| out[dy][odd] += factor * column[dy] * weight);
-        }
+    for (across, (factor, column)) in by_parity(a, b, &[1.0]).into_iter().zip(by_kernel(a, b, [&[1.0]; 2])) {
+        (0..=APART).for_each(|dy| (0..2).for_each(|k| out[dy][k] += factor * column[dy] * across[k]));
     }
     out
 }
@@ -232,9 +350,8 @@ fn of_rows(a: &Kernels, b: &Kernels) -> [[f64; 2]; APART + 1] {
 /// The same of the means of long rows.
 fn of_row_means(a: &Kernels, b: &Kernels) -> [[f64; 2]; APART + 1] {
     let mut out = [[0.0; 2]; APART + 1];
-    for (factor, x, y) in pairs(a, b) {
+    for ((factor, x, y), (_, column)) in pairs(a, b).zip(by_kernel(a, b, [&[1.0]; 2])) {
         let whole = x.iter().sum::<f64>() * y.iter().sum::<f64>();
-        let column = folded(&products(x, y, [middle(x), middle(y)], APART as isize));
         (0..=APART).for_each(|dy| out[dy] = out[dy].map(|o| o + 0.5 * factor * whole * column[dy]));
     }
     out

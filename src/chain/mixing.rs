@@ -5,7 +5,7 @@
 pub struct Left {
     /// Of single pixels.
     pub pixel: f32,
-    /// Of differences along the row, by their distance of 2 and 4 px.
+    /// Of differences to the mean of two others along the row, by their distance of 2 and 4 px.
     pub high_pass: [f32; 2],
     /// Of differences of means over blocks of 2, 4 and 8 px.
     pub bands: [f32; 3],
@@ -53,15 +53,25 @@ pub struct Mixing {
     pub row_seen: f32,
     /// By channel: of means over blocks and lines, over what the pixels' own variance behind the step would give them.
     pub left: [Left; 3],
+    /// Share of the variance of brightness: of pixels, and of differences along the row as in [`Left::high_pass`].
+    pub luma: [f32; 3],
     /// Where colours are mixed with it: what of each colour's variance each colour has, `[of][from]`.
     pub shared: Option<[[f32; 3]; 3]>,
 }
 
 impl Mixing {
     /// None.
-    pub const NONE: Self =
-        Self { pixel: [1.0; 3], row: [1.0; 3], row_seen: 1.0, left: [Left::ALL; 3], shared: None };
+    pub const NONE: Self = Self {
+        pixel: [1.0; 3],
+        row: [1.0; 3],
+        row_seen: 1.0,
+        left: [Left::ALL; 3],
+        luma: [1.0; 3],
+        shared: None,
+    };
 }
 
+/// Distances of [`Left::high_pass`], px.
+pub const DISTANCES: [usize; 2] = [2, 4];
 /// Sides of the blocks of [`Left::bands`], px.
 pub const BANDS: [usize; 3] = [2, 4, 8];

@@ -5,6 +5,7 @@
 mod filter;
 mod fit;
 mod handle;
+mod mixed;
 mod mixing;
 mod moments;
 mod pack;
@@ -16,8 +17,9 @@ mod spread;
 pub use filter::Filter;
 pub use fit::{Fit, Held, Law, Trial};
 pub use handle::{Choice, Number};
-pub use mixing::{BANDS, Left, Mixing};
-pub use moments::{Moments, Noise, Variances, mixing};
+pub use mixed::{Mixed, mixing};
+pub use mixing::{BANDS, DISTANCES, Left, Mixing};
+pub use moments::{Moments, Noise, Variances};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, Wanted, check_order};
@@ -153,9 +155,7 @@ pub trait Effect: Sync {
             (_, Moments::Noise(_)) => {
                 "twenty frames of evenly lit cards from nearly black to nearly white, camera at rest"
             }
-            (_, Moments::Mosaic(_) | Moments::Filter(_) | Moments::Shares(_)) => {
-                "fine coloured detail and a slanted edge, camera at rest"
-            }
+            (_, moments) if moments.mixes() => "fine coloured detail and a slanted edge, camera at rest",
             (_, Moments::File(_)) => "smooth gradients beside fine texture",
             (_, Moments::Light(_)) => "an evenly lit wall that fills the picture",
             (_, Moments::Colors(_)) => "a chart of saturated colours and greys",

@@ -1,13 +1,9 @@
 //! What effects do to the mean and the spread of values: beside its kernel and twin an effect says how noise comes in,
 //! is bent, mixed and rounded. `reference::moments` runs the list.
 
-use std::sync::LazyLock;
-
 use super::filter::Filter;
-use super::mixing::Mixing;
 use super::spread::Spread;
-use super::{Effect, Parameters, Settings, View};
-use crate::plane::stats::LUMA;
+use super::{Parameters, Settings, View};
 
 /// Variances of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,39 +91,9 @@ pub enum Moments {
     File(fn(&Settings) -> u8),
 }
 
-/// What the effects of a camera that mix pixels leave of white noise. They are taken together: what a filter removes the
-/// next cannot raise, and what a mosaic spreads a filter does not average away.
-pub fn mixing(effects: &[&dyn Effect], settings: &Settings) -> Mixing {
-    let (mut spread, mut filter, mut block) = (&*WHITE, Filter::none(), None);
-    for effect in effects.iter().filter(|e| e.variant(settings) != 0) {
-        match effect.moments() {
-            Moments::Mosaic(of) => spread = of(settings),
-            Moments::Filter(of) => filter = filter.then(&of(settings)),
-            Moments::Shares(of) => block = Some(of(settings)),
-            _ => {}
-        }
+impl Moments {
+    /// Whether it mixes pixels, and no more.
+    pub fn mixes(&self) -> bool {
+        matches!(self, Self::Mosaic(_) | Self::Filter(_) | Self::Shares(_))
     }
-    let mixing = if filter.is_none() { spread.alone() } else { filter.mixing(spread) };
-    let shared = block.map(|block| {
-        let behind = filter.sharing(spread, block);
-        shared((block[0] * block[1]) as f64, mixing.pixel.map(f64::from), behind)
-    });
-    Mixing { shared, ..mixing }
-}
-
-static WHITE: LazyLock<Spread> = LazyLock::new(Spread::white);
-
-/// What each colour has of each colour's variance, `[of][from]`, where `n` pixels share the differences to luma. Of
-/// independent pixels it keeps its own brightness and the mean over n of its difference; `ahead` and `behind` are the
-/// variances of pixels that are not, before and after.
-fn shared(n: f64, ahead: [f64; 3], behind: [f64; 3]) -> [[f32; 3]; 3] {
-    let weight = |of: usize, from: usize| {
-        let luma = f64::from(LUMA[from]);
-        let difference = if of == from { 1.0 - luma } else { -luma };
-        (luma + difference / n).powi(2) + (n - 1.0) * (difference / n).powi(2)
-    };
-    [0, 1, 2].map(|of| {
-        let independent: f64 = (0..3).map(|from| weight(of, from) * ahead[from]).sum();
-        [0, 1, 2].map(|from| (weight(of, from) * behind[of] / independent) as f32)
-    })
 }

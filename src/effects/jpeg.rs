@@ -4,6 +4,7 @@
 
 pub mod dct;
 pub mod flips;
+pub mod grain;
 pub mod packing;
 
 use image::codecs::jpeg::JpegEncoder;

@@ -10,7 +10,7 @@ mod curve;
 mod picture;
 mod tone;
 
-pub use picture::{Lattice, expected, expected_on, is_pointwise, through_converter, through_file};
+pub use picture::{Lattice, expected, expected_on, is_pointwise, mixed, through_converter, through_file};
 pub use tone::Tone;
 
 #[cfg(test)]

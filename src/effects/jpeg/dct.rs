@@ -32,7 +32,7 @@ pub fn steps(quality: u8, chroma: bool) -> [f32; AREA] {
 /// The orthonormal cosine transform: a block's variance is that of its coefficients.
 pub struct Dct {
     /// By frequency, then place.
-    waves: [[f32; SIDE]; SIDE],
+    pub(super) waves: [[f32; SIDE]; SIDE],
     /// By place, then frequency.
     places: [[f32; SIDE]; SIDE],
 }

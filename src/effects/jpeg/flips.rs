@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
+use super::grain::Grain;
 use super::packing::{ROUNDED2, TO_YCC};
 use crate::chain::Left;
 use crate::plane::Plane;
@@ -24,8 +25,8 @@ const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136],
 /// Statistics that are told apart: pixels, bands of 2, 4 and 8 px, rows, columns.
 const KINDS: usize = 6;
 
-/// Variances behind compression, DN^2, by block of 8 px, colour and statistic: as white noise of that variance would
-/// give it.
+/// Variances behind compression, DN^2, by block of 8 px, colour and statistic: of what white noise of that variance
+/// would give of it.
 pub struct Flips {
     across: usize,
     blocks: Vec<[[f32; KINDS]; 3]>,
@@ -33,7 +34,7 @@ pub struct Flips {
 
 impl Flips {
     /// Of a picture `dn` before compression, with noise of `variance` by value, DN^2.
-    pub fn of(dn: &Plane<f32>, variance: &[f32], quality: u8) -> Self {
+    pub fn of(dn: &Plane<f32>, variance: &[f32], quality: u8, grain: &Grain) -> Self {
         let dct = Dct::new();
         let tables = [steps(quality, false), steps(quality, true)];
         let (w, h) = (dn.width, dn.height);
@@ -54,10 +55,11 @@ impl Flips {
                     let rgb = &dn.data[place(i)..place(i) + 3];
                     (0..3).map(|c| TO_YCC[k][c] * rgb[c].clamp(0.0, 255.0)).sum::<f32>() - offset
                 };
-                let sigma = (common(k, k) + ROUNDED2).sqrt();
+                let sigma = |i: usize| (common(k, k) * grain.own(k, i) + ROUNDED2).sqrt();
                 seen(&dct.forward(&std::array::from_fn(value)), sigma, &tables[usize::from(k > 0)])
             });
-            TO_RGB.map(|m| std::array::from_fn(|s| together(&m, &parts.map(|p| p[s]), common)))
+            let had = |k: usize, l: usize| common(k, l) * grain.common([k, l]);
+            TO_RGB.map(|m| std::array::from_fn(|s| together(&m, &parts.map(|p| p[s]), had)))
         };
         let blocks = (0..across * h.div_ceil(SIDE)).into_par_iter().map(one).collect();
         Self { across, blocks }
@@ -87,10 +89,11 @@ fn together(m: &[f32; 3], parts: &[f32; 3], common: impl Fn(usize, usize) -> f32
 }
 
 /// Variances of one component of a block by statistic.
-fn seen(coefficients: &[f32; AREA], sigma: f32, steps: &[f32; AREA]) -> [f32; KINDS] {
+fn seen(coefficients: &[f32; AREA], sigma: impl Fn(usize) -> f32, steps: &[f32; AREA]) -> [f32; KINDS] {
     let mut sums = [0.0f32; KINDS];
     for i in 0..AREA {
-        let variance = rounded_variance(coefficients[i] / steps[i], sigma / steps[i]) * steps[i] * steps[i];
+        let variance =
+            rounded_variance(coefficients[i] / steps[i], sigma(i) / steps[i]) * steps[i] * steps[i];
         (0..KINDS).for_each(|k| sums[k] += SHARES[i][k] * variance);
     }
     sums
@@ -193,8 +196,8 @@ mod tests {
         let plain = picture();
         for (sigma, quality) in [(1.5f32, 40u8), (4.0, 60), (9.0, 80)] {
             let variance = vec![sigma * sigma; plain.data.len()];
-            let flips = Flips::of(&plain, &variance, quality);
-            let expected = packed_mean(&plain, &variance, &[], quality);
+            let flips = Flips::of(&plain, &variance, quality, Grain::white());
+            let expected = packed_mean(&plain, &variance, &[], quality, Grain::white());
             let (mut seen, mut told) = ([0.0f64; 2], [0.0f64; 2]);
             for seed in 0..24u32 {
                 let noisy = Plane {
@@ -237,7 +240,7 @@ mod tests {
     fn strong_noise_is_left_whole_whatever_is_looked_at() {
         let plain = picture();
         let variance = vec![900.0; plain.data.len()];
-        let left = Flips::of(&plain, &variance, 85).left(64, 3 * (20 * 64 + 10), 900.0);
+        let left = Flips::of(&plain, &variance, 85, Grain::white()).left(64, 3 * (20 * 64 + 10), 900.0);
         for share in [left.pixel, left.bands[0], left.bands[2], left.lines[0], left.lines[1]] {
             // Rounding adds its own: the steps of colours are up to 30 DN wide here.
             assert!((0.95..1.2).contains(&share), "{left:?}");

@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock, Mutex};
 use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, steps};
+use super::grain::Grain;
 use crate::chain::rng::random_bits;
 use crate::chain::{BANDS, Left};
 use crate::plane::Plane;
@@ -21,7 +22,13 @@ pub(crate) const TO_YCC: [[f32; 3]; 3] = [LUMA, [-0.168_736, -0.331_264, 0.5], [
 
 /// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2; `rows`:
 /// of noise that a row shares, in all colours alike, which lies in the coefficients of rows alone.
-pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quality: u8) -> Plane<f32> {
+pub(crate) fn packed_mean(
+    dn: &Plane<f32>,
+    variance: &[f32],
+    rows: &[f32],
+    quality: u8,
+    grain: &Grain,
+) -> Plane<f32> {
     let dct = Dct::new();
     let tables = [steps(quality, false), steps(quality, true)];
     let (w, h) = (dn.width, dn.height);
@@ -33,7 +40,7 @@ pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quali
                 let (x, y) = ((x0 + i % SIDE).min(w - 1), (band * SIDE + i / SIDE).min(h - 1));
                 3 * (y * w + x)
             };
-            let block = block(&dct, &tables, |i| {
+            let block = block(&dct, &tables, grain, |i| {
                 let at = place(i);
                 [0, 1, 2].map(|c| [dn.data[at + c].clamp(0.0, 255.0), variance[at + c], shared(at + c)])
             });
@@ -51,7 +58,12 @@ pub(crate) fn packed_mean(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quali
 
 /// Brightness less 128 and colours of one block. `value`: by colour the mean, the variance that is its own, and the
 /// size of the noise that its row shares.
-fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [[f32; 3]; 3]) -> [[f32; AREA]; 3] {
+fn block(
+    dct: &Dct,
+    tables: &[[f32; AREA]; 2],
+    grain: &Grain,
+    value: impl Fn(usize) -> [[f32; 3]; 3],
+) -> [[f32; AREA]; 3] {
     let values: [[[f32; 3]; 3]; AREA] = std::array::from_fn(value);
     std::array::from_fn(|k| {
         let weights = TO_YCC[k];
@@ -66,11 +78,11 @@ fn block(dct: &Dct, tables: &[[f32; AREA]; 2], value: impl Fn(usize) -> [[f32; 3
         let shared = (0..AREA).map(|i| (0..3).map(|c| weights[c] * values[i][c][2]).sum::<f32>().powi(2));
         // The noise of a row is the same along it: eight values that add up in one coefficient.
         let rows = shared.sum::<f32>() / SIDE as f32;
-        let [own, with_rows] = [variance, variance + rows].map(|v| (v + ROUNDED2).sqrt());
         let table = &tables[usize::from(k > 0)];
         let mut coefficients = dct.forward(&plane);
         for (i, (c, step)) in coefficients.iter_mut().zip(table).enumerate() {
-            *c = rounded_mean(*c, if i % SIDE == 0 { with_rows } else { own }, *step);
+            let rows = if i % SIDE == 0 { rows * grain.rows(k, i) } else { 0.0 };
+            *c = rounded_mean(*c, (variance * grain.own(k, i) + rows + ROUNDED2).sqrt(), *step);
         }
         dct.inverse(&coefficients)
     })
@@ -193,7 +205,7 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
         data: mean.data.iter().zip(&noise.data).map(|(m, n)| (m + sigma * n).round()).collect(),
         ..mean.clone()
     };
-    let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], &[], quality);
+    let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], &[], quality, Grain::white());
     let errors = errors(&noisy, &expected, quality);
     Left {
         pixel: square(errors.data.iter().copied()) / (sigma * sigma),
@@ -207,7 +219,7 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
 /// What one noisy picture behind compression is beside the mean over many.
 fn errors(noisy: &Plane<f32>, expected: &Plane<f32>, quality: u8) -> Plane<f32> {
     // No noise is left to be averaged over.
-    let seen = packed_mean(noisy, &vec![0.0; noisy.data.len()], &[], quality);
+    let seen = packed_mean(noisy, &vec![0.0; noisy.data.len()], &[], quality, Grain::white());
     Plane { data: seen.data.iter().zip(&expected.data).map(|(s, e)| s.round() - e).collect(), ..seen }
 }
 
@@ -217,7 +229,7 @@ fn rows_at(quality: u8, sigma: f32) -> [f32; 2] {
     let silent = vec![0.0; mean.data.len()];
     let value = |x: usize, y: usize, c: usize| mean.pixel(x, y)[c] + sigma * noise.pixel(0, y)[0];
     let noisy = Plane::from_fn(DRAWN[0], DRAWN[1], |x, y| [0, 1, 2].map(|c| value(x, y, c).round()));
-    let expected = packed_mean(mean, &silent, &vec![sigma * sigma; mean.data.len()], quality);
+    let expected = packed_mean(mean, &silent, &vec![sigma * sigma; mean.data.len()], quality, Grain::white());
     let errors = errors(&noisy, &expected, quality);
     // As many rows as there are do not have the variance that they were drawn with.
     let drawn = square((0..DRAWN[1]).map(|y| sigma * noise.pixel(0, y)[0]));
@@ -285,7 +297,7 @@ mod tests {
             a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.data.len() as f32
         };
         // Coefficients near a threshold go either way: libjpeg is as far from an exact transform here (1.5 DN).
-        let hard = packed_mean(&plain, &none, &[], 60);
+        let hard = packed_mean(&plain, &none, &[], 60, Grain::white());
         assert!(off(&hard, &encoded) < 0.3 * off(&plain, &encoded), "{}", off(&hard, &encoded));
         let sigma = 6.0;
         let mut mean = Plane::<f32>::new(48, 32, 3);
@@ -306,7 +318,7 @@ mod tests {
             let one = super::super::compressed(&noisy, 60);
             mean.data.iter_mut().zip(&one.data).for_each(|(m, v)| *m += v / 40.0);
         }
-        let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], &[], 60);
+        let expected = packed_mean(&plain, &vec![sigma * sigma; plain.data.len()], &[], 60, Grain::white());
         // The mean of 40 has 1 DN of noise itself, 0.8 in size.
         assert!(off(&mean, &expected) < 0.9, "{}", off(&mean, &expected));
         assert!(off(&mean, &hard) > 1.3 * off(&mean, &expected), "control: {}", off(&mean, &hard));
@@ -336,8 +348,11 @@ mod tests {
             (sum / mean.data.len() as f32).sqrt()
         };
         let (silent, noise) = (vec![0.0; plain.data.len()], vec![sigma * sigma; plain.data.len()]);
-        let [rows, white] =
-            [packed_mean(&plain, &silent, &noise, 50), packed_mean(&plain, &noise, &[], 50)].map(|p| off(&p));
+        let [rows, white] = [
+            packed_mean(&plain, &silent, &noise, 50, Grain::white()),
+            packed_mean(&plain, &noise, &[], 50, Grain::white()),
+        ]
+        .map(|p| off(&p));
         // The mean of the draws has 0.4 DN of noise itself.
         assert!(rows < 0.75 * white, "{rows} DN, control: as white noise {white}");
     }

@@ -1,10 +1,11 @@
 //! The mean picture: from linear radiance to delivered values, in the list's order.
 
-use super::curve::{is_behind_encoding, switched_on};
+use super::curve::{ANYWHERE, is_behind_encoding, switched_on};
 use super::tone::Tone;
 use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, mixing, slot_of};
 use crate::effects::LIST;
 use crate::effects::jpeg::compressed;
+use crate::effects::jpeg::grain::Grain;
 use crate::effects::jpeg::packing::packed_mean;
 use crate::plane::Plane;
 use crate::plane::stats::erf;
@@ -114,7 +115,7 @@ pub fn expected_on(
             (Moments::File(of), _) => {
                 scan.done(&mut picture, &mut jobs, &mut unit);
                 clip(&mut picture, &mut mixed);
-                picture = filed(&picture, tone, of(settings));
+                picture = filed(&picture, tone, of(settings), settings);
             }
             (_, Work::Pointwise(twin)) => {
                 mixed |= is_behind_encoding(effect);
@@ -257,11 +258,11 @@ pub fn through_file(picture: &Plane<f32>, settings: &Settings, tone: &Tone) -> P
         Moments::File(of) => Some(of(settings)),
         _ => None,
     });
-    quality.map_or_else(|| picture.clone(), |quality| filed(picture, tone, quality))
+    quality.map_or_else(|| picture.clone(), |quality| filed(picture, tone, quality, settings))
 }
 
 /// Through the file.
-fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
+fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8, settings: &Settings) -> Plane<f32> {
     if !tone.is_noisy() {
         return compressed(picture, quality);
     }
@@ -271,5 +272,16 @@ fn filed(picture: &Plane<f32>, tone: &Tone, quality: u8) -> Plane<f32> {
         (spread.free + spread.fixed, spread.row)
     };
     let (variance, rows): (Vec<f32>, Vec<f32>) = (0..picture.data.len()).map(each).unzip();
-    packed_mean(picture, &variance, &rows, quality)
+    packed_mean(picture, &variance, &rows, quality, &Grain::of(settings))
+}
+
+/// A picture, shape `[height, width, 3]`, behind the steps of a camera that mix its pixels, and no others.
+#[doc(hidden)]
+pub fn mixed(picture: &Plane<f32>, settings: &Settings) -> Plane<f32> {
+    let packed = Packed::new(LIST, settings, &ANYWHERE);
+    let mixes = |e: &&dyn Effect| e.moments().mixes();
+    switched_on(settings).filter(mixes).fold(picture.clone(), |picture, effect| {
+        let Work::Neighbourhood { reference, .. } = effect.work() else { return picture };
+        reference(&picture, settings, &packed.parameters(slot_of(LIST, effect.id())))
+    })
 }

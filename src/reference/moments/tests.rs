@@ -1,10 +1,11 @@
 //! Means and spreads against the chain's own references: without noise value by value, with it by drawing frames.
 
-use super::curve::switched_on;
 use super::*;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::{self, BANDS, Mixing, Moments, Packed, Settings, Value, View, Work};
-use crate::effects::jpeg::packing::{band, lines, normal_noise, square};
+use crate::effects::jpeg::dct::{AREA, Dct, SIDE};
+use crate::effects::jpeg::grain::Grain;
+use crate::effects::jpeg::packing::{TO_YCC, band, lines, normal_noise, square};
 use crate::effects::{LIST, by_id};
 use crate::plane::Plane;
 use crate::reference::chain as by_hand;
@@ -327,19 +328,9 @@ fn mean_and_spread_are_those_of_many_frames_for_every_noise_behind_every_curve()
     assert!(seen[1][0] - silent[1][0] > 3.0 && seen[1][1] > 100.0 * silent[1][1], "{seen:?} {silent:?}");
 }
 
-/// A picture behind the steps of a camera that mix pixels.
-fn filtered(mut picture: Plane<f32>, settings: &Settings) -> Plane<f32> {
-    let packed = Packed::new(LIST, settings, &view(picture.width as u32, picture.height as u32, 0));
-    for effect in switched_on(settings) {
-        let Work::Neighbourhood { reference, .. } = effect.work() else { continue };
-        picture = reference(&picture, settings, &packed.parameters(crate::chain::slot_of(LIST, effect.id())));
-    }
-    picture
-}
-
 /// What the steps of a camera that mix pixels make of white noise, over what is said of it: pixels, bands, lines.
 fn ratios(settings: &Settings) -> (Mixing, [f32; 6]) {
-    let (mixing, seen) = (chain::mixing(LIST, settings), filtered(normal_noise([512, 512]), settings));
+    let (mixing, seen) = (chain::mixing(LIST, settings), mixed(&normal_noise([512, 512]), settings));
     let all: f32 = mixing.pixel.iter().sum();
     let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| mixing.pixel[c] * of(c)).sum::<f32>() / all;
     let pixel = square(seen.data.iter().copied());
@@ -406,7 +397,7 @@ fn rows_behind_a_mosaic_and_filters_keep_what_they_say() {
     for mosaic in [None, Some(word("bayer_mosaic", "pattern", "RGGB"))] {
         let given: Vec<_> = mosaic.into_iter().chain(filters).collect();
         let settings = settings(&given);
-        let (mixing, seen) = (chain::mixing(LIST, &settings), filtered(rows.clone(), &settings));
+        let (mixing, seen) = (chain::mixing(LIST, &settings), mixed(&rows, &settings));
         let ahead = square(noise.data.iter().step_by(3).copied());
         for c in 0..3 {
             let kept = square(seen.data.iter().skip(c).step_by(3).copied()) / ahead;
@@ -430,7 +421,7 @@ fn colour_that_pixels_share_keeps_of_filtered_noise_what_is_said() {
             let given: Vec<_> = ahead.iter().chain(&shares).copied().collect();
             let settings = settings(&given);
             let mixing = chain::mixing(LIST, &settings);
-            let seen = filtered(normal_noise([512, 512]), &settings);
+            let seen = mixed(&normal_noise([512, 512]), &settings);
             let shared = mixing.shared.expect("they share");
             for c in 0..3 {
                 let told: f32 = (0..3).map(|from| shared[c][from] * mixing.pixel[from]).sum();
@@ -438,6 +429,38 @@ fn colour_that_pixels_share_keeps_of_filtered_noise_what_is_said() {
                 assert!((seen / told - 1.0).abs() < 0.03, "{given:?} {c}: {seen}, told {told}");
             }
         }
+    }
+}
+
+#[test]
+fn the_coefficients_of_a_block_have_of_mixed_noise_what_is_said() {
+    let filters = FILTERS.map(|(effect, name, value)| number(effect, name, value));
+    let mosaic = [word("bayer_mosaic", "pattern", "RGGB")];
+    let shares = [word("chroma_subsampling", "scheme", "4:2:0")];
+    let (dct, noise) = (Dct::new(), normal_noise([768, 512]));
+    let both = [filters[0], filters[1], shares[0]];
+    for given in [&filters[..2], &filters[..], &mosaic[..], &shares[..], &both[..]] {
+        let settings = settings(given);
+        let (grain, mixing) = (Grain::of(&settings), chain::mixing(LIST, &settings));
+        let seen = mixed(&noise, &settings);
+        for (k, weights) in TO_YCC.iter().enumerate() {
+            let mut sums = [0.0f32; AREA];
+            for b in 0..96 * 64 {
+                let block = std::array::from_fn(|i| {
+                    let p = seen.pixel(b % 96 * SIDE + i % SIDE, b / 96 * SIDE + i / SIDE);
+                    (0..3).map(|c| weights[c] * p[c]).sum()
+                });
+                sums.iter_mut().zip(dct.forward(&block)).for_each(|(s, v)| *s += v * v / (96.0 * 64.0));
+            }
+            let white: f32 = (0..3).map(|c| weights[c] * weights[c] * mixing.pixel[c]).sum();
+            for (i, sum) in sums.iter().enumerate() {
+                let (seen, told) = (sum / white, grain.own(k, i));
+                assert!((seen - told).abs() < 0.1 * told + 0.01, "{given:?} {k} {i}: {seen}, told {told}");
+            }
+        }
+        // Control: white noise would have as much in all of them.
+        let (least, most) = (grain.own(1, AREA - 1), grain.own(1, 0));
+        assert!(least < 0.8 * most, "{given:?}: {least} {most}");
     }
 }
 

@@ -89,6 +89,8 @@ pub struct Tone {
     pub(super) mixing: Mixing,
     /// Nothing but curves of single values follows the encoding: each of its values is delivered as one whole DN.
     encoding_is_last: bool,
+    /// The same but for what mixes pixels.
+    only_mixed: bool,
 }
 
 impl Tone {
@@ -107,6 +109,7 @@ impl Tone {
         let follows = |e: &dyn Effect| is_behind_encoding(e) && !bent.contains(&e.id());
         let mut tone = Self {
             encoding_is_last: !switched_on(settings).any(follows),
+            only_mixed: !switched_on(settings).any(|e| follows(e) && !e.moments().mixes()),
             tables,
             bent,
             sensor: [[1.0, 0.0]; 3],
@@ -408,6 +411,11 @@ impl Tone {
     /// Whether delivered values are the converter's, each encoded on its own.
     pub fn keeps_steps(&self) -> bool {
         self.has_own_colors() && self.mixing == Mixing::NONE && self.encoding_is_last
+    }
+
+    /// Whether delivered noise is that of the sensor, bent and mixed with that of other pixels, and no more.
+    pub fn only_mixes(&self) -> bool {
+        self.has_own_colors() && self.only_mixed
     }
 
     /// Whether a converter's steps are so coarse that they are seen one by one.

@@ -21,7 +21,7 @@ mod tell;
 mod unpaired;
 
 // What compression does to blocks belongs to the effect; files here name it as neighbours.
-use shutterbug::effects::jpeg::{dct, flips, packing};
+use shutterbug::effects::jpeg::{dct, flips, grain, packing};
 
 #[doc(hidden)]
 pub use expect::journal::{example_of_a_journal, read_journal};

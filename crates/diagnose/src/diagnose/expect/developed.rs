@@ -12,6 +12,7 @@ use super::model::{P, Theta};
 use super::settings::settings_of;
 use super::tone::{Tone, noiseless, shows_coarse_steps};
 use crate::diagnose::flips::Flips;
+use crate::diagnose::grain::Grain;
 use shutterbug::chain::{Settings, View};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -97,18 +98,19 @@ impl Forward {
     }
 
     /// What compression leaves of the noise in the frames of `theta`; nothing where there is no noise or no
-    /// compression, or where pixels share their chroma before it.
+    /// compression.
     pub(crate) fn flips(&mut self, frames: &[usize], theta: &Theta, quality: Quality) -> Result<Vec<Flips>> {
         let tone = Tone::new(theta);
-        if !theta.is_on(P::Quality) || theta.is_on(P::Chroma) || !tone.is_noisy() {
+        if !theta.is_on(P::Quality) || !tone.is_noisy() {
             return Ok(Vec::new());
         }
         let before = self.pictures(frames, &theta.with(P::Quality, 0.0), quality)?;
         self.budget.go_on()?;
+        let grain = Grain::of(&settings_of(theta));
         let of = |dn: &Arc<Plane<f32>>| {
             let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
             let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
-            Flips::of(dn, &variance, theta.get(P::Quality) as u8)
+            Flips::of(dn, &variance, theta.get(P::Quality) as u8, &grain)
         };
         Ok(before.par_iter().map(of).collect())
     }

@@ -8,6 +8,7 @@ use super::settings::settings_of;
 pub(crate) use shutterbug::chain::Variances;
 use shutterbug::chain::{self, Mixing};
 use shutterbug::effects;
+use shutterbug::plane::stats::LUMA;
 use shutterbug::reference::moments;
 
 /// Everything that happens to a value on its own.
@@ -46,9 +47,15 @@ fn mixing(theta: &Theta) -> Mixing {
     chain::mixing(effects::LIST, &settings_of(theta))
 }
 
-/// Variance that white noise keeps behind the steps that mix pixels, by channel.
-pub(crate) fn noise_gain(theta: &Theta) -> [f32; 3] {
-    mixing(theta).pixel
+/// What is seen of white noise behind the steps that mix pixels, by differences along the row of a kind (see
+/// [`chain::DISTANCES`]): of single colours on average, or of brightness.
+pub(crate) fn noise_gain(theta: &Theta, kind: usize, luma: bool) -> f64 {
+    let mixing = mixing(theta);
+    if luma {
+        return f64::from(mixing.luma[1 + kind]);
+    }
+    let of = |c: usize| f64::from(mixing.pixel[c] * mixing.left[c].high_pass[kind]);
+    (0..3).map(of).sum::<f64>() / 3.0
 }
 
 /// Variance that the noise of rows keeps in the mean of a row over its colours, about rows that are not its neighbours.
@@ -65,6 +72,17 @@ pub(crate) fn shared(theta: &Theta) -> Option<[[f32; 3]; 3]> {
 /// mean over its colours.
 pub(crate) fn row_kept(theta: &Theta) -> f64 {
     mixing(theta).left.iter().map(|l| f64::from(l.lines[0])).sum::<f64>() / 3.0
+}
+
+/// What brightness keeps of white noise, and of the noise of rows, behind the steps that mix pixels.
+pub(crate) fn kept_of_luma(theta: &Theta) -> [f64; 2] {
+    let mixing = mixing(theta);
+    let over = |power: i32, of: &dyn Fn(usize) -> f64| {
+        let weight = |c: usize| f64::from(LUMA[c]).powi(power);
+        (0..3).map(|c| weight(c) * of(c)).sum::<f64>() / (0..3).map(weight).sum::<f64>()
+    };
+    let own = over(2, &|c| f64::from(mixing.pixel[c]));
+    [own, over(1, &|c| f64::from(mixing.row[c]).sqrt()).powi(2)]
 }
 
 /// Whether the steps of a coarse converter are seen one by one in delivered values: nothing mixes pixels or colours

@@ -12,7 +12,9 @@ use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
-use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::expect::settings::settings_of;
+use crate::diagnose::expect::tone::{Tone, kept_of_luma};
+use crate::diagnose::grain::Grain;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::LUMA;
 
@@ -21,16 +23,19 @@ const LEAST_STEP_DN: f32 = 3.0;
 /// Variance of a coefficient of brightness that rounding adds ahead of the file, DN^2: of three colours, of brightness,
 /// and of the coefficient itself.
 const ROUNDED2: f64 = 0.2;
-/// Steps whose logarithms differ by less are put together.
-const ALIKE: f32 = 0.05;
+/// Steps and shares whose logarithms differ by less are put together.
+const ALIKE: f64 = 0.05;
 /// Narrowest and widest noise that is looked for, linear.
 const WIDTHS: [f64; 2] = [2e-4, 0.3];
+/// Least share that is told from none: such noise drowns in rounding.
+const LEAST_SHARE: f64 = 1e-4;
 /// Values of which a coefficient of a row sums the shared noise.
 const SHARED: f64 = SIDE as f64;
 
-/// Whether the noise is new in every value up to the file: nothing mixes pixels or colours between the two.
+/// Whether the noise in the file is that of the sensor, mixed with that of other pixels at most: then it is known how it
+/// lies in the coefficients.
 pub(super) fn shows_coefficients(theta: &Theta) -> bool {
-    theta.is_on(P::Quality) && Tone::new(&theta.with(P::Quality, 0.0)).keeps_steps()
+    theta.is_on(P::Quality) && Tone::new(&theta.with(P::Quality, 0.0)).only_mixes()
 }
 
 /// What coefficients tell.
@@ -41,8 +46,9 @@ pub(super) struct Told {
     pub row2: f64,
 }
 
-/// Coefficients by the logarithm of their step, the latter as a linear value of single pixels.
-type ByStep = BTreeMap<i32, Steps>;
+/// Coefficients by the logarithms of their step, as a linear value of single pixels, and of the share that the noise
+/// besides has in them.
+type ByStep = BTreeMap<[i32; 2], Steps>;
 
 /// What encoders round: libjpeg a coefficient as it is, others what is left of it without its fraction of a DN.
 const ENCODERS: [fn(f32) -> f32; 2] = [|dn| dn, |dn| dn.signum() * (dn.abs() - 0.5).max(0.0)];
@@ -70,9 +76,17 @@ impl Bin {
         self.sums[i] / self.sums[0].max(1.0)
     }
 
+    /// Variance of rounding ahead of the file, as a linear value of single pixels.
+    fn rounding(&self) -> f64 {
+        ROUNDED2 / self.mean(2)
+    }
+
     /// Noise of single values with that of rounding, linear, and the logarithm of its likelihood.
     fn own_noise(&self, encoder: usize) -> (Option<Noise>, f64) {
-        let part = |(step, seen): (&i32, _)| Part { step: step_of(*step), own: 0.0, seen };
+        let part = |(key, seen): (&[i32; 2], _)| {
+            let [step, share] = key.map(value_of);
+            Part { step, own: (share - 1.0) * self.rounding(), seen }
+        };
         let parts: Vec<Part> = self.own[encoder].iter().map(part).collect();
         let noise = most_likely(WIDTHS, |log_width| likelihood(&parts, log_width));
         (noise, likelihood(&parts, noise.map_or(WIDTHS[0].ln(), |n| 0.5 * n.variance.ln())))
@@ -98,6 +112,26 @@ pub(super) struct Blocks<'a> {
     pub flats: &'a [Vec<bool>],
     pub tables: &'a Tables,
     pub tone: &'a Tone,
+    /// How the noise ahead of the file lies in the coefficients.
+    pub shares: &'a Shares,
+}
+
+/// Variance of each coefficient of brightness, over that of noise that is white and new in every value of the sensor:
+/// of noise of single values, and of that which a row shares.
+pub(super) struct Shares {
+    own: [f64; AREA],
+    rows: [f64; AREA],
+}
+
+impl Shares {
+    pub(super) fn of(theta: &Theta) -> Self {
+        let grain = Grain::of(&settings_of(theta));
+        let [own, rows] = kept_of_luma(theta);
+        Self {
+            own: std::array::from_fn(|i| (own * f64::from(grain.own(0, i))).max(LEAST_SHARE)),
+            rows: std::array::from_fn(|i| (rows * f64::from(grain.rows(0, i))).max(LEAST_SHARE)),
+        }
+    }
 }
 
 impl Blocks<'_> {
@@ -138,8 +172,13 @@ impl Blocks<'_> {
             bin.sums.iter_mut().zip(sums).for_each(|(a, b)| *a += b);
             // The first one is the block's mean, which says more of the model than of the noise.
             for i in (1..AREA).filter(|i| table[*i] >= LEAST_STEP_DN) {
-                let to = if i % SIDE == 0 { &mut bin.rows } else { &mut bin.own };
-                let key = ((table[i] / block.slopes[0]).ln() / ALIKE).round() as i32;
+                let step = f64::from(table[i] / block.slopes[0]);
+                // Rounding, or the noise of single values, is beside what a coefficient tells of.
+                let (to, told, beside) = match i % SIDE {
+                    0 => (&mut bin.rows, self.shares.rows[i], self.shares.own[i]),
+                    _ => (&mut bin.own, self.shares.own[i], 1.0),
+                };
+                let key = [step / told.sqrt(), beside / told].map(key_of);
                 for (to, left_of) in to.iter_mut().zip(ENCODERS) {
                     to.entry(key)
                         .or_default()
@@ -164,15 +203,15 @@ impl Blocks<'_> {
             bins.par_iter().map(|bin| [0, 1].map(|encoder| bin.own_noise(encoder))).collect();
         let total = |encoder: usize| noises.iter().map(|n| n[encoder].1).sum::<f64>();
         let encoder = usize::from(total(1) > total(0));
-        let rounding = |bin: &Bin| ROUNDED2 / bin.mean(2);
-        let own =
-            |noise: &[(Option<Noise>, f64); 2], bin| noise[encoder].0.map_or(rounding(bin), |n| n.variance);
+        let own = |noise: &[(Option<Noise>, f64); 2], bin: &Bin| {
+            noise[encoder].0.map_or(bin.rounding(), |n| n.variance)
+        };
         let seen: Vec<(&Bin, f64)> = bins.iter().zip(&noises).map(|(bin, n)| (bin, own(n, bin))).collect();
         let row2 = row_variance(&seen, encoder);
         // Noise that takes no coefficient to another step is not known.
         let known = |(bin, noise): (&Bin, &[(Option<Noise>, f64); 2])| {
             let noise = noise[encoder].0.filter(|n| n.count >= 1.0)?;
-            let variance = self.tone.unrounded((noise.variance - rounding(bin)).max(0.0));
+            let variance = self.tone.unrounded((noise.variance - bin.rounding()).max(0.0));
             Some([bin.mean(1).max(0.0), variance, noise.count])
         };
         let total = bins.iter().zip(&noises).filter_map(known).collect();
@@ -190,7 +229,7 @@ struct Part<'a> {
 /// Logarithm of the likelihood of noise of a width, given as its logarithm.
 fn likelihood(parts: &[Part], log_width: f64) -> f64 {
     let variance = (2.0 * log_width).exp();
-    parts.iter().map(|p| p.seen.likelihood((p.own + variance).sqrt() / p.step)).sum()
+    parts.iter().map(|p| p.seen.likelihood((p.own + variance).max(0.0).sqrt() / p.step)).sum()
 }
 
 /// Variance that rows share, as a linear value, from bins with the variance of their own noise.
@@ -199,22 +238,32 @@ fn row_variance(bins: &[(&Bin, f64)], encoder: usize) -> f64 {
     for (bin, own) in bins {
         // Eight values of a row add up in its coefficient, in all colours alike.
         let scale = (bin.mean(2) / (SHARED * bin.mean(3))).sqrt();
-        let part = |(k, seen): (&i32, _)| Part { step: step_of(*k) * scale, own: own * scale * scale, seen };
+        let part = |(key, seen): (&[i32; 2], _)| {
+            let [step, share] = key.map(value_of);
+            Part { step: step * scale, own: share * own * scale * scale, seen }
+        };
         parts.extend(bin.rows[encoder].iter().map(part));
     }
     most_likely(WIDTHS, |log_width| likelihood(&parts, log_width)).map_or(0.0, |told| told.variance)
 }
 
-fn step_of(key: i32) -> f64 {
-    f64::from(key as f32 * ALIKE).exp()
+fn key_of(value: f64) -> i32 {
+    (value.ln() / ALIKE).round() as i32
+}
+
+fn value_of(key: i32) -> f64 {
+    (f64::from(key) * ALIKE).exp()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::expect::vector::PLACES;
     use crate::diagnose::judge::noise::{NoiseData, ahead_of_steps};
+    use shutterbug::chain::Settings;
     use shutterbug::chain::rng::random_bits;
     use shutterbug::effects::jpeg::compressed;
+    use shutterbug::reference::moments::mixed;
 
     const SIDES: [usize; 2] = [320, 240];
 
@@ -224,8 +273,14 @@ mod tests {
     }
 
     /// Noise that is measured of a frame with that of single values and of rows, linear, behind a file.
-    fn measured([own, rows]: [f32; 2], quality: u8) -> NoiseData {
-        let theta = Theta::neutral().with(P::Quality, f64::from(quality));
+    fn measured(noise: [f32; 2], quality: u8) -> NoiseData {
+        measured_behind(&Theta::neutral(), noise, quality)
+    }
+
+    /// The same behind the filters of `theta` as well.
+    fn measured_behind(theta: &Theta, [own, rows]: [f32; 2], quality: u8) -> NoiseData {
+        let filters = settings_of(theta);
+        let theta = theta.with(P::Quality, f64::from(quality));
         let tone = Tone::new(&theta.with(P::Quality, 0.0));
         let mean = Plane::from_fn(SIDES[0], SIDES[1], |x, y| {
             // With texture: what rounding does to a smooth slope is no noise, and comes to a DN in a coefficient.
@@ -237,13 +292,21 @@ mod tests {
             [0, 1, 2].map(|c| {
                 let dn = mean.pixel(x, y)[c];
                 let noise = row + own * normal([x as u32, y as u32], 2 + c as u32);
-                (dn + noise * tone.slope_at(dn, c)).round().clamp(0.0, 255.0)
+                dn + noise * tone.slope_at(dn, c)
             })
         });
+        let [mean, real] = [mean, real].map(|picture| filtered(&picture, &filters));
+        let real = Plane { data: real.data.iter().map(|v| v.round().clamp(0.0, 255.0)).collect(), ..real };
         let behind = compressed(&mean, quality);
         let real = Evidence::of_one(compressed(&real, quality));
         assert!(ahead_of_steps(&theta).is_some());
         NoiseData::measure(&real, &[0], &[behind], Some(&[mean]), &theta, None)
+    }
+
+    /// A picture, DN, behind what mixes its pixels.
+    fn filtered(picture: &Plane<f32>, settings: &Settings) -> Plane<f32> {
+        let scaled = |p: &Plane<f32>, by: f32| Plane { data: p.data.iter().map(|v| by * v).collect(), ..*p };
+        scaled(&mixed(&scaled(picture, 1.0 / 255.0), settings), 255.0)
     }
 
     fn own(data: &NoiseData) -> f64 {
@@ -260,6 +323,22 @@ mod tests {
         for quality in [26, 59] {
             let data = measured([0.0, 0.0], quality);
             assert!(own(&data) < 2e-3, "control: {} of no noise", own(&data));
+        }
+    }
+
+    #[test]
+    fn noise_that_filters_have_mixed_is_told_ahead_of_the_file() {
+        let of = |effect: &str, name: &str| {
+            PLACES.iter().copied().find(|p| p.spec().effect == effect && p.spec().name == name).expect("one")
+        };
+        let soft = Theta::neutral()
+            .with(of("noise_reduction", "luma_sigma_px"), 0.7)
+            .with(of("noise_reduction", "chroma_sigma_px"), 1.3);
+        let sharp = Theta::neutral().with(P::Sharpen, 0.8).with(P::Radius, 1.0);
+        let shared = soft.with(P::Chroma, 1.0);
+        for (theta, truth, quality) in [(&soft, 0.03f32, 80), (&sharp, 0.02, 60), (&shared, 0.04, 70)] {
+            let seen = own(&measured_behind(theta, [truth, 0.0], quality)) / f64::from(truth);
+            assert!((seen - 1.0).abs() < 0.08, "{truth} ahead of {theta:?}, {quality}: {seen} of it");
         }
     }
 

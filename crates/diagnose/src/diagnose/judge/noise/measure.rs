@@ -5,7 +5,7 @@ use std::borrow::Borrow;
 use rayon::prelude::*;
 
 use super::NoiseData;
-use super::coefficients::{Blocks, shows_coefficients};
+use super::coefficients::{Blocks, Shares, shows_coefficients};
 use super::steps::Steps;
 use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::evidence::Evidence;
@@ -195,7 +195,8 @@ impl NoiseData {
         let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]), mixing);
         let files = ahead.filter(|_| shows_coefficients(theta));
         let Compared { flats, tables, .. } = &compared;
-        let blocks = Blocks { evidence, frames, flats, tables, tone: &tone };
+        let shares = Shares::of(theta);
+        let blocks = Blocks { evidence, frames, flats, tables, tone: &tone, shares: &shares };
         if let Some(told) = files.and_then(|ahead| blocks.told(theta, ahead)) {
             (data.total, data.row2) = (told.total, told.row2);
         }
@@ -323,7 +324,7 @@ impl Values {
 
     /// `mixing`: what equal noise in all colours keeps where they are made of each other, and where that is taken back.
     fn reduce(mut self, tone: &Tone, theta: &Theta, kind: usize, mixing: [f64; 2]) -> NoiseData {
-        let gain = noise_gain(theta).iter().map(|g| f64::from(*g)).sum::<f64>() / 3.0;
+        let gain = noise_gain(theta, kind, is_luma(theta));
         // Chroma shared behind a compression: what is measured is single colours.
         let gain = gain * f64::from(shared(theta).filter(|_| !is_luma(theta)).map_or(1.0, kept));
         let mean_dn: Vec<f32> =
