@@ -47,11 +47,12 @@ pub(super) struct Told {
 }
 
 /// Coefficients by the logarithms of their step, as a linear value of single pixels, and of the share that the noise
-/// besides has in them.
-type ByStep = BTreeMap<[i32; 2], Steps>;
+/// besides has in them; and by how much wider the step at zero is, thousandths of a step.
+type ByStep = BTreeMap<[i32; 3], Steps>;
 
-/// What encoders round: libjpeg a coefficient as it is, others what is left of it without its fraction of a DN.
-const ENCODERS: [fn(f32) -> f32; 2] = [|dn| dn, |dn| dn.signum() * (dn.abs() - 0.5).max(0.0)];
+/// How much further from zero thresholds lie than half way between two steps, DN, by the width of a step: libjpeg rounds
+/// a coefficient as it is, others without its fraction, which half an odd number of DN never reaches.
+const ENCODERS: [fn(f32) -> f32; 2] = [|_| 0.0, |step| if step % 2.0 == 1.0 { 0.5 } else { 0.0 }];
 
 /// The coefficients of blocks of one brightness, by encoder.
 #[derive(Clone, Default)]
@@ -83,9 +84,9 @@ impl Bin {
 
     /// Noise of single values with that of rounding, linear, and the logarithm of its likelihood.
     fn own_noise(&self, encoder: usize) -> (Option<Noise>, f64) {
-        let part = |(key, seen): (&[i32; 2], _)| {
-            let [step, share] = key.map(value_of);
-            Part { step, own: (share - 1.0) * self.rounding(), seen }
+        let part = |(&[step, share, wider], seen): (&[i32; 3], _)| {
+            let own = (value_of(share) - 1.0) * self.rounding();
+            Part { step: value_of(step), own, wider: 1e-3 * f64::from(wider), seen }
         };
         let parts: Vec<Part> = self.own[encoder].iter().map(part).collect();
         let noise = most_likely(WIDTHS, |log_width| likelihood(&parts, log_width));
@@ -178,11 +179,17 @@ impl Blocks<'_> {
                     0 => (&mut bin.rows, self.shares.rows[i], self.shares.own[i]),
                     _ => (&mut bin.own, self.shares.own[i], 1.0),
                 };
-                let key = [step / told.sqrt(), beside / told].map(key_of);
-                for (to, left_of) in to.iter_mut().zip(ENCODERS) {
-                    to.entry(key)
-                        .or_default()
-                        .add(left_of(block.simulated[i]) / table[i], block.seen[i] / table[i]);
+                let [step, share] = [step / told.sqrt(), beside / told].map(key_of);
+                let seen = block.seen[i] / table[i];
+                for (to, further) in to.iter_mut().zip(ENCODERS) {
+                    let (simulated, wider) = (block.simulated[i] / table[i], further(table[i]) / table[i]);
+                    if wider > 0.0 && simulated.abs() < 0.5 + wider {
+                        let key = [step, share, (1e3 * wider).round() as i32];
+                        to.entry(key).or_default().add_at_zero(simulated, seen, wider);
+                    } else {
+                        let rounded = simulated - wider * simulated.signum();
+                        to.entry([step, share, 0]).or_default().add(rounded, seen);
+                    }
                 }
             }
         }
@@ -223,13 +230,15 @@ impl Blocks<'_> {
 struct Part<'a> {
     step: f64,
     own: f64,
+    /// By how much what goes to zero reaches further, steps.
+    wider: f64,
     seen: &'a Steps,
 }
 
 /// Logarithm of the likelihood of noise of a width, given as its logarithm.
 fn likelihood(parts: &[Part], log_width: f64) -> f64 {
     let variance = (2.0 * log_width).exp();
-    parts.iter().map(|p| p.seen.likelihood((p.own + variance).max(0.0).sqrt() / p.step)).sum()
+    parts.iter().map(|p| p.seen.likelihood((p.own + variance).max(0.0).sqrt() / p.step, p.wider)).sum()
 }
 
 /// Variance that rows share, as a linear value, from bins with the variance of their own noise.
@@ -238,9 +247,9 @@ fn row_variance(bins: &[(&Bin, f64)], encoder: usize) -> f64 {
     for (bin, own) in bins {
         // Eight values of a row add up in its coefficient, in all colours alike.
         let scale = (bin.mean(2) / (SHARED * bin.mean(3))).sqrt();
-        let part = |(key, seen): (&[i32; 2], _)| {
-            let [step, share] = key.map(value_of);
-            Part { step: step * scale, own: share * own * scale * scale, seen }
+        let part = |(&[step, share, wider], seen): (&[i32; 3], _)| {
+            let own = value_of(share) * own * scale * scale;
+            Part { step: value_of(step) * scale, own, wider: 1e-3 * f64::from(wider), seen }
         };
         parts.extend(bin.rows[encoder].iter().map(part));
     }
@@ -316,9 +325,9 @@ mod tests {
 
     #[test]
     fn a_strong_compression_tells_the_noise_ahead_of_it() {
-        for (truth, quality) in [(0.012f32, 59), (0.03, 59), (0.03, 26), (0.05, 40)] {
+        for (truth, quality) in [(0.012f32, 59), (0.03, 59), (0.03, 26), (0.05, 40), (0.008, 88)] {
             let seen = own(&measured([truth, 0.0], quality)) / f64::from(truth);
-            assert!((seen - 1.0).abs() < 0.06, "{truth} ahead of {quality}: {seen} of it");
+            assert!((seen - 1.0).abs() < 0.02, "{truth} ahead of {quality}: {seen} of it");
         }
         for quality in [26, 59] {
             let data = measured([0.0, 0.0], quality);
@@ -338,7 +347,7 @@ mod tests {
         let shared = soft.with(P::Chroma, 1.0);
         for (theta, truth, quality) in [(&soft, 0.03f32, 80), (&sharp, 0.02, 60), (&shared, 0.04, 70)] {
             let seen = own(&measured_behind(theta, [truth, 0.0], quality)) / f64::from(truth);
-            assert!((seen - 1.0).abs() < 0.08, "{truth} ahead of {theta:?}, {quality}: {seen} of it");
+            assert!((seen - 1.0).abs() < 0.03, "{truth} ahead of {theta:?}, {quality}: {seen} of it");
         }
     }
 

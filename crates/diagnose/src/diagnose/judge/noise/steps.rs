@@ -33,9 +33,19 @@ pub(super) struct Told {
 impl Steps {
     /// Adds a value. `simulated`, `seen`: in steps; the latter is whole but for the rounding of what is delivered.
     pub(super) fn add(&mut self, simulated: f32, seen: f32) {
-        self.counts.resize(PLACES, [0; CODES]);
         let nearest = simulated.round();
-        let place = ((simulated - nearest + 0.5) * PLACES as f32) as usize;
+        self.count(simulated - nearest, seen, nearest);
+    }
+
+    /// Adds a value whose simulated one goes to zero, where what goes there reaches further by `wider` steps to either
+    /// side, see [`Self::likelihood`].
+    pub(super) fn add_at_zero(&mut self, simulated: f32, seen: f32, wider: f32) {
+        self.count(simulated / (1.0 + 2.0 * wider), seen, 0.0);
+    }
+
+    fn count(&mut self, off: f32, seen: f32, nearest: f32) {
+        self.counts.resize(PLACES, [0; CODES]);
+        let place = ((off + 0.5) * PLACES as f32) as usize;
         let code = ((seen.round() - nearest) as i32).clamp(-REACH, REACH) + REACH;
         self.counts[place.min(PLACES - 1)][code as usize] += 1;
     }
@@ -56,20 +66,22 @@ impl Steps {
         if self.counts.is_empty() {
             return None;
         }
-        most_likely(WIDTHS, |log_width| self.likelihood(log_width.exp()))
+        most_likely(WIDTHS, |log_width| self.likelihood(log_width.exp(), 0.0))
     }
 
-    /// Logarithm of the likelihood of noise of a width, steps.
-    pub(super) fn likelihood(&self, width: f64) -> f64 {
+    /// Logarithm of the likelihood of noise of a width, steps. `wider`: how much further than half a step what goes to
+    /// zero reaches to either side, steps; values from [`Self::add`] have none.
+    pub(super) fn likelihood(&self, width: f64, wider: f64) -> f64 {
         // Where in its bin of places a value lies is not known.
         let width = width.hypot(1.0 / (PLACES as f64 * 12f64.sqrt()));
         let below = |t: f64| 0.5 + 0.5 * erf(t / width * std::f64::consts::FRAC_1_SQRT_2);
         let mut sum = 0.0;
         for (place, counts) in self.counts.iter().enumerate() {
-            let off = (place as f64 + 0.5) / PLACES as f64 - 0.5;
+            let off = (1.0 + 2.0 * wider) * ((place as f64 + 0.5) / PLACES as f64 - 0.5);
             for (code, &count) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
-                let to = code as f64 - f64::from(REACH) - off;
-                let (mut from, mut up) = (below(to - 0.5), below(to + 0.5));
+                let to = code as f64 - f64::from(REACH);
+                let [mut from, mut up] =
+                    [to - 0.5, to + 0.5].map(|t: f64| below(t + wider * t.signum() - off));
                 // What lies beyond the last step that is told apart counts as that.
                 if code == 0 {
                     from = 0.0;
@@ -136,6 +148,25 @@ mod tests {
         // At one place a third of a step from the threshold.
         let told = seen(0.3, Some(7.2)).told().expect("seen");
         assert!((told.variance.sqrt() / 0.3 - 1.0).abs() < 0.05, "{told:?}");
+    }
+
+    #[test]
+    fn a_wider_step_at_zero_hides_no_noise() {
+        let (width, wider) = (0.4f32, 0.15f32);
+        let mut steps = Steps::default();
+        for i in 0..40_000u32 {
+            let u = |k: u32| random_bits([i, k], 0, 9, [3, 4]).map(|b| b as f32 / u32::MAX as f32);
+            let normal = (-2.0 * u(0)[0].max(1e-9).ln()).sqrt() * (std::f32::consts::TAU * u(0)[1]).cos();
+            let value = 1.2 * u(1)[0] - 0.6;
+            let noisy = value + width * normal;
+            steps.add_at_zero(value, (noisy.signum() * (noisy.abs() - wider).max(0.0)).round(), wider);
+        }
+        let told = |wider: f64| {
+            let told = most_likely(WIDTHS, |log_width| steps.likelihood(log_width.exp(), wider));
+            told.expect("seen").variance.sqrt() / f64::from(width) - 1.0
+        };
+        assert!(told(f64::from(wider)).abs() < 0.03, "{}", told(f64::from(wider)));
+        assert!(told(0.0) < -0.1, "control: steps that are all alike: {}", told(0.0));
     }
 
     #[test]
