@@ -59,7 +59,7 @@ impl Filter {
         let lines =
             [true, false].map(|row| self.channels(spread, &self.products(|a, b, _| of_line(a, b, row))));
         // White noise leaves 1.5 of its variance.
-        let apart = DISTANCES.map(|d| beside(d));
+        let apart = DISTANCES.map(beside);
         let apart =
             apart.each_ref().map(|t| self.products(|a, b, _| sums(a, b, [t, t]).map(|l| l.map(|v| v / 1.5))));
         let high_pass = apart.each_ref().map(|products| self.channels(spread, products));

@@ -9,8 +9,8 @@ use super::spread::Spread;
 use super::{Effect, Settings};
 use crate::plane::stats::LUMA;
 
-/// A mosaic, filters behind it, and colour that blocks share behind those. They are taken together: what a filter removes
-/// the next cannot raise, and what a mosaic spreads a filter does not average away.
+/// A mosaic, filters behind it, and colour that blocks share behind those. They are taken together: what a filter
+/// removes the next cannot raise, and what a mosaic spreads a filter does not average away.
 pub struct Mixed {
     spread: &'static Spread,
     filter: Filter,
@@ -42,13 +42,18 @@ impl Mixed {
 
     /// Whether nothing mixes pixels.
     pub fn is_none(&self) -> bool {
-        std::ptr::eq(self.spread, &raw const *WHITE) && self.filter.is_none() && self.block.is_none()
+        self.keeps_neighbours_apart() && self.block.is_none()
+    }
+
+    /// Whether noise is white ahead of what blocks share.
+    fn keeps_neighbours_apart(&self) -> bool {
+        std::ptr::eq(self.spread, &raw const *WHITE) && self.filter.is_none()
     }
 
     /// What is left of noise that was as much in each colour.
     pub fn mixing(&self) -> Mixing {
         let mixing =
-            if self.filter.is_none() { self.spread.alone() } else { self.filter.mixing(self.spread) };
+            if self.keeps_neighbours_apart() { Mixing::NONE } else { self.filter.mixing(self.spread) };
         let shared = self.block.map(|block| {
             let behind = [0, 1, 2].map(only).map(|c| self.filter.in_common(self.spread, block, [&c; 2]));
             shared((block[0] * block[1]) as f64, mixing.pixel.map(f64::from), behind)

@@ -1,7 +1,5 @@
 //! How noise hangs together between pixels and colours behind a mosaic of filters.
 
-use super::filter::Filter;
-use super::mixing::Mixing;
 use crate::plane::Plane;
 
 /// Pixels that share noise are no further apart than this along either axis, px: each filled-in colour is made of
@@ -23,8 +21,6 @@ pub struct Spread {
     pixels: [[Table; 3]; 3],
     /// Of the noise of rows, by distance along a column, and whether the columns lie an even or an odd number apart.
     rows: [[[[f64; 2]; APART + 1]; 3]; 3],
-    /// What is left of noise where nothing comes behind.
-    alone: Mixing,
 }
 
 impl Spread {
@@ -36,7 +32,6 @@ impl Spread {
             // A row's noise is the same in all colours.
             (0..3).for_each(|other| spread.rows[c][other][0] = [1.0; 2]);
         }
-        spread.alone = Mixing::NONE;
         spread
     }
 
@@ -63,17 +58,11 @@ impl Spread {
                 }
             }
         }
-        spread.alone = Filter::none().mixing(&spread);
         spread
     }
 
     fn nothing() -> Self {
-        Self { pixels: Default::default(), rows: Default::default(), alone: Mixing::NONE }
-    }
-
-    /// What is left of noise where nothing comes behind.
-    pub fn alone(&self) -> Mixing {
-        self.alone
+        Self { pixels: Default::default(), rows: Default::default() }
     }
 
     /// What two mixtures of the colours have in common, by distance along a column and along a row.

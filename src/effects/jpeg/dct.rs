@@ -1,10 +1,16 @@
 //! What JPEG does to blocks of 8x8 values: the cosine transform, and the steps that a quality rounds its coefficients
 //! to (ITU-T T.81, annex A.3.3 and tables K.1 and K.2; scaled as libjpeg does).
 
+use crate::plane::stats;
+
 /// Side of a block, px.
 pub const SIDE: usize = 8;
 /// Values of a block.
 pub const AREA: usize = SIDE * SIDE;
+
+/// Rows of the conversion to brightness and two colours.
+pub(crate) const TO_YCC: [[f32; 3]; 3] =
+    [stats::LUMA, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
 /// Steps of brightness at quality 50, by row.
 const LUMA: [u8; AREA] = [

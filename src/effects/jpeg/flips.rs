@@ -7,9 +7,9 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use super::dct::{AREA, Dct, SIDE, steps};
+use super::dct::{AREA, Dct, SIDE, TO_YCC, steps};
 use super::grain::Grain;
-use super::packing::{ROUNDED2, TO_YCC};
+use super::packing::ROUNDED2;
 use crate::chain::Left;
 use crate::plane::Plane;
 use crate::plane::stats::erf;

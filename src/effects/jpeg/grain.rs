@@ -4,8 +4,7 @@
 
 use std::sync::LazyLock;
 
-use super::dct::{AREA, Dct, SIDE};
-use super::packing::TO_YCC;
+use super::dct::{AREA, Dct, SIDE, TO_YCC};
 use crate::chain::{Mixed, Settings};
 use crate::effects::LIST;
 

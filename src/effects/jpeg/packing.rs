@@ -7,18 +7,16 @@ use std::sync::{Arc, LazyLock, Mutex};
 
 use rayon::prelude::*;
 
-use super::dct::{AREA, Dct, SIDE, steps};
+use super::dct::{AREA, Dct, SIDE, TO_YCC, steps};
 use super::grain::Grain;
 use crate::chain::rng::random_bits;
 use crate::chain::{BANDS, Left};
 use crate::plane::Plane;
-use crate::plane::stats::{LUMA, erf, robust_variance};
+use crate::plane::stats::{erf, robust_variance};
 
 /// Variance that rounding adds before a coefficient is rounded, DN^2: of the three colours, and of brightness and
 /// colours.
 pub(crate) const ROUNDED2: f32 = 0.12;
-/// Rows of the conversion to brightness and two colours.
-pub(crate) const TO_YCC: [[f32; 3]; 3] = [LUMA, [-0.168_736, -0.331_264, 0.5], [0.5, -0.418_688, -0.081_312]];
 
 /// Mean over the noise of a picture behind compression, DN. `variance`: of the noise before it, by value, DN^2; `rows`:
 /// of noise that a row shares, in all colours alike, which lies in the coefficients of rows alone.

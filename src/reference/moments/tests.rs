@@ -3,9 +3,9 @@
 use super::*;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use crate::chain::{self, BANDS, Mixing, Moments, Packed, Settings, Value, View, Work};
-use crate::effects::jpeg::dct::{AREA, Dct, SIDE};
+use crate::effects::jpeg::dct::{AREA, Dct, SIDE, TO_YCC};
 use crate::effects::jpeg::grain::Grain;
-use crate::effects::jpeg::packing::{TO_YCC, band, lines, normal_noise, square};
+use crate::effects::jpeg::packing::{band, lines, normal_noise, square};
 use crate::effects::{LIST, by_id};
 use crate::plane::Plane;
 use crate::reference::chain as by_hand;

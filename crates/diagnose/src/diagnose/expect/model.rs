@@ -84,7 +84,8 @@ pub(crate) fn moves(candidate: &CandidateSpec) -> bool {
 /// Whether a candidate mixes neighbouring pixels behind the noise: it changes the spread, and how much noise there must
 /// be to make the spread that is seen.
 pub(crate) fn mixes_pixels(name: &str) -> bool {
-    matches!(name, "bayer_mosaic" | "sharpening" | "chroma_subsampling" | "jpeg")
+    let moments = effects::by_id(name).map(|e| e.moments());
+    moments.is_some_and(|m| m.mixes() || matches!(m, Moments::File(_)))
 }
 
 /// A point in the space of all parameters.

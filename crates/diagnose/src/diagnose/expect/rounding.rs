@@ -1,4 +1,4 @@
-//! Rounding: what a sensor delivers of a value is a whole number of DN, and pictures of a simulator were rounded before.
+//! Rounding: what a sensor delivers of a value is a whole number of DN, and a simulator's pictures were rounded before.
 
 use std::sync::LazyLock;
 

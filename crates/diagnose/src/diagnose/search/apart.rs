@@ -24,11 +24,22 @@ use crate::diagnose::judge::noise::NoiseData;
 use crate::diagnose::judge::score::FAMILIES;
 use crate::diagnose::judge::{Scores, family_gain, gain, gain_beyond_bounds, quantile, quantile_of_length};
 use crate::diagnose::search::Search;
+use shutterbug::chain::Moments;
+use shutterbug::effects;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Px a block over which pictures are averaged where they are compared.
 const BLOCK: usize = 2;
+
+/// The same for two models. What makes one of a few neighbours leaves their mean as it is: it shows in single pixels.
+fn block_of(a: &Theta, b: &Theta) -> usize {
+    let joins = |p: P| {
+        let effect = effects::by_id(p.spec().effect);
+        effect.is_some_and(|e| matches!(e.moments(), Moments::Mosaic(_) | Moments::Shares(_)))
+    };
+    if a.differing(b).any(joins) { 1 } else { BLOCK }
+}
 
 impl Search<'_> {
     /// How many candidates are looked at.
@@ -134,7 +145,7 @@ impl Search<'_> {
         if !shown && from.scan_order == to.scan_order && from.room.is_like(&to.room) {
             return Ok(None);
         }
-        let frames = &self.evidence.choose;
+        let (frames, block) = (&self.evidence.choose, block_of(from, to));
         let masks = self.forward.masked(Some(self.masks), from.room.kind().and(to.room.kind()));
         let target = Target { evidence: self.evidence, masks: masks.as_deref() };
         let pictures = [from, to].map(|t| self.forward.pictures(frames, t, self.judge.quality));
@@ -149,12 +160,12 @@ impl Search<'_> {
             let (a, b) = (&from_dn[i], &to_dn[i]);
             let pooled = |mut d: Vec<f32>| {
                 hide(target, at, &mut d);
-                pooled(&d, a.width, a.height, BLOCK)
+                pooled(&d, a.width, a.height, block)
             };
             let less = |b: &Plane<f32>| b.data.iter().zip(&a.data).map(|(b, a)| b - a).collect();
             let mut columns = vec![pooled(less(b)), pooled(less(&wider[i]))];
             columns.extend(drawn[i].iter().map(|draw| pooled(draw.data.clone())));
-            (residual(target, at, a, BLOCK), columns)
+            (residual(target, at, a, block), columns)
         };
         let values: Vec<FrameValues> = frames.par_iter().enumerate().map(one).collect();
         let residuals: Vec<&[f32]> = values.iter().map(|v| &v.0[..]).collect();
@@ -167,10 +178,10 @@ impl Search<'_> {
         };
         let drawn = values.iter().map(drawn).collect();
         let weighing =
-            Weighing::new(&from_dn, &Tone::new(from), BLOCK, 1.0).widened(drawn).chosen(&residuals);
+            Weighing::new(&from_dn, &Tone::new(from), block, 1.0).widened(drawn).chosen(&residuals);
         let e = assemble(values, 2 + draws, Arc::new(weighing));
-        let columns_px = self.forward.intrinsics.width as usize / BLOCK;
+        let columns_px = self.forward.intrinsics.width as usize / block;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
-        Ok(way(e, &Shown::of(&from_dn, BLOCK), columns_px, BLOCK, moves))
+        Ok(way(e, &Shown::of(&from_dn, block), columns_px, block, moves))
     }
 }

@@ -114,7 +114,9 @@ impl Doings {
             let by: Vec<P> = held.iter().chain(candidate_of(name).parameters).copied().collect();
             (*name, 1.0 - self.left(out, &by) / without.max(1e-12))
         };
-        let mut alike: Vec<_> = others.iter().map(like).filter(|a| a.1 > RESEMBLES).collect();
+        let all: Vec<_> = others.iter().map(like).collect();
+        tracing::debug!("all like {out:?} beside {rest:?}: {all:?}");
+        let mut alike: Vec<_> = all.into_iter().filter(|a| a.1 > RESEMBLES).collect();
         alike.sort_by(|a, b| b.1.total_cmp(&a.1));
         tracing::info!("like {out:?} beside {rest:?}: {alike:?}");
         alike.into_iter().take(MOST).map(|a| a.0).collect()

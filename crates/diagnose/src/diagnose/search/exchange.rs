@@ -114,7 +114,9 @@ impl Search<'_> {
         let others: Vec<_> = self.names.iter().copied().filter(beside).collect();
         let mut alike = doings.alike(out, &rest, &others);
         alike.extend(self.choices_like(out, &found.set));
-        for name in alike {
+        let delays = self.delays_like(out).into_iter().filter(|n| beside(n));
+        let more: Vec<_> = delays.filter(|n| !alike.contains(n)).collect();
+        for name in alike.into_iter().chain(more) {
             if self.late() {
                 return Ok(None);
             }
@@ -204,6 +206,16 @@ impl Search<'_> {
             return Ok(Compared::Worse);
         }
         Ok(if worse { Compared::Worse } else { Compared::AsGood })
+    }
+
+    /// What delays as a member `out` does: an exposure delays what it blurs by half of itself, and a readout by what it
+    /// takes to come to a line. What a short step does to few samples a pixel hides that.
+    fn delays_like(&self, out: &[&'static str]) -> Vec<&'static str> {
+        let delays = |n: &&'static str| candidate_of(n).parameters.iter().any(|p| p.is_time());
+        if out.len() != 1 || !out.iter().all(delays) {
+            return Vec::new();
+        }
+        self.names.iter().copied().filter(delays).collect()
     }
 
     /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that

@@ -32,8 +32,8 @@ const LEAST_SHARE: f64 = 1e-4;
 /// Values of which a coefficient of a row sums the shared noise.
 const SHARED: f64 = SIDE as f64;
 
-/// Whether the noise in the file is that of the sensor, mixed with that of other pixels at most: then it is known how it
-/// lies in the coefficients.
+/// Whether the noise in the file is that of the sensor, mixed with that of other pixels at most: then it is known how
+/// it lies in the coefficients.
 pub(super) fn shows_coefficients(theta: &Theta) -> bool {
     theta.is_on(P::Quality) && Tone::new(&theta.with(P::Quality, 0.0)).only_mixes()
 }
@@ -50,8 +50,8 @@ pub(super) struct Told {
 /// besides has in them; and by how much wider the step at zero is, thousandths of a step.
 type ByStep = BTreeMap<[i32; 3], Steps>;
 
-/// How much further from zero thresholds lie than half way between two steps, DN, by the width of a step: libjpeg rounds
-/// a coefficient as it is, others without its fraction, which half an odd number of DN never reaches.
+/// How much further from zero thresholds lie than half way between two steps, DN, by the width of a step. libjpeg
+/// rounds a coefficient as it is, others round what is left without its fraction: that is never half an odd number.
 const ENCODERS: [fn(f32) -> f32; 2] = [|_| 0.0, |step| if step % 2.0 == 1.0 { 0.5 } else { 0.0 }];
 
 /// The coefficients of blocks of one brightness, by encoder.
