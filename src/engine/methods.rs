@@ -113,9 +113,13 @@ impl Scenes {
         Ok(())
     }
 
-    /// Rebuilds what depends on the lens if a frame's lens differs from that of the frame before.
+    /// Rebuilds what depends on the lens if it, or the camera behind it, is another than for the frame before.
     fn fit_lens(&mut self, request: &FrameRequest, room: &mut Room<'_>) -> Result<()> {
-        if self.stage.lens.as_ref().map(|l| l.key) == LensKey::of(&request.settings) {
+        let fits = match (&self.stage.lens, LensKey::of(&request.settings)) {
+            (Some(lens), Some(key)) => lens.is_of(key, &self.stage.intrinsics),
+            (lens, key) => lens.is_none() && key.is_none(),
+        };
+        if fits {
             return Ok(());
         }
         room.settle()?;

@@ -9,10 +9,10 @@ use crate::gpu_support::scenes::{closed, drawable, rich, walk};
 use crate::gpu_support::{Watched, device};
 use crate::oracle_forms::{K, moments, pan, quads, rectangle};
 use shutterbug::Error;
-use shutterbug::camera::{Distortion, Pose, ScanOrder, Trajectory};
+use shutterbug::camera::{Distortion, Intrinsics, Pose, ScanOrder, Trajectory};
 use shutterbug::chain::{Settings, Value};
 use shutterbug::effects::{ChromaticAberration, LensDistortion};
-use shutterbug::engine::{ExactOptions, FastOptions, FrameRequest, Method};
+use shutterbug::engine::{Engine, ExactOptions, FastOptions, FrameRequest, Method};
 use shutterbug::plane::Plane;
 use shutterbug::scene::Scene;
 
@@ -90,6 +90,25 @@ fn a_straight_line_bends_by_the_polynomial() {
             assert!(off < 0.12, "{off} px");
             assert!(straight > 1.0, "control: {straight} px");
         }
+    }
+}
+
+#[test]
+fn a_camera_that_is_aimed_anew_has_its_lens_about_its_own_centre_and_focal_length() {
+    let name = "a_camera_that_is_aimed_anew_has_its_lens_about_its_own_centre_and_focal_length";
+    let Some(watched) = device(name) else { return };
+    let path = Trajectory::fixed(Pose::IDENTITY);
+    let request = FrameRequest { settings: settings(-0.25, 0.05), ..still(&K) };
+    let other = Intrinsics { fx: 1.08 * K.fx, fy: 1.08 * K.fy, cx: K.cx - 9.0, ..K };
+    let frame = |engine: &mut Engine| engine.render(&request).unwrap().picture;
+    for method in [exact(), Method::Fast(FastOptions::default())] {
+        let mut aimed = engine(&watched, &bar(), &path, K, options(method.clone(), 16), &[]);
+        let before = frame(&mut aimed);
+        aimed.aim(other, path.clone().into());
+        let got = frame(&mut aimed);
+        let want = frame(&mut engine(&watched, &bar(), &path, other, options(method.clone(), 16), &[]));
+        assert!(got.data == want.data, "{method:?}: not what an engine of that camera delivers");
+        assert!(got.data != before.data, "control: the cameras see the same");
     }
 }
 

@@ -77,7 +77,9 @@ pub(crate) struct Channel {
 
 /// A lens, and everything that depends on it.
 pub(crate) struct LensStage {
-    pub(crate) key: LensKey,
+    key: LensKey,
+    /// Of the camera that it was made for.
+    intrinsics: Intrinsics,
     pub(crate) extended: ExtendedLens,
     pub(crate) chords: Chords,
     /// Triangles for the methods that draw instants; made when first asked for.
@@ -108,7 +110,12 @@ impl LensStage {
         let frames: Vec<_> = expected.iter().map(|r| (r.shutter.start_s, r.shutter.end_s())).collect();
         let chords = Chords::new(stage, &groups, &extended, &frames);
         let merge = if key.scales == [1.0; 3] { None } else { Some(Merge::new(room)?) };
-        Ok(Self { key, extended, chords, geometry: None, merge })
+        Ok(Self { key, intrinsics: stage.intrinsics, extended, chords, geometry: None, merge })
+    }
+
+    /// Whether it is the lens of frames with these settings; of a camera with these intrinsics.
+    pub(crate) fn is_of(&self, key: LensKey, intrinsics: &Intrinsics) -> bool {
+        self.key == key && self.intrinsics == *intrinsics
     }
 
     /// Cuts the scene for methods that draw it as it stands.
