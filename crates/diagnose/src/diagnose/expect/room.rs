@@ -1,6 +1,8 @@
 //! What of the description may be taken to be wrong.
 
 use serde::{Deserialize, Serialize};
+use shutterbug::chain::Moments;
+use shutterbug::effects;
 
 /// The names of what may be wrong with the description, in the order in which it is tried.
 pub(crate) const NAMES: [&str; 2] = ["scene_radiance", "pose_error"];
@@ -18,6 +20,13 @@ pub(crate) fn is_of_surfaces(name: &str) -> bool {
 /// Whether an effect is a constant factor on the radiance.
 fn is_constant_factor(name: &str) -> bool {
     name == "exposure_gain"
+}
+
+/// Whether an effect changes each value by what it is: a surface that stays as bright is changed as by a factor of its
+/// own.
+pub(crate) fn bends_values(name: &str) -> bool {
+    let moments = effects::by_id(name).map(|e| e.moments());
+    moments.is_some_and(|m| matches!(m, Moments::Affine(_) | Moments::Curve | Moments::Colors(_)))
 }
 
 /// Whether free factors of surfaces are all that an effect could do. Beside them a constant factor cannot be told from

@@ -7,7 +7,7 @@ use crate::diagnose::evidence::budget::{Stage, in_time};
 use crate::diagnose::expect::description::Kind;
 use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{CandidateSpec, candidate_of};
-use crate::diagnose::expect::room::{is_description, is_in_surfaces};
+use crate::diagnose::expect::room::{bends_values, is_description, is_in_surfaces, is_of_surfaces};
 use crate::diagnose::judge::{Estimate, closed_fraction, gain};
 use crate::diagnose::report::*;
 use crate::diagnose::search::Search;
@@ -366,16 +366,26 @@ fn gap_alone(found: &Found, alone: &Alone) -> f64 {
 
 fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
     let others = found.alone.iter().filter(|a| !found.set.contains(&a.name));
-    others
-        .map(|a| Candidate {
+    let one = |a: &Alone| {
+        let hidden = is_hidden_by_surfaces(search, a, found);
+        let shown_by = shutterbug::effects::by_id(a.name).map_or("", |e| e.shown_by());
+        Candidate {
             name: a.name.to_owned(),
-            state: CandidateState::Rejected,
+            state: if hidden { CandidateState::Undetermined } else { CandidateState::Rejected },
             why: why(search, a, candidate_of(a.name), found),
             gap_with: Some(gap_alone(found, a)),
             parameters: a.fit.theta.report(candidate_of(a.name), &a.fit.half),
-            footage: String::new(),
-        })
-        .collect()
+            footage: if hidden { shown_by.to_owned() } else { String::new() },
+        }
+    };
+    others.map(one).collect()
+}
+
+/// Whether factors of the surfaces may have taken what a candidate does: it explains a part alone, and changes what
+/// stays as bright as they do.
+fn is_hidden_by_surfaces(search: &Search<'_>, alone: &Alone, found: &Found) -> bool {
+    let surfaces = found.set.iter().any(|n| is_of_surfaces(n));
+    surfaces && bends_values(alone.name) && search.gains(&alone.against, &alone.scores)
 }
 
 fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Found) -> String {
@@ -387,6 +397,12 @@ fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Fo
         return format!(
             "it lowers the gap by {share:.1} % only, and leaves the rest unexplained: too little to name it as the \
              cause"
+        );
+    }
+    if is_hidden_by_surfaces(search, alone, found) {
+        return format!(
+            "alone it would lower the gap by {share:.1} %; beside factors of the surfaces (scene_radiance) it cannot be \
+             told: both change a surface that stays as bright alike"
         );
     }
     let kind = if candidate.noise { "spread" } else { "part" };
