@@ -58,11 +58,20 @@ pub(crate) const ALIKE_DN: usize = 4;
 
 static OFF: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
     let colours = 256 / ALIKE_DN + 1;
+    // So few draws are scaled to the variance that they stand for.
+    let scaled = |of: &dyn Fn(u32) -> f32| -> [f32; DRAWS] {
+        let drawn: [f32; DRAWS] = std::array::from_fn(|draw| of(draw as u32));
+        let size = (drawn.iter().map(|v| v * v).sum::<f32>() / DRAWS as f32).sqrt();
+        drawn.map(|v| v / size)
+    };
+    let normal = |at: [u32; 2], draw: u32| random_normal(at, draw, STREAM_COLOURS, seed_words(0));
+    let common = scaled(&|draw| normal([0, 1], draw)[0]);
+    let own: Vec<[[f32; DRAWS]; 3]> = (0..colours as u32)
+        .map(|colour| std::array::from_fn(|c| scaled(&|draw| normal([colour, 0], draw)[c])))
+        .collect();
     let at = |i: usize| {
-        let (draw, colour) = ((i / colours) as u32, (i % colours) as u32);
-        let [r, g, b, _] = random_normal([colour, 0], draw, STREAM_COLOURS, seed_words(0));
-        let [common, ..] = random_normal([0, 1], draw, STREAM_COLOURS, seed_words(0));
-        [r, g, b].map(|v| COLOUR_DN as f32 * v + COMMON_DN as f32 * common)
+        let (draw, colour) = (i / colours, i % colours);
+        [0, 1, 2].map(|c| COLOUR_DN as f32 * own[colour][c][draw] + COMMON_DN as f32 * common[draw])
     };
     (0..DRAWS * colours).map(at).collect()
 });
@@ -117,6 +126,23 @@ pub(crate) fn edges(mean: &Plane<f32>, path: Option<&Plane<f32>>) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_draws_vary_by_what_is_said_of_a_colour_and_of_all_of_them() {
+        let colours = 256 / ALIKE_DN + 1;
+        let size = |of: &dyn Fn(usize) -> f32| {
+            ((0..DRAWS).map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32).sqrt()
+        };
+        let whole = (COLOUR_DN.hypot(COMMON_DN)) as f32;
+        let all: Vec<f32> =
+            (0..3 * colours).map(|i| size(&|d| OFF[d * colours + i / 3][i % 3]).powi(2)).collect();
+        let mean = all.iter().sum::<f32>() / all.len() as f32;
+        assert!((mean.sqrt() / whole - 1.0).abs() < 0.05, "{mean}");
+        let common = size(&|d| {
+            OFF[d * colours..(d + 1) * colours].iter().flatten().sum::<f32>() / (3 * colours) as f32
+        });
+        assert!((common / COMMON_DN as f32 - 1.0).abs() < 0.1, "{common}");
+    }
 
     #[test]
     fn a_step_of_ten_dn_may_be_off_by_half_a_dn_and_a_flat_place_by_nothing() {
