@@ -401,8 +401,8 @@ fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Fo
     }
     if is_hidden_by_surfaces(search, alone, found) {
         return format!(
-            "alone it would lower the gap by {share:.1} %; beside factors of the surfaces (scene_radiance) it cannot be \
-             told: both change a surface that stays as bright alike"
+            "alone it would lower the gap by {share:.1} %; beside factors of the surfaces (scene_radiance) it cannot \
+             be told: both change a surface that stays as bright alike"
         );
     }
     let kind = if candidate.noise { "spread" } else { "part" };
