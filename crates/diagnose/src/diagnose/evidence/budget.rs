@@ -5,7 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::diagnose::expect::forward::Quality;
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::error::{Error, Result};
 
 /// What the end of a diagnosis takes (noise, intervals, shares, pictures of all frames), in times of what it takes to

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 
 use super::bench::{Flipped, PictureKey};
 use super::discrepancy::{DRAWS, off_by};
-use super::forward::{Forward, Quality};
+use super::forward::Forward;
 use super::model::{P, Theta};
 use super::settings::settings_of;
 use super::tone::{Tone, noiseless, shows_coarse_steps};
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::flips::Flips;
 use crate::diagnose::grain::Grain;
 use shutterbug::chain::{Settings, View};

@@ -19,7 +19,7 @@ use super::settings::lens;
 use super::sharp::Sharp;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::Budget;
-pub(crate) use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::{Intrinsics, ShutterTiming, Trajectory};
 use shutterbug::capture::Capture;
 use shutterbug::engine::{Engine, EngineOptions, FrameRequest};

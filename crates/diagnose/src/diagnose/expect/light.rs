@@ -3,9 +3,10 @@
 
 use rayon::prelude::*;
 
-use super::forward::{Forward, Quality};
+use super::forward::Forward;
 use super::model::Theta;
 use crate::diagnose::evidence::Evidence;
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::error::Result;
 use shutterbug::plane::{Plane, srgb_decode};
 

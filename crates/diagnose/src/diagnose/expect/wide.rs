@@ -8,8 +8,9 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::bench::Places;
-use super::forward::{Forward, Quality};
+use super::forward::Forward;
 use super::model::{P, Theta};
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::{Intrinsics, ScanOrder, ShutterTiming};
 use shutterbug::engine::{Engine, EngineOptions, FrameRequest};
 use shutterbug::error::Result;

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::blocks::pooled;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::expect::weighing::Weighing;

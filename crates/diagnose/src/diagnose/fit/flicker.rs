@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta};
 use shutterbug::error::Result;
 use shutterbug::plane::{Plane, srgb_decode};

@@ -10,9 +10,10 @@ pub(super) mod starts;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::evidence::spread_out;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::settings::lens;

@@ -1,8 +1,9 @@
 //! Where fits begin. Effects with more than one valley get several starts; the cheapest at a coarse size go on.
 
 use super::cost::{Level, Target, cost_of, weighing_of};
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::evidence::{Evidence, spread_out};
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{CandidateSpec, P, Theta};
 use shutterbug::camera::ScanOrder;
 use shutterbug::error::Result;

@@ -17,9 +17,10 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::Evidence;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::Kind;
 use crate::diagnose::expect::developed::draws_edges;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
 use hot::HotMap;

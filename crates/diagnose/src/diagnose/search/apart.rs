@@ -10,8 +10,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::blocks::pooled;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::discrepancy::FILTER_PX2;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, mixes_pixels};
 use crate::diagnose::expect::room::Room;
 use crate::diagnose::expect::tone::Tone;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{CandidateSpec, P, Theta, candidate_of};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::Schedule;

@@ -4,8 +4,8 @@
 use super::found::Found;
 use super::support::restored;
 use crate::diagnose::evidence::blocks::pooled;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::evidence::spread_out;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, free};
 use crate::diagnose::fit::cost::{Level, hide};

@@ -8,8 +8,8 @@
 use super::doings::Doings;
 use super::found::Found;
 use super::support::restored;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{P, candidate_of, is_discrete, mixes_pixels, moves};
 use crate::diagnose::expect::room::{is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::judge::Scores;
 use crate::diagnose::judge::residue::Residue;

@@ -25,8 +25,9 @@ use std::time::Instant;
 
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{
     CandidateSpec, P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves,
 };

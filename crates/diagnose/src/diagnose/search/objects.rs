@@ -7,7 +7,7 @@
 //! and nothing is one that leaves the rest of the picture unexplained.
 
 use super::found::Found;
-use crate::diagnose::expect::forward::Quality;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::judge::{ALPHA, Judge, Scores, closed_fraction};

@@ -2,8 +2,9 @@
 
 use super::shown::Shown;
 use crate::diagnose::evidence::Evidence;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::cover::Cover;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::judge::Judge;
 use crate::diagnose::judge::hot::HotMap;

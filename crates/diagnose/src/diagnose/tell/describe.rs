@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::Kind;
-use crate::diagnose::expect::forward::Quality;
 use crate::diagnose::expect::model::{CandidateSpec, candidate_of};
 use crate::diagnose::expect::room::{bends_values, is_description, is_in_surfaces, is_of_surfaces};
 use crate::diagnose::judge::{Estimate, closed_fraction, gain};

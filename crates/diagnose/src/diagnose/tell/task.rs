@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::percepts::{Agreement, PictureOf, compare, find, tolerance_px};
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::compared::{Shown, bytes};
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::report::{PerceptGap, Percepts};

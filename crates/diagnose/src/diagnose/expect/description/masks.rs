@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::grid::NONE;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::room::Room;
 use shutterbug::error::Result;

@@ -21,10 +21,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::forward::{Forward, Quality};
+use super::forward::Forward;
 use super::model::{P, Theta};
 use super::settings::without_neighbours;
 use super::tone::Tone;
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 use shutterbug::reference::moments::Lattice;

@@ -7,11 +7,12 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::diagnose::evidence::blocks::pooled;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::grid::NONE;
 use crate::diagnose::expect::description::masks::is_paid;
 use crate::diagnose::expect::description::poses::{PoseShare, UNITS, eliminated};
 use crate::diagnose::expect::description::radiance::{STEP, Takeover};
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::align::{self, EXACT_PX, lies};
 use super::sample::{read, shifted};
 use super::{Geometry, GoOn, SimFrames, encoded};
-use crate::diagnose::expect::forward::Quality;
+use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::linear::solve;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;

@@ -3,7 +3,7 @@
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::diagnose::expect::forward::Quality;
+use crate::diagnose::evidence::quality::Quality;
 use shutterbug::plane::Plane;
 
 /// Most steps by which a motion is turned round.

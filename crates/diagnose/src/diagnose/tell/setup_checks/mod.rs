@@ -9,7 +9,8 @@ mod values;
 
 use super::describe::listed;
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::expect::forward::{Forward, Quality};
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
 use crate::diagnose::expect::options::DiagnoseOptions;
 use crate::diagnose::expect::pair::{Geometry, Pair, encoded};
