@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::args::EncodingName;
+use super::args_names::EncodingName;
 
 /// What the three have in common.
 #[derive(Debug, clap::Args)]

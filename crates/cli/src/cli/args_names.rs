@@ -4,6 +4,7 @@ use clap::ValueEnum;
 
 use crate::formats::Format;
 use shutterbug::engine::Gather;
+use shutterbug_diagnose::calibrate::Encoding;
 
 /// `--from`, `--to`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -30,6 +31,15 @@ pub enum EncodingName {
     Srgb,
     /// Raw: proportional to light
     Linear,
+}
+
+impl From<EncodingName> for Encoding {
+    fn from(name: EncodingName) -> Self {
+        match name {
+            EncodingName::Srgb => Self::Srgb,
+            EncodingName::Linear => Self::Linear,
+        }
+    }
 }
 
 /// `--gather`.

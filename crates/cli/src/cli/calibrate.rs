@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::args::{CalibrateNoise, EncodingName};
+use super::args::CalibrateNoise;
 use super::terminal::print;
 use shutterbug::camera::Intrinsics;
 use shutterbug::capture::CameraFile;
@@ -11,8 +11,7 @@ use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::plane::{write_atomic, write_png_atomic};
 use shutterbug_diagnose::calibrate::{
-    Calibration, Encoding, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure,
-    paper_settings,
+    Calibration, Frame, NoiseOptions, calibrate_noise, chain_settings, chart, figure, paper_settings,
 };
 use shutterbug_diagnose::out::{Out, OutRules, make_folder};
 
@@ -23,13 +22,7 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
     if let Some(base) = &base {
         check_sizes(base, &frames)?;
     }
-    let options = NoiseOptions {
-        encoding: match args.encoding {
-            EncodingName::Srgb => Encoding::Srgb,
-            EncodingName::Linear => Encoding::Linear,
-        },
-        seed: args.seed,
-    };
+    let options = NoiseOptions { encoding: args.encoding.into(), seed: args.seed };
     let inputs: Vec<&Path> = args.frames.iter().map(PathBuf::as_path).collect();
     let rules =
         OutRules { command: "calibrate noise", inputs: &inputs, overwrite: args.overwrite, goes_on: false };

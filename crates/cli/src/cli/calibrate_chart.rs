@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
-use super::args::EncodingName;
 use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout, Common};
 use super::calibrate::placeholder;
 use super::terminal::{print, say};
@@ -27,13 +26,6 @@ use shutterbug_diagnose::out::{Out, OutRules};
 const PATTERN: [&str; 1] = ["gain"];
 
 impl Common {
-    fn encoding(&self) -> Encoding {
-        match self.encoding {
-            EncodingName::Srgb => Encoding::Srgb,
-            EncodingName::Linear => Encoding::Linear,
-        }
-    }
-
     fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
         let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
         Out::open(
@@ -107,7 +99,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     let (bright, dark) =
         (listed(&args.frames)?, if args.dark.is_empty() { Vec::new() } else { listed(&args.dark)? });
     let out = args.common.open("calibrate flat", &[args.frames.clone(), args.dark.clone()].concat())?;
-    let encoding = args.common.encoding();
+    let encoding: Encoding = args.common.encoding.into();
     let mut together = Together::default();
     let mut sums: Option<FlatSums> = None;
     together.each(&bright, |f| {
@@ -253,7 +245,7 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
     let frame = Frame::read(&args.photo)?;
     let picture = &frame.encoded;
-    let encoding = args.common.encoding();
+    let encoding: Encoding = args.common.encoding.into();
     let found = match args.region {
         Some(region) => measure_edge(picture, region, encoding, &args.photo)?,
         None => find_edge(picture, encoding, &args.photo)?,
@@ -352,7 +344,7 @@ fn check_longest(args: &CalibrateReadout, readout: &Readout, longest_s: f64) -> 
 fn check_rest(args: &CalibrateReadout, photographs: &[Plane<f32>], readout: &Readout) -> Result<bool> {
     let mut at_rest = true;
     for (k, pair) in photographs.chunks_exact(2).enumerate() {
-        match rest([&pair[0], &pair[1]], args.common.encoding(), readout.lines_are_rows) {
+        match rest([&pair[0], &pair[1]], args.common.encoding.into(), readout.lines_are_rows) {
             Rest::Still => {}
             Rest::Unknown => at_rest = false,
             Rest::Moved([x, y]) => {
@@ -390,7 +382,7 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let out = args.common.open("calibrate readout", &args.photos)?;
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
-    let found = find_stripes(&photographs, args.common.encoding(), args.led_hz);
+    let found = find_stripes(&photographs, args.common.encoding.into(), args.led_hz);
     let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
     let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
     let mut at_rest = true;
