@@ -105,14 +105,7 @@ impl Filter {
         mixture: &[f64; 3],
         waves: &[[f64; N]; N],
     ) -> Vec<f64> {
-        let along = |axis: usize| {
-            let shared = waves.map(|wave| averaged(&wave, size[axis]));
-            self.products(|a, b, of| {
-                let wave = |u: usize| of.map(|shares| if shares { &shared[u][..] } else { &waves[u][..] });
-                (0..N).map(|u| by_kernel(a, b, wave(u))).collect::<Vec<_>>()
-            })
-        };
-        let [rows, columns] = [along(0), along(1)];
+        let [rows, columns] = size.map(|of| self.along(waves, of));
         let products: [_; 3] = std::array::from_fn(|k| (&rows[k], &columns[k]));
         let one = |i: usize| {
             together(&products, [mixture; 2], |(row, column), colours| {
@@ -132,12 +125,9 @@ impl Filter {
         mixture: &[f64; 3],
         waves: &[[f64; N]; N],
     ) -> [f64; N] {
-        let shared = waves.map(|wave| averaged(&wave, size[1]));
-        let products = self.products(|a, b, of| {
-            let level = by_parity(a, b, &waves[0]);
-            let wave = |u: usize| of.map(|shares| if shares { &shared[u][..] } else { &waves[u][..] });
-            (level, (0..N).map(|v| by_kernel(a, b, wave(v))).collect::<Vec<_>>())
-        });
+        let levels = self.products(|a, b, _| by_parity(a, b, &waves[0]));
+        let columns = self.along(waves, size[1]);
+        let products: [_; 3] = std::array::from_fn(|k| (&levels[k], &columns[k]));
         std::array::from_fn(|v| {
             together(&products, [mixture; 2], |(level, columns), colours| {
                 let common = spread.of_rows(colours[0], colours[1]);
@@ -148,6 +138,15 @@ impl Filter {
                 };
                 both.map(one).sum()
             })
+        })
+    }
+
+    /// By wave along an axis, where so many pixels share the colours' differences to luma.
+    fn along<const N: usize>(&self, waves: &[[f64; N]; N], of: usize) -> Products<Vec<Vec<(f64, Reach)>>> {
+        let means = waves.map(|wave| averaged(&wave, of));
+        self.products(|a, b, shared| {
+            let wave = |u: usize| shared.map(|shares| if shares { &means[u][..] } else { &waves[u][..] });
+            (0..N).map(|u| by_kernel(a, b, wave(u))).collect()
         })
     }
 

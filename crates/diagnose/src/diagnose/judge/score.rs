@@ -255,6 +255,8 @@ pub(crate) struct SeenIn {
     /// How well the variance of noise is known, as a part of it.
     unsure: f32,
     values: Vec<Option<Seen>>,
+    /// Whether values are read from a simulator's pictures, whose equal values are off alike.
+    given: bool,
     /// See [`Scored::drawn`].
     drawn: Vec<Arc<Plane<f32>>>,
 }
@@ -265,7 +267,8 @@ pub(crate) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     let edges = edges(frame.mean, frame.path);
     let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
-    SeenIn { size, unsure: tone.uncertainty(), values: values.collect(), drawn: frame.drawn.to_vec() }
+    let (values, given) = (values.collect(), frame.given.is_some());
+    SeenIn { size, unsure: tone.uncertainty(), values, given, drawn: frame.drawn.to_vec() }
 }
 
 /// Scores a frame; `before` is the frame before it, where that is held out too.
@@ -361,7 +364,7 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
             frame.drawn.iter().map(|draw| averages(&draw.data, whole_w, whole_h, side)).collect()
         };
         let drawn = [averaged(size), averaged(2 * size)];
-        let alike = beside_larger(&frame.values, frame.size, size);
+        let alike = if frame.given { beside_larger(&frame.values, frame.size, size) } else { Vec::new() };
         for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
             let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
             let (f, g) = (fine[at], coarse[around]);
@@ -435,8 +438,7 @@ fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
     let ([w, h], unsure) = (frame.size, f64::from(frame.unsure));
     let mut rows = vec![Line::default(); h * 3];
     let mut columns = vec![Line::default(); w * 3];
-    let given = frame.values.iter().flatten().any(|v| v.alike > 0.0);
-    let mut alike = [h, w].map(|lines| Alike::new(3 * lines, given));
+    let mut alike = [h, w].map(|lines| Alike::new(3 * lines, frame.given));
     for (i, v) in frame.values.iter().enumerate() {
         let Some(v) = v else { continue };
         let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);

@@ -29,11 +29,8 @@ impl Alike {
 }
 
 /// Variance of the difference between the mean of each block of `side` px and that of the block that is twice as large,
-/// DN^2, in the order `[block row, block column, channel]`; nothing where nothing is rounded alike.
+/// DN^2, in the order `[block row, block column, channel]`.
 pub(super) fn beside_larger(values: &[Option<Seen>], [w, h]: [usize; 2], side: usize) -> Vec<f32> {
-    if !values.iter().flatten().any(|v| v.alike > 0.0) {
-        return Vec::new();
-    }
     let (across, down) = (w / side, h / side);
     let mut out = vec![0.0; across * down * 3];
     // Means of the four blocks of a larger one, by value.
