@@ -26,7 +26,8 @@ pub(super) const SPECS: &[ParamSpec] = &[
     )
     .fit(Fit::choice().trial(Law::Option, 0.25, 1.0)),
     ParamSpec::choice("demosaic", &["bilinear", "malvar_he_cutler"], "how the others are filled in")
-        .beside(&["pattern"]),
+        .beside(&["pattern"])
+        .fit(Fit::choice().trial(Law::Option, -1.0, 1.0)),
 ];
 
 const PATTERN: Choice = Choice::of("bayer_mosaic", SPECS, "pattern");

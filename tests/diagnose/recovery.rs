@@ -146,6 +146,25 @@ fn values_and_noise_are_told_apart() {
     assert!(report.gap.floor > 0.5 && report.gap.after < 1.1 * report.gap.floor, "{:?}", report.gap);
 }
 
+/// The neighbours' colours are filled in one way or another, and a filter behind that hides which.
+#[test]
+fn how_a_mosaic_was_filled_in_is_told_behind_a_filter() {
+    let Some(context) = device("filled_in") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let hidden = "[bayer_mosaic]\npattern = \"GBRG\"\ndemosaic = \"malvar_he_cutler\"\n[noise_reduction]\n\
+        luma_sigma_px = 0.7\nchroma_sigma_px = 1.5\n";
+    let capture = make(&context.0, folder.path(), hidden, "", 1.0, 7);
+    let asked = ["bayer_mosaic", "noise_reduction", "sharpening", "defocus"];
+    let without: Vec<&str> = effect_names().into_iter().filter(|n| !asked.contains(n)).collect();
+    let report = run(&context.0, &capture, &without).report;
+    assert_eq!(names(&report), ["bayer_mosaic", "noise_reduction"], "{:?}", report.gap);
+    let mosaic = report.effects.iter().find(|e| e.name == "bayer_mosaic").unwrap();
+    let chosen = |name: &str| mosaic.parameters[name].value.as_str().unwrap().to_owned();
+    assert_eq!([chosen("pattern"), chosen("demosaic")], ["GBRG", "malvar_he_cutler"]);
+    near(&report, "noise_reduction", "luma_sigma_px", 0.7, 0.05);
+    near(&report, "noise_reduction", "chroma_sigma_px", 1.5, 0.05);
+}
+
 #[test]
 fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
     let Some(context) = device("no_candidate") else { return };

@@ -29,6 +29,15 @@ pub(crate) struct CandidateSpec {
     pub noise: bool,
 }
 
+impl CandidateSpec {
+    /// How many numbers it has, to tell which of two is simpler. Choices of one effect say of what kind it is: together
+    /// they count as one.
+    pub(crate) fn size(&self) -> usize {
+        let (choices, numbers): (Vec<P>, Vec<P>) = self.parameters.iter().partition(|p| p.is_discrete());
+        numbers.len() + usize::from(!choices.is_empty())
+    }
+}
+
 /// All effects that have parameters to fit, in light-path order; set-up errors last.
 pub(crate) static CANDIDATES: LazyLock<Vec<CandidateSpec>> = LazyLock::new(|| {
     let is_setup = |e: &&&dyn Effect| e.stage() == Stage::SetUp;
@@ -71,9 +80,9 @@ pub(crate) fn all_names() -> Vec<&'static str> {
     CANDIDATES.iter().map(|c| c.name).filter(|n| effects::by_id(n).is_some()).collect()
 }
 
-/// Whether a candidate has one number, and that is whole.
+/// Whether all that a candidate has are choices and whole numbers.
 pub(crate) fn is_discrete(candidate: &CandidateSpec) -> bool {
-    matches!(candidate.parameters, [p] if p.is_discrete())
+    !candidate.parameters.is_empty() && candidate.parameters.iter().all(|p| p.is_discrete())
 }
 
 /// Whether a candidate changes where things are seen.

@@ -18,7 +18,7 @@ const MOST_OF_IT: f64 = 0.5;
 
 /// How many numbers a member of a set has, to tell which of two is simpler: the description has more than any camera.
 pub(crate) fn size(name: &str) -> usize {
-    if is_description(name) { usize::from(u16::MAX) } else { candidate_of(name).parameters.len() }
+    if is_description(name) { usize::from(u16::MAX) } else { candidate_of(name).size() }
 }
 
 /// Errors of poses move the picture of each frame by itself, and so do in part what any delay, lens or offset does with

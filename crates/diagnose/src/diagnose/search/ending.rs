@@ -124,10 +124,11 @@ impl Search<'_> {
 
     /// Chooses anew among qualities and patterns, now that the rest fits.
     pub(crate) fn tune_choices(&mut self, found: &mut Found) -> Result<()> {
-        for name in found.set.clone() {
+        let set = found.set.clone();
+        for name in &set {
             let candidate = candidate_of(name);
             if is_discrete(candidate) {
-                found.fit.theta = self.add_discrete(candidate, &found.fit.theta.clone())?.theta;
+                found.fit.theta = self.add_discrete(candidate, &set, &found.fit.theta.clone())?.theta;
                 found.fit.half.insert(candidate.parameters[0], 1.0);
             }
         }

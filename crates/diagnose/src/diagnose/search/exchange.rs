@@ -36,7 +36,7 @@ enum Compared {
 
 /// Numbers of some effects.
 fn size(names: &[&str]) -> usize {
-    names.iter().map(|n| candidate_of(n).parameters.len()).sum()
+    names.iter().map(|n| candidate_of(n).size()).sum()
 }
 
 impl Search<'_> {

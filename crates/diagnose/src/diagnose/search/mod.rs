@@ -188,7 +188,7 @@ impl<'a> Search<'a> {
         let mut joint = set.to_vec();
         joint.push(candidate.name);
         if is_discrete(candidate) {
-            return self.add_discrete(candidate, theta);
+            return self.add_discrete(candidate, set, theta);
         }
         let size = self.size_for(candidate, theta);
         let starts = self.at(size).starts(theta, candidate)?;

@@ -77,7 +77,7 @@ fn at_strength(name: &'static str, theta: &Theta, times: f64) -> Theta {
         let strength = times * trial.blind[0];
         let value = match trial.law {
             Law::Electrons => strength * strength,
-            Law::Option => 1.0,
+            Law::Option => f64::from(strength >= 0.0),
             Law::Even => spec.neutral.max(trial.blind[0]),
             Law::Follows => spec.neutral - before,
             _ => spec.neutral + strength,
