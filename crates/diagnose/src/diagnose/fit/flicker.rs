@@ -9,6 +9,8 @@ use crate::diagnose::expect::model::{P, Theta};
 use shutterbug::error::Result;
 use shutterbug::plane::{Plane, srgb_decode};
 
+/// The effect that says about which level brightness goes up and down.
+pub(crate) const LEVEL: &str = "exposure_gain";
 /// Lowest and highest frequency at which flicker is looked for, Hz.
 const FLICKER_HZ: [f64; 2] = [20.0, 260.0];
 /// Brightness of lamps on 50 and 60 Hz: among frequencies that the frames cannot tell apart the nearest to these.
@@ -23,7 +25,9 @@ pub(crate) fn retuned(theta: &Theta, frequency_hz: f64, middle_s: f64) -> Theta 
     theta.with(P::FlickerF, frequency_hz).with(P::FlickerC, phase[0]).with(P::FlickerS, phase[1])
 }
 
-/// Starts for flicker: the brightness of each line over the simulated one, and the sines that fit it best.
+/// Starts for flicker: the brightness of each line over the simulated one, and the sines that fit it best. Where all
+/// lines are exposed at once a frame says one number, and four are looked for: the frames to choose by are heard too,
+/// as [`is_periodic`] does.
 pub(crate) fn starts(
     forward: &mut Forward,
     evidence: &Evidence,
@@ -31,8 +35,8 @@ pub(crate) fn starts(
     theta: &Theta,
     most: usize,
 ) -> Result<Vec<Theta>> {
-    let frames = &evidence.fit;
-    let means = forward.simulate(frames, theta, Quality::Fit)?;
+    let frames = frames_of(evidence);
+    let means = forward.simulate(&frames, theta, Quality::Fit)?;
     let lines: Vec<[f64; 2]> = frames
         .iter()
         .zip(&means)
@@ -54,10 +58,18 @@ pub(crate) fn starts(
     fits.retain(|f| f.0 <= 1.05 * best + 1e-12);
     let far = |f: f64| MAINS_HZ.iter().map(|m| (f - m).abs()).fold(f64::INFINITY, f64::min);
     fits.sort_by(|a, b| far(a.1).total_cmp(&far(b.1)));
+    tracing::debug!("flicker begins at {:?} of {}: leaves {best}", &fits[..fits.len().min(5)], fits.len());
     let start = |&(_, f, [c, s]): &(f64, f64, [f64; 2])| {
         theta.with(P::FlickerF, f).with(P::FlickerC, c).with(P::FlickerS, s)
     };
     Ok(fits.iter().take(most.min(1)).map(start).collect())
+}
+
+/// Frames to fit and to choose by, in the order of time.
+fn frames_of(evidence: &Evidence) -> Vec<usize> {
+    let mut frames: Vec<usize> = evidence.fit.iter().chain(&evidence.choose).copied().collect();
+    frames.sort_unstable();
+    frames
 }
 
 /// Sum of squares that a sine of that frequency leaves of values over time, and its parts in phase and out of it.
@@ -127,8 +139,7 @@ pub(crate) fn is_periodic(
     masks: Option<&[Plane<f32>]>,
     theta: &Theta,
 ) -> Result<bool> {
-    let mut frames: Vec<usize> = evidence.fit.iter().chain(&evidence.choose).copied().collect();
-    frames.sort_unstable();
+    let frames = frames_of(evidence);
     let still = theta.with(P::FlickerC, 0.0).with(P::FlickerS, 0.0);
     let [without, with] =
         [forward.simulate(&frames, &still, Quality::Fit)?, forward.simulate(&frames, theta, Quality::Fit)?];

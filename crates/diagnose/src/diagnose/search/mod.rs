@@ -34,7 +34,7 @@ use crate::diagnose::expect::model::{
 use crate::diagnose::expect::room::is_in_surfaces;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::cost::{Level, Target};
-use crate::diagnose::fit::flicker::is_periodic;
+use crate::diagnose::fit::flicker::{LEVEL, is_periodic};
 use crate::diagnose::fit::intervals::Slopes;
 use crate::diagnose::fit::normal::screened;
 use crate::diagnose::fit::starts::is_hopeful;
@@ -46,6 +46,7 @@ use found::{Alone, Found, SEARCH};
 use shown::Shown;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use support::restored;
 
 /// Most effects of a set that change the mean.
 const MOST_EFFECTS: usize = 6;
@@ -203,8 +204,10 @@ impl<'a> Search<'a> {
         let weighing = self.at(size).weighing(theta, &last)?;
         // Values are looked for with the geometry held, whose renders are kept, but together with the set's other
         // values: a gain beside a white balance helps only if both move.
-        let who: Vec<_> =
+        let mut who: Vec<_> =
             joint.iter().copied().filter(|n| moves(candidate) || !moves(candidate_of(n))).collect();
+        let level = self.level_beside(candidate, &joint, theta);
+        who.extend(level);
         let mut best: Option<(f64, Theta)> = None;
         let mut valleys: Vec<Theta> = Vec::new();
         for start in &starts {
@@ -216,6 +219,9 @@ impl<'a> Search<'a> {
             found = self.at(size).refit(&who, &found.theta, &schedule[1..])?;
             if set.contains(&"jpeg") {
                 found = self.beside_compression(&who, found, schedule)?;
+            }
+            if let Some(level) = level {
+                found.theta = restored(&found.theta, theta, candidate_of(level));
             }
             let cost = self.at(size).cost(&found.theta, &last, &weighing)?;
             if best.as_ref().is_none_or(|b| cost < b.0) {
@@ -234,6 +240,18 @@ impl<'a> Search<'a> {
             return Ok(Fit { theta: start, half: BTreeMap::new() });
         }
         self.at(size).refit(&joint, &start, FINE)
+    }
+
+    /// What is fitted beside a candidate, and then taken back: brightness goes up and down about a level, and a
+    /// frequency that has to explain a gain too is another one.
+    fn level_beside(
+        &self,
+        candidate: &CandidateSpec,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Option<&'static str> {
+        let open = candidate.name == "flicker" && !set.contains(&LEVEL) && !theta.room.radiance;
+        open.then_some(LEVEL)
     }
 
     /// Runs the search, for as long as there is time; what it had found by then is kept. `alone`: what each candidate
@@ -336,8 +354,9 @@ impl<'a> Search<'a> {
             }
             let Some((name, fit, _)) = chosen else { return Ok(None) };
             set.push(name);
-            let fit =
-                if late || moves(candidate_of(name)) { fit } else { self.refit(&set, &fit.theta, FINE)? };
+            let is_fitted = moves(candidate_of(name))
+                || self.level_beside(candidate_of(name), &set, &fit.theta).is_some();
+            let fit = if late || is_fitted { fit } else { self.refit(&set, &fit.theta, FINE)? };
             // The noise shows better now.
             let theta = self.with_noise(&fit.theta)?;
             let better = self.judge.scores(self.forward, &theta)?;
