@@ -152,7 +152,7 @@ pub trait Effect: Sync {
                 "straight edges in the middle of the picture and out to its corners, camera at rest"
             }
             (Stage::Time, _) => "upright edges in a fast pan, and level ones in a fast tilt",
-            (_, Moments::Noise(_)) => {
+            (_, Moments::Noise(_) | Moments::Stuck) => {
                 "twenty frames of evenly lit cards from nearly black to nearly white, camera at rest"
             }
             (_, moments) if moments.mixes() => "fine coloured detail and a slanted edge, camera at rest",

@@ -75,6 +75,8 @@ pub enum Moments {
     Affine(fn(&Settings, &View) -> [[f64; 2]; 3]),
     /// Adds noise, by channel; the mean stays.
     Noise(fn(&Settings) -> [Noise; 3]),
+    /// Holds single pixels at full scale. Which ones is found place by place; it spreads nothing over the others.
+    Stuck,
     /// Bends each value alone: the mean and the spread are integrals of its twin over the noise.
     Curve,
     /// Makes each colour of all three: `[of][from]`.
@@ -95,5 +97,10 @@ impl Moments {
     /// Whether it mixes pixels, and no more.
     pub fn mixes(&self) -> bool {
         matches!(self, Self::Mosaic(_) | Self::Filter(_) | Self::Shares(_))
+    }
+
+    /// Whether it makes noise, and leaves the mean of all but single pixels as it is.
+    pub fn is_noise(&self) -> bool {
+        matches!(self, Self::Noise(_) | Self::Stuck)
     }
 }

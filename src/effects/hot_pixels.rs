@@ -4,8 +4,7 @@
 
 use crate::chain::rng::{FIXED_FRAME, random_bits, seed_words};
 use crate::chain::{
-    At, Domain, Effect, Fit, Law, Moments, Noise, Number, Packer, ParamSpec, Parameters, Settings, Stage,
-    View, Work,
+    At, Domain, Effect, Fit, Law, Moments, Number, Packer, ParamSpec, Parameters, Settings, Stage, View, Work,
 };
 use crate::error::Result;
 
@@ -89,8 +88,7 @@ impl Effect for HotPixels {
     }
 
     fn moments(&self) -> Moments {
-        // Single places, which are looked for one by one, and no spread of all.
-        Moments::Noise(|_| [Noise::default(); 3])
+        Moments::Stuck
     }
 
     fn work(&self) -> Work {

@@ -15,7 +15,7 @@ mod focal_length_error;
 mod gamma;
 pub mod gaussian;
 mod glare;
-mod hot_pixels;
+pub(crate) mod hot_pixels;
 pub mod jpeg;
 mod lens_distortion;
 mod motion_blur;

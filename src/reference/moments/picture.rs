@@ -73,17 +73,19 @@ pub fn is_pointwise(settings: &Settings) -> bool {
 /// radiance of the same shape; `tone`: of `settings`, or of a camera that differs from it in nothing about single
 /// values.
 pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &Tone) -> Plane<f32> {
-    expected_on(linear, Lattice::WHOLE, settings, view, tone)
+    expected_on(linear, Lattice::WHOLE, settings, view, tone, &[])
 }
 
 /// [`expected`] of some of the pixels of a camera that [`is_pointwise`]; `linear`: radiance of those, see
-/// [`Lattice::of`].
+/// [`Lattice::of`]. `stuck`: pixels that are stuck, by number row by row, where the camera has such and the whole picture
+/// is looked at.
 pub fn expected_on(
     linear: &Plane<f32>,
     on: Lattice,
     settings: &Settings,
     view: &View,
     tone: &Tone,
+    stuck: &[usize],
 ) -> Plane<f32> {
     debug_assert!(on == Lattice::WHOLE || is_pointwise(settings), "neighbours are not there");
     let scan = Scan { on, view, tone };
@@ -103,6 +105,11 @@ pub fn expected_on(
         let parameters = packed.parameters(slot_of(LIST, effect.id()));
         match (effect.moments(), effect.work()) {
             (Moments::Noise(_), _) => {}
+            (Moments::Stuck, _) if stuck.is_empty() || on != Lattice::WHOLE => {}
+            (Moments::Stuck, _) => {
+                scan.done(&mut picture, &mut jobs, &mut unit);
+                hold(&mut picture, stuck);
+            }
             (Moments::Colors(_), _) if !is_behind_encoding(effect) => {}
             (Moments::Light(of), _) => jobs.push(Job::Light(of, parameters)),
             (Moments::Affine(of), _) => jobs.push(Job::Affine(single(of(settings, view)))),
@@ -204,6 +211,13 @@ impl Scan<'_> {
             *unit = 255.0;
         }
         jobs.clear();
+    }
+}
+
+/// Holds pixels (by number) at full scale or above, as filters behind the sensor find them.
+fn hold(picture: &mut Plane<f32>, stuck: &[usize]) {
+    for i in stuck {
+        picture.data[3 * i..3 * i + 3].iter_mut().for_each(|v| *v = v.max(1.0));
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::camera::{Intrinsics, ScanOrder, ShutterTiming};
-use crate::chain::{self, BANDS, Mixing, Moments, Packed, Settings, Value, View, Work};
+use crate::chain::{self, BANDS, Mixing, Packed, Settings, Value, View, Work};
+use crate::effects::hot_pixels::HotPixels;
 use crate::effects::jpeg::dct::{AREA, Dct, SIDE, TO_YCC};
 use crate::effects::jpeg::grain::Grain;
 use crate::effects::jpeg::packing::{band, lines, normal_noise, square};
@@ -115,6 +116,31 @@ const SILENT: &[Given<'static>] = &[
     &[("jpeg", "quality", Value::Number(60.0))],
 ];
 
+/// What lies behind the sensor spreads a stuck pixel over its neighbours.
+#[test]
+fn stuck_pixels_spread_through_mosaics_filters_shared_colours_and_files() {
+    let behind: [Given<'_>; 4] = [
+        &[word("bayer_mosaic", "pattern", "GRBG"), number("exposure_gain", "gain", 0.8)],
+        &[number("sharpening", "amount", 1.1), number("sharpening", "radius_px", 1.8)],
+        &[word("chroma_subsampling", "scheme", "4:2:2"), number("noise_reduction", "luma_sigma_px", 0.7)],
+        &[number("jpeg", "quality", 80.0)],
+    ];
+    for given in behind {
+        let mut settings = settings(given);
+        settings.set(by_id("hot_pixels").expect("an effect"), "count", Value::Number(6.0)).expect("in range");
+        let mask = HotPixels::mask(&settings, [42, 31]);
+        let stuck: Vec<usize> = (0..42 * 31).filter(|i| mask[i / 32] & (1 << (i % 32)) != 0).collect();
+        assert_eq!(stuck.len(), 6);
+        let (linear, tone, view) = (three(&radiance()), Tone::new(&settings), view(42, 31, 3));
+        let with = |stuck: &[usize]| expected_on(&linear, Lattice::WHOLE, &settings, &view, &tone, stuck);
+        let want = drawn(&settings);
+        let most = if settings.has("jpeg") { 0.51 } else { 0.06 };
+        let off = furthest(&with(&stuck).data, &want);
+        assert!(off < most, "{given:?}: off by {off} DN");
+        assert!(furthest(&with(&[]).data, &want) > 20.0, "{given:?}: the control passes");
+    }
+}
+
 #[test]
 fn without_noise_the_mean_is_the_chain_s_own_of_every_effect_alone() {
     for given in SILENT {
@@ -130,7 +156,7 @@ fn without_noise_the_mean_is_the_chain_s_own_of_every_effect_alone() {
     }
     let missing: Vec<&str> = LIST
         .iter()
-        .filter(|e| !matches!(e.work(), Work::Elsewhere) && !matches!(e.moments(), Moments::Noise(_)))
+        .filter(|e| !matches!(e.work(), Work::Elsewhere) && !e.moments().is_noise())
         .map(|e| e.id())
         .filter(|id| !SILENT.iter().any(|given| given.iter().any(|(stem, ..)| stem == id)))
         .collect();
@@ -505,12 +531,13 @@ fn some_pixels_are_what_they_are_among_all_where_nothing_mixes_neighbours() {
         for on in
             [Lattice { first: 1, step: 3 }, Lattice { first: 0, step: 2 }, Lattice { first: 5, step: 11 }]
         {
-            let some = expected_on(&on.of(&linear), on, &given, &view, &tone);
+            let some = expected_on(&on.of(&linear), on, &given, &view, &tone, &[]);
             assert_eq!(some, on.of(&all), "{on:?} {scan_order:?}");
         }
         // Control: elsewhere in the picture they are others.
         let on = Lattice { first: 1, step: 3 };
-        let elsewhere = expected_on(&on.of(&linear), Lattice { first: 0, step: 3 }, &given, &view, &tone);
+        let elsewhere =
+            expected_on(&on.of(&linear), Lattice { first: 0, step: 3 }, &given, &view, &tone, &[]);
         assert_ne!(elsewhere, on.of(&all));
     }
     for mixing in [number("defocus", "sigma_px", 1.0), number("jpeg", "quality", 80.0)] {

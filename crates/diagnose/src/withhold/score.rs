@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::falsify::Falsified;
 use super::hidden::Kind;
 use crate::diagnose::{Report, Verdict};
-use shutterbug::chain::{Domain, Effect, Moments, Stage, Work};
+use shutterbug::chain::{Domain, Effect, Stage, Work};
 
 /// One diagnosed case.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -238,14 +238,14 @@ impl Group {
 fn groups(hidden: &[String]) -> Vec<&'static str> {
     let all: Vec<_> = hidden.iter().filter_map(|name| shutterbug::effects::by_id(name)).collect();
     let any = |of: fn(&dyn Effect) -> bool| all.iter().any(|e| of(*e));
-    let is_noise = |e: &&&dyn Effect| matches!(e.moments(), Moments::Noise(_));
+    let is_noise = |e: &&&dyn Effect| e.moments().is_noise();
     let behind_encoding: fn(&dyn Effect) -> bool = |e| {
         matches!(e.stage(), Stage::Pixel(Domain::EncodedRgb, _)) && !matches!(e.work(), Work::Pointwise(_))
     };
     let colours: fn(&dyn Effect) -> bool = |e| {
         matches!(e.stage(), Stage::Pixel(..))
             && matches!(e.work(), Work::Pointwise(_))
-            && !matches!(e.moments(), Moments::Noise(_))
+            && !e.moments().is_noise()
     };
     let groups = [
         ("noise alone", !all.is_empty() && all.iter().filter(is_noise).count() == all.len()),

@@ -191,10 +191,20 @@ impl Forward {
         let view = View { intrinsics: self.intrinsics, shutter: self.shutter(at, theta), frame: 0, seed: 0 };
         let settings = settings_of(theta);
         if self.light[at] == 1.0 {
-            return expected_on(radiance, on, &settings, &view, tone);
+            return expected_on(radiance, on, &settings, &view, tone, &self.stuck);
         }
         let light = self.light[at] as f32;
         let lit = Plane { data: radiance.data.iter().map(|l| l * light).collect(), ..*radiance };
-        expected_on(&lit, on, &settings, &view, tone)
+        expected_on(&lit, on, &settings, &view, tone, &self.stuck)
+    }
+
+    /// From here on these pixels, by number row by row, are stuck where a camera has such: filters behind the sensor
+    /// spread them over their neighbours.
+    pub(crate) fn hold_stuck(&mut self, places: Vec<usize>) {
+        if *self.stuck != places {
+            self.stuck = Arc::new(places);
+            self.bench.developed.clear();
+            self.aside.developed.clear();
+        }
     }
 }

@@ -60,6 +60,8 @@ pub(crate) struct Forward {
     pub(crate) light: Vec<f64>,
     /// Sharp planes by place.
     pub(crate) sharp: Vec<Sharp>,
+    /// Pixels that are stuck.
+    pub(crate) stuck: Arc<Vec<usize>>,
     /// How much time there is.
     pub(crate) budget: Budget,
     /// Renders made so far, and the time they took, s.
@@ -117,6 +119,7 @@ impl Forward {
             reach_s: evidence.reach_s,
             light: vec![1.0; evidence.frames.len()],
             sharp: Vec::new(),
+            stuck: Arc::default(),
             budget,
             renders: (0, 0.0),
             compared: 0,

@@ -55,7 +55,7 @@ fn candidate(effect: &dyn Effect) -> Option<CandidateSpec> {
         parameters,
         more,
         needs_motion: all.iter().any(|p| p.is_time()),
-        noise: matches!(effect.moments(), Moments::Noise(_)),
+        noise: effect.moments().is_noise(),
     })
 }
 

@@ -21,6 +21,8 @@ pub(crate) struct HotMap {
     pixels: Vec<(usize, [f32; 3])>,
     /// Number of pixels that would show it.
     of: usize,
+    /// Columns of the pictures.
+    width: usize,
 }
 
 impl HotMap {
@@ -55,7 +57,7 @@ impl HotMap {
         if is_drawn(&pixels, w) {
             pixels.clear();
         }
-        Self { pixels, of }
+        Self { pixels, of, width: w }
     }
 
     /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens
@@ -77,6 +79,14 @@ impl HotMap {
     /// Number of stuck pixels.
     pub(crate) fn count(&self) -> usize {
         self.pixels.len()
+    }
+
+    /// The pixels that are stuck themselves: where colours are filled in, some of their neighbours stand out as well.
+    pub(crate) fn places(&self) -> Vec<usize> {
+        let bright: HashMap<usize, f32> = self.pixels.iter().map(|(i, v)| (*i, v.iter().sum())).collect();
+        let is_peak =
+            |i: &usize| touching(*i, self.width).all(|j| bright.get(&j).is_none_or(|v| *v <= bright[i]));
+        self.pixels.iter().map(|p| p.0).filter(is_peak).collect()
     }
 
     /// Puts the stuck pixels into a simulated frame.

@@ -179,8 +179,11 @@ impl Search<'_> {
     pub(crate) fn choose_noise(&mut self, found: &mut Found) -> Result<()> {
         let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let fitted = found.fit.theta.clone();
-        let means = self.forward.simulate(&self.evidence.fit, &fitted, self.judge.quality)?;
+        // What stuck pixels stand above is simulated without any.
+        let bare = fitted.with(P::Hot, 0.0);
+        let means = self.forward.simulate(&self.evidence.fit, &bare, self.judge.quality)?;
         self.judge.keep_stuck(&self.evidence.fit, &means);
+        self.forward.hold_stuck(self.judge.hot.places());
         let data = self.noise_data(&fitted, &self.evidence.fit)?;
         let unseen = self.noise_data(&fitted, &self.evidence.choose)?;
         tracing::debug!("noise {data:?}");

@@ -5,7 +5,7 @@ use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::cover::Cover;
 use crate::diagnose::expect::forward::Forward;
-use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::judge::Judge;
 use crate::diagnose::judge::hot::HotMap;
 use crate::diagnose::search::{Search, Watch};
@@ -39,7 +39,8 @@ pub(crate) struct Seen {
 impl<'a> Question<'a> {
     /// Simulates the frames as given.
     pub(crate) fn look(&self, forward: &mut Forward, masks: Option<&[Plane<f32>]>) -> Result<Seen> {
-        let means = forward.simulate(&self.evidence.fit, &self.base, Quality::Fit)?;
+        let bare = self.base.with(P::Hot, 0.0);
+        let means = forward.simulate(&self.evidence.fit, &bare, Quality::Fit)?;
         let hot = HotMap::find(self.evidence, &self.evidence.fit, &means);
         let open = || {
             let all =
@@ -64,6 +65,7 @@ impl<'a> Question<'a> {
         if let Some(reduced) = &mut forward.reduced {
             reduced.compare_in(&seen.masks);
         }
+        forward.hold_stuck(seen.hot.places());
         Search {
             judge: Judge::new(self.evidence, masks, self.seed, seen.hot.clone()),
             forward,
