@@ -67,6 +67,7 @@ impl Filter {
             let share = |of: &[f64; 3]| (of[c] / pixel[c]) as f32;
             Left {
                 pixel: 1.0,
+                steady: 1.0,
                 high_pass: high_pass.each_ref().map(share),
                 bands: bands.each_ref().map(share),
                 lines: lines.each_ref().map(share),

@@ -5,6 +5,9 @@
 pub struct Left {
     /// Of single pixels.
     pub pixel: f32,
+    /// Of single pixels, of a pattern: what is the same in two frames of which the content moves. A file that rounds a
+    /// pattern and a picture together makes another of it in every frame.
+    pub steady: f32,
     /// Of differences to the mean of two others along the row, by their distance of 2 and 4 px.
     pub high_pass: [f32; 2],
     /// Of differences of means over blocks of 2, 4 and 8 px.
@@ -15,11 +18,13 @@ pub struct Left {
 
 impl Left {
     /// All of the noise.
-    pub const ALL: Self = Self { pixel: 1.0, high_pass: [1.0; 2], bands: [1.0; 3], lines: [1.0; 2] };
+    pub const ALL: Self =
+        Self { pixel: 1.0, steady: 1.0, high_pass: [1.0; 2], bands: [1.0; 3], lines: [1.0; 2] };
 
     fn each(&self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Self {
             pixel: f(self.pixel, other.pixel),
+            steady: f(self.steady, other.steady),
             high_pass: [0, 1].map(|i| f(self.high_pass[i], other.high_pass[i])),
             bands: [0, 1, 2].map(|i| f(self.bands[i], other.bands[i])),
             lines: [0, 1].map(|i| f(self.lines[i], other.lines[i])),

@@ -205,8 +205,10 @@ fn drawn_at(quality: u8, sigma: f32) -> Left {
     };
     let expected = packed_mean(mean, &vec![sigma * sigma; mean.data.len()], &[], quality, Grain::white());
     let errors = errors(&noisy, &expected, quality);
+    let pixel = square(errors.data.iter().copied()) / (sigma * sigma);
     Left {
-        pixel: square(errors.data.iter().copied()) / (sigma * sigma),
+        pixel,
+        steady: pixel.min(1.0),
         high_pass: [2, 4].map(|apart| high_pass(&errors, apart) / (sigma * sigma)),
         bands: BANDS.map(|n| band(&errors, n) / (0.75 * sigma * sigma / (n * n) as f32)),
         lines: [true, false].map(|rows| lines(&errors, rows) / (sigma * sigma)),

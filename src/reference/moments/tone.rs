@@ -336,7 +336,8 @@ impl Tone {
             };
             let all: f32 = (0..3).map(|from| shared[channel][from] * variance(from)).sum();
             // Means over blocks keep theirs: chroma is averaged within them.
-            left.pixel *= all / variance(channel).max(1e-9);
+            let share = all / variance(channel).max(1e-9);
+            (left.pixel, left.steady) = (share * left.pixel, share * left.steady);
         }
         left
     }

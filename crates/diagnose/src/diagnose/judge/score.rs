@@ -288,7 +288,10 @@ pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
     if let Some(before) = before {
         for (i, (a, b)) in values.iter().zip(&before.values).enumerate() {
             let (Some(a), Some(b)) = (a, b) else { continue };
-            let noise = |v: &Seen| v.left.pixel * v.noise.free + v.noise.row + v.rounding;
+            let noise = |v: &Seen| {
+                let new = (v.left.pixel - v.left.steady).max(0.0) * v.noise.fixed;
+                v.left.pixel * v.noise.free + new + v.noise.row + v.rounding
+            };
             let drawn = (0..frame.drawn.len()).map(|k| frame.drawn[k].data[i] - before.drawn[k].data[i]);
             let drawn = drawn.map(|d| d * d).sum::<f32>() / DRAWS as f32;
             let alike = match a.value == b.value {
@@ -296,8 +299,9 @@ pub(crate) fn score_frame(frame: &SeenIn, before: Option<&SeenIn>) -> FrameScore
                 false => a.alike + b.alike,
             };
             let off = drawn + alike + [a, b].map(|v| v.single + v.common).iter().sum::<f32>();
-            // A fixed pattern is the same in both, as strong as their values make it.
-            let pattern = |v: &Seen| (v.left.pixel * v.noise.fixed).sqrt();
+            // A fixed pattern is the same in both, as strong as their values make it, but for what a file has made of
+            // it.
+            let pattern = |v: &Seen| (v.left.steady * v.noise.fixed).sqrt();
             let noise = noise(a) + noise(b) + (pattern(a) - pattern(b)).powi(2);
             let known = off + unsure * noise;
             let block = blocks.at(i / 3 % w, i / 3 / w);
