@@ -77,8 +77,8 @@ pub fn expected(linear: &Plane<f32>, settings: &Settings, view: &View, tone: &To
 }
 
 /// [`expected`] of some of the pixels of a camera that [`is_pointwise`]; `linear`: radiance of those, see
-/// [`Lattice::of`]. `stuck`: pixels that are stuck, by number row by row, where the camera has such and the whole picture
-/// is looked at.
+/// [`Lattice::of`]. `stuck`: pixels that are stuck, by number row by row, where the camera has such and the whole
+/// picture is looked at.
 pub fn expected_on(
     linear: &Plane<f32>,
     on: Lattice,
@@ -90,8 +90,7 @@ pub fn expected_on(
     debug_assert!(on == Lattice::WHOLE || is_pointwise(settings), "neighbours are not there");
     let scan = Scan { on, view, tone };
     let packed = Packed::new(LIST, settings, view);
-    let mut picture = linear.clone();
-    let (mut jobs, mut unit, mut mixed) = (Vec::new(), 1.0, false);
+    let (mut picture, mut jobs, mut unit, mut mixed) = (linear.clone(), Vec::new(), 1.0, false);
     for effect in switched_on(settings) {
         if !matches!(effect.stage(), Stage::Pixel(..)) || tone.bent[1..].contains(&effect.id()) {
             continue;
@@ -104,12 +103,11 @@ pub fn expected_on(
         }
         let parameters = packed.parameters(slot_of(LIST, effect.id()));
         match (effect.moments(), effect.work()) {
-            (Moments::Noise(_), _) => {}
-            (Moments::Stuck, _) if stuck.is_empty() || on != Lattice::WHOLE => {}
-            (Moments::Stuck, _) => {
+            (Moments::Stuck, _) if on == Lattice::WHOLE && !stuck.is_empty() => {
                 scan.done(&mut picture, &mut jobs, &mut unit);
                 hold(&mut picture, stuck);
             }
+            (Moments::Noise(_) | Moments::Stuck, _) => {}
             (Moments::Colors(_), _) if !is_behind_encoding(effect) => {}
             (Moments::Light(of), _) => jobs.push(Job::Light(of, parameters)),
             (Moments::Affine(of), _) => jobs.push(Job::Affine(single(of(settings, view)))),
@@ -130,13 +128,9 @@ pub fn expected_on(
             }
             (_, Work::Neighbourhood { reference, .. }) => {
                 scan.done(&mut picture, &mut jobs, &mut unit);
-                let before = picture;
-                picture = reference(&scaled(&before, 1.0 / unit), settings, &parameters);
-                if unit > 1.0 {
-                    picture.data.iter_mut().for_each(|v| *v *= unit);
-                    clipped(&mut picture, &before, tone, lifts(effect, settings));
-                    mixed = true;
-                }
+                let of = |p: &Plane<f32>| reference(p, settings, &parameters);
+                mixed |= unit > 1.0;
+                picture = filtered(&picture, unit, tone, mixed && lifts(effect, settings), of);
             }
             (_, Work::Elsewhere | Work::Host(_)) => {}
         }
@@ -212,6 +206,22 @@ impl Scan<'_> {
         }
         jobs.clear();
     }
+}
+
+/// A picture whose full scale is `unit`, DN or 1, as a filter leaves it.
+fn filtered(
+    before: &Plane<f32>,
+    unit: f32,
+    tone: &Tone,
+    lifts: bool,
+    of: impl Fn(&Plane<f32>) -> Plane<f32>,
+) -> Plane<f32> {
+    let mut picture = of(&scaled(before, 1.0 / unit));
+    if unit > 1.0 {
+        picture.data.iter_mut().for_each(|v| *v *= unit);
+        clipped(&mut picture, before, tone, lifts);
+    }
+    picture
 }
 
 /// Holds pixels (by number) at full scale or above, as filters behind the sensor find them.

@@ -270,6 +270,15 @@ impl Theta {
     }
 }
 
+/// `theta` with every combination of these choices.
+pub(crate) fn combinations(choices: &[P], theta: &Theta) -> Vec<Theta> {
+    choices.iter().fold(vec![theta.clone()], |all, &p| {
+        let options = 0..=p.spec().range[1] as usize;
+        let with = |theta: &Theta| options.clone().map(|o| theta.with(p, o as f64)).collect::<Vec<_>>();
+        all.iter().flat_map(with).collect()
+    })
+}
+
 /// Continuous parameters of a set that change the mean.
 pub(crate) fn free(set: &[&'static str]) -> Vec<P> {
     let fitted = set.iter().map(|n| candidate_of(n)).filter(|c| !c.noise);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{
-    CandidateSpec, P, Theta, candidate_of, is_discrete, mixes_pixels, moves,
+    CandidateSpec, P, Theta, candidate_of, combinations, is_discrete, mixes_pixels, moves,
 };
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::expect::weighing::Weighing;
@@ -145,15 +145,6 @@ fn take_less(best: &mut Option<(f64, Theta)>, other: (f64, Theta)) {
     if best.as_ref().is_none_or(|b| other.0 < b.0) {
         *best = Some(other);
     }
-}
-
-/// `theta` with every combination of these choices.
-fn combinations(choices: &[P], theta: &Theta) -> Vec<Theta> {
-    choices.iter().fold(vec![theta.clone()], |all, &p| {
-        let options = 0..=p.spec().range[1] as usize;
-        let with = |theta: &Theta| options.clone().map(|o| theta.with(p, o as f64)).collect::<Vec<_>>();
-        all.iter().flat_map(with).collect()
-    })
 }
 
 /// Those of a set that filter neighbours, with numbers to fit.

@@ -193,13 +193,7 @@ impl<'a> Search<'a> {
         }
         let size = self.size_for(candidate, theta);
         let starts = self.at(size).starts(theta, candidate)?;
-        let schedule = match candidate.name {
-            // Means over blocks know nothing of a px more or less of sharpness.
-            "sharpening" => DETAILS,
-            "defocus" if set.contains(&"sharpening") => DETAILS,
-            _ if moves(candidate) => COARSE,
-            _ => VALUES,
-        };
+        let schedule = schedule_of(candidate, set);
         let last = schedule[schedule.len() - 1];
         let weighing = self.at(size).weighing(theta, &last)?;
         // Values are looked for with the geometry held, whose renders are kept, but together with the set's other
@@ -518,6 +512,17 @@ impl<'a> Search<'a> {
         of.sort_unstable();
         of.dedup();
         slopes.step(&of).is_none_or(|way| way.share > way.half)
+    }
+}
+
+/// The stages of the fit of a candidate beside a set.
+fn schedule_of(candidate: &CandidateSpec, set: &[&str]) -> Schedule {
+    match candidate.name {
+        // Means over blocks know nothing of a px more or less of sharpness.
+        "sharpening" => DETAILS,
+        "defocus" if set.contains(&"sharpening") => DETAILS,
+        _ if moves(candidate) => COARSE,
+        _ => VALUES,
     }
 }
 

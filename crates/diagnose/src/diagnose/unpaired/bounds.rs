@@ -36,7 +36,7 @@ pub(super) fn shows_from(
     let without = known_as(real, made);
     let shows = |name: &'static str, with: &Theta| {
         let off = apart(&known_as(real, &simulated.fingerprint(with)), &without);
-        let fewest = parameters(&[name]).len();
+        let fewest = candidate_of(name).size();
         let all = squares(&off, counted) > quantile_of_length(NAMES.len(), fewest).powi(2);
         let edges: f64 = EDGES.iter().filter_map(|k| off[*k]).map(|z| z * z).sum();
         all && (!EDGES_TELL.contains(&name) || edges > quantile_of_length(EDGES_TELL.len(), 1).powi(2))

@@ -11,7 +11,7 @@ use super::fingerprint::{Fingerprint, Known, apart, common, squares};
 use super::marks::{BINS, EDGES, LINEAR, NEIGHBOURS, bin_dn};
 use super::simulated::{EDGES_TELL, NAMES, Simulated, parameters};
 use crate::diagnose::expect::linear::solve;
-use crate::diagnose::expect::model::{P, Theta, candidate_of};
+use crate::diagnose::expect::model::{P, Theta, candidate_of, combinations};
 use crate::diagnose::judge::quantile_of_length;
 use shutterbug::error::Result;
 use shutterbug::plane::srgb_decode;
@@ -191,7 +191,7 @@ impl Seen<'_> {
                 chosen.set,
                 values(&theta, name)
             );
-            let fewest = parameters(&[name]).len();
+            let fewest = candidate_of(name).size();
             let beyond = left - cost > quantile_of_length(NAMES.len(), fewest).powi(2);
             // Marks are measured for this: only where all else speaks for it.
             let shows = || {
@@ -257,21 +257,21 @@ fn fit(
 ) -> (Theta, f64, Option<f64>) {
     let cost = |theta: &Theta| squares(&apart(real, &simulated.fingerprint(theta)), counted);
     let own = parameters(&[name]);
-    let begin = |v: &f64| {
-        let mut theta = base.clone();
-        theta.set(own[0], *v);
+    let begin = |(v, mut theta): (f64, Theta)| {
+        theta.set(own[0], v);
         // What goes with it begins at a middling value: 0 has no slope.
-        for &p in &own[1..] {
-            theta.set(p, if candidate_of(name).noise { *v } else { p.spec().neutral.max(1.0) });
+        for &p in own[1..].iter().filter(|p| !p.is_discrete()) {
+            theta.set(p, if candidate_of(name).noise { v } else { p.spec().neutral.max(1.0) });
         }
         let cost = cost(&theta);
-        (cost, theta, Some(*v))
+        (cost, theta, Some(v))
     };
+    let choices: Vec<P> = own[1..].iter().copied().filter(|p| p.is_discrete()).collect();
+    let starts = starts.iter().flat_map(|&v| combinations(&choices, base).into_iter().map(move |t| (v, t)));
     let (mut best, mut theta, start) = starts
-        .iter()
         .enumerate()
         .filter(|(i, _)| *i == 0 || !clock.is_late())
-        .map(|(_, v)| begin(v))
+        .map(|(_, start)| begin(start))
         .chain(by_brightness(real, base, free).map(|theta| (cost(&theta), theta, None)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .expect("every candidate has a value to begin with");
