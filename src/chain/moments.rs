@@ -17,6 +17,11 @@ pub struct Variances {
 }
 
 impl Variances {
+    /// Standard deviation of all of them.
+    pub fn width(&self) -> f32 {
+        (self.free + self.row + self.fixed).sqrt()
+    }
+
     /// The sum, each times a factor.
     pub fn plus(self, share: f32, other: &Self) -> Self {
         let sum = |a: f32, b: f32| a + share * b;

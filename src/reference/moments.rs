@@ -6,6 +6,7 @@
 //! behind it leave a part of the spread. The spread is known by delivered value: a colour's is taken to be that of a
 //! grey as bright.
 
+mod clipped;
 mod curve;
 mod picture;
 mod tone;

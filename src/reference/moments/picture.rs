@@ -1,5 +1,6 @@
 //! The mean picture: from linear radiance to delivered values, in the list's order.
 
+use super::clipped::clipped_mean;
 use super::curve::{ANYWHERE, is_behind_encoding, switched_on};
 use super::tone::Tone;
 use crate::chain::{At, Effect, Moments, Packed, Parameters, Settings, Stage, View, Work, mixing, slot_of};
@@ -8,7 +9,6 @@ use crate::effects::jpeg::compressed;
 use crate::effects::jpeg::grain::Grain;
 use crate::effects::jpeg::packing::packed_mean;
 use crate::plane::Plane;
-use crate::plane::stats::erf;
 
 type Twin = fn([f32; 3], &At<'_>, &Parameters<'_>) -> [f32; 3];
 
@@ -119,7 +119,7 @@ pub fn expected_on(
             (Moments::Steps(_), _) => jobs.push(Job::Steps),
             (Moments::File(of), _) => {
                 scan.done(&mut picture, &mut jobs, &mut unit);
-                clip(&mut picture, &mut mixed);
+                clip(&mut picture, tone, &mut mixed);
                 picture = filed(&picture, tone, of(settings), settings);
             }
             (_, Work::Pointwise(twin)) => {
@@ -136,7 +136,7 @@ pub fn expected_on(
         }
     }
     scan.done(&mut picture, &mut jobs, &mut unit);
-    clip(&mut picture, &mut mixed);
+    clip(&mut picture, tone, &mut mixed);
     picture
 }
 
@@ -231,9 +231,17 @@ fn hold(picture: &mut Plane<f32>, stuck: &[usize]) {
     }
 }
 
-fn clip(picture: &mut Plane<f32>, mixed: &mut bool) {
-    if std::mem::take(mixed) {
-        picture.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
+/// Clips values to those that the delivered picture can have. Where colours have been made of noisy ones that moves the
+/// mean; a filter that lifts noise has done so already.
+fn clip(picture: &mut Plane<f32>, tone: &Tone, mixed: &mut bool) {
+    if !std::mem::take(mixed) {
+        return;
+    }
+    for colour in picture.data.chunks_exact_mut(3) {
+        let widths = tone.widths_behind(colour);
+        for c in 0..3 {
+            colour[c] = clipped_mean(colour[c], widths[c]).clamp(0.0, 255.0);
+        }
     }
 }
 
@@ -243,23 +251,9 @@ fn clipped(picture: &mut Plane<f32>, before: &Plane<f32>, tone: &Tone, lifts: bo
         return;
     }
     for (i, v) in picture.data.iter_mut().enumerate() {
-        let spread = tone.spread_of(&before.data[i - i % 3..i - i % 3 + 3], i % 3);
+        let spread = tone.open_spread_of(&before.data[i - i % 3..i - i % 3 + 3], i % 3);
         *v = clipped_mean(*v, (spread.free + spread.fixed).sqrt());
     }
-}
-
-/// Mean of a normal value that is clipped to 0 and 255.
-fn clipped_mean(mean: f32, sigma: f32) -> f32 {
-    if sigma <= 0.05 || (mean > 4.0 * sigma && mean < 255.0 - 4.0 * sigma) {
-        return mean;
-    }
-    // What lies below 0 on average, and what lies above 255.
-    let beyond = |z: f32| {
-        let density = (-0.5 * z * z).exp() * 0.398_942_3;
-        let above = 0.5 * (1.0 - erf(f64::from(z) * std::f64::consts::FRAC_1_SQRT_2)) as f32;
-        sigma * (density - z * above)
-    };
-    mean + beyond(mean / sigma) - beyond((255.0 - mean) / sigma)
 }
 
 /// A picture without noise ahead of a coarse converter, DN as it would be delivered, shape `[height, width, 3]`: the

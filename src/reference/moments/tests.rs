@@ -285,6 +285,29 @@ fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
     }
 }
 
+/// Saturation takes colours beyond black and white, and their noise does not show there.
+#[test]
+fn colours_beyond_black_and_white_have_the_mean_and_the_noise_that_clipping_leaves() {
+    let mut worst: f64 = 0.0;
+    for (factor, sigma) in [(1.5, 8e-3), (1.8, 4e-3), (1.4, 1.2e-2)] {
+        let settings =
+            settings(&[number("saturation", "factor", factor), number("read_noise", "sigma", sigma)]);
+        for colour in [[0.5, 0.1, 0.05], [0.3, 0.04, 0.2], [0.95, 0.3, 0.6], [0.3, 0.12, 0.06]] {
+            let (seen, told) = of_colour(&settings, colour);
+            for c in 0..3 {
+                let ([mean, square], [dn, variance]) = (seen[c], told[c]);
+                let off = (dn - mean).abs();
+                assert!(off < 0.05 + 0.12 * square.sqrt(), "{factor} {colour:?} {c}: {dn} for {mean} DN");
+                let off = (variance - square).abs();
+                assert!(off < 0.15 + 0.2 * square, "{factor} {colour:?} {c}: {variance} for {square} DN^2");
+                let open = f64::from(Tone::new(&settings).open_spread_of(&told.map(|t| t[0] as f32), c).free);
+                worst = worst.max(open / square.max(0.1));
+            }
+        }
+    }
+    assert!(worst > 3.0, "control: without clipping at most {worst} times the variance");
+}
+
 /// Independent values in what [`of_grey`] looks at: a row's in every frame, a pixel's in every frame or in all of them.
 fn independent(settings: &Settings) -> f64 {
     if settings.has("row_noise") {

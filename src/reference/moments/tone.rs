@@ -3,6 +3,7 @@
 
 use glam::Mat3;
 
+use super::clipped::share_kept;
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
 use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances, mixing};
 use crate::effects::LIST;
@@ -355,10 +356,30 @@ impl Tone {
 
     /// Spread of a channel of a pixel of these mean DN before compression.
     pub fn spread_of(&self, mean_dn: &[f32], channel: usize) -> Variances {
+        let open = self.open_spread_of(mean_dn, channel);
+        if self.behind.is_none() {
+            return open;
+        }
+        let kept = share_kept(mean_dn[channel], open.width());
+        Variances { free: kept * open.free, row: kept * open.row, fixed: kept * open.fixed }
+    }
+
+    /// The same ahead of the ends of what can be delivered, of colours that are made behind the encoding.
+    pub(super) fn open_spread_of(&self, mean_dn: &[f32], channel: usize) -> Variances {
         match &self.behind {
             Some(behind) => behind.spread(mean_dn, channel),
             None => self.spread(mean_dn[channel], channel),
         }
+    }
+
+    /// Standard deviations of noise about colours that are made behind the encoding, DN; 0 where there are none, or
+    /// where a filter lifts it.
+    pub(super) fn widths_behind(&self, mean_dn: &[f32]) -> [f32; 3] {
+        let lifted = self.mixing.pixel.iter().any(|share| *share > 1.0);
+        if self.behind.is_none() || lifted || !self.is_noisy() {
+            return [0.0; 3];
+        }
+        [0, 1, 2].map(|c| self.open_spread_of(mean_dn, c).width())
     }
 
     /// The same of a grey of so many DN.
