@@ -384,7 +384,7 @@ mod tests {
         let pid = folder.path().join("pid");
         // In time and late: the first command ends by itself and leaves a process behind. A session of its own is
         // another group, whose leader has no parent any more.
-        let cases = [("echo 1", 10_000), ("sleep 30", 500)];
+        let cases = [("echo 1", 10_000), ("sleep 30", 3_000)];
         for ((end, limit_ms), own) in cases.into_iter().flat_map(|c| [(c, ""), (c, "setsid ")]) {
             let _ = fs::remove_file(&pid);
             let text = format!(
