@@ -130,7 +130,7 @@ pub fn expected_on(
                 scan.done(&mut picture, &mut jobs, &mut unit);
                 let of = |p: &Plane<f32>| reference(p, settings, &parameters);
                 mixed |= unit > 1.0;
-                picture = filtered(&picture, unit, tone, mixed && lifts(effect, settings), of);
+                picture = filtered(&picture, unit, tone, unit > 1.0 && lifts(effect, settings), of);
             }
             (_, Work::Elsewhere | Work::Host(_)) => {}
         }
@@ -237,8 +237,11 @@ fn clip(picture: &mut Plane<f32>, tone: &Tone, mixed: &mut bool) {
     if !std::mem::take(mixed) {
         return;
     }
+    if !tone.shows_width_behind() {
+        return picture.data.iter_mut().for_each(|v| *v = v.clamp(0.0, 255.0));
+    }
     for colour in picture.data.chunks_exact_mut(3) {
-        let widths = tone.widths_behind(colour);
+        let widths = [0, 1, 2].map(|c| tone.open_spread_of(colour, c).width());
         for c in 0..3 {
             colour[c] = clipped_mean(colour[c], widths[c]).clamp(0.0, 255.0);
         }

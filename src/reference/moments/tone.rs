@@ -372,14 +372,10 @@ impl Tone {
         }
     }
 
-    /// Standard deviations of noise about colours that are made behind the encoding, DN; 0 where there are none, or
-    /// where a filter lifts it.
-    pub(super) fn widths_behind(&self, mean_dn: &[f32]) -> [f32; 3] {
+    /// Whether colours that are made behind the encoding have noise that no filter lifts.
+    pub(super) fn shows_width_behind(&self) -> bool {
         let lifted = self.mixing.pixel.iter().any(|share| *share > 1.0);
-        if self.behind.is_none() || lifted || !self.is_noisy() {
-            return [0.0; 3];
-        }
-        [0, 1, 2].map(|c| self.open_spread_of(mean_dn, c).width())
+        self.behind.is_some() && !lifted && self.is_noisy()
     }
 
     /// The same of a grey of so many DN.

@@ -83,10 +83,8 @@ impl HotMap {
 
     /// The pixels that are stuck themselves: where colours are filled in, some of their neighbours stand out as well.
     pub(crate) fn places(&self) -> Vec<usize> {
-        let bright: HashMap<usize, f32> = self.pixels.iter().map(|(i, v)| (*i, v.iter().sum())).collect();
-        let is_peak =
-            |i: &usize| touching(*i, self.width).all(|j| bright.get(&j).is_none_or(|v| *v <= bright[i]));
-        self.pixels.iter().map(|p| p.0).filter(is_peak).collect()
+        let peaks = peaks(&self.pixels, self.width, 0.0);
+        self.pixels.iter().map(|p| p.0).filter(|i| peaks.contains(i)).collect()
     }
 
     /// Puts the stuck pixels into a simulated frame.
@@ -116,14 +114,19 @@ fn is_steady_spot(frames: &[&Plane<f32>], x: usize, y: usize, c: usize) -> bool 
 /// pixels: most of them touch another one. Which pixels of a sensor are stuck is chance. What is filled in around one,
 /// and is less bright, is no spot of its own.
 fn is_drawn(spots: &[(usize, [f32; 3])], width: usize) -> bool {
+    let peaks = peaks(spots, width, ABOVE_DN);
+    let touched = peaks.iter().filter(|i| touching(**i, width).any(|j| peaks.contains(&j))).count();
+    2 * touched > peaks.len()
+}
+
+/// Spots that none of their neighbours among the spots outshines by more than `least`, DN.
+fn peaks(spots: &[(usize, [f32; 3])], width: usize, least: f32) -> HashSet<usize> {
     let bright: HashMap<usize, f32> = spots.iter().map(|(i, v)| (*i, v.iter().sum())).collect();
     let is_peak = |i: &usize| {
         let mut near = touching(*i, width).filter_map(|j| bright.get(&j));
-        near.all(|v| *v <= bright[i] + ABOVE_DN)
+        near.all(|v| *v <= bright[i] + least)
     };
-    let peaks: HashSet<usize> = bright.keys().copied().filter(is_peak).collect();
-    let touched = peaks.iter().filter(|i| touching(**i, width).any(|j| peaks.contains(&j))).count();
-    2 * touched > peaks.len()
+    bright.keys().copied().filter(is_peak).collect()
 }
 
 /// Places of the eight neighbours, those below the picture included.
