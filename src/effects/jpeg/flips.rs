@@ -26,17 +26,26 @@ const TO_RGB: [[f32; 3]; 3] = [[1.0, 0.0, 1.402], [1.0, -0.344_136, -0.714_136],
 const KINDS: usize = 7;
 /// The last of them.
 const STEADY: usize = KINDS - 1;
+/// Statistics of the noise of rows that are told apart: pixels, bands of 2, 4 and 8 px.
+const ROW_KINDS: usize = 4;
 
 /// Variances behind compression, DN^2, by block of 8 px, colour and statistic: of what white noise of that variance
 /// would give of it.
 pub struct Flips {
     across: usize,
-    blocks: Vec<[[f32; KINDS]; 3]>,
+    blocks: Vec<[Noises; 3]>,
+}
+
+/// By statistic what is left of noise that is a pixel's own, and of noise that a row shares.
+struct Noises {
+    own: [f32; KINDS],
+    rows: [f32; ROW_KINDS],
 }
 
 impl Flips {
-    /// Of a picture `dn` before compression, with noise of `variance` by value, DN^2.
-    pub fn of(dn: &Plane<f32>, variance: &[f32], quality: u8, grain: &Grain) -> Self {
+    /// Of a picture `dn` before compression, with noise of `variance` by value, DN^2, and `rows` of noise that a row
+    /// shares, in all colours alike; nothing without.
+    pub fn of(dn: &Plane<f32>, variance: &[f32], rows: &[f32], quality: u8, grain: &Grain) -> Self {
         let dct = Dct::new();
         let tables = [steps(quality, false), steps(quality, true)];
         let (w, h) = (dn.width, dn.height);
@@ -46,22 +55,33 @@ impl Flips {
                 let (x, y) = ((b % across) * SIDE + i % SIDE, (b / across) * SIDE + i / SIDE);
                 3 * (y.min(h - 1) * w + x.min(w - 1))
             };
-            // Of the three colours, mean over the block.
-            let before: [f32; 3] =
-                [0, 1, 2].map(|c| (0..AREA).map(|i| variance[place(i) + c]).sum::<f32>() / AREA as f32);
+            // Of the three colours, means over the block.
+            let mean = |of: &dyn Fn(usize) -> f32| (0..AREA).map(|i| of(place(i))).sum::<f32>() / AREA as f32;
+            let before = [0, 1, 2].map(|c| mean(&|at| variance[at + c]));
+            let shared = [0, 1, 2].map(|c| mean(&|at| rows.get(at + c).map_or(0.0, |v| v.sqrt())));
             let common =
                 |k: usize, l: usize| (0..3).map(|c| TO_YCC[k][c] * TO_YCC[l][c] * before[c]).sum::<f32>();
-            let parts: [[f32; KINDS]; 3] = std::array::from_fn(|k| {
+            let in_rows = |k: usize| (0..3).map(|c| TO_YCC[k][c] * shared[c]).sum::<f32>();
+            let parts: [Noises; 3] = std::array::from_fn(|k| {
                 let offset = if k == 0 { 128.0 } else { 0.0 };
                 let value = |i: usize| {
                     let rgb = &dn.data[place(i)..place(i) + 3];
                     (0..3).map(|c| TO_YCC[k][c] * rgb[c].clamp(0.0, 255.0)).sum::<f32>() - offset
                 };
-                let sigma = |i: usize| (common(k, k) * grain.own(k, i) + ROUNDED2).sqrt();
-                seen(&dct.forward(&std::array::from_fn(value)), sigma, &tables[usize::from(k > 0)])
+                let own = |i: usize| common(k, k) * grain.own(k, i) + ROUNDED2;
+                // The noise of a row is the same along it: eight values that add up in one coefficient.
+                let row = |i: usize| match i % SIDE {
+                    0 => SIDE as f32 * in_rows(k).powi(2) * grain.rows(k, i),
+                    _ => 0.0,
+                };
+                seen(&dct.forward(&std::array::from_fn(value)), (own, row), &tables[usize::from(k > 0)])
             });
             let had = |k: usize, l: usize| common(k, l) * grain.common([k, l]);
-            TO_RGB.map(|m| std::array::from_fn(|s| together(&m, &parts.map(|p| p[s]), had)))
+            let had_rows = |k: usize, l: usize| in_rows(k) * in_rows(l);
+            TO_RGB.map(|m| Noises {
+                own: std::array::from_fn(|s| together(&m, &parts.each_ref().map(|p| p.own[s]), had)),
+                rows: std::array::from_fn(|s| together(&m, &parts.each_ref().map(|p| p.rows[s]), had_rows)),
+            })
         };
         let blocks = (0..across * h.div_ceil(SIDE)).into_par_iter().map(one).collect();
         Self { across, blocks }
@@ -69,9 +89,8 @@ impl Flips {
 
     /// What is left at a value (its place in the picture's data) of noise of that variance before compression, DN^2.
     pub fn left(&self, width: usize, i: usize, variance: f32) -> Left {
-        let (x, y) = ((i / 3) % width, i / 3 / width);
-        let seen = &self.blocks[(y / SIDE) * self.across + x / SIDE][i % 3];
-        let share = |k: usize| seen[k] / variance.max(1e-6);
+        let own = &self.at(width, i).own;
+        let share = |k: usize| own[k] / variance.max(1e-6);
         Left {
             pixel: share(0),
             steady: share(STEADY),
@@ -79,6 +98,18 @@ impl Flips {
             lines: [share(4), share(5)],
             ..Left::ALL
         }
+    }
+
+    /// What noise of rows leaves at a value: its variance in the pixel, DN^2, and the variances of noise of rows that
+    /// would give as much in differences of means over blocks of 2, 4 and 8 px.
+    pub fn rows(&self, width: usize, i: usize) -> (f32, [f32; 3]) {
+        let [pixel, bands @ ..] = self.at(width, i).rows;
+        (pixel, bands)
+    }
+
+    fn at(&self, width: usize, i: usize) -> &Noises {
+        let (x, y) = ((i / 3) % width, i / 3 / width);
+        &self.blocks[(y / SIDE) * self.across + x / SIDE][i % 3]
     }
 }
 
@@ -91,16 +122,26 @@ fn together(m: &[f32; 3], parts: &[f32; 3], common: impl Fn(usize, usize) -> f32
     (own + pair(0, 1) + pair(0, 2) + pair(1, 2)).max(0.0)
 }
 
-/// Variances of one component of a block by statistic.
-fn seen(coefficients: &[f32; AREA], sigma: impl Fn(usize) -> f32, steps: &[f32; AREA]) -> [f32; KINDS] {
-    let mut sums = [0.0f32; KINDS];
+/// Variances of one component of a block by statistic. `noise`: what a coefficient has of noise of its own, and of
+/// noise of rows; of what rounding makes of both together each has its share.
+fn seen(
+    coefficients: &[f32; AREA],
+    noise: (impl Fn(usize) -> f32, impl Fn(usize) -> f32),
+    steps: &[f32; AREA],
+) -> Noises {
+    let mut sums = Noises { own: [0.0; KINDS], rows: [0.0; ROW_KINDS] };
     for i in 0..AREA {
-        let sigma = sigma(i);
-        let variance = rounded_variance(coefficients[i] / steps[i], sigma / steps[i]) * steps[i] * steps[i];
-        (0..STEADY).for_each(|k| sums[k] += SHARES[i][k] * variance);
+        let (own, row) = (noise.0(i), noise.1(i));
+        let (all, step) = (own + row, steps[i]);
+        let variance = rounded_variance(coefficients[i] / step, all.sqrt() / step) * step * step;
+        let [of_own, of_row] = [own, row].map(|part| part / all * variance);
+        (0..STEADY).for_each(|k| sums.own[k] += SHARES[i][k] * of_own);
         // What rounding adds hangs on the content, and is another wherever that has moved. Told 15 to 40 % low (tests):
         // over many contents some of what this counts as added stays too.
-        sums[STEADY] += SHARES[i][0] * variance.min(sigma * sigma);
+        sums.own[STEADY] += SHARES[i][0] * of_own.min(own);
+        if i % SIDE == 0 {
+            (0..ROW_KINDS).for_each(|k| sums.rows[k] += ROW_SHARES[i / SIDE][k] * of_row / SIDE as f32);
+        }
     }
     sums
 }
@@ -139,9 +180,14 @@ static ROUNDED: LazyLock<Vec<Vec<f32>>> = LazyLock::new(|| {
 });
 
 /// What a coefficient of variance 1 gives of each statistic, over what all of them together give.
-static SHARES: LazyLock<Vec<[f32; STEADY]>> = LazyLock::new(|| {
+static SHARES: LazyLock<Vec<[f32; STEADY]>> = LazyLock::new(|| shares(0..AREA));
+
+/// The same of the coefficients that noise of rows is in, over what these give together.
+static ROW_SHARES: LazyLock<Vec<[f32; STEADY]>> = LazyLock::new(|| shares((0..AREA).step_by(SIDE)));
+
+fn shares(coefficients: impl Iterator<Item = usize>) -> Vec<[f32; STEADY]> {
     let dct = Dct::new();
-    let mut all: Vec<[f32; STEADY]> = (0..AREA)
+    let mut all: Vec<[f32; STEADY]> = coefficients
         .map(|i| {
             let mut one = [0.0; AREA];
             one[i] = 1.0;
@@ -153,7 +199,7 @@ static SHARES: LazyLock<Vec<[f32; STEADY]>> = LazyLock::new(|| {
         all.iter_mut().for_each(|s| s[k] /= sum);
     }
     all
-});
+}
 
 /// Mean squares of the statistics of a block.
 fn statistics(block: &[f32; AREA]) -> [f32; STEADY] {
@@ -183,7 +229,7 @@ fn statistics(block: &[f32; AREA]) -> [f32; STEADY] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::packing::packed_mean;
+    use super::super::packing::{band, packed_mean, square};
     use super::*;
     use crate::chain::rng::random_bits;
 
@@ -208,7 +254,7 @@ mod tests {
         let plain = picture();
         for (sigma, quality) in [(1.5f32, 40u8), (4.0, 60), (9.0, 80)] {
             let variance = vec![sigma * sigma; plain.data.len()];
-            let flips = Flips::of(&plain, &variance, quality, Grain::white());
+            let flips = Flips::of(&plain, &variance, &[], quality, Grain::white());
             let expected = packed_mean(&plain, &variance, &[], quality, Grain::white());
             let (mut seen, mut told) = ([0.0f64; 2], [0.0f64; 2]);
             for seed in 0..24u32 {
@@ -252,7 +298,7 @@ mod tests {
         for (sigma, quality) in [(1.5f32, 40u8), (3.0, 83), (4.0, 60)] {
             let variance = vec![sigma * sigma; plain.data.len()];
             let known = [&plain, &moved].map(|p| {
-                let flips = Flips::of(p, &variance, quality, Grain::white());
+                let flips = Flips::of(p, &variance, &[], quality, Grain::white());
                 (p, flips, packed_mean(p, &variance, &[], quality, Grain::white()))
             });
             let (mut seen, mut told, mut whole) = (0.0f64, 0.0f64, 0.0f64);
@@ -280,10 +326,45 @@ mod tests {
     }
 
     #[test]
+    fn noise_of_rows_is_left_where_its_coefficients_lie_at_a_threshold() {
+        // Steps of 31 in the coefficient of the mean: grey 101 lies between two thresholds, grey 99 at one.
+        let (sigma, quality) = (1.35f32, 26u8);
+        let greys = [101.0, 99.0].map(|grey| Plane::from_fn(64, 64, |_, _| [grey; 3]));
+        for (plain, often) in greys.iter().zip([false, true]) {
+            let [none, rows] = [0.0, sigma * sigma].map(|v| vec![v; plain.data.len()]);
+            let flips = Flips::of(plain, &none, &rows, quality, Grain::white());
+            let expected = packed_mean(plain, &none, &rows, quality, Grain::white());
+            let at = 3 * (20 * 64 + 30);
+            let (in_pixel, [_, _, in_band]) = flips.rows(64, at);
+            let (mut pixels, mut bands) = (0.0f64, 0.0f64);
+            for seed in 0..60u32 {
+                let noisy =
+                    Plane::from_fn(64, 64, |_, y| [(plain.data[0] + sigma * normal(y, seed)).round(); 3]);
+                let encoded = super::super::compressed(&noisy, quality);
+                let errors = encoded.data.iter().zip(&expected.data).map(|(e, m)| e - m);
+                let errors = Plane { data: errors.collect(), ..noisy };
+                pixels += f64::from(square(errors.data.iter().copied())) / 60.0;
+                // Of two blocks of a row one half is left beside the mean over four.
+                bands += f64::from(band(&errors, 8)) / 60.0;
+            }
+            let told = [f64::from(in_pixel) + 1.0 / 12.0, f64::from(in_band) * 0.5 / 8.0];
+            let ratios = [told[0] / pixels, told[1] / bands.max(1e-3)];
+            if often {
+                assert!(ratios.iter().all(|r| (0.75..1.3).contains(r)), "{ratios:?} {told:?}");
+                // Control: what a picture of all greys keeps on average is too little here.
+                let [average, _] = super::super::packing::Packing::of(quality).rows_left(sigma * sigma);
+                assert!(f64::from(average * sigma * sigma) < 0.6 * pixels, "control: {average} {pixels}");
+            } else {
+                assert!(told[1] < 0.01 && bands < 0.01, "{told:?} {bands}");
+            }
+        }
+    }
+
+    #[test]
     fn strong_noise_is_left_whole_whatever_is_looked_at() {
         let plain = picture();
         let variance = vec![900.0; plain.data.len()];
-        let left = Flips::of(&plain, &variance, 85, Grain::white()).left(64, 3 * (20 * 64 + 10), 900.0);
+        let left = Flips::of(&plain, &variance, &[], 85, Grain::white()).left(64, 3 * (20 * 64 + 10), 900.0);
         for share in [left.pixel, left.bands[0], left.bands[2], left.lines[0], left.lines[1]] {
             // Rounding adds its own: the steps of colours are up to 30 DN wide here.
             assert!((0.95..1.2).contains(&share), "{left:?}");

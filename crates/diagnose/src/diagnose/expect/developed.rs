@@ -110,8 +110,9 @@ impl Forward {
         let grain = Grain::of(&settings_of(theta));
         let of = |dn: &Arc<Plane<f32>>| {
             let spread = |i: usize| tone.spread_of(&dn.data[i - i % 3..i - i % 3 + 3], i % 3);
-            let variance: Vec<f32> = (0..dn.data.len()).map(spread).map(|v| v.free + v.fixed).collect();
-            Flips::of(dn, &variance, theta.get(P::Quality) as u8, &grain)
+            let (own, rows): (Vec<f32>, Vec<f32>) =
+                (0..dn.data.len()).map(spread).map(|v| (v.free + v.fixed, v.row)).unzip();
+            Flips::of(dn, &own, &rows, theta.get(P::Quality) as u8, &grain)
         };
         Ok(before.par_iter().map(of).collect())
     }

@@ -7,11 +7,13 @@
 //! other families share the rest, so that row noise, fixed patterns and banding count, which single pixels cannot show.
 
 mod alike;
+mod lines;
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::{Arc, LazyLock};
 
-use alike::{Alike, beside_larger};
+use alike::beside_larger;
+use lines::lines;
 
 use crate::diagnose::evidence::blocks::pooled as averages;
 use crate::diagnose::expect::discrepancy::{COLOUR_DN, DRAWS, REACH, edges};
@@ -215,16 +217,8 @@ struct Seen {
 
 fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     let mean = frame.mean.data[i];
-    let (noise, in_row, left) = if tone.is_noisy() {
-        let colour = &frame.mean.data[i - i % 3..i - i % 3 + 3];
-        let (mut noise, left) = (tone.spread_of(colour, i % 3), tone.left(colour, i % 3));
-        let local = frame.flips.map(|f| f.left(frame.real.width, i, noise.free + noise.fixed));
-        let [in_pixel, in_row] = tone.rows_left(colour, i % 3).map(|share| share * noise.row);
-        noise.row = in_pixel;
-        (noise, in_row, local.unwrap_or(left))
-    } else {
-        (Variances::default(), 0.0, Left::ALL)
-    };
+    let (noise, in_row, left) =
+        if tone.is_noisy() { noise_seen(frame, tone, i) } else { (Variances::default(), 0.0, Left::ALL) };
     let given = frame.given.map(|g| g[i]);
     let single = if frame.edges_drawn { 0.0 } else { edges[i] } + given.map_or(0.0, |g| g.single);
     let drawn = frame.drawn.iter().map(|draw| draw.data[i].powi(2)).sum::<f32>() / DRAWS as f32;
@@ -249,12 +243,29 @@ fn seen(frame: &Scored<'_>, tone: &Tone, edges: &[f32], i: usize) -> Seen {
     }
 }
 
+/// Noise of a value, what the mean of its row has of that of rows, and what is left of the rest.
+fn noise_seen(frame: &Scored<'_>, tone: &Tone, i: usize) -> (Variances, f32, Left) {
+    let colour = &frame.mean.data[i - i % 3..i - i % 3 + 3];
+    let mut noise = tone.spread_of(colour, i % 3);
+    let Some(flips) = frame.flips else {
+        let [in_pixel, in_row] = tone.rows_left(colour, i % 3).map(|share| share * noise.row);
+        noise.row = in_pixel;
+        return (noise, in_row, tone.left(colour, i % 3));
+    };
+    let left = flips.left(frame.real.width, i, noise.free + noise.fixed);
+    (noise.row, _) = flips.rows(frame.real.width, i);
+    (noise, noise.row, left)
+}
+
 /// All values of a frame as a model sees them; nothing where they are not compared.
 pub(crate) struct SeenIn {
     size: [usize; 2],
     /// How well the variance of noise is known, as a part of it.
     unsure: f32,
     values: Vec<Option<Seen>>,
+    /// By value the variances of noise of rows that would give as much in the three bands, DN^2, where a file has left
+    /// that; nothing where it is what the pixels have.
+    row_bands: Vec<[f32; 3]>,
     /// Whether values are read from a simulator's pictures, whose equal values are off alike.
     given: bool,
     /// See [`Scored::drawn`].
@@ -267,8 +278,13 @@ pub(crate) fn seen_in(frame: &Scored<'_>, tone: &Tone) -> SeenIn {
     let edges = edges(frame.mean, frame.path);
     let open = |i: usize| frame.mask.is_none_or(|m| m.data[i / 3] > 0.5);
     let values = (0..size[0] * size[1] * 3).map(|i| open(i).then(|| seen(frame, tone, &edges, i)));
-    let (values, given) = (values.collect(), frame.given.is_some());
-    SeenIn { size, unsure: tone.uncertainty(), values, given, drawn: frame.drawn.to_vec() }
+    let (values, given): (Vec<Option<Seen>>, bool) = (values.collect(), frame.given.is_some());
+    let has_rows = || values.iter().flatten().any(|v| v.noise.row > 0.0);
+    let row_bands = match frame.flips.filter(|_| has_rows()) {
+        Some(flips) => (0..values.len()).map(|i| flips.rows(size[0], i).1).collect(),
+        None => Vec::new(),
+    };
+    SeenIn { size, unsure: tone.uncertainty(), values, row_bands, given, drawn: frame.drawn.to_vec() }
 }
 
 /// Scores a frame; `before` is the frame before it, where that is held out too.
@@ -335,27 +351,29 @@ fn mean_square(drawn: &[Arc<Plane<f32>>], of: impl Fn(&Plane<f32>) -> f32) -> f3
     drawn.iter().map(|draw| of(draw).powi(2)).sum::<f32>() / DRAWS as f32
 }
 
-/// Sums over a block of pixels: errors, row variance (already over the rows), number, what the three bands see of noise
-/// and rounding, what correct simulations may differ by in single values and in colours.
-type Pooled = [f64; 8];
+/// Sums over a block of pixels: errors, number, what correct simulations may differ by in single values and in colours,
+/// and by band what it sees of noise and rounding, and of noise of rows.
+type Pooled = [f64; 10];
 
 /// Differences between means over blocks of 2, 4, 8 px and the means over the block that is twice as large.
 fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
     let ([whole_w, whole_h], unsure) = (frame.size, f64::from(frame.unsure));
     let (mut w, mut h) = (whole_w, whole_h);
-    let one = |v: &Option<Seen>| match v {
+    let one = |i: usize| match &frame.values[i] {
         Some(v) => {
             let free = |share: f32| f64::from(share * (v.noise.free + v.noise.fixed) + v.rounding);
             let [a, b, c] = v.left.bands.map(free);
-            [v.error.into(), v.noise.row.into(), 1.0, a, b, c, v.single.into(), v.common.into()]
+            let rows = frame.row_bands.get(i).copied().unwrap_or([v.noise.row; 3]);
+            let [ra, rb, rc] = rows.map(f64::from);
+            [v.error.into(), 1.0, v.single.into(), v.common.into(), a, b, c, ra, rb, rc]
         }
-        None => [0.0; 8],
+        None => [0.0; 10],
     };
     let mut level: Vec<Pooled> = Vec::new();
     for (band, size) in [2usize, 4, 8].into_iter().enumerate() {
         // Sums of single values are not kept: they would take more than all else of a large picture.
         let fine = match band {
-            0 => pooled(|i| one(&frame.values[i]), w, h),
+            0 => pooled(one, w, h),
             _ => pooled(|i| level[i], w, h),
         };
         (w, h) = (w / 2, h / 2);
@@ -372,18 +390,18 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
         for (y, x, c) in (0..h / 2 * 2).flat_map(|y| (0..w / 2 * 6).map(move |i| (y, i / 3, i % 3))) {
             let (at, around) = ((y * w + x) * 3 + c, ((y / 2) * (w / 2) + x / 2) * 3 + c);
             let (f, g) = (fine[at], coarse[around]);
-            if f[2] < full || g[2] < 4.0 * full {
+            if f[1] < full || g[1] < 4.0 * full {
                 continue;
             }
-            let error = f[0] / f[2] - g[0] / g[2];
+            let error = f[0] / f[1] - g[0] / g[1];
             // Three quarters of the variance of a block's mean remain beside the mean over four of them; of row noise,
             // which is common to both blocks of a row, one half, and as much of a colour's error.
-            let free = 0.75 * f[3 + band] / (f[2] * f[2]);
-            let row = 0.5 * f[1] / f[2] / size as f64;
+            let free = 0.75 * f[4 + band] / (f[1] * f[1]);
+            let row = 0.5 * f[7 + band] / f[1] / size as f64;
             let differ = drawn[0].iter().zip(&drawn[1]).map(|(f, g)| f64::from(f[at] - g[around]).powi(2));
             let alike = alike.get(at).copied().map_or(0.0, f64::from);
             let off =
-                0.75 * f[6] / (f[2] * f[2]) + 0.5 * f[7] / f[2] + alike + differ.sum::<f64>() / DRAWS as f64;
+                0.75 * f[2] / (f[1] * f[1]) + 0.5 * f[3] / f[1] + alike + differ.sum::<f64>() / DRAWS as f64;
             let known = off + unsure * (free + row);
             sums[band].add(blocks.at(x * size, y * size), error, free + row + off, known);
         }
@@ -393,72 +411,17 @@ fn bands(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
 
 /// Sums over blocks of two by two of what is `at` the places of a picture of `w` by `h` px.
 fn pooled(at: impl Fn(usize) -> Pooled, w: usize, h: usize) -> Vec<Pooled> {
-    let mut out = vec![[0.0; 8]; (w / 2) * (h / 2) * 3];
+    let mut out = vec![[0.0; 10]; (w / 2) * (h / 2) * 3];
     for y in 0..h / 2 * 2 {
         for x in 0..w / 2 * 2 {
             for c in 0..3 {
                 let to = &mut out[((y / 2) * (w / 2) + x / 2) * 3 + c];
                 let value = at((y * w + x) * 3 + c);
-                (0..8).for_each(|k| to[k] += value[k]);
+                (0..10).for_each(|k| to[k] += value[k]);
             }
         }
     }
     out
-}
-
-/// Sums over a row or a column: error, variance, row variance, number, what single values and colours may be off by;
-/// and what each draw is off by.
-#[derive(Clone, Copy, Default)]
-struct Line {
-    sums: [f64; 6],
-    drawn: [f64; DRAWS],
-}
-
-impl Line {
-    fn add(&mut self, v: &Seen, share: f32, drawn: &[Arc<Plane<f32>>], i: usize) {
-        let free = share * (v.noise.free + v.noise.fixed) + v.rounding;
-        let add = [v.error, free, v.in_row, 1.0, v.single, v.common].map(f64::from);
-        (0..6).for_each(|k| self.sums[k] += add[k]);
-        self.drawn.iter_mut().zip(drawn).for_each(|(sum, draw)| *sum += f64::from(draw.data[i]));
-    }
-
-    /// Variance of the mean that correct simulations may differ by; `alike`: see [`Alike::in_mean`].
-    fn off(&self, alike: f64) -> f64 {
-        let n = self.sums[3];
-        let drawn = self.drawn.iter().map(|d| (d / n).powi(2)).sum::<f64>() / DRAWS as f64;
-        self.sums[4] / (n * n) + self.sums[5] / n + drawn + alike
-    }
-
-    /// Adds the mean, of which `row` is the share that noise of rows keeps.
-    fn count(&self, sums: &mut Sums, block: usize, row: f64, unsure: f64, alike: f64) {
-        let ([error, free, rows, n, ..], off) = (self.sums, self.off(alike));
-        let noise = free / (n * n) + row * rows / n;
-        sums.add(block, error / n, noise + off, off + unsure * noise);
-    }
-}
-
-/// Means over rows and over columns.
-fn lines(frame: &SeenIn, blocks: Blocks, sums: &mut [Sums]) {
-    let ([w, h], unsure) = (frame.size, f64::from(frame.unsure));
-    let mut rows = vec![Line::default(); h * 3];
-    let mut columns = vec![Line::default(); w * 3];
-    let mut alike = [h, w].map(|lines| Alike::new(3 * lines, frame.given));
-    for (i, v) in frame.values.iter().enumerate() {
-        let Some(v) = v else { continue };
-        let (x, y, c) = (i / 3 % w, i / 3 / w, i % 3);
-        rows[y * 3 + c].add(v, v.left.lines[0], &frame.drawn, i);
-        columns[x * 3 + c].add(v, v.left.lines[1], &frame.drawn, i);
-        alike[0].add(y * 3 + c, v);
-        alike[1].add(x * 3 + c, v);
-    }
-    for (i, r) in rows.iter().enumerate().filter(|(_, r)| r.sums[3] >= 0.25 * w as f64) {
-        r.count(&mut sums[0], blocks.row(i / 3), 1.0, unsure, alike[0].in_mean(i, r.sums[3]));
-    }
-    for (i, c) in columns.iter().enumerate().filter(|(_, c)| c.sums[3] >= 0.25 * h as f64) {
-        // Rows are drawn anew along a column.
-        let alike = alike[1].in_mean(i, c.sums[3]);
-        c.count(&mut sums[1], blocks.column(i / 3), 1.0 / c.sums[3], unsure, alike);
-    }
 }
 
 #[cfg(test)]
