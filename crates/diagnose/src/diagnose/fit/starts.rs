@@ -107,19 +107,35 @@ pub(crate) fn is_hopeful(
     Ok(false)
 }
 
-/// The best starts, at most `most`.
+/// What share of its cost `theta` loses at the coarse size with each of `others` in its place.
+pub(crate) fn lowered(
+    forward: &mut Forward,
+    target: Target<'_>,
+    evidence: &Evidence,
+    theta: &Theta,
+    others: &[Theta],
+) -> Result<Vec<f64>> {
+    let some = spread_out(&evidence.fit, LOOK.frames);
+    let weighing = weighing_of(forward, &some, theta, &LOOK, 2.0)?;
+    let now = cost_of(forward, target, &some, theta, &LOOK, &weighing)?;
+    let share = |other| Ok(1.0 - cost_of(forward, target, &some, other, &LOOK, &weighing)? / now.max(1e-9));
+    others.iter().map(share).collect()
+}
+
+/// The best starts, at most `most`; `known`: one that is tried besides.
 pub(crate) fn best_starts(
     forward: &mut Forward,
     target: Target<'_>,
     evidence: &Evidence,
     theta: &Theta,
     candidate: &CandidateSpec,
-    most: usize,
+    (known, most): (Option<Theta>, usize),
 ) -> Result<Vec<Theta>> {
     if candidate.name == "flicker" {
         return super::flicker::starts(forward, evidence, target.masks, theta, most);
     }
-    let all = starts(forward, theta, candidate);
+    let mut all = starts(forward, theta, candidate);
+    all.extend(known);
     if all.len() <= most {
         return Ok(all);
     }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{Theta, candidate_of, moves};
+use crate::diagnose::fit::starts::lowered;
 use crate::diagnose::search::found::Alone;
 use crate::diagnose::search::{Search, Watch};
 use shutterbug::error::Result;
@@ -28,6 +29,54 @@ impl Search<'_> {
         let mut promising: Vec<_> = tried.into_iter().filter(|a| gain(a) >= least).collect();
         promising.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
         Ok(promising.into_iter().map(|a| a.fit.theta).collect())
+    }
+
+    /// Keeps what candidates that move the picture came to alone, and which of all explained nothing.
+    pub(super) fn remember(&mut self, alone: &[Alone]) {
+        let idle = alone.iter().filter(|a| a.scores.mean() >= a.against.mean());
+        self.idle = idle.map(|a| a.name).collect();
+        let moved = alone.iter().filter(|a| moves(candidate_of(a.name)) && a.fit.theta != self.base);
+        self.moved_alone = moved.map(|a| (a.name, a.fit.theta.clone())).collect();
+    }
+
+    /// `theta` with a candidate as it was fitted alone, where surfaces have factors: those follow what small steps of
+    /// a lens or a readout do, so slopes tell little of a large one. Where edges lie was seen without factors too.
+    pub(super) fn as_alone(&self, name: &str, theta: &Theta) -> Option<Theta> {
+        let known = self.moved_alone.iter().find(|(alone, _)| *alone == name && theta.room.radiance);
+        known.map(|(_, alone)| {
+            let mut out = theta.clone();
+            let candidate = candidate_of(name);
+            candidate.parameters.iter().chain(candidate.more).for_each(|&p| out.set(p, alone.get(p)));
+            if name == "rolling_shutter" {
+                out.scan_order = alone.scan_order;
+            }
+            out
+        })
+    }
+
+    /// Raises what candidates promise to what they take off the cost as they were fitted alone.
+    pub(super) fn rank_as_alone(
+        &mut self,
+        ranked: &mut Vec<(&'static str, f64)>,
+        theta: &Theta,
+        of: &[&'static str],
+    ) -> Result<()> {
+        let known: Vec<_> = of.iter().filter_map(|n| Some((*n, self.as_alone(n, theta)?))).collect();
+        if known.is_empty() {
+            return Ok(());
+        }
+        let (names, thetas): (Vec<_>, Vec<_>) = known.into_iter().unzip();
+        let shares = lowered(self.forward, self.target(), self.evidence, theta, &thetas)?;
+        tracing::info!("as they were alone: {:?}", names.iter().zip(&shares).collect::<Vec<_>>());
+        let helps: Vec<_> = names.into_iter().zip(shares).filter(|(_, share)| *share > 0.0).collect();
+        self.moved_alone.retain(|(name, _)| helps.iter().any(|(other, _)| other == name));
+        for (name, share) in helps {
+            match ranked.iter_mut().find(|(other, _)| *other == name) {
+                Some((_, promised)) => *promised = promised.max(share),
+                None => ranked.push((name, share)),
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn each_alone(

@@ -14,7 +14,7 @@ use shutterbug::error::Result;
 
 /// Share of what a camera leaves that the description must be able to explain beside it, for a search of both: most of
 /// it, as for objects. Measured: 94 and 74 % on d10 and d13, whose descriptions are wrong; 12 % on the ghosts of d07.
-const MOST_OF_IT: f64 = 0.5;
+pub(super) const MOST_OF_IT: f64 = 0.5;
 
 /// How many numbers a member of a set has, to tell which of two is simpler: the description has more than any camera.
 pub(crate) fn size(name: &str) -> usize {
@@ -85,10 +85,12 @@ impl Search<'_> {
     }
 
     /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found
-    /// with the description as it stands, does it take away more than half of what that leaves? A search takes minutes
+    /// with the description as it stands, does it take away most of what that leaves? A search takes minutes
     /// with it, and what is on no list (a ghost, a filter) leaves errors that factors and poses follow a little, and
     /// never for the most part.
-    pub(crate) fn may_be_the_description(&mut self, exact: &Theta) -> Result<bool> {
+    ///
+    /// `most`: the share of that which must go; more where the set may only lack its end.
+    pub(crate) fn may_be_the_description(&mut self, exact: &Theta, most: f64) -> Result<bool> {
         let room = self.room.clone();
         let (asked, tracked) = (room.contains(&"scene_radiance"), room.contains(&"pose_error"));
         for (radiance, poses) in [(true, false), (false, true), (true, true)] {
@@ -115,7 +117,7 @@ impl Search<'_> {
                 gain,
                 left
             );
-            if gain > MOST_OF_IT * left {
+            if left > 0.0 && gain > most * left {
                 return Ok(true);
             }
         }

@@ -97,9 +97,14 @@ impl<'a> Fits<'a> {
         weighing_of(self.forward, &frames, theta, level, COMPARED_DN)
     }
 
-    /// Where the fit of a candidate begins.
-    pub(crate) fn starts(&mut self, theta: &Theta, candidate: &CandidateSpec) -> Result<Vec<Theta>> {
+    /// Where the fit of a candidate begins; `known`: where it may, besides.
+    pub(crate) fn starts(
+        &mut self,
+        theta: &Theta,
+        candidate: &CandidateSpec,
+        known: Option<Theta>,
+    ) -> Result<Vec<Theta>> {
         let target = self.target();
-        best_starts(self.forward, target, self.evidence, theta, candidate, STARTS)
+        best_starts(self.forward, target, self.evidence, theta, candidate, (known, STARTS))
     }
 }

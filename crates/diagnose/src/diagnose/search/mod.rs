@@ -15,6 +15,7 @@ pub(super) mod levels;
 pub(super) mod objects;
 pub(super) mod pairs;
 pub(super) mod question;
+pub(super) mod round;
 pub(super) mod searches;
 pub(super) mod shown;
 pub(super) mod support;
@@ -31,18 +32,15 @@ use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{
     CandidateSpec, P, Theta, candidate_of, free, is_discrete, mixes_pixels, moves,
 };
-use crate::diagnose::expect::room::is_in_surfaces;
 use crate::diagnose::expect::tone::Tone;
-use crate::diagnose::fit::cost::{Level, Target};
+use crate::diagnose::fit::cost::Target;
 use crate::diagnose::fit::flicker::{LEVEL, is_periodic};
-use crate::diagnose::fit::intervals::Slopes;
-use crate::diagnose::fit::normal::screened;
-use crate::diagnose::fit::starts::is_hopeful;
 use crate::diagnose::fit::{COARSE, DETAILS, FINE, LAST, LAST_OF_LENS, Schedule, VALUES, fit};
 use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
 use crate::diagnose::judge::{Judge, Scores, gain};
 use fits::Size;
 use found::{Alone, Found, SEARCH};
+use round::closes_nearly_all;
 use shown::Shown;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -83,6 +81,19 @@ pub(crate) struct Search<'a> {
     pub room: Vec<&'static str>,
     /// What the frames themselves show.
     pub shown: Shown,
+    /// What candidates that move the picture came to alone.
+    pub moved_alone: Vec<(&'static str, Theta)>,
+    /// Candidates that explained nothing when they were asked last.
+    pub idle: Vec<&'static str>,
+}
+
+/// What another search of the same frames has found out.
+#[derive(Default)]
+pub(crate) struct Begun {
+    /// What each candidate does alone.
+    pub alone: Vec<Alone>,
+    /// A set to go on from.
+    pub set: Option<(Vec<&'static str>, Fit)>,
 }
 
 /// A candidate, its fit, and what that scored.
@@ -192,7 +203,8 @@ impl<'a> Search<'a> {
             return self.add_discrete(candidate, set, theta);
         }
         let size = self.size_for(candidate, theta);
-        let starts = self.at(size).starts(theta, candidate)?;
+        let known = self.as_alone(candidate.name, theta);
+        let starts = self.at(size).starts(theta, candidate, known)?;
         let schedule = schedule_of(candidate, set);
         let last = schedule[schedule.len() - 1];
         let weighing = self.at(size).weighing(theta, &last)?;
@@ -248,21 +260,20 @@ impl<'a> Search<'a> {
         open.then_some(LEVEL)
     }
 
-    /// Runs the search, for as long as there is time; what it had found by then is kept. `alone`: what each candidate
-    /// does alone, where another search of the same frames has found that out.
-    pub(crate) fn run(&mut self, watch: &mut dyn Watch, alone: Vec<Alone>) -> Result<Found> {
-        let mut found = self.look(watch, alone)?;
+    /// Runs the search, for as long as there is time; what it had found by then is kept.
+    pub(crate) fn run(&mut self, watch: &mut dyn Watch, begun: Begun) -> Result<Found> {
+        let mut found = self.look(watch, begun)?;
         self.end(&mut found, watch)?;
         Ok(found)
     }
 
     /// [`Search::run`] as far as the set is found.
-    pub(crate) fn look(&mut self, watch: &mut dyn Watch, alone: Vec<Alone>) -> Result<Found> {
+    pub(crate) fn look(&mut self, watch: &mut dyn Watch, begun: Begun) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         self.forward.budget.go_on()?;
         self.forward.budget.stage = Stage::Search;
-        let mut found = Found { alone, ..Found::nothing(&self.base, before) };
-        let ended = self.look_for(&mut found, watch);
+        let mut found = Found { alone: begun.alone, ..Found::nothing(&self.base, before) };
+        let ended = self.look_for(&mut found, begun.set, watch);
         if in_time(ended)?.is_none() {
             let tried = |n: &&str| found.set.is_empty() && found.alone.iter().any(|a| a.name == *n);
             let late: Vec<_> = self.left_beside(&found.set).into_iter().filter(|n| !tried(n)).collect();
@@ -282,7 +293,12 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    fn look_for(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+    fn look_for(
+        &mut self,
+        found: &mut Found,
+        begun: Option<(Vec<&'static str>, Fit)>,
+        watch: &mut dyn Watch,
+    ) -> Result<()> {
         let (packed, set) = self.shown.put(&self.base);
         found.set = set;
         found.fit.theta = packed.clone();
@@ -292,7 +308,16 @@ impl<'a> Search<'a> {
         if found.alone.is_empty() {
             self.each_alone(watch, "each candidate alone", &start, &mut found.alone, &mut found.late)?;
         }
-        for round in 0..MOST_EFFECTS {
+        self.remember(&found.alone);
+        let first = begun.as_ref().map_or(0, |(set, _)| set.len());
+        if let Some((set, fit)) = begun {
+            tracing::info!("begins with {set:?}");
+            (found.set, found.fit) = (set, fit);
+            found.fit.theta = self.with_noise(&found.fit.theta)?;
+            scores = self.judge.scores(self.forward, &found.fit.theta)?;
+            self.prune(&mut found.set, &mut found.fit, &mut scores)?;
+        }
+        for round in first..MOST_EFFECTS {
             let current = found.fit.clone();
             let mut options: Vec<Tried> = if round == 0 {
                 let mean = found
@@ -385,134 +410,6 @@ impl<'a> Search<'a> {
         (self.judge.quality, self.forward.native) = (Quality::Fine, true);
         self.judge.kind = found.fit.theta.room.kind();
     }
-
-    fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
-        let parameters = fit.theta.report(candidate_of(name), &BTreeMap::new());
-        let values: Vec<String> = parameters.iter().map(|(k, v)| format!("{k} {}", v.value)).collect();
-        let (count, spent_s) = self.forward.renders_made();
-        tracing::info!(
-            "{name}: {:.3} DN ({:.3}) in {:.1} s, {} [{count} renders, {spent_s:.1} s]",
-            scores.mean(),
-            scores.floor(),
-            clock.elapsed().as_secs_f64(),
-            values.join(", ")
-        );
-    }
-
-    /// Candidates that a round asks of.
-    fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
-        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise && !is_in_surfaces(n, set);
-        self.names.iter().copied().filter(beside).collect()
-    }
-
-    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
-    pub(crate) fn round(
-        &mut self,
-        watch: &mut dyn Watch,
-        set: &[&'static str],
-        current: &Fit,
-        now: &Scores,
-        late: &mut Vec<&'static str>,
-    ) -> Result<Vec<Tried>> {
-        let (smooth, rest): (Vec<_>, Vec<_>) =
-            self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
-        // At most: what promises nothing is not fitted.
-        let most = 1 + SHORTLIST + BENT.len() + rest.len();
-        watch.stage(&format!("candidates beside {}", set.join(" + ")), most);
-        watch.step("which of them promise most");
-        let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
-            late.extend(smooth.into_iter().chain(rest));
-            return Ok(Vec::new());
-        };
-        let mut out: Vec<Tried> = Vec::new();
-        for &(name, promised) in &ranked {
-            let little = promised < LITTLE * ranked[0].1;
-            if little && out.first().is_some_and(|first| self.gains(now, &first.2)) {
-                tracing::info!("{name} waits for the next round");
-                continue;
-            }
-            out.extend(self.beside(watch, name, set, current, late)?);
-        }
-        if closes_nearly_all(now, out.first()) {
-            return Ok(out);
-        }
-        let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
-        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n)) {
-            let (target, candidate) = (self.target(), candidate_of(name));
-            let hopeful = is_hopeful(self.forward, target, self.evidence, &current.theta, candidate);
-            if in_time(hopeful)?.unwrap_or(true) {
-                out.extend(self.beside(watch, name, set, current, late)?);
-            }
-        }
-        for name in rest {
-            out.extend(self.beside(watch, name, set, current, late)?);
-        }
-        Ok(out)
-    }
-
-    /// Fits a candidate beside the set and scores it, unless there is no more time.
-    fn beside(
-        &mut self,
-        watch: &mut dyn Watch,
-        name: &'static str,
-        set: &[&'static str],
-        current: &Fit,
-        late: &mut Vec<&'static str>,
-    ) -> Result<Option<Tried>> {
-        watch.step(name);
-        let clock = Instant::now();
-        let mut work = || -> Result<(Fit, Scores)> {
-            self.forward.budget.go_on()?;
-            let fit = self.add(candidate_of(name), set, &current.theta)?;
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            Ok((fit, scores))
-        };
-        let Some((fit, scores)) = in_time(work())? else {
-            late.push(name);
-            return Ok(None);
-        };
-        self.log(name, &fit, &scores, clock);
-        Ok(Some((name, fit, scores)))
-    }
-
-    fn shortlist(
-        &mut self,
-        set: &[&'static str],
-        current: &Fit,
-        smooth: &[&'static str],
-    ) -> Result<Vec<(&'static str, f64)>> {
-        let held = free(set);
-        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
-        let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
-        all.sort();
-        all.dedup();
-        let level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
-        let (target, probe) = (self.target(), probe(&current.theta));
-        let slopes = Slopes::at(self.forward, target, self.fit_frames(), &probe, &all, &level)?;
-        let gains = screened(slopes.equations(), &all, &held, &groups);
-        let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
-        ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
-        // What one step would not move beyond chance and discrepancy is not rendered for.
-        ranked.retain(|(name, _)| self.would_move(&slopes, &all, &held, candidate_of(name)));
-        ranked.truncate(SHORTLIST);
-        tracing::info!("worth a fit: {ranked:?}");
-        Ok(ranked)
-    }
-
-    /// Whether a step from none would move a candidate beside `held` by more than chance and discrepancy can.
-    fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
-        let a = &slopes.equations().a;
-        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| a[i][i] > 0.0);
-        let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
-        if own.is_empty() {
-            return false;
-        }
-        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own).collect();
-        of.sort_unstable();
-        of.dedup();
-        slopes.step(&of).is_none_or(|way| way.share > way.half)
-    }
 }
 
 /// The stages of the fit of a candidate beside a set.
@@ -536,18 +433,6 @@ pub(crate) fn last_of(free: &[P]) -> Schedule {
 /// exposure miss may be more than a filter changes.
 pub(crate) fn finest_of(theta: &Theta) -> Quality {
     if theta.is_on(P::Exposure) { Quality::Finest } else { Quality::Fine }
-}
-
-/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
-/// may be nothing but the delay of an exposure, which promises about as much.
-fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
-    let Some((name, fit, scores)) = first else { return false };
-    // What is left may have been taken for noise, which no model is then far from.
-    if Tone::new(&fit.theta).is_noisy() {
-        return false;
-    }
-    let closed = now.mean() - scores.mean();
-    *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
 }
 
 /// Whether fits that began at different places have come to the same one, within a part of the steps of their

@@ -75,6 +75,8 @@ impl<'a> Question<'a> {
             names: self.names.clone(),
             room: self.room.clone(),
             shown: self.shown.clone(),
+            moved_alone: Vec::new(),
+            idle: Vec::new(),
         }
     }
 

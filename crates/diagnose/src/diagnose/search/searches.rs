@@ -1,18 +1,28 @@
 //! The searches of a diagnosis: with the description as it stands, with one that may be wrong, and without the places
 //! of what the scene does not have.
 
+use super::candidates::MOST_OF_IT;
 use super::decide::{Facts, NAMED, decide};
 use super::found::{Found, SEARCH};
 use super::objects::Objects;
 use super::question::{Question, Seen};
+use super::support::restored;
+use super::{NEARLY_ALL, finest_of};
 use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
+use crate::diagnose::expect::model::{Theta, candidate_of, moves};
 use crate::diagnose::expect::room::is_description;
-use crate::diagnose::judge::closed_fraction;
+use crate::diagnose::judge::noise::NOISES;
+use crate::diagnose::judge::{Scores, closed_fraction};
 use crate::diagnose::report::Verdict;
-use crate::diagnose::search::{Search, Watch};
+use crate::diagnose::search::{Begun, Search, Tried, Watch};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+
+/// The part of the description that is factors of surfaces.
+const SURFACES: &str = "scene_radiance";
 
 /// What the searches came to.
 pub(crate) struct Outcome<'a> {
@@ -82,8 +92,8 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 /// frames. First of all by what is in few places.
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
-    let mut exact = search.look(watch, Vec::new())?;
-    let free = match in_time(search.freed_early(&exact, &room, watch))?.flatten() {
+    let mut exact = search.look(watch, Begun::default())?;
+    let free = match in_time(search.freed_early(&mut exact, &room, watch))?.flatten() {
         Some(free) if names_description(&free) => return search.with_objects(free, &room),
         other => other,
     };
@@ -115,10 +125,10 @@ fn questioned(
     watch: &mut dyn Watch,
 ) -> Result<First> {
     tracing::info!("{:?} leaves more than the discrepancy: {room:?} may be wrong", exact.set);
-    let freed = match in_time(search.promises(&exact, room))? {
+    let freed = match in_time(search.promises(&exact, room, MOST_OF_IT))? {
         Some(true) => match free {
             Some(free) => Some(free),
-            None => in_time(search.run(watch, exact.alone.clone()))?,
+            None => in_time(search.run_beside(&exact, watch))?,
         },
         Some(false) => {
             search.end_as(&exact);
@@ -145,31 +155,100 @@ fn names_description(found: &Found) -> bool {
 
 impl Search<'_> {
     /// The finding of a search with a description that may be wrong, where that is asked about before a set is brought
-    /// to its end, and there are signs of it: a set that closes too little to be named beside an unknown effect is no
-    /// finding, and its end takes as long as the search.
+    /// to its end, which takes as long as the search: a set that closes too little to be named beside an unknown effect
+    /// is no finding, and of one that closes more the last fit shows what it leaves.
     fn freed_early(
         &mut self,
-        exact: &Found,
+        exact: &mut Found,
         room: &[&'static str],
         watch: &mut dyn Watch,
     ) -> Result<Option<Found>> {
-        let now = self.judge.scores(self.forward, &exact.fit.theta)?;
-        let closed = closed_fraction(exact.before.mean(), now.mean(), now.floor());
-        let is_finding = closed >= NAMED[0] || now.beyond_bounds().is_empty();
-        if room.is_empty() || is_finding || self.late() || !exact.is_whole() {
+        let mut now = self.judge.scores(self.forward, &exact.fit.theta)?;
+        if room.is_empty() || now.beyond_bounds().is_empty() || self.late() || !exact.is_whole() {
             return Ok(None);
         }
-        if self.objects_beside(exact, room)?.is_some() {
+        let closed = closed_fraction(exact.before.mean(), now.mean(), now.floor());
+        let most = if closed < NAMED[0] { MOST_OF_IT } else { NEARLY_ALL };
+        if closed >= NAMED[0] {
+            now = self.finely(exact)?;
+            if !now.beyond_bounds().is_empty() {
+                self.free_more(exact)?;
+                self.refit_to_the_end(exact)?;
+                now = self.finely(exact)?;
+            }
+        }
+        if now.beyond_bounds().is_empty() || self.objects_beside(exact, room)?.is_some() {
             return Ok(None);
         }
         tracing::info!("{:?} closes {closed:.2}: {room:?} may be wrong", exact.set);
-        if self.promises(exact, room)? { self.run(watch, exact.alone.clone()).map(Some) } else { Ok(None) }
+        if self.promises(exact, room, most)? {
+            return self.run_beside(exact, watch).map(Some);
+        }
+        Ok(None)
+    }
+
+    /// Scores of a finding at the end's samples a pixel: few are off by themselves.
+    fn finely(&mut self, found: &Found) -> Result<Scores> {
+        (self.judge.quality, self.forward.native) = (finest_of(&found.fit.theta), true);
+        let scores = self.judge.scores(self.forward, &found.fit.theta);
+        (self.judge.quality, self.forward.native) = (Quality::Fit, false);
+        scores
+    }
+
+    /// A search with a description that may be wrong, beside what the one with it as it stands has found: as a rule
+    /// what moves the picture is right, and what changes its values stood for factors of surfaces.
+    fn run_beside(&mut self, exact: &Found, watch: &mut dyn Watch) -> Result<Found> {
+        let set = in_time(self.moved_and_lit(exact, watch))?.flatten();
+        self.run(watch, Begun { alone: exact.alone.clone(), set })
+    }
+
+    /// What moves the picture in a finding, what the frames themselves show, and factors of surfaces, fitted together,
+    /// if these explain more so than they do alone.
+    fn moved_and_lit(
+        &mut self,
+        exact: &Found,
+        watch: &mut dyn Watch,
+    ) -> Result<Option<(Vec<&'static str>, Fit)>> {
+        let does_move = |n: &str| moves(candidate_of(n));
+        if !exact.set.iter().any(|n| does_move(n)) || !self.room.contains(&SURFACES) {
+            return Ok(None);
+        }
+        let stays = |n: &&'static str| does_move(n) || self.is_known(n);
+        let members: Vec<_> = exact.set.iter().copied().filter(stays).collect();
+        let rest = exact.set.iter().filter(|n| !members.contains(n)).chain(&NOISES);
+        let start = rest.fold(exact.fit.theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)));
+        let room = std::mem::replace(&mut self.room, vec![SURFACES]);
+        let tried = self.lit_beside(&members, &start, watch);
+        self.room = room;
+        let [beside, alone] = tried?;
+        let explains_more = |one: &Tried| alone.is_none_or(|alone| one.2.mean() < alone.2.mean());
+        Ok(beside.filter(explains_more).map(|(name, fit, _)| {
+            let set = members.into_iter().chain([name]).collect();
+            (set, fit)
+        }))
+    }
+
+    /// Factors of surfaces beside a set, and beside nothing but what the frames themselves show.
+    fn lit_beside(
+        &mut self,
+        set: &[&'static str],
+        start: &Theta,
+        watch: &mut dyn Watch,
+    ) -> Result<[Option<Tried>; 2]> {
+        let (shown, known) = self.shown.put(&self.base);
+        let mut tried = [None, None];
+        for (tried, (set, start)) in tried.iter_mut().zip([(set, start), (&known, &shown)]) {
+            let start = self.with_noise(start)?;
+            let now = self.judge.scores(self.forward, &start)?;
+            *tried = self.description_beside(watch, set, &start, &now)?.pop();
+        }
+        Ok(tried)
     }
 
     /// Whether the description may be the cause of what a finding leaves; behind it a search with it free can begin.
-    fn promises(&mut self, exact: &Found, room: &[&'static str]) -> Result<bool> {
+    fn promises(&mut self, exact: &Found, room: &[&'static str], most: f64) -> Result<bool> {
         self.begin_anew(room.to_vec());
-        let promises = self.may_be_the_description(&exact.fit.theta);
+        let promises = self.may_be_the_description(&exact.fit.theta, most);
         self.begin_anew(room.to_vec());
         promises
     }
@@ -177,7 +256,7 @@ impl Search<'_> {
     /// Where the scene lacks something, if that is why a finding leaves more than the discrepancy; asked where the
     /// scene may be wrong.
     fn objects_beside(&mut self, found: &Found, room: &[&'static str]) -> Result<Option<Objects>> {
-        if room.contains(&"scene_radiance") { self.undescribed(found) } else { Ok(None) }
+        if room.contains(&SURFACES) { self.undescribed(found) } else { Ok(None) }
     }
 
     /// A finding with the description free, and where the scene lacks something beside it.

@@ -1,0 +1,177 @@
+//! A round of a search: which candidates are worth a fit beside a set, and what they come to.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use super::{BENT, LITTLE, NEARLY_ALL, SHORTLIST, probe};
+use crate::diagnose::evidence::budget::in_time;
+use crate::diagnose::evidence::quality::Quality;
+use crate::diagnose::expect::fitted::Fit;
+use crate::diagnose::expect::model::{CandidateSpec, P, candidate_of, free, is_discrete};
+use crate::diagnose::expect::room::is_in_surfaces;
+use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::fit::cost::Level;
+use crate::diagnose::fit::intervals::Slopes;
+use crate::diagnose::fit::normal::screened;
+use crate::diagnose::fit::starts::is_hopeful;
+use crate::diagnose::judge::Scores;
+use crate::diagnose::search::{Search, Tried, Watch};
+use shutterbug::error::Result;
+
+impl Search<'_> {
+    pub(super) fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
+        let parameters = fit.theta.report(candidate_of(name), &BTreeMap::new());
+        let values: Vec<String> = parameters.iter().map(|(k, v)| format!("{k} {}", v.value)).collect();
+        let (count, spent_s) = self.forward.renders_made();
+        tracing::info!(
+            "{name}: {:.3} DN ({:.3}) in {:.1} s, {} [{count} renders, {spent_s:.1} s]",
+            scores.mean(),
+            scores.floor(),
+            clock.elapsed().as_secs_f64(),
+            values.join(", ")
+        );
+    }
+
+    /// Candidates that a round asks of.
+    pub(super) fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
+        let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise && !is_in_surfaces(n, set);
+        self.names.iter().copied().filter(beside).collect()
+    }
+
+    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
+    pub(crate) fn round(
+        &mut self,
+        watch: &mut dyn Watch,
+        set: &[&'static str],
+        current: &Fit,
+        now: &Scores,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Vec<Tried>> {
+        let (smooth, rest): (Vec<_>, Vec<_>) =
+            self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
+        // At most: what promises nothing is not fitted.
+        let most = 1 + SHORTLIST + BENT.len() + rest.len();
+        watch.stage(&format!("candidates beside {}", set.join(" + ")), most);
+        watch.step("which of them promise most");
+        let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
+            late.extend(smooth.into_iter().chain(rest));
+            return Ok(Vec::new());
+        };
+        let mut out: Vec<Tried> = Vec::new();
+        for &(name, promised) in &ranked {
+            let little = promised < LITTLE * ranked[0].1;
+            if little && out.iter().any(|tried| self.gains(now, &tried.2)) {
+                tracing::info!("{name} waits for the next round");
+                continue;
+            }
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        if out.iter().any(|tried| closes_nearly_all(now, Some(tried))) {
+            return Ok(out);
+        }
+        let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
+        let waiting = self.may_wait(current, &out)?;
+        let waits = |name: &&str| waiting.contains(name);
+        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n) && !waits(n)) {
+            let (target, candidate) = (self.target(), candidate_of(name));
+            let hopeful = is_hopeful(self.forward, target, self.evidence, &current.theta, candidate);
+            if in_time(hopeful)?.unwrap_or(true) {
+                out.extend(self.beside(watch, name, set, current, late)?);
+            }
+        }
+        for name in rest.into_iter().filter(|n| !waits(n)) {
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        let idle = out.iter().filter(|o| o.2.mean() >= now.mean()).map(|o| o.0);
+        self.idle = idle.chain(waiting.iter().copied()).collect();
+        Ok(out)
+    }
+
+    /// Candidates that explained nothing beside a part of this set, where another one explains something: they are
+    /// asked again when that is in the set, in the last round at the latest.
+    fn may_wait(&mut self, current: &Fit, tried: &[Tried]) -> Result<Vec<&'static str>> {
+        let best = tried.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
+        let Some((_, best, _)) = best.filter(|_| !self.idle.is_empty()) else { return Ok(Vec::new()) };
+        let explains = in_time(self.prefers(&current.theta, &best.theta))?.unwrap_or(false);
+        Ok(if explains { self.idle.clone() } else { Vec::new() })
+    }
+
+    /// Fits a candidate beside the set and scores it, unless there is no more time.
+    fn beside(
+        &mut self,
+        watch: &mut dyn Watch,
+        name: &'static str,
+        set: &[&'static str],
+        current: &Fit,
+        late: &mut Vec<&'static str>,
+    ) -> Result<Option<Tried>> {
+        watch.step(name);
+        let clock = Instant::now();
+        let mut work = || -> Result<(Fit, Scores)> {
+            self.forward.budget.go_on()?;
+            let fit = self.add(candidate_of(name), set, &current.theta)?;
+            let scores = self.judge.scores(self.forward, &fit.theta)?;
+            Ok((fit, scores))
+        };
+        let Some((fit, scores)) = in_time(work())? else {
+            late.push(name);
+            return Ok(None);
+        };
+        self.log(name, &fit, &scores, clock);
+        Ok(Some((name, fit, scores)))
+    }
+
+    fn shortlist(
+        &mut self,
+        set: &[&'static str],
+        current: &Fit,
+        smooth: &[&'static str],
+    ) -> Result<Vec<(&'static str, f64)>> {
+        let held = free(set);
+        let groups: Vec<Vec<P>> = smooth.iter().map(|n| candidate_of(n).parameters.to_vec()).collect();
+        let mut all: Vec<P> = held.iter().chain(groups.iter().flatten()).copied().collect();
+        all.sort();
+        all.dedup();
+        let level = Level { block: 2, iterations: 0, quality: Quality::Fit, frames: 4 };
+        let (target, probe) = (self.target(), probe(&current.theta));
+        let slopes = Slopes::at(self.forward, target, self.fit_frames(), &probe, &all, &level)?;
+        let gains = screened(slopes.equations(), &all, &held, &groups);
+        let mut ranked: Vec<_> = smooth.iter().copied().zip(gains).collect();
+        let by_promise = |a: &(&str, f64), b: &(&str, f64)| b.1.total_cmp(&a.1);
+        ranked.sort_by(by_promise);
+        tracing::info!("ranking beside {set:?}: {:?}", &ranked[..ranked.len().min(6)]);
+        // What one step would not move beyond chance and discrepancy is not rendered for.
+        ranked.retain(|(name, _)| self.would_move(&slopes, &all, &held, candidate_of(name)));
+        self.rank_as_alone(&mut ranked, &current.theta, smooth)?;
+        ranked.sort_by(by_promise);
+        ranked.truncate(SHORTLIST);
+        tracing::info!("worth a fit: {ranked:?}");
+        Ok(ranked)
+    }
+
+    /// Whether a step from none would move a candidate beside `held` by more than chance and discrepancy can.
+    fn would_move(&self, slopes: &Slopes, all: &[P], held: &[P], candidate: &CandidateSpec) -> bool {
+        let a = &slopes.equations().a;
+        let places = |p: &P| all.iter().position(|a| a == p).filter(|&i| a[i][i] > 0.0);
+        let own: Vec<usize> = candidate.parameters.iter().filter_map(places).collect();
+        if own.is_empty() {
+            return false;
+        }
+        let mut of: Vec<usize> = held.iter().filter_map(places).chain(own).collect();
+        of.sort_unstable();
+        of.dedup();
+        slopes.step(&of).is_none_or(|way| way.share > way.half)
+    }
+}
+
+/// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
+/// may be nothing but the delay of an exposure, which promises about as much.
+pub(super) fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
+    let Some((name, fit, scores)) = first else { return false };
+    // What is left may have been taken for noise, which no model is then far from.
+    if Tone::new(&fit.theta).is_noisy() {
+        return false;
+    }
+    let closed = now.mean() - scores.mean();
+    *name != "time_offset" && closed > NEARLY_ALL * (now.mean() - scores.floor())
+}
