@@ -56,6 +56,8 @@ impl Search<'_> {
         };
         set.push(name);
         let mut both = Vec::new();
+        // What explained nothing without this one may be what it hid.
+        self.idle.clear();
         for option in self.round(watch, &set, &fit, &seen, &mut Vec::new())? {
             let theta = &option.1.theta;
             if self.prefers(&fit.theta, theta)? && self.prefers(&found.fit.theta, theta)? {
