@@ -93,7 +93,7 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
     let mut exact = search.look(watch, Begun::default())?;
-    let free = match in_time(search.freed_early(&mut exact, &room, watch))?.flatten() {
+    let free = match in_time(search.freed_early(&exact, &room, watch))?.flatten() {
         Some(free) if names_description(&free) => return search.with_objects(free, &room),
         other => other,
     };
@@ -159,7 +159,7 @@ impl Search<'_> {
     /// is no finding, and of one that closes more the last fit shows what it leaves.
     fn freed_early(
         &mut self,
-        exact: &mut Found,
+        exact: &Found,
         room: &[&'static str],
         watch: &mut dyn Watch,
     ) -> Result<Option<Found>> {
@@ -169,20 +169,22 @@ impl Search<'_> {
         }
         let closed = closed_fraction(exact.before.mean(), now.mean(), now.floor());
         let most = if closed < NAMED[0] { MOST_OF_IT } else { NEARLY_ALL };
+        // What comes of the last fit is for this question alone: the end may put other effects in the place of these.
+        let mut fitted = exact.clone();
         if closed >= NAMED[0] {
-            now = self.finely(exact)?;
+            now = self.finely(&fitted)?;
             if !now.beyond_bounds().is_empty() {
-                self.free_more(exact)?;
-                self.refit_to_the_end(exact)?;
-                now = self.finely(exact)?;
+                self.free_more(&mut fitted)?;
+                self.refit_to_the_end(&mut fitted)?;
+                now = self.finely(&fitted)?;
             }
         }
-        if now.beyond_bounds().is_empty() || self.objects_beside(exact, room)?.is_some() {
+        if now.beyond_bounds().is_empty() || self.objects_beside(&fitted, room)?.is_some() {
             return Ok(None);
         }
         tracing::info!("{:?} closes {closed:.2}: {room:?} may be wrong", exact.set);
-        if self.promises(exact, room, most)? {
-            return self.run_beside(exact, watch).map(Some);
+        if self.promises(&fitted, room, most)? {
+            return self.run_beside(&fitted, watch).map(Some);
         }
         Ok(None)
     }
