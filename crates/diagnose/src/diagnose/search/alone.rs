@@ -8,6 +8,7 @@ use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{Theta, candidate_of, moves};
 use crate::diagnose::fit::starts::lowered;
 use crate::diagnose::search::found::Alone;
+use crate::diagnose::search::support::restored;
 use crate::diagnose::search::{Search, Watch};
 use shutterbug::error::Result;
 
@@ -43,15 +44,7 @@ impl Search<'_> {
     /// a lens or a readout do, so slopes tell little of a large one. Where edges lie was seen without factors too.
     pub(super) fn as_alone(&self, name: &str, theta: &Theta) -> Option<Theta> {
         let known = self.moved_alone.iter().find(|(alone, _)| *alone == name && theta.room.radiance);
-        known.map(|(_, alone)| {
-            let mut out = theta.clone();
-            let candidate = candidate_of(name);
-            candidate.parameters.iter().chain(candidate.more).for_each(|&p| out.set(p, alone.get(p)));
-            if name == "rolling_shutter" {
-                out.scan_order = alone.scan_order;
-            }
-            out
-        })
+        known.map(|(_, alone)| restored(theta, alone, candidate_of(name)))
     }
 
     /// Raises what candidates promise to what they take off the cost as they were fitted alone.

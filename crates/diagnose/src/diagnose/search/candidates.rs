@@ -64,24 +64,34 @@ impl Search<'_> {
             if self.late() {
                 break;
             }
-            let key = format!("{name} {set:?} {theta:?}");
-            let work = |search: &mut Self| search.add_description(name, set, theta);
-            let fit = Forward::tried(self, |search| search.forward, ("description", &key), work)?;
-            if fit.theta.room.radiance && !theta.room.radiance {
-                self.forward.find_covered(&fit.theta)?;
-                if !self.prefers(theta, &fit.theta)? || !self.is_no_curve(set, theta, &fit.theta)? {
-                    continue;
-                }
-            }
-            let tracked = !fit.theta.room.poses.is_empty() && theta.room.poses.is_empty();
-            if tracked && !self.is_no_offset(set, theta, &fit.theta)? {
-                continue;
-            }
-            let scores = self.judge.scores(self.forward, &fit.theta)?;
-            tracing::info!("{name} beside {set:?}: {:.3} DN ({:.3})", scores.mean(), scores.floor());
-            out.push((name, fit, scores));
+            out.extend(self.one_beside(name, set, theta)?);
         }
         Ok(out)
+    }
+
+    /// One part of the description fitted beside a set, unless what it does is an effect of its own.
+    pub(crate) fn one_beside(
+        &mut self,
+        name: &'static str,
+        set: &[&'static str],
+        theta: &Theta,
+    ) -> Result<Option<Tried>> {
+        let key = format!("{name} {set:?} {theta:?}");
+        let work = |search: &mut Self| search.add_description(name, set, theta);
+        let fit = Forward::tried(self, |search| search.forward, ("description", &key), work)?;
+        if fit.theta.room.radiance && !theta.room.radiance {
+            self.forward.find_covered(&fit.theta)?;
+            if !self.prefers(theta, &fit.theta)? || !self.is_no_curve(set, theta, &fit.theta)? {
+                return Ok(None);
+            }
+        }
+        let tracked = !fit.theta.room.poses.is_empty() && theta.room.poses.is_empty();
+        if tracked && !self.is_no_offset(set, theta, &fit.theta)? {
+            return Ok(None);
+        }
+        let scores = self.judge.scores(self.forward, &fit.theta)?;
+        tracing::info!("{name} beside {set:?}: {:.3} DN ({:.3})", scores.mean(), scores.floor());
+        Ok(Some((name, fit, scores)))
     }
 
     /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found

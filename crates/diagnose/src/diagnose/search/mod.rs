@@ -332,7 +332,7 @@ impl<'a> Search<'a> {
                 self.round(watch, &found.set, &current, &scores, &mut found.late)?
             };
             let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
-            if !closes_nearly_all(&scores, best) {
+            if !best.is_some_and(|best| closes_nearly_all(&scores, best)) {
                 let beside = self.description_beside(watch, &found.set, &current.theta, &scores);
                 options.extend(in_time(beside)?.unwrap_or_default());
             }

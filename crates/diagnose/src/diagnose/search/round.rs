@@ -66,7 +66,7 @@ impl Search<'_> {
             }
             out.extend(self.beside(watch, name, set, current, late)?);
         }
-        if out.iter().any(|tried| closes_nearly_all(now, Some(tried))) {
+        if out.iter().any(|tried| closes_nearly_all(now, tried)) {
             return Ok(out);
         }
         let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
@@ -166,8 +166,7 @@ impl Search<'_> {
 
 /// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
 /// may be nothing but the delay of an exposure, which promises about as much.
-pub(super) fn closes_nearly_all(now: &Scores, first: Option<&Tried>) -> bool {
-    let Some((name, fit, scores)) = first else { return false };
+pub(super) fn closes_nearly_all(now: &Scores, (name, fit, scores): &Tried) -> bool {
     // What is left may have been taken for noise, which no model is then far from.
     if Tone::new(&fit.theta).is_noisy() {
         return false;

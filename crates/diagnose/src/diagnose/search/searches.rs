@@ -12,12 +12,12 @@ use crate::diagnose::evidence::budget::{Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
-use crate::diagnose::expect::model::{Theta, candidate_of, moves};
+use crate::diagnose::expect::model::{candidate_of, moves};
 use crate::diagnose::expect::room::is_description;
 use crate::diagnose::judge::noise::NOISES;
 use crate::diagnose::judge::{Scores, closed_fraction};
 use crate::diagnose::report::Verdict;
-use crate::diagnose::search::{Begun, Search, Tried, Watch};
+use crate::diagnose::search::{Begun, Search, Watch};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
@@ -200,17 +200,13 @@ impl Search<'_> {
     /// A search with a description that may be wrong, beside what the one with it as it stands has found: as a rule
     /// what moves the picture is right, and what changes its values stood for factors of surfaces.
     fn run_beside(&mut self, exact: &Found, watch: &mut dyn Watch) -> Result<Found> {
-        let set = in_time(self.moved_and_lit(exact, watch))?.flatten();
+        let set = in_time(self.moved_and_lit(exact))?.flatten();
         self.run(watch, Begun { alone: exact.alone.clone(), set })
     }
 
     /// What moves the picture in a finding, what the frames themselves show, and factors of surfaces, fitted together,
     /// if these explain more so than they do alone.
-    fn moved_and_lit(
-        &mut self,
-        exact: &Found,
-        watch: &mut dyn Watch,
-    ) -> Result<Option<(Vec<&'static str>, Fit)>> {
+    fn moved_and_lit(&mut self, exact: &Found) -> Result<Option<(Vec<&'static str>, Fit)>> {
         let does_move = |n: &str| moves(candidate_of(n));
         if !exact.set.iter().any(|n| does_move(n)) || !self.room.contains(&SURFACES) {
             return Ok(None);
@@ -219,32 +215,13 @@ impl Search<'_> {
         let members: Vec<_> = exact.set.iter().copied().filter(stays).collect();
         let rest = exact.set.iter().filter(|n| !members.contains(n)).chain(&NOISES);
         let start = rest.fold(exact.fit.theta.clone(), |t, n| restored(&t, &self.base, candidate_of(n)));
-        let room = std::mem::replace(&mut self.room, vec![SURFACES]);
-        let tried = self.lit_beside(&members, &start, watch);
-        self.room = room;
-        let [beside, alone] = tried?;
-        let explains_more = |one: &Tried| alone.is_none_or(|alone| one.2.mean() < alone.2.mean());
-        Ok(beside.filter(explains_more).map(|(name, fit, _)| {
-            let set = members.into_iter().chain([name]).collect();
-            (set, fit)
-        }))
-    }
-
-    /// Factors of surfaces beside a set, and beside nothing but what the frames themselves show.
-    fn lit_beside(
-        &mut self,
-        set: &[&'static str],
-        start: &Theta,
-        watch: &mut dyn Watch,
-    ) -> Result<[Option<Tried>; 2]> {
-        let (shown, known) = self.shown.put(&self.base);
-        let mut tried = [None, None];
-        for (tried, (set, start)) in tried.iter_mut().zip([(set, start), (&known, &shown)]) {
-            let start = self.with_noise(start)?;
-            let now = self.judge.scores(self.forward, &start)?;
-            *tried = self.description_beside(watch, set, &start, &now)?.pop();
-        }
-        Ok(tried)
+        let start = self.with_noise(&start)?;
+        let Some((name, fit, scores)) = self.one_beside(SURFACES, &members, &start)? else { return Ok(None) };
+        let (bare, known) = self.shown.put(&self.base);
+        let bare = self.with_noise(&bare)?;
+        let alone = self.one_beside(SURFACES, &known, &bare)?;
+        let explains_more = alone.is_none_or(|alone| scores.mean() < alone.2.mean());
+        Ok(explains_more.then(|| (members.into_iter().chain([name]).collect(), fit)))
     }
 
     /// Whether the description may be the cause of what a finding leaves; behind it a search with it free can begin.
