@@ -260,5 +260,8 @@ fn boards_that_are_none_are_refused() {
         |k: usize, i: usize| format!("{k}.png,{},{},{},{}\n", i % 7, i / 7, 10 * (i % 7) + k, 10 * (i % 7));
     fs::write(&corners, (0..5 * 35).map(|i| on_a_line(i / 35, i % 35)).collect::<String>()).unwrap();
     let said = board(&frames, &["--corners", corners.to_str().unwrap()]);
-    assert_refused(&said, 1, &["a view whose points lie on a line"]);
+    assert_refused(&said, 1, &["corners that are not where squares meet"]);
+    // Of tags that is not asked.
+    let of_tags = ["--pattern", "aprilgrid", "--corners", corners.to_str().unwrap()];
+    assert_refused(&board(&frames, &of_tags), 1, &["a view whose points lie on a line"]);
 }

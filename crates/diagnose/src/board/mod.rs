@@ -16,6 +16,7 @@ mod bundle;
 mod charuco;
 mod corners;
 mod crop;
+mod crossings;
 mod detect;
 mod homography;
 mod input;

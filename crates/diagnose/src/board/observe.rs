@@ -8,6 +8,7 @@ use glam::DVec2;
 
 use super::april;
 use super::charuco;
+use super::crossings;
 use super::detect::{Found, find, nearest_px};
 use super::input::Picture;
 use super::orient::{align, even_is_dark};
@@ -71,6 +72,8 @@ pub fn observe(
     let mut left_out = Vec::new();
     let mut offsets: Vec<DVec2> = Vec::new();
     let mut size: Option<[u32; 2]> = None;
+    // Pictures whose corners in the table are another's.
+    let mut strangers = 0;
     let mut clues = Clues::default();
     let mut known: BTreeMap<u64, &str> = BTreeMap::new();
     for (index, picture) in pictures.iter().enumerate() {
@@ -81,10 +84,7 @@ pub fn observe(
             _ if first != picture.name => Err(format!("the same picture as {first}")),
             Source::Pictures => look(&grey, target, &mut clues),
             Source::Table(table, _) => match table.get(&picture.name) {
-                Some(seen) => {
-                    offsets.extend(seen.iter().filter_map(|s| offset(&grey, seen, s)));
-                    Ok(seen.clone())
-                }
+                Some(seen) => given(&grey, seen, target, (&mut offsets, &mut strangers)),
                 None => Err("no corners of it in the table".to_owned()),
             },
         };
@@ -99,6 +99,7 @@ pub fn observe(
         }
         watch(index + 1);
     }
+    check_strangers(strangers, source)?;
     check_spacing(&clues.spacings, target)?;
     check_size(&clues.grids, all.len(), target)?;
     let (mut views, dark): (Vec<View>, Vec<Option<bool>>) = all.into_iter().unzip();
@@ -126,6 +127,32 @@ fn hash_of(grey: &Plane<u8>) -> u64 {
 
 fn too_few(count: usize) -> String {
     format!("{} of the board, fewer than {LEAST_POINTS}", counted(count, "point", "points"))
+}
+
+/// A table's corners of a picture, or why they are none of it: those of tags are no crossings, and are not asked.
+/// Collects how far they are off, and counts those that are none.
+fn given(
+    grey: &Plane<u8>,
+    seen: &[Seen],
+    target: &Target,
+    (offsets, strangers): (&mut Vec<DVec2>, &mut usize),
+) -> std::result::Result<Vec<Seen>, String> {
+    offsets.extend(seen.iter().filter_map(|s| offset(grey, seen, s)));
+    let why_not = (target.pattern != Pattern::Aprilgrid).then(|| crossings::why_not(grey, seen)).flatten();
+    *strangers += usize::from(why_not.is_some());
+    why_not.map_or_else(|| Ok(seen.to_vec()), Err)
+}
+
+/// A table whose corners lie elsewhere in most pictures is of other pictures, or has its axes otherwise.
+fn check_strangers(strangers: usize, source: Source<'_>) -> Result<()> {
+    let Source::Table(table, path) = source else { return Ok(()) };
+    if 2 * strangers <= table.len() {
+        return Ok(());
+    }
+    let found =
+        format!("corners that are not where squares meet, in {strangers} of {} pictures", table.len());
+    let expected = "the corners of these pictures, at this size: u to the right, v down, px";
+    Err(Error::input(path, None, found, expected))
 }
 
 /// Tags that lie closer together or further apart than was said would bend the camera.
