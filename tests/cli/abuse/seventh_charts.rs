@@ -62,7 +62,7 @@ fn an_edge_runs_straight_through_its_part_of_the_picture() {
 
 /// Stripes of a lamp or of a blind, in front of letters of `contrast` that lie `by` px further.
 fn striped(folder: &Folder, name: &str, stripes: &dyn Fn(f64) -> f64, contrast: f64, by: u32) -> PathBuf {
-    let mut dice = Dice(u64::from(by) + 17);
+    let mut dice = Dice(name.bytes().map(u64::from).sum::<u64>() + 17);
     let noise: Vec<f64> = (0..SIZE[0] * SIZE[1]).map(|_| 0.004 * dice.normal()).collect();
     folder.save(name, SIZE, &|x, y| {
         let cell = u64::from((x + 40) / 3 + 100 * ((y + 40 - by) / 3));

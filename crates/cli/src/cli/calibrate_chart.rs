@@ -15,7 +15,7 @@ use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{Plane, read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
-use shutterbug_diagnose::calibrate::edge::{find_edge, measure_edge};
+use shutterbug_diagnose::calibrate::edge::{Edge, find_edge, measure_edge, sharper_green};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, Measured, likeness};
 use shutterbug_diagnose::calibrate::readout::{Readout, Stripes, find_stripes};
 use shutterbug_diagnose::calibrate::rest::{Rest, rest};
@@ -119,7 +119,14 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
     out.start_together()?;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
-    if found.a1.is_some() || found.a2.is_some() {
+    let falls_off = found.a1.is_some() || found.a2.is_some();
+    if falls_off && found.corner > 1.0 {
+        tracing::warn!(
+            "corners get {:.1} % of the middle, and no lens brightens them: the light is uneven, or these are \
+             negatives; no [vignetting] is written",
+            100.0 * found.corner
+        );
+    } else if falls_off {
         tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
     }
     let dsnu = offsets.as_ref().and_then(|d| d.dsnu).filter(Measured::is_some).map(|d| ("dsnu", d.value));
@@ -240,16 +247,29 @@ fn flat_text(
     text
 }
 
+/// The edge of all colours together, or of green where they lie apart.
+fn edge_of(args: &CalibrateEdge, picture: &Plane<f32>, encoding: Encoding) -> Result<Edge> {
+    let together = match args.region {
+        Some(region) => measure_edge(picture, region, encoding, &args.photo)?,
+        None => find_edge(picture, encoding, &args.photo)?,
+    };
+    let Some(green) = sharper_green(&together, picture, encoding, &args.photo) else { return Ok(together) };
+    tracing::warn!(
+        "the colours do not lie on each other at this edge (lateral colour): blurred by {:.3} px together, by {:.3} \
+         px in green; what follows is of green",
+        together.defocus_sigma_px.value,
+        green.defocus_sigma_px.value
+    );
+    Ok(green)
+}
+
 /// `calibrate edge`.
 pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
     let frame = Frame::read(&args.photo)?;
     let picture = &frame.encoded;
     let encoding: Encoding = args.common.encoding.into();
-    let found = match args.region {
-        Some(region) => measure_edge(picture, region, encoding, &args.photo)?,
-        None => find_edge(picture, encoding, &args.photo)?,
-    };
+    let found = edge_of(args, picture, encoding)?;
     out.start_together()?;
     let sigma = found.defocus_sigma_px;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();

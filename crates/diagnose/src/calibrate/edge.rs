@@ -154,6 +154,26 @@ pub fn measure_edge(
     })
 }
 
+/// The edge in green alone, where each colour is sharper than all together, beyond both intervals: then they lie apart,
+/// and the lens is no softer than one of them.
+pub fn sharper_green(
+    together: &Edge,
+    picture: &Plane<f32>,
+    encoding: Encoding,
+    path: &std::path::Path,
+) -> Option<Edge> {
+    let of = |colour: usize| {
+        let one = |p: &[f32]| [p[colour]; 3];
+        let data = picture.data.chunks_exact(3).flat_map(one).collect();
+        measure_edge(&Plane { data, ..picture.clone() }, together.region, encoding, path).ok()
+    };
+    let all: Vec<Edge> = if picture.channels == 3 { (0..3).filter_map(of).collect() } else { Vec::new() };
+    let sharpest = together.defocus_sigma_px.value - together.defocus_sigma_px.half;
+    let sharper = |e: &Edge| e.defocus_sigma_px.value + e.defocus_sigma_px.half < sharpest;
+    let apart = all.len() == 3 && all.iter().all(sharper);
+    apart.then(|| all.into_iter().nth(1)).flatten()
+}
+
 /// Measures the edges of windows all over the picture and gives the sharpest: what lies in one plane with the sharpest
 /// is no sharper than the lens, and shadows, round things and what is out of focus are softer.
 ///

@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 use std::hash::{DefaultHasher, Hasher as _};
 use std::path::{Path, PathBuf};
 
+use super::copied;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read};
 use shutterbug::plane::{Plane, decode_picture, srgb_decode, srgb_encode};
@@ -104,23 +105,28 @@ impl Frame {
 
 /// Pictures that were read, by their values: a copy is no second exposure, and says nothing that the first does not.
 #[derive(Debug, Default)]
-pub struct Distinct(BTreeMap<u64, PathBuf>);
+pub struct Distinct {
+    known: BTreeMap<u64, PathBuf>,
+    last: Option<Frame>,
+}
 
 impl Distinct {
     /// Notes a picture.
     ///
     /// # Errors
-    /// One whose values are those of a picture before, unless both are black, as a cap leaves them.
+    /// One whose values are those of a picture before, unless both are black, as a cap leaves them; one with rows of
+    /// the last.
     pub fn add(&mut self, frame: &Frame) -> Result<()> {
         if frame.encoded.data.iter().all(|v| *v == 0.0) {
             return Ok(());
         }
         let mut hasher = DefaultHasher::new();
         frame.encoded.data.iter().for_each(|v| hasher.write_u32(v.to_bits()));
-        match self.0.entry(hasher.finish()) {
+        match self.known.entry(hasher.finish()) {
             Entry::Vacant(place) => {
                 place.insert(frame.path.clone());
-                Ok(())
+                let last = self.last.replace(frame.clone());
+                last.map_or(Ok(()), |last| refuse_copied(&last, frame))
             }
             Entry::Occupied(before) => {
                 let found = format!("the same picture as {}", before.get().display());
@@ -172,7 +178,22 @@ pub fn check(frames: &[Frame]) -> Result<()> {
             return Err(Error::input(&a.path, None, found, "another exposure of the scene"));
         }
     }
-    Ok(())
+    frames.windows(2).try_for_each(|pair| refuse_copied(&pair[0], &pair[1]))
+}
+
+/// # Errors
+/// A picture of which rows are those of the one before, at most brighter or darker as a whole.
+fn refuse_copied(before: &Frame, frame: &Frame) -> Result<()> {
+    let (a, b) = (&before.encoded, &frame.encoded);
+    if (a.width, a.height, a.channels) != (b.width, b.height, b.channels) {
+        return Ok(());
+    }
+    let count = copied::rows(a, b, frame.step);
+    if count == 0 {
+        return Ok(());
+    }
+    let found = format!("{count} of {} rows that are those of {} again", a.height, before.path.display());
+    Err(Error::input(&frame.path, None, found, "another exposure, with noise of its own"))
 }
 
 const NEEDS_TWO: &str = "two or more frames of one static scene";

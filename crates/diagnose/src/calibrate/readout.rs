@@ -11,7 +11,7 @@ use std::f64::consts::{LN_2, TAU};
 use serde::Serialize;
 
 use super::frames::Encoding;
-use super::wave;
+use super::{slopes, wave};
 use shutterbug::plane::Plane;
 
 /// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8
@@ -99,6 +99,7 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         let Some(frequency) = refined(&mean, frequency) else { continue };
         let (amplitude, noise) = (amplitude(&mean, frequency), spectrum.noise_near(frequency));
         if amplitude < LEAST_DEPTH
+            || slopes::explain(&mean, frequency)
             || !in_phase(&parts, frequency)
             || !wave::is_one(&parts, frequency, MOST_HARMONICS)
         {
@@ -158,28 +159,7 @@ fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<V
             (0..PARTS).map(|k| (0..lines).map(|i| change(k, i)).collect()).collect()
         }
     };
-    parts.into_iter().map(without_slopes).collect()
-}
-
-/// Less the cubic that is nearest: slopes of the light and of the lens.
-fn without_slopes(values: Vec<f64>) -> Vec<f64> {
-    let n = values.len();
-    let mut left = values;
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for power in 0..4 {
-        let mut next: Vec<f64> =
-            (0..n).map(|i| (2.0 * i as f64 / (n.max(2) - 1) as f64 - 1.0).powi(power)).collect();
-        for b in &basis {
-            let along: f64 = b.iter().zip(&next).map(|(a, v)| a * v).sum();
-            next.iter_mut().zip(b).for_each(|(v, a)| *v -= along * a);
-        }
-        let length = next.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-12);
-        next.iter_mut().for_each(|v| *v /= length);
-        let along: f64 = next.iter().zip(&left).map(|(a, v)| a * v).sum();
-        left.iter_mut().zip(&next).for_each(|(v, a)| *v -= along * a);
-        basis.push(next);
-    }
-    left
+    parts.into_iter().map(slopes::without).collect()
 }
 
 fn mean_of(parts: &[Vec<f64>]) -> Vec<f64> {
@@ -202,19 +182,20 @@ fn amplitude(values: &[f64], frequency: f64) -> f64 {
     2.0 * c.hypot(s) / values.len() as f64
 }
 
-/// The frequency nearby at which the amplitude is largest; none where it grows further, as beside a step, or where that
-/// leaves too few stripes.
+/// The frequency nearby at which a wave and its harmonics explain most; none where it explains more further off, as
+/// beside a step, or where that leaves too few stripes.
 fn refined(values: &[f64], frequency: f64) -> Option<f64> {
     let natural = 1.0 / values.len() as f64;
     let bounds = [frequency - 0.5 * natural, frequency + 0.5 * natural];
     let [mut low, mut high] = bounds;
+    let explained = |frequency: f64| slopes::explained(values, frequency, MOST_HARMONICS);
     for _ in 0..40 {
         let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
-        if amplitude(values, a) < amplitude(values, b) { low = a } else { high = b }
+        if explained(a) < explained(b) { low = a } else { high = b }
     }
     let top = 0.5 * (low + high);
     let inside = bounds.iter().all(|b| (top - b).abs() > 0.01 * natural);
-    (inside && top > (FEWEST - 0.5) * natural).then_some(top)
+    (inside && top > 0.99 * FEWEST * natural).then_some(top)
 }
 
 /// Whether the parts of the lines agree in phase beyond chance (Rayleigh's test): content does not.
