@@ -31,7 +31,9 @@ use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX, useless};
 use crate::diagnose::expect::model::{Theta, candidate_of};
 use crate::diagnose::expect::options::{DiagnoseOptions, Progress, candidates};
-use crate::diagnose::expect::pair::{Pair, linear_of, notes_of_kind, one_a_name, pictures};
+use crate::diagnose::expect::pair::{
+    Pair, copies, linear_of, notes_of_kind, of_other_formats, one_a_name, pictures,
+};
 use crate::diagnose::judge::{closed_fraction, quantile};
 use crate::diagnose::report::Report;
 use crate::diagnose::search::decide::NAMED;
@@ -85,6 +87,18 @@ impl Folder {
         let (fit, held) = (0..count).partition(|i| i % 2 == 0);
         Ok(Self { names, size: [first.width as u32, first.height as u32], fit, held })
     }
+}
+
+/// What a reader should know of the files of two folders.
+fn notes_of((sim, sims): (&Path, &Folder), (real, reals): (&Path, &Folder)) -> Result<Vec<String>> {
+    let mut notes = notes_of_kind(sim, &sims.names[0])?;
+    notes.extend(notes_of_kind(real, &reals.names[0])?);
+    notes.extend(other_size(sims, reals));
+    notes.extend(of_other_formats(sim)?.into_iter().chain(of_other_formats(real)?));
+    let both = |name: &&String| reals.names.binary_search(*name).is_ok();
+    let both: Vec<[&str; 2]> = sims.names.iter().filter(both).map(|n| [&n[..]; 2]).collect();
+    notes.extend(copies(sim, real, &both)?);
+    Ok(notes)
 }
 
 /// A finished comparison.
@@ -189,9 +203,7 @@ pub fn diagnose_unpaired(
     let names = candidates(options)?;
     let own = options.distance.as_deref().map(own::Own::parse).transpose()?;
     let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
-    let mut notes = notes_of_kind(sim, &sims.names[0])?;
-    notes.extend(notes_of_kind(real, &reals.names[0])?);
-    notes.extend(other_size(&sims, &reals));
+    let mut notes = notes_of((sim, &sims), (real, &reals))?;
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;

@@ -27,5 +27,11 @@ pub(crate) fn notes(folder: &Path, first: &str) -> Result<Vec<String>> {
             folder.display()
         ));
     }
+    if color.has_alpha() {
+        notes.push(format!(
+            "the pictures in {} have an alpha channel, which is not looked at: what it hides is compared too",
+            folder.display()
+        ));
+    }
     Ok(notes)
 }

@@ -10,6 +10,7 @@ mod frames;
 pub(crate) mod given;
 mod guess;
 mod kinds;
+mod left_over;
 mod matched;
 mod outside;
 mod planes;
@@ -41,6 +42,7 @@ use align::residual_px;
 pub(crate) use align::slopes_to;
 pub(crate) use frames::{Geometry, SimFrames};
 pub(crate) use kinds::notes as notes_of_kind;
+pub(crate) use left_over::{copies, of_other_formats};
 pub use matched::Matched;
 pub(crate) use matched::{one_a_name, pictures};
 pub(crate) use outside::Outside;
@@ -82,6 +84,17 @@ pub struct Pair {
     pub(crate) notes: Vec<String>,
 }
 
+/// What a reader should know of the files of two folders.
+fn notes_of(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<String>> {
+    let mut notes = kinds::notes(sim, &matched[0].sim)?;
+    notes.extend(kinds::notes(real, &matched[0].real)?);
+    notes.extend(beside::notes(sim, real, matched)?);
+    notes.extend(left_over::notes(sim, real, matched)?);
+    let names: Vec<[&str; 2]> = matched.iter().map(|m| [&m.sim[..], &m.real[..]]).collect();
+    notes.extend(left_over::copies(sim, real, &names)?);
+    Ok(notes)
+}
+
 impl Pair {
     /// Reads and matches the frames of two folders. `matches` is a file with lines `sim,real`; `camera` replaces the
     /// sim folder's `camera.toml`. Of `options` the time limit counts, and whether to stop.
@@ -99,9 +112,7 @@ impl Pair {
         let go_on = going_on(options);
         let matched = matched::matched(sim, real, matches)?;
         let size = size_of(&sim.join(&matched[0].sim))?;
-        let mut notes = kinds::notes(sim, &matched[0].sim)?;
-        notes.extend(kinds::notes(real, &matched[0].real)?);
-        notes.extend(beside::notes(sim, real, &matched)?);
+        let mut notes = notes_of(sim, real, &matched)?;
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
         let times_s = matched::times_s(sim, &matched, period_s)?;

@@ -42,6 +42,15 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
     };
     let mut depth = plane("depth", &["Z"])?;
     if let Some(depth) = &mut depth {
+        let negative = depth.data.iter().filter(|z| **z < 0.0).count();
+        if 2 * negative > depth.data.len() {
+            let found = format!(
+                "{:.0} % of the distances below 0",
+                100.0 * negative as f64 / depth.data.len() as f64
+            );
+            let expected = "distances along the optical axis (z forward), m";
+            return Err(Error::input(&sim.join("depth").join(format!("{stem}.exr")), None, found, expected));
+        }
         // Nothing is seen where simulators write 0, a negative number or none.
         depth.data.iter_mut().filter(|z| !(**z > 0.0)).for_each(|z| *z = f32::INFINITY);
     }
