@@ -16,20 +16,25 @@ pub const IMU_COLUMNS: [(&str, &str); 7] = [
 ];
 
 /// Checks the first comment of a table that names units in brackets against the columns that are read. A column of
-/// another unit, or one that stands in the place of another, would be read as what it is not; names that are not known
-/// say nothing.
+/// another unit, or one that stands in the place of another, would be read as what it is not. Of names that are not
+/// known it is asked whether they speak of a rate or of an acceleration, and of which axis.
 ///
 /// # Errors
 /// Such a column: file, line, what it says and what was expected.
 pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Result<()> {
     let comments = text.trim_start_matches('\u{feff}').lines().enumerate();
-    let mut comments = comments.take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with('#'));
-    let Some((index, line)) = comments.find(|(_, l)| l.contains('[') && l.contains(',')) else {
+    // A header may also stand there as it is.
+    let names_time = |l: &str| l.trim_start_matches(['#', ' ', '\t']).starts_with("timestamp");
+    let is_said = |l: &str| l.trim().is_empty() || l.trim_start().starts_with('#') || names_time(l);
+    let mut comments = comments.take_while(|(_, l)| is_said(l));
+    let Some((index, line)) = comments.find(|(_, l)| l.contains(',') && (l.contains('[') || names_time(l)))
+    else {
         return Ok(());
     };
     let said = line.trim().trim_start_matches('#').split(',').map(parts);
     for ((name, unit), (wanted, wanted_unit)) in said.zip(expected) {
-        let of_another = name != *wanted && expected.iter().any(|(other, _)| *other == name);
+        let known = expected.iter().any(|(other, _)| *other == name);
+        let of_another = name != *wanted && (known || speaks_of_another(name, wanted));
         let other_unit = unit.is_some_and(|unit| !is_unit(unit, wanted_unit));
         if of_another || other_unit {
             let unit = unit.map(|u| format!(" [{u}]")).unwrap_or_default();
@@ -42,6 +47,28 @@ pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Resu
         }
     }
     Ok(())
+}
+
+/// What a name speaks of: a rate (true) or an acceleration, and its axis.
+fn spoken_of(name: &str) -> (Option<bool>, Option<char>) {
+    let name = name.to_lowercase();
+    let begins = |words: &[&str]| words.iter().any(|w| name.starts_with(w));
+    let rate = if begins(&["w", "gyr", "omega", "ang", "rate"]) {
+        Some(true)
+    } else if begins(&["a", "lin"]) {
+        Some(false)
+    } else {
+        None
+    };
+    (rate, name.chars().last().filter(|c| ('x'..='z').contains(c)))
+}
+
+/// Whether a name speaks of something else than a column that is wanted.
+fn speaks_of_another(name: &str, wanted: &str) -> bool {
+    let ((rate, axis), (wanted_rate, wanted_axis)) = (spoken_of(name), spoken_of(wanted));
+    let differ = rate.zip(wanted_rate).is_some_and(|(a, b)| a != b);
+    // A name that speaks of neither (`t`, `max`) has no axis.
+    differ || (rate.is_some() && axis.zip(wanted_axis).is_some_and(|(a, b)| a != b))
 }
 
 /// Name and unit of a column; no unit where none is given or the brackets are empty.
@@ -88,6 +115,11 @@ mod tests {
             unit.contains("imu.csv:2") && unit.contains("w_x [deg s^-1]") && unit.contains("rad s^-1"),
             "{unit}"
         );
+        assert!(said("timestamp [ns],ax,wy,wz\n").is_some(), "without a sign of a comment");
+        let acceleration = said("#timestamp [ns],ax,wy\n").unwrap();
+        assert!(acceleration.contains("the column `ax`") && acceleration.contains("w_x"), "{acceleration}");
+        let axis = said("#timestamp [ns],omega_x,omega_x\n").unwrap();
+        assert!(axis.contains("the column `omega_x`") && axis.contains("expected w_y"), "{axis}");
         let time = said("#timestamp [ms],w_x [rad/s]\n").unwrap();
         assert!(time.contains("timestamp [ms]"), "{time}");
         let place = said("#timestamp [ns],w_y [rad/s],w_x [rad/s]\n").unwrap();

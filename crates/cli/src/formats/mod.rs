@@ -96,6 +96,7 @@ pub fn parse_camera(
 ) -> Result<Imported> {
     let toml_name = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     if format == Some(Format::Toml) || (format.is_none() && toml_name) {
+        refuse_name(path, camera)?;
         let file = CameraFile::parse(path, text)?;
         let camera = CameraModel::from_camera_file(&file);
         camera.check_lens().map_err(|problem| Error::At {
@@ -120,10 +121,7 @@ pub fn parse_camera(
         Some(format) => format,
         None => detect(&top)?,
     };
-    if let Some(name) = camera.filter(|_| format != Format::Kalibr) {
-        let found = format!("one camera, and a request for `{name}`");
-        return Err(Error::input(path, None, found, "a Kalibr camchain, or no name"));
-    }
+    refuse_name(path, camera.filter(|_| format != Format::Kalibr))?;
     let mut imported = match format {
         Format::Kalibr => kalibr::import(&top, camera)?,
         Format::Euroc => euroc::import(&top)?,
@@ -135,6 +133,13 @@ pub fn parse_camera(
         imported.notes.push(format!("{others} further YAML document(s) in the file are left out"));
     }
     Ok(imported)
+}
+
+/// A file of one camera has none to choose.
+fn refuse_name(path: &Path, camera: Option<&str>) -> Result<()> {
+    let Some(name) = camera else { return Ok(()) };
+    let found = format!("one camera, and a request for `{name}`");
+    Err(Error::input(path, None, found, "a Kalibr camchain, or no name"))
 }
 
 fn detect(top: &Field) -> Result<Format> {
@@ -158,7 +163,7 @@ fn detect(top: &Field) -> Result<Format> {
 }
 
 /// The text of a camera in a format, and what the format cannot hold (which also stands in the text as comments).
-/// `path` is what errors name; `rate_hz` overrides the camera's own frame rate.
+/// `path` is what errors name; `rate_hz` is for cameras without a frame rate of their own.
 ///
 /// # Errors
 /// `camera.toml` without any frame rate, or with a value outside its range.
@@ -168,6 +173,12 @@ pub fn write_camera(
     path: &Path,
     rate_hz: Option<f64>,
 ) -> Result<(String, Vec<String>)> {
+    if let Some((asked, stated)) = rate_hz.zip(camera.rate_hz)
+        && (asked / stated - 1.0).abs() > 1e-6
+    {
+        let found = format!("{asked} Hz, and {} states {stated:.6}", path.display());
+        return Err(Error::input(Path::new("--rate-hz"), None, found, "the source's rate, or none"));
+    }
     let camera = CameraModel { rate_hz: rate_hz.or(camera.rate_hz), ..camera.clone() };
     match format {
         Format::Toml => {

@@ -69,7 +69,7 @@ impl Profiles {
     /// Reads a folder, and all folders in it.
     ///
     /// # Errors
-    /// A folder that cannot be read. Files that are no usable profiles are counted in [`Self::refused`].
+    /// A folder that cannot be read, or has none. Files that are no usable profiles are counted in [`Self::refused`].
     pub fn read(folder: &Path) -> Result<Self> {
         let mut files = Vec::new();
         find(folder, MAX_DEPTH, &mut files)?;
@@ -102,6 +102,10 @@ impl Profiles {
             if *count > 1 {
                 profile.name = format!("{}-{count}", profile.name);
             }
+        }
+        if profiles.all.is_empty() && profiles.refused.is_empty() {
+            let expected = "lens profiles of Gyroflow, or a table of them";
+            return Err(Error::input(folder, None, "no lens profile", expected));
         }
         Ok(profiles)
     }

@@ -163,7 +163,8 @@ fn read_gyro(path: &Path, text: &str, epoch_ns: i64) -> Result<(Gyro, Option<Str
             let camera = axes.contains("camera");
             note = (!camera).then(|| format!("imu.csv says of its axes: {axes}; the camera's are needed"));
         }
-        if line.is_empty() || line.starts_with('#') {
+        let is_header = times_s.is_empty() && line.starts_with("timestamp");
+        if line.is_empty() || line.starts_with('#') || is_header {
             continue;
         }
         let bad = || Error::input(path, number, format!("`{line}`"), expected);
