@@ -5,6 +5,7 @@
 mod diagnosis;
 mod disk;
 mod effects;
+mod eighth;
 mod fifth;
 mod fourth;
 mod leftovers;

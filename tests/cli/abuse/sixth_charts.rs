@@ -50,7 +50,7 @@ pub(super) fn told(output: &Output) -> String {
 }
 
 /// sRGB.
-fn encoded(light: f64) -> u8 {
+pub(super) fn encoded(light: f64) -> u8 {
     let v = light.clamp(0.0, 1.0);
     let v = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     (255.0 * v).round() as u8
