@@ -8,6 +8,9 @@ pub fn luma(p: &[f32]) -> f32 {
     LUMA[0] * p[0] + LUMA[1] * p[1] + LUMA[2] * p[2]
 }
 
+/// What the density of a standard normal distribution is at 0.
+pub const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
+
 /// The error function: Abramowitz and Stegun 7.1.26, to 1.5e-7.
 pub fn erf(x: f64) -> f64 {
     erf_beside(x, (-x * x).exp())

@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::LazyLock;
 
-use crate::plane::stats::erf;
+use crate::plane::stats::{FRAC_1_SQRT_TAU, erf};
 
 /// Standard deviations between a mean and an end beyond which clipping changes nothing.
 const FAR: f32 = 4.0;
@@ -18,7 +18,7 @@ pub(super) fn clipped_mean(mean: f32, sigma: f32) -> f32 {
     }
     // What lies below 0 on average, and what lies above 255.
     let beyond = |z: f32| {
-        let density = (-0.5 * z * z).exp() * 0.398_942_3;
+        let density = (-0.5 * z * z).exp() * FRAC_1_SQRT_TAU as f32;
         let above = 0.5 * (1.0 - erf(f64::from(z) * FRAC_1_SQRT_2)) as f32;
         sigma * (density - z * above)
     };
@@ -49,8 +49,7 @@ fn kept_beside(distance: f32) -> f32 {
 static KEPT: LazyLock<Vec<f32>> = LazyLock::new(|| {
     // Mean and variance of what is left of a standard normal value about `z` when it is clipped at 0.
     let moments = |z: f64| {
-        let (density, below) =
-            ((-0.5 * z * z).exp() * 0.398_942_280_401_432_7, 0.5 + 0.5 * erf(z * FRAC_1_SQRT_2));
+        let (density, below) = ((-0.5 * z * z).exp() * FRAC_1_SQRT_TAU, 0.5 + 0.5 * erf(z * FRAC_1_SQRT_2));
         let mean = density + z * below;
         (mean, (z * z + 1.0) * below + z * density - mean * mean)
     };

@@ -23,7 +23,7 @@ use crate::diagnose::expect::tone::{Tone, Variances};
 use crate::diagnose::flips::Flips;
 use shutterbug::chain::Left;
 use shutterbug::plane::Plane;
-use shutterbug::plane::stats::erf_beside;
+use shutterbug::plane::stats::{FRAC_1_SQRT_TAU, erf_beside};
 
 /// Families of statistics: pixels, three bands of a pyramid, row means, column means, differences between frames.
 pub(crate) const FAMILIES: [(&str, f64); 7] = [
@@ -134,8 +134,6 @@ const FRAC_1_SQRT_PI: f64 = 0.564_189_583_547_756_3;
 fn expected(variance: f64) -> f64 {
     if variance < 1e-6 { 0.0 } else { variance.sqrt() * FRAC_1_SQRT_PI }
 }
-
-const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 
 /// How a picture is cut into blocks.
 #[derive(Clone, Copy)]

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
 use crate::diagnose::evidence::{Evidence, spread_out};
+use shutterbug::plane::stats::FRAC_1_SQRT_TAU;
 
 /// Frames that are looked at.
 const FRAMES: usize = 4;
@@ -123,7 +124,7 @@ fn evidence_for(blocks: &[Block], steps: &[f32; AREA]) -> Sums {
                 let multiple = (c / step).round();
                 let sigma = ROUNDING * block.spread;
                 let off = (c - step * multiple) / sigma;
-                let at = (-0.5 * off * off).exp() * 0.398_942_3 / sigma * step;
+                let at = (-0.5 * off * off).exp() * FRAC_1_SQRT_TAU as f32 / sigma * step;
                 let multiple = (multiple as i32 + MULTIPLES as i32 / 2).clamp(0, MULTIPLES as i32 - 1);
                 let (sum, count) = &mut by_place[i * MULTIPLES + multiple as usize];
                 *sum += f64::from(((1.0 - ANYWHERE) * at + ANYWHERE).ln());
