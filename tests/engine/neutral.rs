@@ -19,9 +19,9 @@ fn neutral_parameters_are_the_identity_for_every_method() {
     methods.extend((1..=6).map(|n| ("paper", paper(n))));
     methods.push(("paper from depth", paper_from_depth(2)));
     for (name, method) in methods {
+        let mut engine = engine(&watched, &scene, &path, k, options(method, 16), &[]);
         for order in ScanOrder::ALL {
             let request = FrameRequest { planes: true, ..request(&k, 0.0, 0.0, order) };
-            let mut engine = engine(&watched, &scene, &path, k, options(method.clone(), 16), &[]);
             let frame = engine.render(&request).unwrap();
             let color = &frame.planes.unwrap().color;
             let still = Plane::from_fn(161, 119, |x, y| {

@@ -39,16 +39,22 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
         let slow = "lens_distortion,chromatic_aberration,motion_blur,noise_reduction,sharpening,defocus,jpeg,\
             bayer_mosaic,chroma_subsampling,rolling_shutter,time_offset,pose_offset,focal_length_error";
         command.args(["--without", slow]);
-        assert_done(&command.output().unwrap());
-        let report: serde_json::Value =
-            serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
-        report
+        let done = command.output().unwrap();
+        // A machine that is busy with other work may not have compared anything so soon.
+        let too_soon =
+            String::from_utf8_lossy(&done.stderr).contains("before the frames had been compared once");
+        if too_soon {
+            return None;
+        }
+        assert_done(&done);
+        let report = fs::read(out.join("report.json")).unwrap();
+        Some(serde_json::from_slice::<serde_json::Value>(&report).unwrap())
     };
     fs::create_dir_all(capture.join("real")).unwrap();
     for i in 0..6 {
         fs::copy(made.join(format!("{i:06}.png")), capture.join(format!("real/{i:06}.png"))).unwrap();
     }
-    let control = diagnose("control", "18446744073709551615");
+    let control = diagnose("control", "18446744073709551615").unwrap();
     assert_eq!(control["verdict"], "no_gap", "{}", control["sentence"]);
     assert!(!control["sentence"].as_str().unwrap().contains("set-up"));
     for i in 0..6 {
@@ -60,7 +66,8 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
         });
         write_png_atomic(&path, &mirrored).unwrap();
     }
-    let report = diagnose("mirrored", "1");
+    let report = ["1", "2", "4", "8"].iter().find_map(|limit_s| diagnose("mirrored", limit_s));
+    let report = report.expect("eight seconds are enough to compare the frames once");
     let sentence = report["sentence"].as_str().unwrap();
     assert!(sentence.starts_with("Look at the set-up") && sentence.contains("mirrored"), "{sentence}");
     // A4: what was not looked at is not denied.
