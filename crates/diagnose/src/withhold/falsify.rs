@@ -9,6 +9,7 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 
 use super::draw::Draw;
+use crate::diagnose::{SURFACES, is_constant_factor};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::write_atomic;
 
@@ -43,7 +44,7 @@ impl Falsified {
     /// The name that a report has for it.
     pub fn said(self) -> &'static str {
         match self {
-            Self::Reflectance | Self::Lamps => "scene_radiance",
+            Self::Reflectance | Self::Lamps => SURFACES,
             Self::Poses => "pose_error",
             Self::Object => "undescribed_object",
         }
@@ -53,6 +54,15 @@ impl Falsified {
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.name() == name)
     }
+}
+
+/// Of effects those that frames can tell where so much is falsified: what unknown paint and lamps may be as well is
+/// not hidden.
+pub(super) fn tells(what: &[Falsified], mut effects: Vec<&'static str>) -> Vec<&'static str> {
+    if what.iter().any(|f| f.said() == SURFACES) {
+        effects.retain(|name| !is_constant_factor(name));
+    }
+    effects
 }
 
 /// Relative size of the errors of reflectances, standard deviation.
@@ -190,6 +200,13 @@ mod tests {
         assert!((2.0 * rms(4) / POSE[0] - 0.95).abs() < 0.25, "{}", rms(4));
         let step = rows.windows(2).map(|w| (w[1][1] - w[0][1]).powi(2)).sum::<f64>() / rows.len() as f64;
         assert!(step.sqrt() < 0.2 * rms(1), "control: jumps");
+    }
+
+    #[test]
+    fn what_lamps_may_be_is_not_hidden_beside_them() {
+        let all = || vec!["white_balance", "gamma", "exposure_gain"];
+        assert_eq!(tells(&[Falsified::Poses, Falsified::Lamps], all()), ["gamma"]);
+        assert_eq!(tells(&[Falsified::Poses], all()), all());
     }
 
     #[test]

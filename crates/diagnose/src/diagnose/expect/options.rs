@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use super::model::{all_names, candidate_of, moves};
+use super::room::SURFACES;
 use shutterbug::error::{Error, Result};
 
 /// What to consider.
@@ -35,7 +36,7 @@ pub struct DiagnoseOptions {
 impl DiagnoseOptions {
     /// What of the description may be wrong. Photographs of a camera at rest have poses and light of their own.
     pub(crate) fn description(&self, at_rest: bool) -> Vec<&'static str> {
-        let exact = |n: &&str| if *n == "scene_radiance" { self.scene_exact } else { self.poses_exact };
+        let exact = |n: &&str| if *n == SURFACES { self.scene_exact } else { self.poses_exact };
         super::room::NAMES.into_iter().filter(|n| !at_rest && !exact(n)).collect()
     }
 }

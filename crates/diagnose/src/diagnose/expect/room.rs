@@ -4,8 +4,12 @@ use serde::{Deserialize, Serialize};
 use shutterbug::chain::Moments;
 use shutterbug::effects;
 
-/// The names of what may be wrong with the description, in the order in which it is tried.
-pub(crate) const NAMES: [&str; 2] = ["scene_radiance", "pose_error"];
+/// Factors on the radiance of surfaces.
+pub(crate) const SURFACES: &str = "scene_radiance";
+/// Errors of poses that change from frame to frame.
+pub(crate) const POSES: &str = "pose_error";
+/// What may be wrong with the description, in the order in which it is tried.
+pub(crate) const NAMES: [&str; 2] = [SURFACES, POSES];
 
 /// Whether a name is one of the description's.
 pub(crate) fn is_description(name: &str) -> bool {
@@ -14,12 +18,12 @@ pub(crate) fn is_description(name: &str) -> bool {
 
 /// Whether a name is that of the surfaces' factors.
 pub(crate) fn is_of_surfaces(name: &str) -> bool {
-    name == NAMES[0]
+    name == SURFACES
 }
 
-/// Whether an effect is a constant factor on the radiance.
-fn is_constant_factor(name: &str) -> bool {
-    name == "exposure_gain"
+/// Whether an effect is a constant factor on the radiance of each colour.
+pub(crate) fn is_constant_factor(name: &str) -> bool {
+    ["exposure_gain", "white_balance"].contains(&name)
 }
 
 /// Whether an effect changes each value by what it is: a surface that stays as bright is changed as by a factor of its
@@ -50,8 +54,8 @@ impl Room {
     pub(crate) fn without(&self, name: &str) -> Self {
         let mut room = self.clone();
         match name {
-            "scene_radiance" => room.radiance = false,
-            "pose_error" => room.poses.clear(),
+            SURFACES => room.radiance = false,
+            POSES => room.poses.clear(),
             _ => {}
         }
         room

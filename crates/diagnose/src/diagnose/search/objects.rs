@@ -9,6 +9,7 @@
 use super::found::Found;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::room;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::judge::{ALPHA, Judge, Scores, closed_fraction};
 use crate::diagnose::search::Search;
@@ -192,7 +193,7 @@ impl Search<'_> {
         let tone = Tone::new(theta);
         let masks = self.judge.masks;
         // Only where frames are compared with this model: the factors of what no other frame saw are guesses.
-        let seen = self.forward.masked(masks, theta.room.without("pose_error").kind());
+        let seen = self.forward.masked(masks, theta.room.without(room::POSES).kind());
         let of = |at: &usize| {
             let mask = seen.as_ref().map(|m| &m[*at]);
             Blocks::of(&self.evidence.frames[*at].dn, &means[*at], mask, &tone)

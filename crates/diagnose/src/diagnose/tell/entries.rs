@@ -11,6 +11,7 @@ use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::grid::NONE;
 use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::room::SURFACES;
 use crate::diagnose::report::{Parameter, PoseOff};
 use crate::diagnose::search::Search;
 use crate::diagnose::search::objects::Objects;
@@ -48,7 +49,7 @@ impl Parts {
         if self.factors.is_empty() {
             return Ok(());
         }
-        let maps = folder.join("scene_radiance");
+        let maps = folder.join(SURFACES);
         fs::create_dir_all(&maps).map_err(|e| Error::io(&maps, "create the folder", e))?;
         for (index, factor) in &self.factors {
             let stem = Path::new(&capture.frames[*index].filename).with_extension("exr");
@@ -82,7 +83,7 @@ impl Search<'_> {
     ) -> Result<BTreeMap<String, Parameter>> {
         let all: Vec<usize> = (0..self.evidence.frames.len()).collect();
         let theta = self.forward.settled(&all, theta)?.into_owned();
-        if name == "scene_radiance" {
+        if name == SURFACES {
             return self.radiance_parameters(&theta);
         }
         let poses = &theta.room.poses;

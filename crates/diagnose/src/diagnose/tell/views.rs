@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::entries::Parts;
 use crate::diagnose::expect::compared::{Shown, bytes};
+use crate::diagnose::expect::room::SURFACES;
 use crate::diagnose::report::DescriptionShown;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::{Plane, write_png_atomic};
@@ -30,7 +31,7 @@ impl Parts {
         };
         for (index, factor) in few(&self.factors) {
             let picture = factor_picture(factor, white);
-            shown.factors.push(write(folder, "scene_radiance", *index, &picture)?);
+            shown.factors.push(write(folder, SURFACES, *index, &picture)?);
         }
         for (index, mask) in few(&self.objects) {
             let Some(frame) = frames.iter().find(|f| f.index == *index) else { continue };
