@@ -4,6 +4,7 @@
 use super::noise::{BIN_ERROR, NoiseData, chance2, flat_map};
 use super::smear::Smear;
 use crate::diagnose::evidence::Evidence;
+use crate::diagnose::expect::description::by_value::ByValue;
 use crate::diagnose::expect::discrepancy::{COLOUR_DN, REACH};
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
@@ -24,6 +25,8 @@ pub(crate) struct Residue {
     pub solved: f64,
     /// Share of what is out of place that is put in its place, see [`super::placed`].
     pub placed: f64,
+    /// Whether the factors of surfaces, if there are any, may be a change of values.
+    pub by_value: ByValue,
 }
 
 /// Correlation of real and simulated pictures below which they show another scene.

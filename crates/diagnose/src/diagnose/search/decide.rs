@@ -1,7 +1,9 @@
 //! The decision: what was measured goes in, a verdict comes out. Nothing is rendered, fitted or scored here.
 
 use super::found::Found;
+use crate::diagnose::expect::description::by_value::ByValue;
 use crate::diagnose::expect::model::{P, candidate_of};
+use crate::diagnose::expect::room;
 use crate::diagnose::judge::quantile;
 use crate::diagnose::report::Verdict;
 use crate::diagnose::search::Search;
@@ -51,8 +53,9 @@ pub(crate) struct Facts {
     pub elsewhere: bool,
     /// Whether what is left is known to be no more than two correct simulations may differ by: its interval ends below.
     pub within: bool,
-    /// Whether nothing is named but factors of surfaces: an effect on values that is on no list looks the same.
-    pub surfaces_alone: bool,
+    /// Whether factors of surfaces may be an effect on values that is on no list: they follow the described colours,
+    /// or nothing else is named and it cannot be told.
+    pub like_values: bool,
 }
 
 /// A verdict, and whether the effects found are named.
@@ -75,7 +78,7 @@ pub(crate) fn decide(facts: &Facts) -> Decision {
     } else if !facts.any {
         let none = if facts.within { Verdict::NoGap } else { Verdict::Undetermined };
         say(if failed.is_empty() { none } else { Verdict::UnknownEffect }, false)
-    } else if facts.surfaces_alone {
+    } else if facts.like_values {
         say(Verdict::UnknownEffect, named)
     } else if failed.is_empty() && !facts.bounded {
         say(Verdict::Explained, true)
@@ -101,8 +104,11 @@ impl Facts {
             bounded: ends_at_a_bound(found),
             elsewhere: found.residue.shows_another_scene(),
             within: found.after.estimate().interval()[1] <= found.after.bound(),
-            surfaces_alone: !found.set.is_empty()
-                && found.set.iter().all(|n| crate::diagnose::expect::room::is_of_surfaces(n)),
+            like_values: match found.residue.by_value {
+                ByValue::Most => true,
+                ByValue::NotMost => false,
+                ByValue::Untold => !found.set.is_empty() && found.set.iter().all(|n| room::is_of_surfaces(n)),
+            },
         }
     }
 }
@@ -158,7 +164,7 @@ mod tests {
             bounded: false,
             elsewhere: false,
             within: true,
-            surfaces_alone: false,
+            like_values: false,
         }
     }
 
@@ -182,7 +188,7 @@ mod tests {
         let board = decide(&Facts { placed: true, ..noisy });
         assert_eq!(board.verdict, Verdict::PartlyExplained, "what lies in its place is no noise");
         assert_eq!(decide(&Facts { bounded: true, ..facts() }).verdict, Verdict::UnknownEffect);
-        let surfaces = decide(&Facts { surfaces_alone: true, ..facts() });
+        let surfaces = decide(&Facts { like_values: true, ..facts() });
         assert!(surfaces.verdict == Verdict::UnknownEffect && surfaces.names, "{surfaces:?}");
     }
 

@@ -297,6 +297,9 @@ impl Search<'_> {
             far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
         found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
         found.residue.placed = placed(self.evidence, frames, [&before, &means], masks);
+        if theta.room.radiance {
+            found.residue.by_value = self.forward.by_value(&self.evidence.fit, theta)?;
+        }
         tracing::info!("left: {:?}", found.residue);
         Ok(())
     }

@@ -5,6 +5,7 @@
 //! from half of its tiles, while the other half is scored. Each camera is scored by the residual after its best-fitting
 //! description. So neither can hide the other, where frames tell them apart.
 
+pub(crate) mod by_value;
 pub(crate) mod grid;
 pub(crate) mod known;
 pub(crate) mod masks;
