@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, moves};
-use crate::diagnose::expect::room::is_description;
+use crate::diagnose::expect::room::{POSES, SURFACES, is_description};
 use crate::diagnose::fit::{FINE, VALUES};
 use crate::diagnose::judge::{Scores, quantile_of_length};
 use crate::diagnose::search::{Search, Tried, Watch};
@@ -25,8 +25,17 @@ pub(crate) fn size(name: &str) -> usize {
 /// a few numbers: they wait until no such candidate counts.
 pub(crate) fn after_what_moves(counted: &mut Vec<Tried>) {
     if counted.iter().any(|o| moves(candidate_of(o.0))) {
-        counted.retain(|o| o.0 != "pose_error");
+        counted.retain(|o| o.0 != POSES);
     }
+}
+
+/// How far a description that may be wrong explains what a camera leaves.
+pub(super) struct Freed {
+    /// The camera, and what is free beside it.
+    pub theta: Theta,
+    /// What is explained, and what there is to explain, DN.
+    pub gain: f64,
+    pub left: f64,
 }
 
 impl Search<'_> {
@@ -94,6 +103,29 @@ impl Search<'_> {
         Ok(Some((name, fit, scores)))
     }
 
+    /// A camera with a part of the description free beside it. Leaves the judge looking where both can be scored.
+    pub(super) fn freed(&mut self, exact: &Theta, (radiance, poses): (bool, bool)) -> Result<Freed> {
+        let mut theta = exact.clone();
+        theta.room.radiance = radiance;
+        if poses {
+            theta.room.poses = vec![[0.0; 6]; self.evidence.frames.len()];
+            self.track_all(&mut theta)?;
+        }
+        if radiance {
+            self.forward.find_covered(&theta)?;
+        }
+        self.judge.kind = exact.room.kind().and(theta.room.kind());
+        // Noise that was measured with the description as it stands may stand for errors of it.
+        let theta = self.with_noise(&theta)?;
+        let [before, after] = [exact, &theta].map(|t| self.judge.scores(self.forward, t));
+        let (before, after) = (before?, after?);
+        let [gain, left] = [after.mean(), after.bound()].map(|v| before.mean() - v);
+        tracing::info!(
+            "radiance {radiance}, poses {poses}: {gain:.3} of {left:.3} DN beside the camera that was found"
+        );
+        Ok(Freed { theta, gain, left })
+    }
+
     /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found
     /// with the description as it stands, does it take away most of what that leaves? A search takes minutes
     /// with it, and what is on no list (a ghost, a filter) leaves errors that factors and poses follow a little, and
@@ -102,31 +134,12 @@ impl Search<'_> {
     /// `most`: the share of that which must go; more where the set may only lack its end.
     pub(crate) fn may_be_the_description(&mut self, exact: &Theta, most: f64) -> Result<bool> {
         let room = self.room.clone();
-        let (asked, tracked) = (room.contains(&"scene_radiance"), room.contains(&"pose_error"));
+        let (asked, tracked) = (room.contains(&SURFACES), room.contains(&POSES));
         for (radiance, poses) in [(true, false), (false, true), (true, true)] {
             if (radiance && !asked) || (poses && !tracked) {
                 continue;
             }
-            let mut theta = exact.clone();
-            theta.room.radiance = radiance;
-            if poses {
-                theta.room.poses = vec![[0.0; 6]; self.evidence.frames.len()];
-                self.track_all(&mut theta)?;
-            }
-            if radiance {
-                self.forward.find_covered(&theta)?;
-            }
-            self.judge.kind = exact.room.kind().and(theta.room.kind());
-            // Noise that was measured with the description as it stands may stand for errors of it.
-            let theta = self.with_noise(&theta)?;
-            let [before, after] = [exact, &theta].map(|t| self.judge.scores(self.forward, t));
-            let (before, after) = (before?, after?);
-            let [gain, left] = [after.mean(), after.bound()].map(|v| before.mean() - v);
-            tracing::info!(
-                "radiance {radiance}, poses {poses}: {:.3} of {:.3} DN beside the camera that was found",
-                gain,
-                left
-            );
+            let Freed { gain, left, .. } = self.freed(exact, (radiance, poses))?;
             if left > 0.0 && gain > most * left {
                 return Ok(true);
             }
@@ -136,7 +149,7 @@ impl Search<'_> {
 
     fn add_description(&mut self, name: &'static str, set: &[&'static str], theta: &Theta) -> Result<Fit> {
         let mut theta = theta.clone();
-        if name == "scene_radiance" {
+        if name == SURFACES {
             theta.room.radiance = true;
         } else {
             theta.room.poses = vec![[0.0; 6]; self.evidence.frames.len()];
@@ -168,7 +181,12 @@ impl Search<'_> {
 
     /// Whether factors of surfaces do more than one curve for all values and a darker border: a gamma, a gain or a veil
     /// change the radiance of every surface too, with a few numbers.
-    fn is_no_curve(&mut self, set: &[&'static str], theta: &Theta, factors: &Theta) -> Result<bool> {
+    pub(super) fn is_no_curve(
+        &mut self,
+        set: &[&'static str],
+        theta: &Theta,
+        factors: &Theta,
+    ) -> Result<bool> {
         if self.forward.description.no_curve {
             return Ok(true);
         }

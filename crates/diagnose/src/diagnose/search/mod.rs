@@ -13,6 +13,7 @@ pub(super) mod fits;
 pub(super) mod found;
 pub(super) mod levels;
 pub(super) mod objects;
+pub(super) mod paint;
 pub(super) mod pairs;
 pub(super) mod question;
 pub(super) mod round;
@@ -40,6 +41,7 @@ use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
 use crate::diagnose::judge::{Judge, Scores, gain};
 use fits::Size;
 use found::{Alone, Found, SEARCH};
+use paint::best_of;
 use round::closes_nearly_all;
 use shown::Shown;
 use shutterbug::error::Result;
@@ -48,13 +50,6 @@ use support::restored;
 
 /// Most effects of a set that change the mean.
 const MOST_EFFECTS: usize = 6;
-/// Candidates that get a joint fit in each round after the first.
-const SHORTLIST: usize = 4;
-/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how
-/// bright a lamp was, whose frequency is not known yet.
-const BENT: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
-/// Candidates that promise less than this share of what the best one promises wait, if that one gains.
-const LITTLE: f64 = 0.25;
 /// What share of a gap, counted from the floor, is nearly all of it.
 const NEARLY_ALL: f64 = 0.85;
 
@@ -79,6 +74,9 @@ pub(crate) struct Search<'a> {
     pub names: Vec<&'static str>,
     /// What of the description may be wrong.
     pub room: Vec<&'static str>,
+    /// Whether the search may stop where paint or light shows (see [`paint`]), and whether it has.
+    pub may_stop: bool,
+    pub stopped: bool,
     /// What the frames themselves show.
     pub shown: Shown,
     /// What candidates that move the picture came to alone.
@@ -320,19 +318,18 @@ impl<'a> Search<'a> {
         for round in first..MOST_EFFECTS {
             let current = found.fit.clone();
             let mut options: Vec<Tried> = if round == 0 {
-                let mean = found
-                    .alone
-                    .iter()
-                    .filter(|a| !candidate_of(a.name).noise && !found.set.contains(&a.name));
-                mean.map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
+                of_alone(found)
             } else if self.late() {
                 self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
                 break;
             } else {
                 self.round(watch, &found.set, &current, &scores, &mut found.late)?
             };
-            let best = options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
-            if !best.is_some_and(|best| closes_nearly_all(&scores, best)) {
+            self.stopped = self.shows_paint(found, &scores, &options)?;
+            if self.stopped {
+                break;
+            }
+            if !best_of(&options).is_some_and(|best| closes_nearly_all(&scores, best)) {
                 let beside = self.description_beside(watch, &found.set, &current.theta, &scores);
                 options.extend(in_time(beside)?.unwrap_or_default());
             }
@@ -410,6 +407,12 @@ impl<'a> Search<'a> {
         (self.judge.quality, self.forward.native) = (Quality::Fine, true);
         self.judge.kind = found.fit.theta.room.kind();
     }
+}
+
+/// What each candidate that changes the mean does alone, as options of the first round.
+fn of_alone(found: &Found) -> Vec<Tried> {
+    let open = |a: &&Alone| !candidate_of(a.name).noise && !found.set.contains(&a.name);
+    found.alone.iter().filter(open).map(|a| (a.name, a.fit.clone(), a.scores.clone())).collect()
 }
 
 /// The stages of the fit of a candidate beside a set.

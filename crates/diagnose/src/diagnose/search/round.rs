@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::{BENT, LITTLE, NEARLY_ALL, SHORTLIST, probe};
+use super::{NEARLY_ALL, probe};
 use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
@@ -17,6 +17,14 @@ use crate::diagnose::fit::starts::is_hopeful;
 use crate::diagnose::judge::Scores;
 use crate::diagnose::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
+
+/// Candidates that get a joint fit in each round after the first.
+const MOST_JOINT_FITS: usize = 4;
+/// Candidates that slopes may tell nothing of: what they change is where a shaking camera was at another time, or how
+/// bright a lamp was, whose frequency is not known yet.
+const FAR_FROM_LINEAR: [&str; 3] = ["time_offset", "rolling_shutter", "flicker"];
+/// Candidates that promise less than this share of what the best one promises wait, if that one gains.
+const WAITS_BELOW: f64 = 0.25;
 
 impl Search<'_> {
     pub(super) fn log(&self, name: &str, fit: &Fit, scores: &Scores, clock: Instant) {
@@ -50,7 +58,7 @@ impl Search<'_> {
         let (smooth, rest): (Vec<_>, Vec<_>) =
             self.left_beside(set).into_iter().partition(|n| !is_discrete(candidate_of(n)));
         // At most: what promises nothing is not fitted.
-        let most = 1 + SHORTLIST + BENT.len() + rest.len();
+        let most = 1 + MOST_JOINT_FITS + FAR_FROM_LINEAR.len() + rest.len();
         watch.stage(&format!("candidates beside {}", set.join(" + ")), most);
         watch.step("which of them promise most");
         let Some(ranked) = in_time(self.shortlist(set, current, &smooth))? else {
@@ -59,7 +67,7 @@ impl Search<'_> {
         };
         let mut out: Vec<Tried> = Vec::new();
         for &(name, promised) in &ranked {
-            let little = promised < LITTLE * ranked[0].1;
+            let little = promised < WAITS_BELOW * ranked[0].1;
             if little && out.iter().any(|tried| self.gains(now, &tried.2)) {
                 tracing::info!("{name} waits for the next round");
                 continue;
@@ -72,7 +80,9 @@ impl Search<'_> {
         let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
         let waiting = self.may_wait(current, &out)?;
         let waits = |name: &&str| waiting.contains(name);
-        for name in BENT.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n) && !waits(n)) {
+        for name in
+            FAR_FROM_LINEAR.into_iter().filter(|n| smooth.contains(n) && !ranked.contains(n) && !waits(n))
+        {
             let (target, candidate) = (self.target(), candidate_of(name));
             let hopeful = is_hopeful(self.forward, target, self.evidence, &current.theta, candidate);
             if in_time(hopeful)?.unwrap_or(true) {
@@ -144,7 +154,7 @@ impl Search<'_> {
         ranked.retain(|(name, _)| self.would_move(&slopes, &all, &held, candidate_of(name)));
         self.rank_as_alone(&mut ranked, &current.theta, smooth)?;
         ranked.sort_by(by_promise);
-        ranked.truncate(SHORTLIST);
+        ranked.truncate(MOST_JOINT_FITS);
         tracing::info!("worth a fit: {ranked:?}");
         Ok(ranked)
     }

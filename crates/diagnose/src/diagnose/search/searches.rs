@@ -13,16 +13,13 @@ use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{candidate_of, moves};
-use crate::diagnose::expect::room::is_description;
+use crate::diagnose::expect::room::{SURFACES, is_description};
 use crate::diagnose::judge::noise::NOISES;
 use crate::diagnose::judge::{Scores, closed_fraction};
 use crate::diagnose::report::Verdict;
 use crate::diagnose::search::{Begun, Search, Watch};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
-
-/// The part of the description that is factors of surfaces.
-const SURFACES: &str = "scene_radiance";
 
 /// What the searches came to.
 pub(crate) struct Outcome<'a> {
@@ -92,7 +89,18 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 /// frames. First of all by what is in few places.
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
+    search.may_stop = room.contains(&SURFACES);
     let mut exact = search.look(watch, Begun::default())?;
+    search.may_stop = false;
+    if std::mem::take(&mut search.stopped) {
+        search.begin_anew(room.clone());
+        let free = in_time(search.run_beside(&exact, watch))?;
+        if let Some(free) = free.filter(names_description) {
+            return search.with_objects(free, &room);
+        }
+        search.begin_anew(Vec::new());
+        exact = search.look(watch, Begun { set: Some((exact.set, exact.fit)), alone: exact.alone })?;
+    }
     let free = match in_time(search.freed_early(&exact, &room, watch))?.flatten() {
         Some(free) if names_description(&free) => return search.with_objects(free, &room),
         other => other,
