@@ -157,7 +157,7 @@ fn boards_that_say_nothing_of_a_camera_are_refused() {
         let picture = image::GrayImage::from_fn(320, 240, |x, y| image::Luma([value(x, y)]));
         picture.save(at(&format!("photographs/{i}.png"))).unwrap();
     }
-    let board = |corner: &mut dyn FnMut(usize, usize) -> [f64; 2]| {
+    let board = |pattern: &str, corner: &mut dyn FnMut(usize, usize) -> [f64; 2]| {
         let line = |k: usize, i: usize, [x, y]: [f64; 2]| format!("{k}.png,{},{},{x},{y}\n", i % 7, i / 7);
         let all = (0..8 * 35).map(|i| line(i / 35, i % 35, corner(i / 35, i % 35)));
         fs::write(at("corners.csv"), all.collect::<String>()).unwrap();
@@ -165,18 +165,26 @@ fn boards_that_say_nothing_of_a_camera_are_refused() {
         command
             .arg("board")
             .arg(at("photographs"))
-            .args(["--size", "7x5", "--corners"])
+            .args(["--size", "7x5", "--pattern", pattern, "--corners"])
             .arg(at("corners.csv"));
         command.arg("--out").arg(at("out")).output().unwrap()
     };
     let mut dice = mutations::Dice(3);
-    let random = board(&mut |_, _| [dice.roll(320) as f64, dice.roll(240) as f64]);
-    assert_refused(&random, 1, &["photographs: found "]);
+    let mut random = |_: usize, _: usize| [dice.roll(320) as f64, dice.roll(240) as f64];
+    let words = "corners.csv: found corners that are not where squares meet";
+    assert_refused(&board("checkerboard", &mut random), 1, &[words]);
+    // Of tags that is not asked.
+    assert_refused(&board("aprilgrid", &mut random), 1, &["photographs: found "]);
     assert!(!at("out").exists(), "a camera was written");
+    let dark = |x: u32, y: u32| ((x + 20) / 30 + (y + 20) / 30).is_multiple_of(2);
+    let squares =
+        image::GrayImage::from_fn(320, 240, |x, y| image::Luma([if dark(x, y) { 40 } else { 200 }]));
+    squares.save(at("photographs/0.png")).unwrap();
     (1..8).for_each(|i| {
         assert!(fs::copy(at("photographs/0.png"), at(&format!("photographs/{i}.png"))).is_ok())
     });
-    let copies = board(&mut |_, i| [40.0 + 30.0 * (i % 7) as f64, 40.0 + 30.0 * (i / 7) as f64]);
+    let copies =
+        board("checkerboard", &mut |_, i| [40.0 + 30.0 * (i % 7) as f64, 40.0 + 30.0 * (i / 7) as f64]);
     assert_refused(&copies, 1, &["in 1 picture ", "1.png: the same picture as 0.png"]);
 }
 
