@@ -79,7 +79,8 @@ pub(crate) fn decide(facts: &Facts) -> Decision {
         let none = if facts.within { Verdict::NoGap } else { Verdict::Undetermined };
         say(if failed.is_empty() { none } else { Verdict::UnknownEffect }, false)
     } else if facts.like_values {
-        say(Verdict::UnknownEffect, named)
+        // Not what is left tells of it, but what is taken for surfaces.
+        Decision { verdict: Verdict::UnknownEffect, names: named, failed: Vec::new() }
     } else if failed.is_empty() && !facts.bounded {
         say(Verdict::Explained, true)
     } else if named && (facts.placed || (facts.closed >= RESEMBLED && !facts.bounded && !facts.other_noise)) {
