@@ -116,9 +116,9 @@ fn functions() -> impl Iterator<Item = Vec<usize>> {
 
 /// What factors of surfaces look like.
 ///
-/// Of 60 rooms of twelve (24) materials drawn at random, saturations of 0.7 and 1.55, a contrast, what a gamma leaves of
-/// one, and a mix of channels were told in 60 (60) each; paint by 10 % was taken for one of them in none, with a share of
-/// 0.31 (0.08) at most.
+/// Of 60 rooms of twelve (24) materials drawn at random, saturations of 0.7 and 1.55, a contrast, what a gamma leaves
+/// of one, and a mix of channels were told in 60 (60) each; paint by 10 % was taken for one of them in none, with a
+/// share of 0.31 (0.08) at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum ByValue {
     /// There are none, or too few materials to tell.
