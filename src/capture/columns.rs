@@ -24,10 +24,9 @@ pub const IMU_COLUMNS: [(&str, &str); 7] = [
 pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Result<()> {
     let comments = text.trim_start_matches('\u{feff}').lines().enumerate();
     // A header may also stand there as it is.
-    let names_time = |l: &str| l.trim_start_matches(['#', ' ', '\t']).starts_with("timestamp");
-    let is_said = |l: &str| l.trim().is_empty() || l.trim_start().starts_with('#') || names_time(l);
+    let is_said = |l: &str| l.trim().is_empty() || l.trim_start().starts_with('#') || is_header(l);
     let mut comments = comments.take_while(|(_, l)| is_said(l));
-    let Some((index, line)) = comments.find(|(_, l)| l.contains(',') && (l.contains('[') || names_time(l)))
+    let Some((index, line)) = comments.find(|(_, l)| l.contains(',') && (l.contains('[') || is_header(l)))
     else {
         return Ok(());
     };
@@ -47,6 +46,11 @@ pub fn check_columns(path: &Path, text: &str, expected: &[(&str, &str)]) -> Resu
         }
     }
     Ok(())
+}
+
+/// Whether a line of a table begins with the name of its first column, with or without the sign of a comment.
+pub fn is_header(line: &str) -> bool {
+    line.trim_start_matches(['#', ' ', '\t']).starts_with(IMU_COLUMNS[0].0)
 }
 
 /// What a name speaks of: a rate (true) or an acceleration, and its axis.

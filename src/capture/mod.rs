@@ -15,7 +15,7 @@ mod units;
 use std::path::{Path, PathBuf};
 
 pub use camera_toml::CameraFile;
-pub use columns::{IMU_COLUMNS, check_columns};
+pub use columns::{IMU_COLUMNS, check_columns, is_header};
 pub use frames_csv::{FrameEntry, clock_epoch_ns, is_plain_name, parse_frames};
 pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;
@@ -65,7 +65,13 @@ impl Capture {
     ) -> Result<Self> {
         let camera_path = camera.map_or_else(|| root.join("camera.toml"), Path::to_owned);
         check_present(root, &camera_path)?;
-        let camera = read_camera(&camera_path)?;
+        let mut camera = read_camera(&camera_path)?;
+        if camera.linear {
+            let warning = "`linear = true` says how a simulator's pictures are encoded; a capture has none of them, \
+                           and its frames are read as sRGB";
+            tracing::warn!("{}: {warning}", camera_path.display());
+            camera.warnings.push(warning.to_owned());
+        }
         let mut scene = load_obj(&root.join("scene.obj"), root)?;
         if camera.lit {
             let path = root.join("lights.toml");

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use image::{Rgb, RgbImage};
 
-use super::sixth_charts::{FLAT, Folder, boards, encoded, flat_field, told};
+use super::sixth_charts::{FLAT, Folder, boards, encoded, flat_field, share_left_of, told};
 use super::{assert_done, assert_refused, said, shutterbug};
 use crate::dice_support::Dice;
 
@@ -137,9 +137,7 @@ fn colours_that_lie_apart_are_no_defocus() {
         let picture = RgbImage::from_fn(w, h, |x, y| {
             let mut value = |c: u32| {
                 let off = f64::from(x) - 78.3 - 0.1 * f64::from(y) + apart_px * (f64::from(c) - 1.0);
-                // The normal distribution within a hundredth (Page, Applied Statistics 26, 1977).
-                let share = 0.5 * (1.0 + (0.797_885 * (off + 0.044_715 * off.powi(3))).tanh());
-                encoded(0.1 + 0.6 * share + 0.003 * dice.normal())
+                encoded(0.1 + 0.6 * share_left_of(off) + 0.003 * dice.normal())
             };
             Rgb([value(0), value(1), value(2)])
         });

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use image::Luma;
 
-use super::sixth_charts::{FLAT, Folder, boards, flat_field, told};
+use super::sixth_charts::{FLAT, Folder, boards, flat_field, share_left_of, told};
 use super::{assert_done, assert_refused, shutterbug};
 use crate::dice_support::Dice;
 
@@ -19,8 +19,7 @@ fn edge(folder: &Folder, name: &str, off: &dyn Fn(f64, f64) -> f64) -> PathBuf {
         let inside = |i: u32| {
             let part = |k: u32| (f64::from(k) + 0.5) / 4.0;
             let d = off(f64::from(x) + part(i % 4), f64::from(y) + part(i / 4));
-            // The normal distribution within a hundredth (Page, Applied Statistics 26, 1977).
-            0.5 * (1.0 + (0.797_885 * (d + 0.044_715 * d.powi(3))).tanh())
+            share_left_of(d)
         };
         let share = (0..16).map(inside).sum::<f64>() / 16.0;
         0.1 + 0.6 * share + noise[(y * SIZE[0] + x) as usize]

@@ -4,7 +4,7 @@
 use glam::DVec2;
 
 use super::detect::nearest_px;
-use super::refine::sample;
+use super::refine::{is_inside, sample};
 use super::target::Seen;
 use shutterbug::plane::Plane;
 
@@ -26,8 +26,7 @@ pub(super) fn why_not(grey: &Plane<u8>, seen: &[Seen]) -> Option<String> {
 /// leaves the picture.
 fn is_crossing(grey: &Plane<u8>, at: DVec2, free_px: f64) -> Option<bool> {
     let radius = (SHARE * free_px).clamp(RADIUS_PX[0], RADIUS_PX[1]);
-    let (w, h, reach) = (grey.width as f64, grey.height as f64, radius + 1.0);
-    if at.x < reach || at.y < reach || at.x > w - reach || at.y > h - reach {
+    if !is_inside(grey, at, radius + 1.0) {
         return None;
     }
     let ring: Vec<f64> = (0..RING)

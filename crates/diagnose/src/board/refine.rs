@@ -37,9 +37,7 @@ pub(super) fn refined(grey: &Plane<u8>, px: DVec2, free_px: f64, shrunk: usize) 
 
 /// One step: where lines along the edges around `at` meet.
 fn crossing(grey: &Plane<u8>, at: DVec2, half: f64) -> Option<DVec2> {
-    let (w, h) = (grey.width as f64, grey.height as f64);
-    let reach = half + 1.5;
-    if at.x < reach || at.y < reach || at.x > w - reach || at.y > h - reach {
+    if !is_inside(grey, at, half + 1.5) {
         return None;
     }
     let (mut a, mut b) = (DMat2::ZERO, DVec2::ZERO);
@@ -59,6 +57,12 @@ fn crossing(grey: &Plane<u8>, at: DVec2, half: f64) -> Option<DVec2> {
     // Of one edge alone the place along it is free.
     let (trace, determinant) = (a.x_axis.x + a.y_axis.y, a.determinant());
     (determinant > 1e-4 * trace * trace).then(|| at + a.inverse() * b)
+}
+
+/// Whether a place is that far from the borders of the picture, px.
+pub(super) fn is_inside(grey: &Plane<u8>, at: DVec2, reach: f64) -> bool {
+    let free = DVec2::new(grey.width as f64, grey.height as f64) - reach;
+    at.min_element() >= reach && at.cmple(free).all()
 }
 
 /// Value at a place of the picture, between the centres of pixels; inside of the picture by at least one pixel.

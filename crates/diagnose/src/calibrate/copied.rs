@@ -27,17 +27,14 @@ pub(super) fn rows(a: &Plane<f32>, b: &Plane<f32>, step: f32) -> usize {
         let length = all[from..].iter().take_while(|r| r.same).count();
         let beside = [from.checked_sub(1), Some(from + length)];
         let beside = beside.into_iter().flatten().filter_map(|y| all.get(y)).map(by_chance);
-        if length > 0 && beside.fold(f64::INFINITY, f64::min).min(whole(length, all.len())) < ALPHA {
+        // Where no other row is there, all of it is a copy.
+        let is_all = length == all.len();
+        if length > 0 && (is_all || beside.fold(f64::INFINITY, f64::min) < ALPHA) {
             count += length;
         }
         from += length + 1;
     }
     count
-}
-
-/// Where nothing else is there, all of it is a copy.
-fn whole(length: usize, rows: usize) -> f64 {
-    if length == rows { 0.0 } else { f64::INFINITY }
 }
 
 fn row(a: &[f32], b: &[f32], step: f32) -> Row {

@@ -167,11 +167,13 @@ pub fn sharper_green(
         let data = picture.data.chunks_exact(3).flat_map(one).collect();
         measure_edge(&Plane { data, ..picture.clone() }, together.region, encoding, path).ok()
     };
-    let all: Vec<Edge> = if picture.channels == 3 { (0..3).filter_map(of).collect() } else { Vec::new() };
+    if picture.channels != 3 {
+        return None;
+    }
     let sharpest = together.defocus_sigma_px.value - together.defocus_sigma_px.half;
     let sharper = |e: &Edge| e.defocus_sigma_px.value + e.defocus_sigma_px.half < sharpest;
-    let apart = all.len() == 3 && all.iter().all(sharper);
-    apart.then(|| all.into_iter().nth(1)).flatten()
+    let all: Option<Vec<Edge>> = (0..3).map(|colour| of(colour).filter(sharper)).collect();
+    all?.into_iter().nth(1)
 }
 
 /// Measures the edges of windows all over the picture and gives the sharpest: what lies in one plane with the sharpest

@@ -11,7 +11,8 @@ use std::f64::consts::{LN_2, TAU};
 use serde::Serialize;
 
 use super::frames::Encoding;
-use super::{slopes, wave};
+use super::slopes::{self, Slopes};
+use super::wave;
 use shutterbug::plane::Plane;
 
 /// Least depth of stripes, a share of the light: what floats round makes lines of a spectrum as well, far below what 8
@@ -188,7 +189,8 @@ fn refined(values: &[f64], frequency: f64) -> Option<f64> {
     let natural = 1.0 / values.len() as f64;
     let bounds = [frequency - 0.5 * natural, frequency + 0.5 * natural];
     let [mut low, mut high] = bounds;
-    let explained = |frequency: f64| slopes::explained(values, frequency, MOST_HARMONICS);
+    let slopes = Slopes::of(values);
+    let explained = |frequency: f64| slopes.explained(frequency, MOST_HARMONICS);
     for _ in 0..40 {
         let (a, b) = (low + 0.382 * (high - low), low + 0.618 * (high - low));
         if explained(a) < explained(b) { low = a } else { high = b }

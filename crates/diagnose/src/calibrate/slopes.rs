@@ -36,39 +36,52 @@ pub(super) fn without(values: Vec<f64>) -> Vec<f64> {
     beside(&basis, DVector::from_vec(values)).as_slice().to_vec()
 }
 
-/// Sum of squares of values without slopes (see [`without`]) that a wave of `frequency` (cycles a line) and its
-/// harmonics explain beside slopes: what few periods have of a slope says nothing of their frequency.
-pub(super) fn explained(values: &[f64], frequency: f64, harmonics: usize) -> f64 {
-    let wave = fitted(values, frequency, harmonics, DEGREE);
-    wave.map_or(0.0, |(parts, sums)| parts.dot(&sums))
-}
-
 /// Whether a wave in values is a part of a slope: beside a finer polynomial less than half of it is left. A wave of
 /// three periods and more stays as high as it is.
 pub(super) fn explain(values: &[f64], frequency: f64) -> bool {
-    let height = |degree| fitted(values, frequency, 1, degree).map_or(0.0, |(parts, _)| parts.norm());
+    let height = |degree| {
+        let wave = Slopes::beside(values, degree).fitted(frequency, 1);
+        wave.map_or(0.0, |(parts, _)| parts.norm())
+    };
     height(FINER_DEGREE) < 0.5 * height(DEGREE)
 }
 
-/// Cosines and sines of a wave and its harmonics, as they fit beside a polynomial, and their products with the values.
-fn fitted(
-    values: &[f64],
-    frequency: f64,
-    harmonics: usize,
-    degree: usize,
-) -> Option<(DVector<f64>, DVector<f64>)> {
-    let lines = values.len();
-    let basis = polynomials(lines, degree);
-    // Below half a cycle a line.
-    let harmonics = ((0.45 / frequency) as usize).clamp(1, harmonics);
-    let wave = |k: usize| {
-        let turn = |i: usize| TAU * frequency * (k / 2 + 1) as f64 * i as f64;
-        DVector::from_fn(lines, |i, _| if k.is_multiple_of(2) { turn(i).cos() } else { turn(i).sin() })
-    };
-    let columns: Vec<_> = (0..2 * harmonics).map(|k| beside(&basis, wave(k))).collect();
-    let waves = DMatrix::from_columns(&columns);
-    let (squares, sums) = (waves.tr_mul(&waves), waves.tr_mul(&DVector::from_column_slice(values)));
-    Some((squares.cholesky()?.solve(&sums), sums))
+/// Values by line, and the slopes that waves in them are fitted beside.
+pub(super) struct Slopes {
+    values: DVector<f64>,
+    basis: Vec<DVector<f64>>,
+}
+
+impl Slopes {
+    /// `values`: without slopes (see [`without`]).
+    pub(super) fn of(values: &[f64]) -> Self {
+        Self::beside(values, DEGREE)
+    }
+
+    fn beside(values: &[f64], degree: usize) -> Self {
+        Self { values: DVector::from_column_slice(values), basis: polynomials(values.len(), degree) }
+    }
+
+    /// Sum of squares of the values that a wave of `frequency` (cycles a line) and its harmonics explain beside
+    /// slopes: what few periods have of a slope says nothing of their frequency.
+    pub(super) fn explained(&self, frequency: f64, harmonics: usize) -> f64 {
+        self.fitted(frequency, harmonics).map_or(0.0, |(parts, sums)| parts.dot(&sums))
+    }
+
+    /// Cosines and sines of a wave and its harmonics, as they fit, and their products with the values.
+    fn fitted(&self, frequency: f64, harmonics: usize) -> Option<(DVector<f64>, DVector<f64>)> {
+        // Below half a cycle a line.
+        let harmonics = ((0.45 / frequency) as usize).clamp(1, harmonics);
+        let wave = |k: usize| {
+            let turn = |i: usize| TAU * frequency * (k / 2 + 1) as f64 * i as f64;
+            let side = |i: usize| if k.is_multiple_of(2) { turn(i).cos() } else { turn(i).sin() };
+            DVector::from_fn(self.values.len(), |i, _| side(i))
+        };
+        let columns: Vec<_> = (0..2 * harmonics).map(|k| beside(&self.basis, wave(k))).collect();
+        let waves = DMatrix::from_columns(&columns);
+        let (squares, sums) = (waves.tr_mul(&waves), waves.tr_mul(&self.values));
+        Some((squares.cholesky()?.solve(&sums), sums))
+    }
 }
 
 #[cfg(test)]
@@ -106,7 +119,8 @@ mod tests {
     fn a_wave_explains_most_at_its_own_frequency() {
         for periods in [3.2, 5.5, 10.0] {
             let values = over_lines(|x| 1.0 + 0.5 * (TAU * periods * x).sin());
-            let at = |off: f64| explained(&values, (periods + off) / LINES as f64, 4);
+            let slopes = Slopes::of(&values);
+            let at = |off: f64| slopes.explained((periods + off) / LINES as f64, 4);
             assert!(at(0.0) > at(0.01) && at(0.0) > at(-0.01), "{periods}");
         }
     }

@@ -27,7 +27,7 @@ use shutterbug::effects::jpeg::{dct, flips, grain, packing};
 pub use expect::journal::{example_of_a_journal, read_journal};
 pub use expect::options::{DiagnoseOptions, Progress, changes_places, effect_names};
 pub use expect::pair::Pair;
-pub(crate) use expect::room::{SURFACES, is_constant_factor};
+pub(crate) use expect::room::{POSES, SURFACES, is_constant_factor};
 pub use gyro::{Gyroed, diagnose_gyro};
 pub use report::{
     Alignment, Bin, Bootstrap, Candidate, CandidateState, DescriptionShown, EffectFound, FrameEntry,

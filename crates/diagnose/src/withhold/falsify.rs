@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::{DQuat, DVec3};
 
 use super::draw::Draw;
-use crate::diagnose::{SURFACES, is_constant_factor};
+use crate::diagnose::{POSES, SURFACES, is_constant_factor};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::write_atomic;
 
@@ -45,7 +45,7 @@ impl Falsified {
     pub fn said(self) -> &'static str {
         match self {
             Self::Reflectance | Self::Lamps => SURFACES,
-            Self::Poses => "pose_error",
+            Self::Poses => POSES,
             Self::Object => "undescribed_object",
         }
     }

@@ -8,7 +8,7 @@ use super::turn::Gyro;
 use crate::diagnose::evidence::LEAST_SIDE_PX;
 use crate::diagnose::expect::pair::{notes_of_kind, pictures};
 use shutterbug::camera::{Intrinsics, Lens};
-use shutterbug::capture::{CameraFile, IMU_COLUMNS, check_columns, parse_frames, read_text};
+use shutterbug::capture::{CameraFile, IMU_COLUMNS, check_columns, is_header, parse_frames, read_text};
 use shutterbug::effects::LensDistortion;
 use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::Limit;
@@ -163,8 +163,7 @@ fn read_gyro(path: &Path, text: &str, epoch_ns: i64) -> Result<(Gyro, Option<Str
             let camera = axes.contains("camera");
             note = (!camera).then(|| format!("imu.csv says of its axes: {axes}; the camera's are needed"));
         }
-        let is_header = times_s.is_empty() && line.starts_with("timestamp");
-        if line.is_empty() || line.starts_with('#') || is_header {
+        if line.is_empty() || line.starts_with('#') || (times_s.is_empty() && is_header(line)) {
             continue;
         }
         let bad = || Error::input(path, number, format!("`{line}`"), expected);

@@ -9,7 +9,6 @@ use serde_json::json;
 
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::quality::Quality;
-use crate::diagnose::expect::description::grid::NONE;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::room::SURFACES;
 use crate::diagnose::report::{Parameter, PoseOff};
@@ -122,13 +121,9 @@ impl Search<'_> {
             let surface = self.forward.surface(at, theta);
             let grid = &self.forward.description.grid;
             let (mut sum, mut count) = (0.0f64, 0.0f64);
-            for (&cell, &local) in surface.cell.iter().zip(&surface.local).step_by(7) {
-                if cell != NONE && map.covers(grid, cell, local) {
-                    let log =
-                        crate::diagnose::expect::description::reconstruct::mixed(grid, &map.log, cell, local);
-                    sum += log.iter().map(|v| f64::from(v * v)).sum::<f64>() / 3.0;
-                    count += 1.0;
-                }
+            for (_, log) in map.seen_in(grid, &surface) {
+                sum += log.iter().map(|v| f64::from(v * v)).sum::<f64>() / 3.0;
+                count += 1.0;
             }
             squares.push(sum / count.max(1.0));
         }

@@ -5,11 +5,11 @@
 //! of their colours.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::grid::NONE;
-use super::reconstruct::mixed;
+use super::rays::material_of;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::Theta;
@@ -19,18 +19,17 @@ use shutterbug::plane::stats::luma;
 /// Values are encoded as a power of the radiance, as nearly all cameras do: a gain is then a multiple of them.
 const POWER: f64 = 2.4;
 /// Columns of a change that say nothing: each channel's value, for a gain is no sign of either.
-const GAINS: usize = 3;
+const GAINS: Range<usize> = 0..3;
 /// Columns of a mix of colours: how far a value is from gray, or the other two channels of each.
-const TO_GRAY: usize = 1;
-const MIXED: usize = 6;
-/// Degrees of a curve of all channels, which has a constant too.
+const TO_GRAY: usize = GAINS.end;
+const MIXED: Range<usize> = TO_GRAY + 1..TO_GRAY + 7;
+/// Degrees of a curve of all channels, whose columns begin with its constant and go on with its squares.
 const DEGREES: [usize; 3] = [2, 3, 4];
-const COLUMNS: usize = GAINS + TO_GRAY + MIXED + 4;
+const CURVE: usize = MIXED.end;
+const COLUMNS: usize = CURVE + DEGREES[2];
 
 /// Part of a column's own sum that is added to it, so that columns that are alike in all materials have a solution.
 const RIDGE: f64 = 1e-6;
-/// Every so many pixels are looked at: cells are much larger.
-const EVERY: usize = 7;
 
 /// What is known of a place of a material.
 struct Place {
@@ -52,6 +51,7 @@ impl Place {
 }
 
 /// Normal equations of a material.
+#[derive(Clone)]
 struct Sums {
     a: DMatrix<f64>,
     b: DVector<f64>,
@@ -96,21 +96,21 @@ fn rows(value: [f64; 3]) -> [DVector<f64>; 3] {
     let gray = luma(&value.map(|v| v as f32));
     std::array::from_fn(|c| {
         let mut row = DVector::zeros(COLUMNS);
-        let (mixed, curve) = (GAINS + TO_GRAY, GAINS + TO_GRAY + MIXED);
         row[c] = value[c];
-        row[GAINS] = value[c] - f64::from(gray);
-        (row[mixed + 2 * c], row[mixed + 2 * c + 1]) = (value[(c + 1) % 3], value[(c + 2) % 3]);
-        row[curve] = 1.0;
-        (2..=4).for_each(|d| row[curve + d - 1] = value[c].powi(d as i32));
+        row[TO_GRAY] = value[c] - f64::from(gray);
+        [1, 2].into_iter().for_each(|k| row[MIXED.start + 2 * c + k - 1] = value[(c + k) % 3]);
+        row[CURVE] = 1.0;
+        DEGREES.into_iter().for_each(|d| row[CURVE + d - 1] = value[c].powi(d as i32));
         row
     })
 }
 
 /// The functions that are tried, by their columns: gains and a curve, with either mix of colours.
 fn functions() -> impl Iterator<Item = Vec<usize>> {
-    let curve = |degree: usize| GAINS + TO_GRAY + MIXED..GAINS + TO_GRAY + MIXED + degree;
-    let to_gray = DEGREES.into_iter().map(move |degree| (0..GAINS + TO_GRAY).chain(curve(degree)).collect());
-    let mixed = (0..GAINS).chain(GAINS + TO_GRAY..GAINS + TO_GRAY + MIXED).chain(curve(DEGREES[0]));
+    let curve = |degree: usize| CURVE..CURVE + degree;
+    let to_gray = move |degree| GAINS.chain([TO_GRAY]).chain(curve(degree)).collect();
+    let to_gray = DEGREES.into_iter().map(to_gray);
+    let mixed = GAINS.chain(MIXED).chain(curve(DEGREES[0]));
     to_gray.chain([mixed.collect()])
 }
 
@@ -147,18 +147,16 @@ fn share_by_value(places: impl Iterator<Item = Place>) -> Option<f64> {
     places.for_each(|p| materials.entry(p.material).or_insert_with(Sums::none).add(&p));
     let mut all = Sums::none();
     materials.values().for_each(|m| all.put(m, 1.0));
-    let left = |columns: &[usize]| {
-        let mut sum = 0.0;
-        for material in materials.values() {
-            let mut others = Sums::none();
-            others.put(&all, 1.0);
-            others.put(material, -1.0);
-            sum += others.left_of(material, columns)?;
-        }
-        Some(sum)
+    let apart = |material: &Sums| {
+        let mut others = all.clone();
+        others.put(material, -1.0);
+        others
     };
+    let apart: Vec<(Sums, &Sums)> = materials.values().map(|m| (apart(m), m)).collect();
+    let left =
+        |columns: &[usize]| apart.iter().map(|(others, m)| others.left_of(m, columns)).sum::<Option<f64>>();
     let gains = left(&[0, 1, 2]).filter(|v| *v > 1e-9 * all.squares)?;
-    let told = functions().filter(|columns| materials.len() > columns.len() - GAINS);
+    let told = functions().filter(|columns| materials.len() > columns.len() - GAINS.len());
     told.filter_map(|columns| Some(1.0 - left(&columns)? / gains)).max_by(f64::total_cmp)
 }
 
@@ -183,12 +181,8 @@ impl Forward {
         for (&at, plane) in frames.iter().zip(&bare) {
             let surface = self.surface(at, &theta);
             let grid = &self.description.grid;
-            for i in (0..surface.cell.len()).step_by(EVERY) {
-                let (cell, local) = (surface.cell[i], surface.local[i]);
-                if cell == NONE || !surface.clean[i] || !map.covers(grid, cell, local) {
-                    continue;
-                }
-                let (sum, log) = (cells.entry(cell).or_default(), mixed(grid, &map.log, cell, local));
+            for (i, log) in map.seen_in(grid, &surface).filter(|(i, _)| surface.clean[*i]) {
+                let sum = cells.entry(surface.cell[i]).or_default();
                 for c in 0..3 {
                     sum.value[c] += f64::from(plane.data[3 * i + c].clamp(0.0, 1.0)).powf(1.0 / POWER);
                     sum.log[c] += f64::from(log[c]);
@@ -196,12 +190,12 @@ impl Forward {
                 sum.count += 1.0;
             }
         }
-        let (grid, materials) = (&self.description.grid, self.scene.materials.len().max(1) as u32);
+        let grid = &self.description.grid;
         let place = |(cell, sum): (&u32, &Cell)| {
             let corner = grid.of_cell[*cell as usize][0];
             let surface = grid.surface.get(grid.group[corner as usize] as usize).copied().unwrap_or(0);
             let mean = |v: [f64; 3]| v.map(|v| v / sum.count);
-            Place::new(surface % materials, sum.count, mean(sum.value), mean(sum.log))
+            Place::new(material_of(&self.scene, surface), sum.count, mean(sum.value), mean(sum.log))
         };
         let share = share_by_value(cells.iter().map(place));
         tracing::info!("share of the factors that a change of values would ask for: {share:?}");

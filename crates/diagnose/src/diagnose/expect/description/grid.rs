@@ -23,6 +23,9 @@ pub(crate) struct Grid {
     corners: HashMap<(u32, [i32; 3]), u32>,
     cells: HashMap<(u32, [i32; 3]), u32>,
     groups: HashMap<(u32, [i8; 3]), u32>,
+    /// What was asked for last: the next pixel sees the same as a rule.
+    last_cell: Option<((u32, [i32; 3]), u32)>,
+    last_group: Option<((u32, Vec3), u32)>,
     /// By cell: its corners.
     pub of_cell: Vec<[u32; 8]>,
     /// By corner: the group (object, material, direction) that it belongs to.
@@ -77,6 +80,9 @@ impl Grid {
 
     /// The group of a surface that faces a direction, in steps of some seven degrees.
     pub(crate) fn group_of(&mut self, surface: u32, normal: Vec3) -> u32 {
+        if let Some((_, group)) = self.last_group.filter(|(key, _)| *key == (surface, normal)) {
+            return group;
+        }
         let faces = (STEPS * normal.normalize_or_zero()).round();
         let next = self.groups.len() as u32;
         let key = (surface, [faces.x as i8, faces.y as i8, faces.z as i8]);
@@ -84,6 +90,7 @@ impl Grid {
         if group == next {
             self.surface.push(surface);
         }
+        self.last_group = Some(((surface, normal), group));
         group
     }
 
@@ -93,8 +100,17 @@ impl Grid {
         let low = scaled.floor();
         let key = low.as_ivec3().to_array();
         let local = (scaled - low).to_array();
+        let cell = match self.last_cell.filter(|(last, _)| *last == (group, key)) {
+            Some((_, cell)) => cell,
+            None => self.cell(group, key),
+        };
+        self.last_cell = Some(((group, key), cell));
+        (cell, local)
+    }
+
+    fn cell(&mut self, group: u32, key: [i32; 3]) -> u32 {
         if let Some(&cell) = self.cells.get(&(group, key)) {
-            return (cell, local);
+            return cell;
         }
         let corners = std::array::from_fn(|i| {
             let corner = [0, 1, 2].map(|a| key[a] + (i >> a & 1) as i32);
@@ -108,7 +124,7 @@ impl Grid {
         let cell = self.of_cell.len() as u32;
         self.of_cell.push(corners);
         self.cells.insert((group, key), cell);
-        (cell, local)
+        cell
     }
 }
 

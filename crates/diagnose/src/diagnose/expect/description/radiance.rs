@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::grid::{Grid, NONE, Surface, weights};
+use super::grid::{Grid, NONE, PARTS, Part, Surface, weights};
 use super::reconstruct::{Places, mixed};
 use shutterbug::plane::Plane;
 use shutterbug::reference::moments::Lattice;
@@ -30,6 +30,8 @@ const PASSES: usize = 4;
 const MOST: f32 = 0.7;
 /// Samples across a picture that factors are estimated from: cells are much larger than pixels.
 const ACROSS: usize = 107;
+/// Every so many pixels are looked at where only means are asked for.
+const EVERY: usize = 7;
 /// Differences from here on count less, DN: edges out of place.
 const LARGE_DN: f32 = 4.0;
 
@@ -79,7 +81,7 @@ impl Map {
     /// simulated at the end of the range, or has to go further than a step goes (deep shadows).
     pub(crate) fn learn(&mut self, grid: &Grid, lessons: &[Lesson<'_>]) -> bool {
         self.log.resize(grid.count(), [0.0; 3]);
-        let samples: Vec<Sample> = lessons.iter().flat_map(samples).collect();
+        let samples: Vec<Sample> = lessons.par_iter().flat_map_iter(samples).collect();
         let places = Places::new(grid, samples.iter().map(|s| (s.cell, s.local, s.weight)));
         let mut left: Vec<[f32; 3]> = samples.iter().map(|s| s.left).collect();
         let change = places.reconstructed(&mut left, PASSES);
@@ -127,6 +129,18 @@ impl Map {
         parts.map(|(&corner, part)| if seen(corner) { part } else { 0.0 }).sum::<f32>() >= 0.5
     }
 
+    /// Some of the pixels, evenly spread, whose surface frames that were learnt from saw, and the logarithm of the
+    /// factor there.
+    pub(crate) fn seen_in<'a>(
+        &'a self,
+        grid: &'a Grid,
+        surface: &'a Surface,
+    ) -> impl Iterator<Item = (usize, [f32; 3])> + 'a {
+        let places = surface.cell.iter().zip(&surface.local).enumerate().step_by(EVERY);
+        let seen = places.filter(|(_, (cell, local))| **cell != NONE && self.covers(grid, **cell, **local));
+        seen.map(|(i, (&cell, &local))| (i, mixed(grid, &self.log, cell, local)))
+    }
+
     /// Puts the factor on the radiance of some pixels of a picture of `size` (columns, rows). Of a part of the picture,
     /// borders between surfaces are left as if they saw one.
     pub(crate) fn light(
@@ -155,16 +169,21 @@ impl Map {
 
     /// The factor on each value of a picture, shape `[height, width, 3]`.
     pub(crate) fn factor(&self, grid: &Grid, surface: &Surface, [w, h]: [usize; 2]) -> Plane<f32> {
-        let of = |i: usize| self.factor_at(grid, surface, i);
-        let data: Vec<f32> = (0..surface.cell.len()).into_par_iter().flat_map_iter(of).collect();
-        let mut out = Plane { width: w, height: h, channels: 3, data };
-        for (i, parts) in &surface.mixed {
-            let to = &mut out.data[3 * *i as usize..3 * *i as usize + 3];
-            to.fill(0.0);
+        let mut out = Plane::new(w, h, 3);
+        let pixels = out.data.par_chunks_exact_mut(3).enumerate().with_min_len(1024);
+        pixels.for_each(|(i, to)| to.copy_from_slice(&self.factor_at(grid, surface, i)));
+        let of_parts = |parts: &[Part; PARTS]| {
+            let mut sum = [0.0f32; 3];
             for part in parts.iter().filter(|p| p.cell != NONE) {
                 let log = mixed(grid, &self.log, part.cell, part.local);
-                (0..3).for_each(|c| to[c] += part.share[c] * log[c].exp());
+                (0..3).for_each(|c| sum[c] += part.share[c] * log[c].exp());
             }
+            sum
+        };
+        let borders: Vec<[f32; 3]> =
+            surface.mixed.par_iter().with_min_len(256).map(|(_, parts)| of_parts(parts)).collect();
+        for ((i, _), sum) in surface.mixed.iter().zip(borders) {
+            out.data[3 * *i as usize..3 * *i as usize + 3].copy_from_slice(&sum);
         }
         out
     }
@@ -253,7 +272,6 @@ fn places_of(seen: &[(Vec<u32>, Vec<[f32; 3]>)]) -> impl Iterator<Item = (usize,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::expect::description::grid::Part;
 
     /// A wall of 4 m seen twice, 40 px a meter.
     fn wall(grid: &mut Grid, shift_m: f32) -> Surface {

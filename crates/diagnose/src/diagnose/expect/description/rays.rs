@@ -30,6 +30,16 @@ struct Node {
     axis: u8,
 }
 
+/// Object and material in one number.
+fn surface_of(scene: &Scene, object: u32, material: u32) -> u32 {
+    object * scene.materials.len() as u32 + material
+}
+
+/// The material of a surface.
+pub(super) fn material_of(scene: &Scene, surface: u32) -> u32 {
+    surface % scene.materials.len().max(1) as u32
+}
+
 /// Triangles that move together: what rests, or one object, in its own coordinates.
 pub(crate) struct Body {
     /// The object whose pose is theirs; nothing for what rests.
@@ -64,7 +74,6 @@ impl Body {
     }
 
     fn of(scene: &Scene, object: Option<usize>, moving: impl Fn(usize) -> bool) -> Self {
-        let materials = scene.materials.len() as u32;
         let mut triangles = Vec::new();
         for (number, three) in scene.indices.chunks_exact(3).enumerate() {
             let v = [0, 1, 2].map(|i| scene.vertices[three[i] as usize]);
@@ -73,7 +82,7 @@ impl Body {
                 continue;
             }
             let [a, b, c] = v.map(|v| Vec3::from(v.position_m));
-            let surface = v[0].object * materials + v[0].material;
+            let surface = surface_of(scene, v[0].object, v[0].material);
             triangles.push(Triangle { corner: a, edges: [b - a, c - a], number: number as u32, surface });
         }
         let mut body = Self { object, nodes: Vec::new(), triangles };

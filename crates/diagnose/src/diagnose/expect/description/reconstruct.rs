@@ -1,38 +1,67 @@
 //! Simultaneous iterative reconstruction: what a field over the corners of cells must be so that places in the cells
 //! show what they do. Each corner moves by the weighed mean of what is left around it, which needs no matrix.
 
+use rayon::prelude::*;
+
 use super::grid::{Grid, weights};
 
 /// Places that say something of a field over corners, by colour: which corners each is between, and how much it counts.
 pub(crate) struct Places {
     between: Vec<([u32; 8], [f32; 8])>,
     weights: Vec<[f32; 3]>,
+    around: Around,
     /// By corner: the sum of the weights around it.
     total: Vec<[f32; 3]>,
+}
+
+/// By corner: the places around it, in their order, and its part in each.
+struct Around {
+    /// Where the places of each corner begin, and the end of the last.
+    from: Vec<usize>,
+    places: Vec<(u32, f32)>,
+}
+
+impl Around {
+    fn new(corners: usize, between: &[([u32; 8], [f32; 8])]) -> Self {
+        let mut from = vec![0; corners + 1];
+        between.iter().flat_map(|(of, _)| of).for_each(|corner| from[*corner as usize + 1] += 1);
+        (0..corners).for_each(|i| from[i + 1] += from[i]);
+        let (mut next, mut places) = (from.clone(), vec![(0, 0.0); 8 * between.len()]);
+        for (place, (of, parts)) in between.iter().enumerate() {
+            for (corner, part) in of.iter().zip(parts) {
+                let to = &mut next[*corner as usize];
+                places[*to] = (place as u32, *part);
+                *to += 1;
+            }
+        }
+        Self { from, places }
+    }
+
+    /// By corner, of all corners at once.
+    fn each<T: Send>(&self, sum: impl Fn(&[(u32, f32)]) -> T + Sync) -> Vec<T> {
+        self.from.par_windows(2).with_min_len(256).map(|w| sum(&self.places[w[0]..w[1]])).collect()
+    }
 }
 
 impl Places {
     /// Of cells, places within them and weights, as many as there are places.
     pub(crate) fn new(grid: &Grid, places: impl Iterator<Item = (u32, [f32; 3], [f32; 3])>) -> Self {
-        let mut new = Self { between: Vec::new(), weights: Vec::new(), total: vec![[0.0; 3]; grid.count()] };
-        for (cell, local, weight) in places {
-            let (corners, parts) = (grid.of_cell[cell as usize], weights(local));
-            for (corner, part) in corners.iter().zip(parts) {
-                (0..3).for_each(|c| new.total[*corner as usize][c] += part * weight[c]);
+        let of = |(cell, local, weight): (u32, _, _)| ((grid.of_cell[cell as usize], weights(local)), weight);
+        let (between, weights): (Vec<_>, Vec<[f32; 3]>) = places.map(of).unzip();
+        let around = Around::new(grid.count(), &between);
+        let total = around.each(|places| {
+            let mut sum = [0.0f32; 3];
+            for (place, part) in places {
+                (0..3).for_each(|c| sum[c] += part * weights[*place as usize][c]);
             }
-            new.between.push((corners, parts));
-            new.weights.push(weight);
-        }
-        new
+            sum
+        });
+        Self { between, weights, around, total }
     }
 
     /// By corner: how many places are around it.
     pub(crate) fn seen(&self) -> Vec<f32> {
-        let mut seen = vec![0.0; self.total.len()];
-        for (corners, parts) in &self.between {
-            corners.iter().zip(parts).for_each(|(corner, part)| seen[*corner as usize] += part);
-        }
-        seen
+        self.around.each(|places| places.iter().map(|(_, part)| part).sum())
     }
 
     /// The field that explains what places show, in so many passes; `left` becomes what it leaves of that.
@@ -40,10 +69,10 @@ impl Places {
         let mut field = vec![[0.0f32; 3]; self.total.len()];
         for _ in 0..passes {
             let step = self.means(left);
-            for (left, place) in left.iter_mut().zip(&self.between) {
+            left.par_iter_mut().zip(&self.between).with_min_len(1024).for_each(|(left, place)| {
                 let by = at(&step, place);
                 (0..3).for_each(|c| left[c] -= by[c]);
-            }
+            });
             field.iter_mut().zip(&step).for_each(|(a, b)| (0..3).for_each(|c| a[c] += b[c]));
         }
         field
@@ -56,12 +85,14 @@ impl Places {
 
     /// Weighed means of what is left around each corner.
     fn means(&self, left: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let mut sums = vec![[0.0f32; 3]; self.total.len()];
-        for (((corners, parts), weight), left) in self.between.iter().zip(&self.weights).zip(left) {
-            for (corner, part) in corners.iter().zip(parts) {
-                (0..3).for_each(|c| sums[*corner as usize][c] += part * weight[c] * left[c]);
+        let mut sums = self.around.each(|places| {
+            let mut sum = [0.0f32; 3];
+            for (place, part) in places {
+                let (weight, left) = (&self.weights[*place as usize], &left[*place as usize]);
+                (0..3).for_each(|c| sum[c] += part * weight[c] * left[c]);
             }
-        }
+            sum
+        });
         for (sum, total) in sums.iter_mut().zip(&self.total) {
             (0..3).for_each(|c| sum[c] /= total[c].max(1e-6));
         }

@@ -163,21 +163,26 @@ impl Forward {
             .collect();
         let kinds: Vec<u32> = hits.iter().map(|h| h.as_ref().map_or(NONE, |(_, h)| h.surface)).collect();
         let (mut cell, mut local) = (vec![NONE; w * h], vec![[0.0; 3]; w * h]);
-        let (mut clean, mut border) = (vec![false; w * h], Vec::new());
         for (i, hit) in hits.iter().enumerate() {
             let Some((_, hit)) = hit else { continue };
             (cell[i], local[i]) = grid.place(groups[i], hit.at);
-            let (x, y) = (i % w, i / w);
-            if x < 2 || y < 2 || x + 2 >= w || y + 2 >= h {
-                continue;
-            }
-            let near = [i - 1, i + 1, i - w, i + w, i - w - 1, i - w + 1, i + w - 1, i + w + 1];
-            if near.iter().any(|&n| groups[n] != groups[i]) {
-                border.push(i);
-            } else {
-                clean[i] = [i - 2, i + 2, i - 2 * w, i + 2 * w].iter().all(|&n| kinds[n] == kinds[i]);
-            }
         }
+        let inside = |i: usize| {
+            let (x, y) = (i % w, i / w);
+            groups[i] != NONE && x >= 2 && y >= 2 && x + 2 < w && y + 2 < h
+        };
+        let is_border = |i: usize| {
+            let near = [i - 1, i + 1, i - w, i + w, i - w - 1, i - w + 1, i + w - 1, i + w + 1];
+            near.iter().any(|&n| groups[n] != groups[i])
+        };
+        let is_clean = |i: usize| {
+            inside(i)
+                && !is_border(i)
+                && [i - 2, i + 2, i - 2 * w, i + 2 * w].iter().all(|&n| kinds[n] == kinds[i])
+        };
+        let all = || (0..w * h).into_par_iter().with_min_len(1024);
+        let clean: Vec<bool> = all().map(is_clean).collect();
+        let border: Vec<usize> = all().filter(|&i| inside(i) && is_border(i)).collect();
         let shader = Shader::new(&self.scene, sight.shutter.middle_s(), DVec3::ZERO);
         let around = |i: usize| {
             let rows = [i - w, i, i + w];

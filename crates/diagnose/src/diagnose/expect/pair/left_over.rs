@@ -2,11 +2,10 @@
 //! a word.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::Path;
 
-use super::matched::{Matched, pictures};
-use shutterbug::error::{Error, Result, counted};
+use super::matched::{Matched, ending_with, pictures};
+use shutterbug::error::{Result, counted};
 use shutterbug::files::{Limit, read};
 
 /// Endings of pictures in formats that are not read.
@@ -42,16 +41,7 @@ pub(super) fn notes(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<
 /// # Errors
 /// A folder that cannot be listed.
 pub(crate) fn of_other_formats(folder: &Path) -> Result<Option<String>> {
-    let mut names = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, "list", e))? {
-        let entry = entry.map_err(|e| Error::io(folder, "list", e))?;
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        let ending = Path::new(&name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        if ending.is_some_and(|e| OTHER_FORMATS.contains(&e.as_str())) && !name.starts_with('.') {
-            names.push(name);
-        }
-    }
-    names.sort();
+    let names = ending_with(folder, &OTHER_FORMATS)?;
     Ok(names.first().map(|first| {
         let count = counted(names.len(), "file", "files");
         format!(
@@ -83,6 +73,8 @@ pub(crate) fn copies(sim: &Path, real: &Path, pairs: &[[&str; 2]]) -> Result<Opt
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -64,17 +64,26 @@ pub(crate) fn pictures(folder: &Path) -> Result<Vec<String>> {
     if !folder.is_dir() {
         return Err(Error::input(folder, None, "no such folder", "a folder of pictures (PNG or JPEG)"));
     }
-    let is_picture = |name: &String| {
+    let names = ending_with(folder, &PICTURES)?;
+    if names.is_empty() {
+        return Err(Error::input(folder, None, "no picture", "frames as PNG or JPEG"));
+    }
+    Ok(names)
+}
+
+/// The files of a folder with one of these endings (in small letters), by name; hidden ones are not asked for.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub(super) fn ending_with(folder: &Path, endings: &[&str]) -> Result<Vec<String>> {
+    let is_one = |name: &String| {
         let ending = Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-        !name.starts_with('.') && ending.is_some_and(|e| PICTURES.contains(&e.as_str()))
+        !name.starts_with('.') && ending.is_some_and(|e| endings.contains(&e.as_str()))
     };
     let mut names: Vec<String> = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, "list", e))? {
         let entry = entry.map_err(|e| Error::io(folder, "list", e))?;
-        names.extend(entry.file_name().into_string().ok().filter(is_picture));
-    }
-    if names.is_empty() {
-        return Err(Error::input(folder, None, "no picture", "frames as PNG or JPEG"));
+        names.extend(entry.file_name().into_string().ok().filter(is_one));
     }
     names.sort();
     Ok(names)
