@@ -70,6 +70,7 @@ fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
 struct Together {
     size: Option<[usize; 2]>,
     first: PathBuf,
+    is_grey: bool,
     distinct: Distinct,
 }
 
@@ -80,15 +81,16 @@ impl Together {
             let frame = Frame::read(path)?;
             let found = [frame.encoded.width, frame.encoded.height];
             if self.size.is_none() {
-                self.first.clone_from(path);
+                (self.first, self.is_grey) = (path.clone(), frame.is_grey());
             }
             let wanted = *self.size.get_or_insert(found);
             if found != wanted {
                 let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], self.first.display());
                 return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
             }
-            self.distinct.add(&frame)?;
+            frame.check_colours(self.is_grey, &self.first)?;
             take(&frame);
+            self.distinct.add(frame)?;
         }
         Ok(())
     }
@@ -215,17 +217,7 @@ fn flat_text(
         writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
     text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
         that is shifted between them tells it from the sensor's\n";
-    let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
-    if let Some(bands) = &f.bands {
-        let lines = if bands.rows { "rows" } else { "columns" };
-        let _ = writeln!(
-            text,
-            "  {lines} differ by {} rms from picture to picture, beyond their pixels' noise: a lamp that flickers, or \
-             noise of the {lines}. This is not in pattern and noise, but in fall-off and light: expose for whole \
-             periods of the lamp, or take one on direct current",
-            percent(bands.rms)
-        );
-    }
+    noise_text(&mut text, f);
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
         format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
     };
@@ -245,6 +237,26 @@ fn flat_text(
         let _ = writeln!(text, "  beside the given pattern: {}", said(other));
     }
     text
+}
+
+fn noise_text(text: &mut String, f: &Flat) {
+    let percent = |v: f64| format!("{:.3} %", 100.0 * v);
+    let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
+    let _ = writeln!(
+        text,
+        "  rounding of the values: up to {} of the level where that noise does not hide it (in the intervals)",
+        percent(f.rounding)
+    );
+    if let Some(bands) = &f.bands {
+        let lines = if bands.rows { "rows" } else { "columns" };
+        let _ = writeln!(
+            text,
+            "  {lines} differ by {} rms from picture to picture, beyond their pixels' noise: a lamp that flickers, or \
+             noise of the {lines}. This is not in pattern and noise, but in fall-off and light: expose for whole \
+             periods of the lamp, or take one on direct current",
+            percent(bands.rms)
+        );
+    }
 }
 
 /// The edge of all colours together, or of green where they lie apart.

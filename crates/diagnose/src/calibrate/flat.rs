@@ -12,6 +12,7 @@ use super::frames::Encoding;
 use super::lines::{Bands, Lines};
 use super::odd::{Odd, Patterns};
 use super::own::{REPEAT_PX, content};
+use super::rounding::Rounding;
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
 
@@ -74,6 +75,8 @@ pub struct Flat {
     pub prnu: Measured,
     /// Noise of one picture, of the level.
     pub temporal: f64,
+    /// The most that rounding does to means, of the level; it is in the intervals.
+    pub rounding: f64,
     /// Rows or columns that differ from picture to picture by more than their pixels' noise.
     pub bands: Option<Bands>,
     /// The pattern of half of the pictures beside that of the others.
@@ -93,6 +96,7 @@ pub struct Flat {
 pub struct FlatSums {
     encoding: Encoding,
     size: [usize; 2],
+    rounding: Rounding,
     levels: Vec<f64>,
     /// Sum of the patterns of even and of odd pictures.
     halves: [Plane<f32>; 2],
@@ -112,6 +116,7 @@ impl FlatSums {
         Self {
             encoding,
             size: [width, height],
+            rounding: Rounding::default(),
             levels: Vec::new(),
             halves: [Plane::new(width, height, 1), Plane::new(width, height, 1)],
             squares: Vec::new(),
@@ -124,6 +129,7 @@ impl FlatSums {
 
     /// Adds a picture: encoded values, shape `[height, width, channels]`, and the distance of two neighbouring ones.
     pub fn add(&mut self, encoded: &Plane<f32>, step: f32) {
+        self.rounding.add(encoded, step);
         let [w, h] = self.size;
         let n = encoded.channels as f32;
         let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
@@ -185,7 +191,8 @@ impl FlatSums {
         let n = frames as f64;
         let level = self.levels.iter().sum::<f64>() / n.max(1.0);
         self.check(level, path)?;
-        let shape = self.shape(n);
+        let rounding = self.rounding.most() / (self.encoding.slope(level) * level);
+        let shape = self.shape(n, rounding);
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
@@ -196,7 +203,9 @@ impl FlatSums {
         let of_each: f64 = self.squares.iter().sum::<f64>() / kept;
         // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
         let variance = (of_sum - of_each) / (n * (n - 1.0));
-        let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        let chance = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        // What rounding does is the same in all pictures, and a wave over the values.
+        let spread = chance + 0.5 * rounding * rounding;
         let prnu = variance.max(0.0).sqrt();
         let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
         let temporal = (of_each / n - variance).max(0.0).sqrt();
@@ -223,6 +232,7 @@ impl FlatSums {
             uneven: uneven[0],
             prnu: Measured::of(prnu, deviation),
             temporal,
+            rounding,
             bands: self.lines.bands(),
             itself,
             stuck,
@@ -232,8 +242,8 @@ impl FlatSums {
     }
 
     /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
-    /// one.
-    fn shape(&self, frames: f64) -> [[f64; 2]; 5] {
+    /// one. `rounding`: the most that each block may be off by, of the level.
+    fn shape(&self, frames: f64, rounding: f64) -> [[f64; 2]; 5] {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;
         let half = 0.5 * w.hypot(h);
@@ -250,15 +260,20 @@ impl FlatSums {
         let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / frames));
         let solved = |known: [f64; 2]| {
             let a = DMatrix::from_fn(rows, 5, |k, c| columns(k, known)[c]);
-            let inverse = (a.transpose() * &a).try_inverse()?;
-            let x = &inverse * a.transpose() * &b;
+            let solver = (a.transpose() * &a).try_inverse()? * a.transpose();
+            let x = &solver * &b;
             let left = (&b - &a * &x).norm_squared();
-            Some((x, inverse, left))
+            Some((x, solver, left))
         };
         let first = solved([0.0; 2]).map(|(x, _, _)| [x[1] / x[0], x[2] / x[0]]);
-        let Some((x, inverse, left)) = first.and_then(solved) else { return [[0.0; 2]; 5] };
+        let Some((x, solver, left)) = first.and_then(solved) else { return [[0.0; 2]; 5] };
         let variance = left / (rows as f64 - 5.0).max(1.0);
-        let by = |i: usize| [x[i] / x[0], (variance * inverse[(i, i)]).sqrt() / x[0]];
+        let by = |i: usize| {
+            let row = solver.row(i);
+            // By rounding all blocks are off together.
+            let together = rounding * row.iter().map(|v| v.abs()).sum::<f64>() / 1.96;
+            [x[i] / x[0], (variance.sqrt() * row.norm() + together) / x[0]]
+        };
         let corner = (x[0] + x[1] + x[2]) / x[0];
         let uneven = (left / rows as f64).sqrt() / x[0];
         [by(1), by(2), [corner, 0.0], [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
@@ -375,6 +390,32 @@ mod tests {
             sums.add(&picture, 0.0);
         }
         sums.measure(std::path::Path::new("flat")).expect("a flat field")
+    }
+
+    #[test]
+    fn what_a_few_steps_make_of_pictures_without_noise_is_within_the_intervals() {
+        let (w, h) = (320, 256);
+        let flat = |step: f32, noise: f32| {
+            let mut dice = Dice(5);
+            let mut sums = FlatSums::new(w, h, Encoding::Linear);
+            for _ in 0..4 {
+                let picture = Plane::from_fn(w, h, |x, y| {
+                    let (dx, dy) = ((x as f32 - 159.5) / 205.0, (y as f32 - 127.5) / 205.0);
+                    let light = 0.5 - 0.1 * (dx * dx + dy * dy) + noise * dice.normal();
+                    [(light / step).round() * step]
+                });
+                sums.add(&picture, step);
+            }
+            sums.measure(std::path::Path::new("flat")).expect("a flat field")
+        };
+        let holds = |m: &Measured, true_value: f64| m.ci95[0] <= true_value && true_value <= m.ci95[1];
+        let few = flat(1.0 / 15.0, 0.015);
+        assert!(!few.prnu.is_some() && holds(&few.a1, -0.2), "{:?} {:?} {}", few.prnu, few.a1, few.rounding);
+        let chance = 1.96 * 0.015 / 0.5 / (w as f64 * h as f64).sqrt();
+        assert!((few.a1.value + 0.2).abs() > chance, "control: steps show, {:?}", few.a1);
+        // Noise that hides the steps costs nothing.
+        let many = flat(1.0 / 255.0, 0.004);
+        assert!(many.rounding < 1e-6 && holds(&many.a1, -0.2), "{many:?}");
     }
 
     #[test]

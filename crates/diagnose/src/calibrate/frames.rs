@@ -71,7 +71,8 @@ pub struct Frame {
     pub path: PathBuf,
     /// Encoded values in 0 to 1, shape `[height, width, 3]`.
     pub encoded: Plane<f32>,
-    /// Distance of two neighbouring values: 1/255 or 1/65535; 0 = not quantized.
+    /// Distance of two neighbouring values: 1/255, 1/65535 or, where a file has fewer levels than it could hold, more;
+    /// 0 = not quantized.
     pub step: f32,
     /// Set for JPEG files.
     pub jpeg: Option<JpegFacts>,
@@ -86,21 +87,49 @@ impl Frame {
         let bytes = read(path, Limit::PICTURE)?;
         let picture = decode_picture(path, &bytes)?;
         let deep = picture.color().bytes_per_pixel() / picture.color().channel_count() > 1;
-        let step = if deep { 1.0 / 65_535.0 } else { 1.0 / 255.0 };
+        let code = if deep { 1.0 / 65_535.0 } else { 1.0 / 255.0 };
         let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let data = if deep {
-            picture.into_rgb16().into_raw().into_iter().map(|v| f32::from(v) * step).collect()
+        let codes: Vec<u16> = if deep {
+            picture.into_rgb16().into_raw()
         } else {
-            picture.into_rgb8().into_raw().into_iter().map(|v| f32::from(v) * step).collect()
+            picture.into_rgb8().into_raw().into_iter().map(u16::from).collect()
         };
+        let step = f32::from(least_distance(&codes)) * code;
+        let data = codes.into_iter().map(|v| f32::from(v) * code).collect();
         let encoded = Plane { width, height, channels: 3, data };
         Ok(Self { path: path.to_owned(), encoded, step, jpeg: jpeg_facts(&bytes) })
+    }
+
+    /// Whether it has no colours: then all channels have the same noise.
+    pub fn is_grey(&self) -> bool {
+        self.encoded.data.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2])
+    }
+
+    /// Refuses a frame that is grey beside one with colours, or the other way round.
+    ///
+    /// # Errors
+    /// Such a frame.
+    pub fn check_colours(&self, first_is_grey: bool, first: &Path) -> Result<()> {
+        let named = |is_grey| if is_grey { "a grey picture" } else { "a picture in colour" };
+        if self.is_grey() == first_is_grey {
+            return Ok(());
+        }
+        let expected = format!("{} as {}", named(first_is_grey), first.display());
+        Err(Error::input(&self.path, None, named(!first_is_grey), expected))
     }
 
     /// A frame from memory.
     pub fn from_plane(name: &str, encoded: Plane<f32>, step: f32) -> Self {
         Self { path: PathBuf::from(name), encoded, step, jpeg: None }
     }
+}
+
+/// The least distance of two codes that a picture has; 1 where it has but one.
+fn least_distance(codes: &[u16]) -> u16 {
+    let mut there = vec![false; usize::from(u16::MAX) + 1];
+    codes.iter().for_each(|v| there[usize::from(*v)] = true);
+    let all: Vec<u16> = (0..=u16::MAX).filter(|v| there[usize::from(*v)]).collect();
+    all.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1)
 }
 
 /// Pictures that were read, by their values: a copy is no second exposure, and says nothing that the first does not.
@@ -116,7 +145,7 @@ impl Distinct {
     /// # Errors
     /// One whose values are those of a picture before, unless both are black, as a cap leaves them; one with rows of
     /// the last.
-    pub fn add(&mut self, frame: &Frame) -> Result<()> {
+    pub fn add(&mut self, frame: Frame) -> Result<()> {
         if frame.encoded.data.iter().all(|v| *v == 0.0) {
             return Ok(());
         }
@@ -125,8 +154,9 @@ impl Distinct {
         match self.known.entry(hasher.finish()) {
             Entry::Vacant(place) => {
                 place.insert(frame.path.clone());
-                let last = self.last.replace(frame.clone());
-                last.map_or(Ok(()), |last| refuse_copied(&last, frame))
+                let copied = self.last.as_ref().map_or(Ok(()), |last| refuse_copied(last, &frame));
+                self.last = Some(frame);
+                copied
             }
             Entry::Occupied(before) => {
                 let found = format!("the same picture as {}", before.get().display());
@@ -160,6 +190,7 @@ pub fn check(frames: &[Frame]) -> Result<()> {
             let expected = format!("{}x{} px as in {}", size(first).0, size(first).1, first.path.display());
             return Err(Error::input(&frame.path, None, found, expected));
         }
+        frame.check_colours(first.is_grey(), &first.path)?;
         let count = frame.encoded.data.len() as f64;
         for (what, lost) in [
             ("black", frame.encoded.data.iter().filter(|v| **v <= frame.step).count()),
@@ -280,12 +311,12 @@ mod tests {
             Frame::from_plane(name, Plane::from_fn(4, 4, |x, _| [value * x as f32; 3]), 0.0)
         };
         let mut seen = Distinct::default();
-        seen.add(&frame("a", 0.1)).expect("new");
-        seen.add(&frame("b", 0.2)).expect("another");
-        let said = seen.add(&frame("c", 0.1)).expect_err("a copy").to_string();
+        seen.add(frame("a", 0.1)).expect("new");
+        seen.add(frame("b", 0.2)).expect("another");
+        let said = seen.add(frame("c", 0.1)).expect_err("a copy").to_string();
         assert!(said.contains("c: found the same picture as a"), "{said}");
-        seen.add(&frame("d", 0.0)).expect("black");
-        seen.add(&frame("e", 0.0)).expect("black again");
+        seen.add(frame("d", 0.0)).expect("black");
+        seen.add(frame("e", 0.0)).expect("black again");
     }
 
     #[test]

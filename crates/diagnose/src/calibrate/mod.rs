@@ -44,6 +44,7 @@ mod own;
 pub mod ptc;
 pub mod readout;
 pub mod rest;
+mod rounding;
 mod scene;
 mod search;
 pub mod series;
