@@ -5,12 +5,13 @@
 //! promise says which candidates resemble a member of the set; whether they explain the frames as well is decided by
 //! fits and scores, as every other question is.
 
+use super::candidates::MOST_OF_IT;
 use super::doings::Doings;
 use super::found::Found;
 use super::support::restored;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::model::{P, candidate_of, is_discrete, mixes_pixels, moves};
+use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, mixes_pixels, moves};
 use crate::diagnose::expect::room::{is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::{FINE, VALUES};
@@ -32,6 +33,13 @@ enum Compared {
     Rather(Other),
     AsGood,
     Worse,
+}
+
+/// Parameters of an effect that delay the picture, and by which part of their value on average.
+fn delays_of(name: &str) -> impl Iterator<Item = (P, f64)> {
+    let delays = [(P::Offset, 1.0), (P::Exposure, 0.5), (P::Readout, 0.5)];
+    let own = candidate_of(name).parameters;
+    delays.into_iter().filter(move |(p, _)| own.contains(p))
 }
 
 /// Numbers of some effects.
@@ -116,9 +124,13 @@ impl Search<'_> {
         alike.extend(self.choices_like(out, &found.set));
         let delays = self.delays_like(out).into_iter().filter(|n| beside(n));
         let more: Vec<_> = delays.filter(|n| !alike.contains(n)).collect();
-        for name in alike.into_iter().chain(more) {
+        for name in alike.into_iter().chain(more.iter().copied()) {
             if self.late() {
                 return Ok(None);
+            }
+            if more.contains(&name) && !self.delays_as(name, out[0], (&found.fit.theta, &start), now)? {
+                tracing::info!("{name} does not delay as {out:?}");
+                continue;
             }
             let mut set = rest.clone();
             set.push(name);
@@ -216,6 +228,31 @@ impl Search<'_> {
             return Vec::new();
         }
         self.names.iter().copied().filter(delays).collect()
+    }
+
+    /// Whether a candidate that delays as a member does on average, with nothing else changed, explains most of what
+    /// the member explains. What does the same in the end begins there.
+    fn delays_as(
+        &mut self,
+        name: &str,
+        member: &str,
+        (found, without): (&Theta, &Theta),
+        now: &Scores,
+    ) -> Result<bool> {
+        let delay_s: f64 = delays_of(member).map(|(p, part)| part * (found.get(p) - self.base.get(p))).sum();
+        let mut like = without.clone();
+        for (p, part) in delays_of(name) {
+            let value = self.base.get(p) + delay_s / part;
+            // No exposure and no readout is negative.
+            if p != P::Offset && value < 0.0 {
+                return Ok(false);
+            }
+            like.set(p, value);
+        }
+        let like = self.forward.bounded(like);
+        let [like, without] = [&like, without].map(|t| self.judge.scores(self.forward, t));
+        let (like, without) = (like?.mean(), without?.mean());
+        Ok(without - like > MOST_OF_IT * (without - now.mean()))
     }
 
     /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that

@@ -43,6 +43,8 @@ pub(crate) struct Found {
     pub residue: Residue,
     /// By member of the set: effects that do the same on these frames.
     pub alternatives: BTreeMap<&'static str, Vec<&'static str>>,
+    /// Whether the search stopped because paint or light shows, and is not at its end.
+    pub shows_paint: bool,
     /// Candidates for which there was no time.
     pub late: Vec<&'static str>,
     /// Stages for which there was none, in words.
@@ -63,6 +65,7 @@ impl Found {
             more: Vec::new(),
             residue: Residue::unseen(),
             alternatives: BTreeMap::new(),
+            shows_paint: false,
             late: Vec::new(),
             left_out: Vec::new(),
             quality: Quality::Fit,

@@ -41,8 +41,6 @@ use crate::diagnose::judge::noise::{NOISES, NoiseData, ahead_of_steps};
 use crate::diagnose::judge::{Judge, Scores, gain};
 use fits::Size;
 use found::{Alone, Found, SEARCH};
-use paint::best_of;
-use round::closes_nearly_all;
 use shown::Shown;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -74,9 +72,6 @@ pub(crate) struct Search<'a> {
     pub names: Vec<&'static str>,
     /// What of the description may be wrong.
     pub room: Vec<&'static str>,
-    /// Whether the search may stop where paint or light shows (see [`paint`]), and whether it has.
-    pub may_stop: bool,
-    pub stopped: bool,
     /// What the frames themselves show.
     pub shown: Shown,
     /// What candidates that move the picture came to alone.
@@ -92,6 +87,8 @@ pub(crate) struct Begun {
     pub alone: Vec<Alone>,
     /// A set to go on from.
     pub set: Option<(Vec<&'static str>, Fit)>,
+    /// What of the description may be wrong, if the search stops where paint or light shows (see [`paint`]).
+    pub stops_for: Vec<&'static str>,
 }
 
 /// A candidate, its fit, and what that scored.
@@ -270,8 +267,9 @@ impl<'a> Search<'a> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         self.forward.budget.go_on()?;
         self.forward.budget.stage = Stage::Search;
-        let mut found = Found { alone: begun.alone, ..Found::nothing(&self.base, before) };
-        let ended = self.look_for(&mut found, begun.set, watch);
+        let Begun { alone, set, stops_for } = begun;
+        let mut found = Found { alone, ..Found::nothing(&self.base, before) };
+        let ended = self.look_for(&mut found, (set, stops_for), watch);
         if in_time(ended)?.is_none() {
             let tried = |n: &&str| found.set.is_empty() && found.alone.iter().any(|a| a.name == *n);
             let late: Vec<_> = self.left_beside(&found.set).into_iter().filter(|n| !tried(n)).collect();
@@ -294,7 +292,7 @@ impl<'a> Search<'a> {
     fn look_for(
         &mut self,
         found: &mut Found,
-        begun: Option<(Vec<&'static str>, Fit)>,
+        (begun, stops_for): (Option<(Vec<&'static str>, Fit)>, Vec<&'static str>),
         watch: &mut dyn Watch,
     ) -> Result<()> {
         let (packed, set) = self.shown.put(&self.base);
@@ -317,22 +315,16 @@ impl<'a> Search<'a> {
         }
         for round in first..MOST_EFFECTS {
             let current = found.fit.clone();
-            let mut options: Vec<Tried> = if round == 0 {
-                of_alone(found)
+            let options: Vec<Tried> = if round == 0 {
+                let mut alone = of_alone(found);
+                alone.extend(self.described(watch, (&found.set, &current), &scores, &alone)?);
+                alone
             } else if self.late() {
                 self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));
                 break;
             } else {
                 self.round(watch, &found.set, &current, &scores, &mut found.late)?
             };
-            self.stopped = self.shows_paint(found, &scores, &options)?;
-            if self.stopped {
-                break;
-            }
-            if !best_of(&options).is_some_and(|best| closes_nearly_all(&scores, best)) {
-                let beside = self.description_beside(watch, &found.set, &current.theta, &scores);
-                options.extend(in_time(beside)?.unwrap_or_default());
-            }
             let late = self.late();
             if late {
                 let unseen = self.room.iter().filter(|n| !found.set.contains(n)).copied();
@@ -341,6 +333,10 @@ impl<'a> Search<'a> {
                 self.forward.budget.stage = Stage::End;
             }
             let Some((set, fit, better)) = self.taken(watch, found, &scores, options, late)? else { break };
+            if !late && self.shows_paint(found, &scores, &set, &stops_for)? {
+                found.shows_paint = true;
+                break;
+            }
             (found.set, found.fit, scores) = (set, fit, better);
             if late {
                 self.left_beside(&found.set).into_iter().for_each(|n| found.is_late(n));

@@ -76,8 +76,6 @@ impl<'a> Question<'a> {
             room: self.room.clone(),
             shown: self.shown.clone(),
             moved_alone: Vec::new(),
-            may_stop: false,
-            stopped: false,
             idle: Vec::new(),
         }
     }

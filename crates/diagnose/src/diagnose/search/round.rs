@@ -8,7 +8,7 @@ use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{CandidateSpec, P, candidate_of, free, is_discrete};
-use crate::diagnose::expect::room::is_in_surfaces;
+use crate::diagnose::expect::room::{is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::cost::Level;
 use crate::diagnose::fit::intervals::Slopes;
@@ -46,7 +46,8 @@ impl Search<'_> {
         self.names.iter().copied().filter(beside).collect()
     }
 
-    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly.
+    /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly, and
+    /// what may be wrong with the description early, so that what promises little beside that waits.
     pub(crate) fn round(
         &mut self,
         watch: &mut dyn Watch,
@@ -65,16 +66,25 @@ impl Search<'_> {
             late.extend(smooth.into_iter().chain(rest));
             return Ok(Vec::new());
         };
+        let (first, others) = ranked.split_at(ranked.len().min(1));
         let mut out: Vec<Tried> = Vec::new();
-        for &(name, promised) in &ranked {
-            let little = promised < WAITS_BELOW * ranked[0].1;
+        for &(name, _) in first {
+            out.extend(self.beside(watch, name, set, current, late)?);
+        }
+        let described = self.described(watch, (set, current), now, &out)?;
+        let explained =
+            described.iter().filter(|o| self.gains(now, &o.2)).map(|o| 1.0 - o.2.mean() / now.mean());
+        let most = first.iter().map(|f| f.1).chain(explained).fold(0.0, f64::max);
+        out.extend(described);
+        for &(name, promised) in others {
+            let little = promised < WAITS_BELOW * most;
             if little && out.iter().any(|tried| self.gains(now, &tried.2)) {
                 tracing::info!("{name} waits for the next round");
                 continue;
             }
             out.extend(self.beside(watch, name, set, current, late)?);
         }
-        if out.iter().any(|tried| closes_nearly_all(now, tried)) {
+        if out.iter().any(|tried| !is_description(tried.0) && closes_nearly_all(now, tried)) {
             return Ok(out);
         }
         let ranked: Vec<_> = ranked.into_iter().map(|r| r.0).collect();
@@ -97,11 +107,27 @@ impl Search<'_> {
         Ok(out)
     }
 
+    /// What may be wrong with the description, fitted beside a set, unless a candidate closes nearly all.
+    pub(super) fn described(
+        &mut self,
+        watch: &mut dyn Watch,
+        (set, current): (&[&'static str], &Fit),
+        now: &Scores,
+        tried: &[Tried],
+    ) -> Result<Vec<Tried>> {
+        if best_of(tried).is_some_and(|best| closes_nearly_all(now, best)) {
+            return Ok(Vec::new());
+        }
+        let beside = self.description_beside(watch, set, &current.theta, now);
+        Ok(in_time(beside)?.unwrap_or_default())
+    }
+
     /// Candidates that explained nothing beside a part of this set, where another one explains something: they are
     /// asked again when that is in the set, in the last round at the latest.
     fn may_wait(&mut self, current: &Fit, tried: &[Tried]) -> Result<Vec<&'static str>> {
-        let best = tried.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()));
-        let Some((_, best, _)) = best.filter(|_| !self.idle.is_empty()) else { return Ok(Vec::new()) };
+        let Some((_, best, _)) = best_of(tried).filter(|_| !self.idle.is_empty()) else {
+            return Ok(Vec::new());
+        };
         let explains = in_time(self.prefers(&current.theta, &best.theta))?.unwrap_or(false);
         Ok(if explains { self.idle.clone() } else { Vec::new() })
     }
@@ -174,9 +200,14 @@ impl Search<'_> {
     }
 }
 
+/// The option that leaves least.
+fn best_of(options: &[Tried]) -> Option<&Tried> {
+    options.iter().min_by(|a, b| a.2.mean().total_cmp(&b.2.mean()))
+}
+
 /// Whether a candidate closes so much of what is left that whatever else there is shows better beside it. A time offset
 /// may be nothing but the delay of an exposure, which promises about as much.
-pub(super) fn closes_nearly_all(now: &Scores, (name, fit, scores): &Tried) -> bool {
+fn closes_nearly_all(now: &Scores, (name, fit, scores): &Tried) -> bool {
     // What is left may have been taken for noise, which no model is then far from.
     if Tone::new(&fit.theta).is_noisy() {
         return false;

@@ -89,17 +89,16 @@ fn leaves_unknown(search: &Search<'_>, found: &Found) -> bool {
 /// frames. First of all by what is in few places.
 fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     let room = std::mem::take(&mut search.room);
-    search.may_stop = room.contains(&SURFACES);
-    let mut exact = search.look(watch, Begun::default())?;
-    search.may_stop = false;
-    if std::mem::take(&mut search.stopped) {
+    let mut exact = search.look(watch, Begun { stops_for: room.clone(), ..Begun::default() })?;
+    if exact.shows_paint {
         search.begin_anew(room.clone());
         let free = in_time(search.run_beside(&exact, watch))?;
         if let Some(free) = free.filter(names_description) {
             return search.with_objects(free, &room);
         }
         search.begin_anew(Vec::new());
-        exact = search.look(watch, Begun { set: Some((exact.set, exact.fit)), alone: exact.alone })?;
+        let begun = Begun { set: Some((exact.set, exact.fit)), alone: exact.alone, ..Begun::default() };
+        exact = search.look(watch, begun)?;
     }
     let free = match in_time(search.freed_early(&exact, &room, watch))?.flatten() {
         Some(free) if names_description(&free) => return search.with_objects(free, &room),
@@ -209,7 +208,7 @@ impl Search<'_> {
     /// what moves the picture is right, and what changes its values stood for factors of surfaces.
     fn run_beside(&mut self, exact: &Found, watch: &mut dyn Watch) -> Result<Found> {
         let set = in_time(self.moved_and_lit(exact))?.flatten();
-        self.run(watch, Begun { alone: exact.alone.clone(), set })
+        self.run(watch, Begun { alone: exact.alone.clone(), set, ..Begun::default() })
     }
 
     /// What moves the picture in a finding, what the frames themselves show, and factors of surfaces, fitted together,

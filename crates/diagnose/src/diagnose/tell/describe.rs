@@ -268,7 +268,7 @@ fn effects(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     as_found(search, found, &shares, &gains)
 }
 
-/// The same without a render: shares and gains are those of each effect alone.
+/// The same where there is no time to search beside each: shares and gains are those of each effect alone.
 fn effects_alone(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFound>> {
     let of = |name: &&'static str| {
         let alone = found.alone.iter().find(|a| a.name == *name);
@@ -279,7 +279,11 @@ fn effects_alone(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFou
     let even = 1.0 / found.set.len().max(1) as f64;
     let share = |g: &Estimate| if total > 0.0 { g.value.max(0.0) / total } else { even };
     let shares: Vec<f64> = gains.iter().map(share).collect();
-    as_found(search, found, &shares, &gains)
+    // What the description is off by takes some renders.
+    search.forward.budget.stage = Stage::Must;
+    let effects = as_found(search, found, &shares, &gains);
+    search.forward.budget.stage = Stage::End;
+    effects
 }
 
 /// Effects with their shares, and what each gains beside the others.
