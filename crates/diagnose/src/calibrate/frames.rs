@@ -105,13 +105,13 @@ impl Frame {
         self.encoded.data.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2])
     }
 
-    /// Refuses a frame that is grey beside one with colours, or the other way round.
+    /// Refuses a frame that is grey beside one with colours, or the other way round. What is black has neither.
     ///
     /// # Errors
     /// Such a frame.
     pub fn check_colours(&self, first_is_grey: bool, first: &Path) -> Result<()> {
         let named = |is_grey| if is_grey { "a grey picture" } else { "a picture in colour" };
-        if self.is_grey() == first_is_grey {
+        if self.is_grey() == first_is_grey || self.encoded.data.iter().all(|v| *v == 0.0) {
             return Ok(());
         }
         let expected = format!("{} as {}", named(first_is_grey), first.display());
@@ -190,7 +190,6 @@ pub fn check(frames: &[Frame]) -> Result<()> {
             let expected = format!("{}x{} px as in {}", size(first).0, size(first).1, first.path.display());
             return Err(Error::input(&frame.path, None, found, expected));
         }
-        frame.check_colours(first.is_grey(), &first.path)?;
         let count = frame.encoded.data.len() as f64;
         for (what, lost) in [
             ("black", frame.encoded.data.iter().filter(|v| **v <= frame.step).count()),
@@ -202,6 +201,7 @@ pub fn check(frames: &[Frame]) -> Result<()> {
                 return Err(Error::input(&frame.path, None, found, "a picture whose noise is not cut off"));
             }
         }
+        frame.check_colours(first.is_grey(), &first.path)?;
     }
     for (i, a) in frames.iter().enumerate() {
         if let Some(b) = frames[..i].iter().find(|b| b.encoded == a.encoded) {
