@@ -58,6 +58,11 @@ pub(crate) fn noise_gain(theta: &Theta, kind: usize, luma: bool) -> f64 {
     (0..3).map(of).sum::<f64>() / 3.0
 }
 
+/// What white noise of single values becomes behind the steps that mix pixels, by colour: a factor of its variance.
+pub(crate) fn mixed_noise(theta: &Theta) -> [f32; 3] {
+    mixing(theta).pixel
+}
+
 /// Variance that the noise of rows keeps in the mean of a row over its colours, about rows that are not its neighbours.
 pub(crate) fn row_seen(theta: &Theta) -> f32 {
     mixing(theta).row_seen

@@ -13,6 +13,7 @@ use crate::diagnose::evidence::blocks::pooled;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::discrepancy::FILTER_PX2;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, mixes_pixels};
+use crate::diagnose::expect::pair::given::GivenValue;
 use crate::diagnose::expect::room::Room;
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::expect::weighing::FrameValues;
@@ -88,7 +89,9 @@ impl Search<'_> {
     pub(crate) fn prefers_noise(&mut self, data: &NoiseData, worse: &Theta, better: &Theta) -> Result<bool> {
         let [a, b] = [worse, better].map(|t| self.judge.scores(self.forward, t));
         let needed = 0.5 * quantile(self.tests());
-        let told = data.way(worse, better).is_none_or(|way| {
+        let linear = self.forward.outside.as_ref().map(|outside| outside.sim.linear);
+        let given = |l: f64| linear.map_or(0.0, |linear| GivenValue::rounding(l, linear));
+        let told = data.way(worse, better, given).is_none_or(|way| {
             tracing::info!("noise: {:.3} of the way, half width {:.3}", way.share, way.half);
             way.share > needed * way.half
         });

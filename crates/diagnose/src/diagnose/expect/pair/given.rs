@@ -25,6 +25,13 @@ pub(crate) struct GivenValue {
 const BRIGHTER: [f32; 2] = [0.25, 4.0];
 
 impl GivenValue {
+    /// Variance of a linear value of pictures that were rounded to whole numbers. `linear`: the pictures' values are
+    /// linear.
+    pub(crate) fn rounding(value: f64, linear: bool) -> f64 {
+        let slope = if linear { 1.0 } else { srgb_slope(value) };
+        (255.0 * slope).powi(-2) / 12.0
+    }
+
     /// Of linear radiance `picture` that the camera delivers as `mean` DN. `linear`: the picture's values are linear.
     pub(super) fn of(picture: f32, linear: bool, mean: f32, tone: &Tone, channel: usize) -> Self {
         let (encoded, slope) = match linear {

@@ -20,7 +20,7 @@ use super::sample::{depth_at, read, shifted};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta};
-use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::expect::tone::{Tone, mixed_noise};
 use shutterbug::camera::{Pose, ScanOrder, ShutterTiming};
 use shutterbug::plane::Plane;
 
@@ -135,9 +135,9 @@ impl Forward {
         means: &[Arc<Plane<f32>>],
     ) -> Option<Vec<Given>> {
         let outside = self.outside.as_ref()?;
-        let rays = self.rays(theta, 1.0);
+        let (rays, lifted) = (self.rays(theta, 1.0), mixed_noise(theta).map(|by| (by - 1.0).max(0.0)));
         let one = |(&at, mean): (&usize, &Arc<Plane<f32>>)| {
-            Reader::new(self, outside, at, theta, &rays, Quality::Coarse).given(mean, tone)
+            Reader::new(self, outside, at, theta, &rays, Quality::Coarse).given(mean, (tone, lifted))
         };
         Some(frames.par_iter().zip(means).map(one).collect())
     }
@@ -238,8 +238,8 @@ impl<'a> Reader<'a> {
         Plane { width, height, channels: 3, data }
     }
 
-    /// See [`Forward::given`].
-    fn given(&self, mean: &Plane<f32>, tone: &Tone) -> Given {
+    /// See [`Forward::given`]. `lifted`: what filters add to the variance of single values, by colour.
+    fn given(&self, mean: &Plane<f32>, (tone, lifted): (&Tone, [f32; 3])) -> Given {
         let off_px = self.outside.left_px[self.at];
         let (w, h) = (mean.width, mean.height);
         let one = |i: usize| {
@@ -258,10 +258,11 @@ impl<'a> Reader<'a> {
                 let gx = 0.5 * (at((x + 1).min(w - 1), y, c) - at(x.saturating_sub(1), y, c));
                 let gy = 0.5 * (at(x, (y + 1).min(h - 1), c) - at(x, y.saturating_sub(1), c));
                 let lies = off_px * off_px;
-                GivenValue {
-                    single: gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies),
-                    ..GivenValue::of(picture[c], self.outside.sim.linear, at(x, y, c), tone, c)
-                }
+                let of = GivenValue::of(picture[c], self.outside.sim.linear, at(x, y, c), tone, c);
+                // A filter that sharpens lifts what neighbours of other values were rounded by.
+                let rounded = lifted[c] * of.step * of.step / 12.0;
+                let single = gx * gx * (between(b.x) + lies) + gy * gy * (between(b.y) + lies) + rounded;
+                GivenValue { single, ..of }
             })
         };
         (0..w * h).into_par_iter().flat_map_iter(one).collect()

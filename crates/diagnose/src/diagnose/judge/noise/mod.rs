@@ -168,7 +168,10 @@ impl NoiseData {
     }
 
     /// Where what is measured lies between the noise of two models; nothing where they have the same.
-    pub(crate) fn way(&self, from: &Theta, to: &Theta) -> Option<Way> {
+    ///
+    /// `given`: variance of single simulated values by the linear value, where they were rounded themselves. Where
+    /// neighbours are of different values of the scene it looks like noise of the camera.
+    pub(crate) fn way(&self, from: &Theta, to: &Theta, given: impl Fn(f64) -> f64) -> Option<Way> {
         let share = if to.is_on(P::Quality) { PACKED_ERROR } else { BIN_ERROR };
         let fresh = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot);
         let single = |t: &Theta, l: f64| fresh(t, l) + pattern_of(t, l);
@@ -177,17 +180,17 @@ impl NoiseData {
         for [l, v, n] in self.unclipped() {
             let [a, b] = [from, to].map(|t| single(t, l));
             let level = v.max(a).max(b);
-            seen.push([v, a, b, level * level * (share * share + chance2(n))]);
+            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n))]);
         }
         for [l, v, n] in self.fresh_beside(&[from, to]) {
             let [a, b] = [from, to].map(|t| fresh(t, l));
             let level = v.max(a).max(b);
-            seen.push([v, a, b, level * level * (share * share + chance2(n))]);
+            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n))]);
         }
         for [l, v, n, free2] in self.unclipped_fixed() {
             let [a, b] = [from, to].map(|t| pattern_of(t, l));
             let level = v.max(a).max(b);
-            seen.push([v, a, b, level * level * (share * share + chance2(n)) + free2]);
+            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n)) + free2]);
         }
         let [a, b] = [from, to].map(|t| t.get(P::Row).powi(2));
         let level = self.row2.max(a).max(b);
@@ -268,8 +271,9 @@ mod tests {
     use super::*;
     use crate::diagnose::evidence::Evidence;
     use crate::diagnose::expect::model::candidate_of;
+    use crate::diagnose::expect::pair::given::GivenValue;
     use crate::diagnose::expect::tone::Tone;
-    use shutterbug::plane::Plane;
+    use shutterbug::plane::{Plane, srgb_decode, srgb_encode};
 
     /// What is measured of normal noise of `sigma_dn` on a solid colour that is `fraction` above a whole DN.
     fn measured_dn2(sigma_dn: f32, fraction: f32) -> f64 {
@@ -361,8 +365,41 @@ mod tests {
         let none = Theta::neutral();
         let fit = |names: &[&str]| data.fit(&none, &none, names);
         let (without, with) = (fit(&[alone]), fit(&["fixed_pattern_noise", "read_noise"]));
-        let errors = data.way(&without, &with).map_or(0.0, |way| 2.0 * way.share / way.half);
+        let errors = data.way(&without, &with, |_| 0.0).map_or(0.0, |way| 2.0 * way.share / way.half);
         (with, errors)
+    }
+
+    #[test]
+    fn what_rounding_makes_of_given_pictures_is_no_noise() {
+        // Every pixel of another value: what was rounded away, seen by a camera that is darker, is like noise.
+        let darker = |v: f32| 255.0 * srgb_encode(0.77 * srgb_decode(v / 255.0));
+        let at = |x: u32, y: u32| shutterbug::chain::rng::random_bits([x, y], 0, 7, [5, 6])[0];
+        let exact = Plane::from_fn(160, 120, |x, y| {
+            [100.0 + (y / 3) as f32 + 3.0 * at(x as u32, y as u32) as f32 / u32::MAX as f32; 3]
+        });
+        let given = Plane { data: exact.data.iter().map(|v| darker(v.round())).collect(), ..exact };
+        let none = Theta::neutral();
+        let told = |sigma: f32, rounding: bool| {
+            let noisy = |(i, v): (usize, &f32)| {
+                let at = [i as u32 % 480, i as u32 / 480];
+                (darker(*v) + sigma * shutterbug::chain::rng::random_normal(at, 0, 1, [5, 6])[0]).round()
+            };
+            let real = Plane { data: exact.data.iter().enumerate().map(noisy).collect(), ..exact };
+            let data = NoiseData::measure(
+                &Evidence::of_one(real),
+                &[0],
+                std::slice::from_ref(&given),
+                None,
+                &none,
+                None,
+            );
+            let with = data.fit(&none, &none, &["read_noise"]);
+            let variance = |l: f64| if rounding { GivenValue::rounding(l, false) } else { 0.0 };
+            data.way(&none, &with, variance).map_or(0.0, |way| 2.0 * way.share / way.half)
+        };
+        assert!(told(0.0, true) < 3.0, "{}", told(0.0, true));
+        assert!(told(0.0, false) > 5.0, "control: {}", told(0.0, false));
+        assert!(told(1.0, true) > 5.0, "{}", told(1.0, true));
     }
 
     fn pattern_beside_noise(dsnu: f32, read: f32) -> f64 {
