@@ -184,6 +184,7 @@ pub fn check(frames: &[Frame]) -> Result<()> {
         let found = format!("{}x{} px", size(first).0, size(first).1);
         return Err(Error::input(&first.path, None, found, format!("at least {MIN_SIDE_PX} px a side")));
     }
+    let first_is_grey = first.is_grey();
     for frame in frames {
         if size(frame) != size(first) {
             let found = format!("{}x{} px", size(frame).0, size(frame).1);
@@ -201,7 +202,7 @@ pub fn check(frames: &[Frame]) -> Result<()> {
                 return Err(Error::input(&frame.path, None, found, "a picture whose noise is not cut off"));
             }
         }
-        frame.check_colours(first.is_grey(), &first.path)?;
+        frame.check_colours(first_is_grey, &first.path)?;
     }
     for (i, a) in frames.iter().enumerate() {
         if let Some(b) = frames[..i].iter().find(|b| b.encoded == a.encoded) {

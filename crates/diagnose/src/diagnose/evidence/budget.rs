@@ -49,7 +49,7 @@ pub(crate) struct Count {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Budget {
     limit: Option<(Instant, Duration)>,
-    pub stage: Stage,
+    stage: Stage,
     pub count: Count,
     /// Seconds and frames that were scored: as fits see them, and finer.
     scored: [(f64, f64); 2],
@@ -62,6 +62,11 @@ impl Budget {
     pub(crate) fn new(begun: Instant, limit: Option<Duration>) -> Self {
         let limit = limit.filter(|l| begun.checked_add(*l).is_some_and(|end| end.checked_add(*l).is_some()));
         Self { limit: limit.map(|l| (begun, l)), ..Self::default() }
+    }
+
+    /// Enters a stage. Returns the one before.
+    pub(crate) fn enter(&mut self, stage: Stage) -> Stage {
+        std::mem::replace(&mut self.stage, stage)
     }
 
     /// Whether there is a limit.
@@ -164,6 +169,19 @@ impl Budget {
     }
 }
 
+/// What keeps to a budget.
+pub(crate) trait Budgeted {
+    fn budget(&mut self) -> &mut Budget;
+
+    /// Does a piece of work in another stage. Behind it the stage is the one before, whatever came of the work.
+    fn within<T>(&mut self, stage: Stage, work: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.budget().enter(stage);
+        let done = work(self);
+        self.budget().enter(before);
+        done
+    }
+}
+
 /// What came of a stage; nothing where its time was over before.
 ///
 /// # Errors
@@ -178,6 +196,12 @@ pub(crate) fn in_time<T>(result: Result<T>) -> Result<Option<T>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Budgeted for Budget {
+        fn budget(&mut self) -> &mut Budget {
+            self
+        }
+    }
 
     #[test]
     fn each_stage_leaves_what_comes_behind_it_its_time() {
@@ -208,9 +232,14 @@ mod tests {
         (budget.stage, budget.count) = (Stage::Search, Count { all: 10, report: 1 });
         budget.has_scored(1, Quality::Fit, Duration::from_secs(1));
         assert!(!budget.is_over());
-        budget.stage = Stage::End;
+        budget.enter(Stage::End);
         assert!(!budget.is_over());
         budget.count.report = 4;
         assert!(budget.is_over(), "control: what must come takes 8 s");
+        let failed: Result<()> = budget.within(Stage::Must, |budget| {
+            budget.go_on()?;
+            Err(Error::OutOfTime { limit_s: 0.0 })
+        });
+        assert!(failed.is_err() && budget.is_over(), "the stage of before, though the work failed");
     }
 }

@@ -1,11 +1,11 @@
 //! What renders and pictures leave behind: engines, and what is kept of their work.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
 use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::ScanOrder;
-use shutterbug::engine::{Engine, EngineOptions, ExactOptions, Method};
+use shutterbug::engine::{Engine, EngineOptions, ExactOptions, FrameRequest, Method};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
@@ -143,4 +143,25 @@ pub(crate) fn options(quality: Quality) -> EngineOptions {
         frames_in_flight: 2,
         ..EngineOptions::default()
     }
+}
+
+/// Renders several frames; linear radiance, shape `[height, width, 3]`.
+pub(super) fn in_flight(engine: &mut Engine, requests: &[FrameRequest]) -> Result<Vec<Plane<f32>>> {
+    let mut tickets = VecDeque::new();
+    let mut done = Vec::new();
+    for request in requests {
+        if tickets.len() == engine.frames_in_flight() {
+            done.push(engine.collect(tickets.pop_front().expect("not empty"))?);
+        }
+        tickets.push_back(engine.submit(request)?);
+    }
+    for ticket in tickets {
+        done.push(engine.collect(ticket)?);
+    }
+    let planes = done.into_iter().map(|frame| {
+        let radiance = frame.radiance.expect("radiance was asked for");
+        let data = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+        Plane { width: radiance.width, height: radiance.height, channels: 3, data }
+    });
+    Ok(planes.collect())
 }

@@ -1,7 +1,6 @@
 //! From parameters to simulated frames. Everything about geometry (time, pose, focal length, lens) is a render, and is
 //! kept; the rest is pointwise or a small filter, on the CPU.
 
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -10,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::bench::{Bench, Key, options};
+use super::bench::{Bench, Key, in_flight, options};
 use super::description::Known;
 use super::journal::Journal;
 use super::model::{P, Theta};
@@ -18,7 +17,7 @@ use super::pair::{Outside, SimFrames};
 use super::settings::lens;
 use super::sharp::Sharp;
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::evidence::budget::Budget;
+use crate::diagnose::evidence::budget::{Budget, Budgeted};
 use crate::diagnose::evidence::quality::Quality;
 use shutterbug::camera::{Intrinsics, ShutterTiming, Trajectory};
 use shutterbug::capture::Capture;
@@ -93,6 +92,12 @@ const READ: u64 = u64::MAX;
 const LENS: [P; 5] = [P::K1, P::K2, P::P1, P::P2, P::K3];
 /// All that a render depends on besides its times: set-up and lens.
 const GEOMETRY: [P; 9] = [P::RotX, P::RotY, P::RotZ, P::Focal, P::K1, P::K2, P::P1, P::P2, P::K3];
+
+impl Budgeted for Forward {
+    fn budget(&mut self) -> &mut Budget {
+        &mut self.budget
+    }
+}
 
 impl Forward {
     /// With `sim` its frames are read; else the scene of the capture is rendered, which needs a device.
@@ -576,25 +581,4 @@ fn mean_of_quarters(mut of_quarter: impl FnMut(usize) -> Result<Vec<Plane<f32>>>
     }
     sum.iter_mut().flat_map(|p| &mut p.data).for_each(|v| *v *= 0.25);
     Ok(sum)
-}
-
-/// Renders several frames; linear radiance, shape `[height, width, 3]`.
-fn in_flight(engine: &mut Engine, requests: &[FrameRequest]) -> Result<Vec<Plane<f32>>> {
-    let mut tickets = VecDeque::new();
-    let mut done = Vec::new();
-    for request in requests {
-        if tickets.len() == engine.frames_in_flight() {
-            done.push(engine.collect(tickets.pop_front().expect("not empty"))?);
-        }
-        tickets.push_back(engine.submit(request)?);
-    }
-    for ticket in tickets {
-        done.push(engine.collect(ticket)?);
-    }
-    let planes = done.into_iter().map(|frame| {
-        let radiance = frame.radiance.expect("radiance was asked for");
-        let data = radiance.data.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-        Plane { width: radiance.width, height: radiance.height, channels: 3, data }
-    });
-    Ok(planes.collect())
 }

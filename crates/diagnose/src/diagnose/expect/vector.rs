@@ -196,6 +196,15 @@ impl P {
         self.spec().unit == "s" && !matches!(self.stage(), Stage::Pixel(..))
     }
 
+    /// By which part of itself it delays the picture on average: an exposure and a readout delay its middle by half.
+    pub(crate) fn delays(self) -> Option<f64> {
+        match self {
+            P::Offset => Some(1.0),
+            P::Exposure | P::Readout => Some(0.5),
+            _ => None,
+        }
+    }
+
     /// Whether it moves pixels without a new render.
     pub(crate) fn is_remap(self) -> bool {
         !self.is_time() && matches!(self.stage(), Stage::SetUp | Stage::Geometry)

@@ -67,16 +67,14 @@ fn starts(forward: &Forward, theta: &Theta, candidate: &CandidateSpec) -> Vec<Th
     }
 }
 
-/// The exposure delays the middle of every line by half of it: what another effect about time has taken for that is
-/// given back.
+/// An exposure delays the picture too: what another effect about time has taken for that is given back.
 fn beside_time(theta: &Theta, at: Theta, period_s: f64) -> Vec<Theta> {
     let mut all = Vec::new();
-    let exposure_s = at.get(P::Exposure);
-    if theta.is_on(P::Offset) {
-        all.push(at.with(P::Offset, at.get(P::Offset) - 0.5 * exposure_s));
-    }
-    if theta.is_on(P::Readout) {
-        all.push(at.with(P::Readout, (at.get(P::Readout) - exposure_s).max(0.1 * period_s)));
+    let delay_s = at.get(P::Exposure) * P::Exposure.delays().unwrap_or_default();
+    for (p, least) in [(P::Offset, f64::NEG_INFINITY), (P::Readout, 0.1 * period_s)] {
+        if let Some(part) = p.delays().filter(|_| theta.is_on(p)) {
+            all.push(at.with(p, (at.get(p) - delay_s / part).max(least)));
+        }
     }
     all.push(at);
     all

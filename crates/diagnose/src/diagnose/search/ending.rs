@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::found::{FINER, FITS, Found, INTERVALS, REST};
 use super::support::restored;
-use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete};
@@ -25,7 +25,7 @@ impl Search<'_> {
     /// out; only what is scored at the end always is.
     pub(crate) fn finish(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
-        self.forward.budget.stage = Stage::End;
+        self.forward.budget.enter(Stage::End);
         self.forward.forget_tries();
         let fitted = if searched { self.fit_to_the_end(found) } else { Ok(()) };
         if in_time(fitted)?.is_none() || !searched {
@@ -53,11 +53,12 @@ impl Search<'_> {
             (self.judge.quality, self.forward.native) = (Quality::Fit, false);
             found.leave_out(FINER);
         }
-        self.forward.budget.stage = Stage::Must;
-        found.before = self.judge.scores_on(self.forward, &self.base.clone(), report)?;
-        found.after = self.judge.scores_on(self.forward, &found.fit.theta, report)?;
-        (self.forward.budget.stage, found.quality) = (Stage::End, self.judge.quality);
-        Ok(())
+        found.quality = self.judge.quality;
+        self.within(Stage::Must, |search| {
+            found.before = search.judge.scores_on(search.forward, &search.base.clone(), report)?;
+            found.after = search.judge.scores_on(search.forward, &found.fit.theta, report)?;
+            Ok(())
+        })
     }
 
     /// What only makes a set better that is nearly right.

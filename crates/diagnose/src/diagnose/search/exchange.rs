@@ -37,9 +37,7 @@ enum Compared {
 
 /// Parameters of an effect that delay the picture, and by which part of their value on average.
 fn delays_of(name: &str) -> impl Iterator<Item = (P, f64)> {
-    let delays = [(P::Offset, 1.0), (P::Exposure, 0.5), (P::Readout, 0.5)];
-    let own = candidate_of(name).parameters;
-    delays.into_iter().filter(move |(p, _)| own.contains(p))
+    candidate_of(name).parameters.iter().filter_map(|&p| Some((p, p.delays()?)))
 }
 
 /// Numbers of some effects.
@@ -124,13 +122,10 @@ impl Search<'_> {
         alike.extend(self.choices_like(out, &found.set));
         let delays = self.delays_like(out).into_iter().filter(|n| beside(n));
         let more: Vec<_> = delays.filter(|n| !alike.contains(n)).collect();
-        for name in alike.into_iter().chain(more.iter().copied()) {
+        alike.extend(self.delaying_as(out, &more, (&found.fit.theta, &start), now)?);
+        for name in alike {
             if self.late() {
                 return Ok(None);
-            }
-            if more.contains(&name) && !self.delays_as(name, out[0], (&found.fit.theta, &start), now)? {
-                tracing::info!("{name} does not delay as {out:?}");
-                continue;
             }
             let mut set = rest.clone();
             set.push(name);
@@ -230,29 +225,44 @@ impl Search<'_> {
         self.names.iter().copied().filter(delays).collect()
     }
 
-    /// Whether a candidate that delays as a member does on average, with nothing else changed, explains most of what
-    /// the member explains. What does the same in the end begins there.
-    fn delays_as(
+    /// Those of some candidates that explain most of what the members `out` explain where they delay as those do on
+    /// average, with nothing else changed. What does the same in the end begins there.
+    fn delaying_as(
         &mut self,
-        name: &str,
-        member: &str,
+        out: &[&'static str],
+        names: &[&'static str],
         (found, without): (&Theta, &Theta),
         now: &Scores,
-    ) -> Result<bool> {
-        let delay_s: f64 = delays_of(member).map(|(p, part)| part * (found.get(p) - self.base.get(p))).sum();
-        let mut like = without.clone();
+    ) -> Result<Vec<&'static str>> {
+        if names.is_empty() {
+            return Ok(Vec::new());
+        }
+        let delay = |(p, part): (P, f64)| part * (found.get(p) - self.base.get(p));
+        let delay_s: f64 = out.iter().flat_map(|n| delays_of(n)).map(delay).sum();
+        let nothing = self.judge.scores(self.forward, without)?.mean();
+        let mut all = Vec::new();
+        for &name in names {
+            let Some(like) = self.delayed(name, delay_s, without) else { continue };
+            let like = self.judge.scores(self.forward, &like)?.mean();
+            if nothing - like > MOST_OF_IT * (nothing - now.mean()) {
+                all.push(name);
+            }
+        }
+        tracing::info!("of {names:?} as {out:?} delay {all:?}");
+        Ok(all)
+    }
+
+    /// `theta` with an effect that delays the picture by so much on average; none if it would have to be negative.
+    fn delayed(&self, name: &str, delay_s: f64, theta: &Theta) -> Option<Theta> {
+        let mut like = theta.clone();
         for (p, part) in delays_of(name) {
             let value = self.base.get(p) + delay_s / part;
-            // No exposure and no readout is negative.
             if p != P::Offset && value < 0.0 {
-                return Ok(false);
+                return None;
             }
             like.set(p, value);
         }
-        let like = self.forward.bounded(like);
-        let [like, without] = [&like, without].map(|t| self.judge.scores(self.forward, t));
-        let (like, without) = (like?.mean(), without?.mean());
-        Ok(without - like > MOST_OF_IT * (without - now.mean()))
+        Some(self.forward.bounded(like))
     }
 
     /// Choices that may be what members `out` were taken for: a mosaic blurs as a defocus does. They have no slope that

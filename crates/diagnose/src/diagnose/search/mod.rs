@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::budget::{Budget, Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
@@ -89,6 +89,12 @@ pub(crate) struct Begun {
     pub set: Option<(Vec<&'static str>, Fit)>,
     /// What of the description may be wrong, if the search stops where paint or light shows (see [`paint`]).
     pub stops_for: Vec<&'static str>,
+}
+
+impl Budgeted for Search<'_> {
+    fn budget(&mut self) -> &mut Budget {
+        &mut self.forward.budget
+    }
 }
 
 /// A candidate, its fit, and what that scored.
@@ -266,7 +272,7 @@ impl<'a> Search<'a> {
     pub(crate) fn look(&mut self, watch: &mut dyn Watch, begun: Begun) -> Result<Found> {
         let before = self.judge.scores(self.forward, &self.base.clone())?;
         self.forward.budget.go_on()?;
-        self.forward.budget.stage = Stage::Search;
+        self.forward.budget.enter(Stage::Search);
         let Begun { alone, set, stops_for } = begun;
         let mut found = Found { alone, ..Found::nothing(&self.base, before) };
         let ended = self.look_for(&mut found, (set, stops_for), watch);
@@ -330,7 +336,7 @@ impl<'a> Search<'a> {
                 let unseen = self.room.iter().filter(|n| !found.set.contains(n)).copied();
                 unseen.collect::<Vec<_>>().into_iter().for_each(|n| found.is_late(n));
                 // What has been tried is taken in the time of the end.
-                self.forward.budget.stage = Stage::End;
+                self.forward.budget.enter(Stage::End);
             }
             let Some((set, fit, better)) = self.taken(watch, found, &scores, options, late)? else { break };
             if !late && self.shows_paint(found, &scores, &set, &stops_for)? {
@@ -374,7 +380,7 @@ impl<'a> Search<'a> {
             let better = self.judge.scores(self.forward, &theta)?;
             // Beside another description other places are compared.
             if !self.holds_to_description() || gain(now, &better).value > 0.0 {
-                tracing::info!("takes {name}: {:.3} to {:.3} DN", now.mean(), better.mean());
+                tracing::info!("most is explained by {name}: {:.3} to {:.3} DN", now.mean(), better.mean());
                 return Ok(Some((set, Fit { theta, half: fit.half }, better)));
             }
             tracing::info!("{name} explains no more: {:.3} for {:.3} DN", better.mean(), now.mean());

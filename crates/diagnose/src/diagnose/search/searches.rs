@@ -8,7 +8,7 @@ use super::objects::Objects;
 use super::question::{Question, Seen};
 use super::support::restored;
 use super::{NEARLY_ALL, finest_of};
-use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
@@ -62,11 +62,11 @@ pub(crate) fn search_all<'a>(
     let Some(objects) = objects else { return Ok(Outcome { search, found: first, objects: None }) };
     let forward = search.forward;
     forward.compared += 1;
-    forward.budget.stage = Stage::Must;
-    let seen_elsewhere = question.look(forward, Some(&objects.masks))?;
+    let seen_elsewhere =
+        forward.within(Stage::Must, |forward| question.look(forward, Some(&objects.masks)))?;
     let elsewhere = &*elsewhere.insert(Elsewhere { masks: objects.masks.clone(), seen: seen_elsewhere });
     let mut search = question.search(forward, &elsewhere.seen, Some(&elsewhere.masks));
-    search.forward.budget.stage = Stage::Search;
+    search.forward.budget.enter(Stage::Search);
     let again = in_time(searched(&mut search, watch))?.map(|again| again.found);
     if let Some(found) = again.filter(|found| !leaves_unknown(&search, found)) {
         return Ok(Outcome { search, found, objects: Some(objects) });
@@ -74,7 +74,7 @@ pub(crate) fn search_all<'a>(
     // What is left elsewhere is left by something that is no object: as if none had been found.
     search.forward.compared -= 1;
     let mut search = question.search(search.forward, seen, masks);
-    search.forward.budget.stage = Stage::Search;
+    search.forward.budget.enter(Stage::Search);
     let found = search.without_objects(first, questioned, watch)?;
     Ok(Outcome { search, found, objects: None })
 }
@@ -110,7 +110,7 @@ fn searched(search: &mut Search<'_>, watch: &mut dyn Watch) -> Result<First> {
     if room.is_empty() || left.as_ref().is_some_and(|left| left.beyond_bounds().is_empty()) {
         return Ok(First { found: exact, objects: None, questioned: false });
     }
-    search.forward.budget.stage = Stage::Search;
+    search.forward.budget.enter(Stage::Search);
     if left.is_none() || search.late() || !exact.is_whole() {
         return Ok(late(exact, &room));
     }
@@ -247,7 +247,7 @@ impl Search<'_> {
 
     /// A finding with the description free, and where the scene lacks something beside it.
     fn with_objects(&mut self, found: Found, room: &[&'static str]) -> Result<First> {
-        self.forward.budget.stage = Stage::End;
+        self.forward.budget.enter(Stage::End);
         let objects = in_time(self.objects_beside(&found, room))?.flatten();
         Ok(First { found, objects, questioned: true })
     }
@@ -265,9 +265,7 @@ impl Search<'_> {
         }
         // What other frames saw was found for the search elsewhere since. The report needs it, however late it is.
         if first.fit.theta.room.radiance {
-            self.forward.budget.stage = Stage::Must;
-            self.forward.find_covered(&first.fit.theta)?;
-            self.forward.budget.stage = Stage::End;
+            self.forward.within(Stage::Must, |forward| forward.find_covered(&first.fit.theta))?;
         }
         self.end_as(&first);
         Ok(first)
@@ -276,7 +274,7 @@ impl Search<'_> {
 
 /// The finding with a description that may be wrong, if that names a part of it, else the one with it as it stands.
 fn better_of(search: &mut Search<'_>, mut exact: Found, free: Found, room: &[&'static str]) -> Result<First> {
-    search.forward.budget.stage = Stage::End;
+    search.forward.budget.enter(Stage::End);
     let is_better = |search: &mut Search<'_>| in_time(search.explains_more(&free, &exact));
     if names_description(&free) && (free.is_whole() || is_better(search)? == Some(true)) {
         return search.with_objects(free, room);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::Kind;
 use crate::diagnose::expect::model::{CandidateSpec, candidate_of};
@@ -87,9 +87,9 @@ fn take_back(search: &mut Search<'_>, found: &mut Found, evidence: &Evidence) ->
     found.clear(&search.base);
     if search.judge.kind != Kind::default() {
         search.judge.kind = Kind::default();
-        search.forward.budget.stage = Stage::Must;
-        found.before = search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)?;
-        search.forward.budget.stage = Stage::End;
+        found.before = search.within(Stage::Must, |search| {
+            search.judge.scores_on(search.forward, &search.base.clone(), &evidence.report)
+        })?;
         found.after = found.before.clone();
     }
     Ok(())
@@ -280,10 +280,7 @@ fn effects_alone(search: &mut Search<'_>, found: &Found) -> Result<Vec<EffectFou
     let share = |g: &Estimate| if total > 0.0 { g.value.max(0.0) / total } else { even };
     let shares: Vec<f64> = gains.iter().map(share).collect();
     // What the description is off by takes some renders.
-    search.forward.budget.stage = Stage::Must;
-    let effects = as_found(search, found, &shares, &gains);
-    search.forward.budget.stage = Stage::End;
-    effects
+    search.within(Stage::Must, |search| as_found(search, found, &shares, &gains))
 }
 
 /// Effects with their shares, and what each gains beside the others.

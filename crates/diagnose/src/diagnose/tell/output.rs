@@ -11,7 +11,7 @@ use super::entries::Parts;
 use super::places::{measures, places};
 use super::task::FramePercepts;
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::evidence::budget::{Stage, in_time};
+use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::compared::{Compared, Shown, bytes};
 use crate::diagnose::expect::model::P;
@@ -35,15 +35,14 @@ fn both(search: &mut Search<'_>, found: &mut Found, evidence: &Evidence) -> Resu
     let quality = found.quality;
     let points = [search.base.clone(), found.fit.theta.clone()];
     let frames: Vec<usize> = (0..evidence.frames.len()).collect();
-    search.forward.budget.stage = Stage::End;
     let seen = if search.forward.budget.affords(frames.len(), quality) {
-        let [before, after] =
-            points.each_ref().map(|t| in_time(search.judge.seen_on(search.forward, t, &frames)));
+        let [before, after] = search.within(Stage::End, |search| {
+            points.each_ref().map(|t| in_time(search.judge.seen_on(search.forward, t, &frames)))
+        });
         before?.zip(after?)
     } else {
         None
     };
-    search.forward.budget.stage = Stage::Must;
     if let Some(((worse, before), (better, after))) = seen {
         return Ok(Both { frames, pictures: [before, after], scores: [worse, better] });
     }

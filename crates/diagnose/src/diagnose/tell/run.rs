@@ -9,7 +9,7 @@ use super::describe::{describe, undetermined, without_motion, without_time};
 use super::output::{Diagnosis, show, time_of_writing};
 use super::setup_checks;
 use super::task::{Drawn, FramePercepts, figures, percepts};
-use crate::diagnose::evidence::budget::{Budget, Count, Stage, in_time};
+use crate::diagnose::evidence::budget::{Budget, Budgeted, Count, Stage, in_time};
 use crate::diagnose::evidence::{Evidence, RealFrame};
 use crate::diagnose::expect::compared::Shown;
 use crate::diagnose::expect::cover::Cover;
@@ -156,6 +156,7 @@ fn diagnose_given(
     add_late(&mut report, &outcome.found);
     report.input.seed = options.seed;
     let Outcome { mut search, mut found, objects } = outcome;
+    search.budget().enter(Stage::Must);
     let frames = show(&mut search, &mut found, &evidence, &mut report)?;
     if let Some(aligned) = aligned {
         report.input.kind = "pair".to_owned();
@@ -246,10 +247,8 @@ fn find_compared_places(
     }
     let Some(cover) = cover else { return Ok(()) };
     for _ in 0..COVER_ROUNDS {
-        forward.budget.stage = Stage::Search;
-        let narrowed = in_time(question.narrow(forward, cover, watch))?;
-        forward.budget.stage = Stage::Begin;
-        if narrowed != Some(true) {
+        let narrowed = forward.within(Stage::Search, |forward| question.narrow(forward, cover, watch));
+        if in_time(narrowed)? != Some(true) {
             break;
         }
     }
@@ -264,6 +263,7 @@ fn reported(
     set_up: &[String],
 ) -> Result<Report> {
     let Outcome { search, found, objects } = outcome;
+    search.budget().enter(Stage::End);
     let mut report = describe(search, found, evidence, given.capture)?;
     if let Some(objects) = objects {
         say_objects(&mut report, objects);
@@ -299,13 +299,12 @@ fn add_percepts(
 ) -> Result<Vec<FramePercepts>> {
     let before = Drawn { theta: &search.base.clone(), settings: &given.settings() };
     let after = Drawn { theta: &found.fit.theta, settings: &camera.settings };
-    search.forward.budget.stage = Stage::End;
-    let percepts = in_time(percepts(search.forward, frames, &before, &after))?;
+    let percepts = search.within(Stage::End, |search| percepts(search.forward, frames, &before, &after));
+    let percepts = in_time(percepts)?;
     match &percepts {
         Some(percepts) => report.percepts = figures(frames, percepts),
         None => found.leave_out(PERCEPTS),
     }
-    search.forward.budget.stage = Stage::Must;
     Ok(percepts.unwrap_or_default())
 }
 

@@ -32,7 +32,7 @@ impl Clock {
     /// No time is left for a report.
     pub(super) fn has_measured(&mut self, took: Duration) -> Result<()> {
         self.once_s = took.as_secs_f64();
-        self.budget.stage = Stage::Begin;
+        self.budget.enter(Stage::Begin);
         self.budget.go_on_for(FOR_REPORT as f64 * self.once_s)
     }
 

@@ -28,22 +28,24 @@ impl GivenValue {
     /// Variance of a linear value of pictures that were rounded to whole numbers. `linear`: the pictures' values are
     /// linear.
     pub(crate) fn rounding(value: f64, linear: bool) -> f64 {
-        let slope = if linear { 1.0 } else { srgb_slope(value) };
-        (255.0 * slope).powi(-2) / 12.0
+        (255.0 * slope_at(value, linear)).powi(-2) / 12.0
     }
 
     /// Of linear radiance `picture` that the camera delivers as `mean` DN. `linear`: the picture's values are linear.
     pub(super) fn of(picture: f32, linear: bool, mean: f32, tone: &Tone, channel: usize) -> Self {
-        let (encoded, slope) = match linear {
-            true => (picture, 1.0),
-            false => (srgb_encode(picture), srgb_slope(f64::from(picture)) as f32),
-        };
+        let encoded = if linear { picture } else { srgb_encode(picture) };
+        let slope = slope_at(f64::from(picture), linear) as f32;
         // Gain, shading and colour multiply the light before the sensor.
         let light = tone.decode(mean, channel) / picture.max(1e-6);
         let brighter = if picture > DARK { light.clamp(BRIGHTER[0], BRIGHTER[1]) } else { 1.0 };
         let step = tone.slope_at(mean, channel) * brighter / (255.0 * slope);
         Self { single: 0.0, step, value: (255.0 * encoded).round() as u8 }
     }
+}
+
+/// How fast a picture's values grow with linear radiance there.
+fn slope_at(radiance: f64, linear: bool) -> f64 {
+    if linear { 1.0 } else { srgb_slope(radiance) }
 }
 
 /// Linear radiance below which a quotient of two says nothing.

@@ -176,22 +176,16 @@ impl NoiseData {
         let fresh = |t: &Theta, l: f64| t.get(P::Read).powi(2) + l * t.get(P::Shot);
         let single = |t: &Theta, l: f64| fresh(t, l) + pattern_of(t, l);
         // What is seen, what either model says, and the variance of what is seen.
+        let of = |[l, v, n, free2]: [f64; 4], model: &dyn Fn(&Theta, f64) -> f64| {
+            let [a, b] = [from, to].map(|t| model(t, l));
+            let level = v.max(a).max(b);
+            [v - given(l), a, b, level * level * (share * share + chance2(n)) + free2]
+        };
+        let alone = |[l, v, n]: [f64; 3]| [l, v, n, 0.0];
         let mut seen: Vec<[f64; 4]> = Vec::new();
-        for [l, v, n] in self.unclipped() {
-            let [a, b] = [from, to].map(|t| single(t, l));
-            let level = v.max(a).max(b);
-            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n))]);
-        }
-        for [l, v, n] in self.fresh_beside(&[from, to]) {
-            let [a, b] = [from, to].map(|t| fresh(t, l));
-            let level = v.max(a).max(b);
-            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n))]);
-        }
-        for [l, v, n, free2] in self.unclipped_fixed() {
-            let [a, b] = [from, to].map(|t| pattern_of(t, l));
-            let level = v.max(a).max(b);
-            seen.push([v - given(l), a, b, level * level * (share * share + chance2(n)) + free2]);
-        }
+        seen.extend(self.unclipped().into_iter().map(|bin| of(alone(bin), &single)));
+        seen.extend(self.fresh_beside(&[from, to]).into_iter().map(|bin| of(alone(bin), &fresh)));
+        seen.extend(self.unclipped_fixed().into_iter().map(|bin| of(bin, &pattern_of)));
         let [a, b] = [from, to].map(|t| t.get(P::Row).powi(2));
         let level = self.row2.max(a).max(b);
         seen.push([self.row2, a, b, (level * share).powi(2) + self.row_error2]);
