@@ -159,6 +159,11 @@ impl Theta {
         self.get(p) != p.spec().neutral
     }
 
+    /// Quality of the file that the frames come from, if it loses anything.
+    pub(crate) fn file(&self) -> Option<u8> {
+        self.is_on(P::Quality).then(|| self.get(P::Quality) as u8)
+    }
+
     /// The parameters in which two points differ.
     pub(crate) fn differing<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = P> + 'a {
         PLACES.iter().copied().filter(|&p| self.get(p) != other.get(p))

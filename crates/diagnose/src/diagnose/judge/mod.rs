@@ -246,11 +246,11 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Keeps the stuck pixels that stand above these means of `frames` (places) too.
-    pub(crate) fn keep_stuck(&mut self, frames: &[usize], means: &[Plane<f32>]) {
-        let count = self.hot.count();
-        self.hot.keep_above(self.evidence, frames, means);
-        if self.hot.count() < count {
+    /// Keeps the stuck pixels that stand above these means of `frames` (places) too; see [`HotMap::find`].
+    pub(crate) fn keep_stuck(&mut self, frames: &[usize], means: &[Plane<f32>], file: Option<u8>) {
+        let before = self.hot.clone();
+        self.hot.keep_above(self.evidence, frames, means, file);
+        if self.hot != before {
             self.known.clear();
         }
     }

@@ -181,9 +181,9 @@ impl Search<'_> {
         let mut names: Vec<&'static str> = NOISES.into_iter().filter(|n| self.names.contains(n)).collect();
         let fitted = found.fit.theta.clone();
         // What stuck pixels stand above is simulated without any.
-        let bare = fitted.with(P::Hot, 0.0);
+        let bare = fitted.with(P::Hot, 0.0).with(P::Quality, 0.0);
         let means = self.forward.simulate(&self.evidence.fit, &bare, self.judge.quality)?;
-        self.judge.keep_stuck(&self.evidence.fit, &means);
+        self.judge.keep_stuck(&self.evidence.fit, &means, fitted.file());
         self.forward.hold_stuck(self.judge.hot.places());
         let data = self.noise_data(&fitted, &self.evidence.fit)?;
         let unseen = self.noise_data(&fitted, &self.evidence.choose)?;

@@ -39,9 +39,10 @@ pub(crate) struct Seen {
 impl<'a> Question<'a> {
     /// Simulates the frames as given.
     pub(crate) fn look(&self, forward: &mut Forward, masks: Option<&[Plane<f32>]>) -> Result<Seen> {
-        let bare = self.base.with(P::Hot, 0.0);
+        let bare = self.base.with(P::Hot, 0.0).with(P::Quality, 0.0);
         let means = forward.simulate(&self.evidence.fit, &bare, Quality::Fit)?;
-        let hot = HotMap::find(self.evidence, &self.evidence.fit, &means);
+        let file = self.shown.put(&self.base).0.file();
+        let hot = HotMap::find(self.evidence, &self.evidence.fit, &means, file);
         let open = || {
             let all =
                 self.evidence.frames.iter().map(|f| Plane::from_fn(f.dn.width, f.dn.height, |_, _| [1.0]));

@@ -1,5 +1,7 @@
 //! Pixels that are stuck, found as what stands out from its neighbours in every frame, wherever the scene moves.
 
+mod filed;
+
 use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
@@ -15,10 +17,12 @@ const LEAST_DN: f32 = 130.0;
 const STEADY_DN: f32 = 60.0;
 
 /// Places and values of the stuck pixels.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct HotMap {
     /// Place (row by row) and the value that it has, DN.
     pixels: Vec<(usize, [f32; 3])>,
+    /// Places of those that are seen in what a file makes of their blocks.
+    filed: Vec<usize>,
     /// Number of pixels that would show it.
     of: usize,
     /// Columns of the pictures.
@@ -27,8 +31,14 @@ pub(crate) struct HotMap {
 
 impl HotMap {
     /// Finds them in `frames` (places). A scene that rests has bright spots of its own: `means`, the simulated values,
-    /// must not be as bright.
-    pub(crate) fn find(evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) -> Self {
+    /// must not be as bright. `file`: the quality of the file behind which the frames are seen; `means` are those ahead
+    /// of it.
+    pub(crate) fn find(
+        evidence: &Evidence,
+        frames: &[usize],
+        means: &[Plane<f32>],
+        file: Option<u8>,
+    ) -> Self {
         let Some(first) = means.first().filter(|_| frames.len() >= 2) else { return Self::default() };
         let (w, h) = (first.width, first.height);
         let reals: Vec<&Plane<f32>> = frames.iter().map(|&at| &*evidence.frames[at].dn).collect();
@@ -57,37 +67,62 @@ impl HotMap {
         if is_drawn(&pixels, w) {
             pixels.clear();
         }
-        Self { pixels, of, width: w }
+        let mut hot = Self { pixels, of, width: w, filed: Vec::new() };
+        hot.find_filed(&reals, means, file);
+        hot
+    }
+
+    /// Finds what is seen behind a file, in the place of what was seen of the same before.
+    fn find_filed(&mut self, reals: &[&Plane<f32>], means: &[Plane<f32>], file: Option<u8>) {
+        let all: HashSet<usize> =
+            file.map(|q| filed::stuck(reals, means, q).into_iter().collect()).unwrap_or_default();
+        // What is bright in all of a place is content that the simulation lacks.
+        let is_single = |i: &usize| touching(*i, self.width).all(|j| !all.contains(&j));
+        self.filed = all.iter().copied().filter(is_single).collect();
+        self.filed.sort_unstable();
+        let (filed, width) = (&self.filed, self.width);
+        let is_filed = |i: usize| filed.binary_search(&i).is_ok();
+        self.pixels.retain(|(i, _)| !is_filed(*i) && !touching(*i, width).any(is_filed));
     }
 
     /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens
     /// has put elsewhere is as steady as a stuck pixel.
-    pub(crate) fn keep_above(&mut self, evidence: &Evidence, frames: &[usize], means: &[Plane<f32>]) {
+    /// Behind a file all are looked for anew.
+    pub(crate) fn keep_above(
+        &mut self,
+        evidence: &Evidence,
+        frames: &[usize],
+        means: &[Plane<f32>],
+        file: Option<u8>,
+    ) {
         let above = |i: usize| {
             let one =
                 |(&at, mean): (&usize, &Plane<f32>)| evidence.frames[at].dn.data[i] > mean.data[i] + ABOVE_DN;
             frames.iter().zip(means).all(one)
         };
         self.pixels.retain(|(i, _)| (3 * i..3 * i + 3).any(above));
+        let reals: Vec<&Plane<f32>> = frames.iter().map(|&at| &*evidence.frames[at].dn).collect();
+        self.find_filed(&reals, means, file);
     }
 
     /// Share of the pixels.
     pub(crate) fn fraction(&self) -> f64 {
-        self.pixels.len() as f64 / self.of.max(1) as f64
+        self.count() as f64 / self.of.max(1) as f64
     }
 
     /// Number of stuck pixels.
     pub(crate) fn count(&self) -> usize {
-        self.pixels.len()
+        self.pixels.len() + self.filed.len()
     }
 
     /// The pixels that are stuck themselves: where colours are filled in, some of their neighbours stand out as well.
     pub(crate) fn places(&self) -> Vec<usize> {
         let peaks = peaks(&self.pixels, self.width, 0.0);
-        self.pixels.iter().map(|p| p.0).filter(|i| peaks.contains(i)).collect()
+        let single = self.pixels.iter().map(|p| p.0).filter(|i| peaks.contains(i));
+        single.chain(self.filed.iter().copied()).collect()
     }
 
-    /// Puts the stuck pixels into a simulated frame.
+    /// Puts the stuck pixels into a simulated frame, but for those that a file has spread: they are simulated.
     pub(crate) fn put(&self, mean: &mut Plane<f32>) {
         for (i, values) in &self.pixels {
             mean.data[3 * i..3 * i + 3].copy_from_slice(values);
@@ -98,6 +133,7 @@ impl HotMap {
     pub(crate) fn close(&self, masks: &mut [Plane<f32>]) {
         for mask in masks {
             self.pixels.iter().for_each(|(i, _)| mask.data[*i] = 0.0);
+            self.filed.iter().for_each(|i| mask.data[*i] = 0.0);
         }
     }
 }
@@ -181,5 +217,34 @@ mod tests {
         // A few that touch by chance are among many that do not.
         let both = picture(|x, y| (x * 7919 + y * 104_729) % 97 == 3 || (y == 80 && (50..54).contains(&x)));
         assert!(steady_spots(&[&both, &both]) >= count);
+    }
+
+    #[test]
+    fn stuck_pixels_are_found_behind_a_coarse_file() {
+        let (w, h) = (160, 96);
+        let is_stuck = |x: usize, y: usize| (x * 7919 + y * 104_729) % 331 == 3;
+        // A scene that moves, and is simulated brighter than it is, and out of place.
+        let scene = |x: usize, y: usize, frame: usize| {
+            let wave = |v: usize| (v as f32 * 0.37).sin() + (v as f32 * 0.11).cos();
+            90.0 + 20.0 * wave(x + 3 * frame) + 15.0 * wave(y + 2 * frame)
+        };
+        let seen = |frame: usize, has_stuck: bool| {
+            let dn = |x, y| if has_stuck && is_stuck(x, y) { 255.0 } else { scene(x, y, frame) };
+            filed::tests::packed(&Plane::from_fn(w, h, |x, y| [dn(x, y); 3]), 29)
+        };
+        let ahead: Vec<_> =
+            (0..6).map(|f| Plane::from_fn(w, h, |x, y| [1.1 * scene(x + 1, y, f) + 8.0; 3])).collect();
+        let found = |has_stuck: bool| {
+            let reals: Vec<_> = (0..6).map(|f| seen(f, has_stuck)).collect();
+            let mut hot = HotMap { width: w, ..HotMap::default() };
+            hot.find_filed(&reals.iter().collect::<Vec<_>>(), &ahead, Some(29));
+            hot.places()
+        };
+        let there: Vec<usize> = (0..w * h).filter(|i| is_stuck(i % w, i / w)).collect();
+        let places = found(true);
+        let right = places.iter().filter(|i| there.contains(i)).count();
+        assert!(10 * right >= 9 * there.len(), "{right} of {}", there.len());
+        assert!(20 * (places.len() - right) <= there.len(), "{} are not there", places.len() - right);
+        assert_eq!(found(false), Vec::<usize>::new(), "control: none is there");
     }
 }
