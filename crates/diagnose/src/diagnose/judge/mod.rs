@@ -146,12 +146,17 @@ impl Scores {
     /// Families of statistics that lie above what the model expects where the discrepancy goes as far as it may, beyond
     /// chance.
     pub(crate) fn beyond_bounds(&self) -> Vec<&'static str> {
-        let beyond = |(f, (name, _)): (usize, &(&'static str, f64))| {
-            let excess = self.excess(f);
-            tracing::debug!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
-            excess.is_above(FAMILIES.len()).then_some(*name)
-        };
+        let beyond =
+            |(f, (name, _)): (usize, &(&'static str, f64))| self.is_beyond_bounds(f).then_some(*name);
         FAMILIES.iter().enumerate().filter_map(beyond).collect()
+    }
+
+    /// Whether a family is one of them.
+    fn is_beyond_bounds(&self, family: usize) -> bool {
+        let excess = self.excess(family);
+        let name = FAMILIES[family].0;
+        tracing::debug!("{name}: {:+.4} +- {:.4} beyond its bound", excess.value, excess.standard_error);
+        excess.is_above(FAMILIES.len())
     }
 
     /// Whether the whole lies above what the discrepancy may make of it, beyond chance.
@@ -200,6 +205,17 @@ pub(crate) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
     }
     // One frame says nothing of chance.
     if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
+}
+
+/// Share of what lies beyond the discrepancy that `better` takes away: of the families of statistics that lie beyond it.
+/// What all families make together may lie within it, where compression may make much of some.
+pub(crate) fn share_beyond_bounds(worse: &Scores, better: &Scores) -> f64 {
+    let (mut gain, mut beyond) = (0.0, 0.0);
+    for family in (0..FAMILIES.len()).filter(|&f| worse.is_beyond_bounds(f)) {
+        gain += family_gain(worse, better, family).value;
+        beyond += worse.excess(family).value;
+    }
+    if beyond > 0.0 { gain / beyond } else { 0.0 }
 }
 
 /// Gain in one family of statistics.
@@ -442,6 +458,21 @@ mod tests {
         assert!(!gain_beyond_bounds(&once, &better).is_above(26));
         let single = |s: &Scores| Scores(s.0[..1].to_vec());
         assert!(!gain_beyond_bounds(&single(&worse), &single(&better)).is_above(1));
+    }
+
+    #[test]
+    fn a_share_is_of_what_lies_beyond_whatever_else_lies_within() {
+        // Single pixels lie far within what a coarse file may make of them, a band lies beyond what it may.
+        let both = |band: f32| {
+            let mut both = scores(&vec![vec![1.0; 40]; 4], 5.0);
+            both.0.iter_mut().for_each(|s| s.blocks[1] = vec![[band, 0.1, 0.2]; 40]);
+            both
+        };
+        let (worse, half, all) = (both(1.2), both(0.7), both(0.2));
+        assert!(!worse.is_beyond_bound(), "as a whole it lies within");
+        assert!((share_beyond_bounds(&worse, &half) - 0.5).abs() < 1e-5);
+        assert!((share_beyond_bounds(&worse, &all) - 1.0).abs() < 1e-5);
+        assert_eq!(share_beyond_bounds(&all, &half), 0.0, "control: nothing is beyond");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, moves};
 use crate::diagnose::expect::room::{POSES, SURFACES, is_description};
 use crate::diagnose::fit::{FINE, VALUES};
-use crate::diagnose::judge::{Scores, quantile_of_length};
+use crate::diagnose::judge::{Scores, gain, quantile_of_length, share_beyond_bounds};
 use crate::diagnose::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
 
@@ -33,9 +33,10 @@ pub(crate) fn after_what_moves(counted: &mut Vec<Tried>) {
 pub(super) struct Freed {
     /// The camera, and what is free beside it.
     pub theta: Theta,
-    /// What is explained, and what there is to explain, DN.
+    /// What is explained, DN.
     pub gain: f64,
-    pub left: f64,
+    /// Share of what lay beyond the discrepancy that is explained.
+    pub share: f64,
 }
 
 impl Search<'_> {
@@ -119,11 +120,11 @@ impl Search<'_> {
         let theta = self.with_noise(&theta)?;
         let [before, after] = [exact, &theta].map(|t| self.judge.scores(self.forward, t));
         let (before, after) = (before?, after?);
-        let [gain, left] = [after.mean(), after.bound()].map(|v| before.mean() - v);
+        let (gain, share) = (gain(&before, &after).value, share_beyond_bounds(&before, &after));
         tracing::info!(
-            "radiance {radiance}, poses {poses}: {gain:.3} of {left:.3} DN beside the camera that was found"
+            "radiance {radiance}, poses {poses}: {gain:.3} DN, {share:.2} of what is beyond the discrepancy"
         );
-        Ok(Freed { theta, gain, left })
+        Ok(Freed { theta, gain, share })
     }
 
     /// Whether a description that may be wrong could be what a finding lacks: free beside the camera that was found
@@ -139,8 +140,7 @@ impl Search<'_> {
             if (radiance && !asked) || (poses && !tracked) {
                 continue;
             }
-            let Freed { gain, left, .. } = self.freed(exact, (radiance, poses))?;
-            if left > 0.0 && gain > most * left {
+            if self.freed(exact, (radiance, poses))?.share > most {
                 return Ok(true);
             }
         }

@@ -339,7 +339,7 @@ impl<'a> Search<'a> {
                 self.forward.budget.enter(Stage::End);
             }
             let Some((set, fit, better)) = self.taken(watch, found, &scores, options, late)? else { break };
-            if !late && self.shows_paint(found, &scores, &set, &stops_for)? {
+            if !late && self.shows_paint(found, &scores, (&set, &better), &stops_for)? {
                 found.shows_paint = true;
                 break;
             }

@@ -1,43 +1,53 @@
 //! Paint and lamps that are not as described, told from effects on values before these are taken one after another in
 //! their place.
 
-use super::candidates::{Freed, MOST_OF_IT};
+use super::candidates::Freed;
 use super::found::Found;
 use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::expect::description::by_value::ByValue;
-use crate::diagnose::expect::room::{POSES, SURFACES, bends_values};
+use crate::diagnose::expect::model::{candidate_of, moves};
+use crate::diagnose::expect::room::{POSES, SURFACES};
 use crate::diagnose::judge::Scores;
 use crate::diagnose::search::Search;
 use shutterbug::error::Result;
 
 impl Search<'_> {
-    /// Whether an effect on values that is about to be taken (`next`: the set with it) stands for paint or light:
-    /// factors of surfaces explain most of what is left, do not follow the surfaces' colours, explain more than all
-    /// effects on values do together, and nothing shows that the scene does not have. `room`: what of the description
-    /// may be wrong, if the search may go on with it so.
+    /// Whether paint or light rather than an effect on values is to be taken next (`next`: the set with it, and what
+    /// that scores): factors of surfaces explain more than it does, do not follow the surfaces' colours, explain more
+    /// than all effects on values do together, and nothing shows that the scene does not have. `room`: what of the
+    /// description may be wrong, if the search may go on with it so.
     pub(super) fn shows_paint(
         &mut self,
         found: &Found,
         now: &Scores,
-        next: &[&'static str],
+        (next, scores): (&[&'static str], &Scores),
         room: &[&'static str],
     ) -> Result<bool> {
-        let bends = next.iter().any(|name| !found.set.contains(name) && bends_values(name));
-        if !bends || !room.contains(&SURFACES) || now.beyond_bounds().is_empty() {
+        let stays = next.iter().all(|name| found.set.contains(name) || !moves(candidate_of(name)));
+        let explained = now.mean() - scores.mean();
+        // Nothing explains more than all that is left.
+        let is_all = explained >= now.mean() - now.bound();
+        if !stays || is_all || !room.contains(&SURFACES) || now.beyond_bounds().is_empty() {
             return Ok(false);
         }
-        let asked = self.factors_rather_than_values(found, room.contains(&POSES));
+        let asked = self.factors_rather_than_values(found, explained, room.contains(&POSES));
         self.begin_anew(Vec::new());
         Ok(in_time(asked)?.unwrap_or(false))
     }
 
-    fn factors_rather_than_values(&mut self, found: &Found, asks_of_poses: bool) -> Result<bool> {
-        let is_most = |freed: &Freed| freed.gain > MOST_OF_IT * freed.left.max(0.0);
+    /// `explained`: what the effect explains, DN.
+    fn factors_rather_than_values(
+        &mut self,
+        found: &Found,
+        explained: f64,
+        asks_of_poses: bool,
+    ) -> Result<bool> {
+        let is_more = |freed: &Freed| freed.gain > explained;
         let mut freed = self.freed(&found.fit.theta, (true, false))?;
-        if !is_most(&freed) && asks_of_poses {
+        if !is_more(&freed) && asks_of_poses {
             freed = self.freed(&found.fit.theta, (true, true))?;
         }
-        if !is_most(&freed) {
+        if !is_more(&freed) {
             return Ok(false);
         }
         let by_value = self.forward.by_value(&self.evidence.fit, &freed.theta)?;

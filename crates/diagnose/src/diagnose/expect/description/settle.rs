@@ -73,11 +73,10 @@ impl Forward {
                 break;
             }
             let radiance = self.lit(&open, &theta, Quality::Fit)?;
-            let (shared, smooth) = (&*self, theta.with(P::Quality, 0.0));
-            let tone = Tone::new(&smooth);
+            let shared = &*self;
             let steps: Vec<Option<[f64; 6]>> = (0..open.len())
                 .into_par_iter()
-                .map(|i| shared.pose_step(open[i], &radiance[i], &smooth, &tone, block, half))
+                .map(|i| shared.pose_step(open[i], &radiance[i], &theta, block, half))
                 .collect();
             let mut rest = Vec::new();
             for (&at, step) in open.iter().zip(steps) {
@@ -98,11 +97,11 @@ impl Forward {
         at: usize,
         radiance: &Plane<f32>,
         theta: &Theta,
-        tone: &Tone,
         block: usize,
         half: bool,
     ) -> Option<[f64; 6]> {
-        let picture = self.develop(at, radiance, theta, tone);
+        let smooth = moved_by_poses(theta);
+        let [picture, delivered] = [&smooth, theta].map(|t| self.develop(at, radiance, t, &Tone::new(t)));
         let (w, h) = (picture.width, picture.height);
         let real = &self.description.real[at];
         let open = |i: usize| !half || is_paid(i % w, i / w);
@@ -111,10 +110,10 @@ impl Forward {
                 d.iter().enumerate().map(|(i, v)| if open(i / 3) { *v } else { 0.0 }).collect();
             pooled(&data, w, h, block)
         };
-        let difference: Vec<f32> = real.data.iter().zip(&picture.data).map(|(r, s)| r - s).collect();
+        let difference: Vec<f32> = real.data.iter().zip(&delivered.data).map(|(r, s)| r - s).collect();
         let r = small(&difference);
         let columns: Vec<Vec<f32>> =
-            self.pose_columns(at, &picture, theta).iter().map(|d| small(d)).collect();
+            self.pose_columns(at, &picture, &smooth).iter().map(|d| small(d)).collect();
         let weighing =
             Weighing::new(&[] as &[Plane<f32>], &Tone::new(&Theta::neutral()), block, 1.0).chosen(&[&r]);
         let weights = weighing.weights(0, &r);
@@ -143,18 +142,17 @@ impl Forward {
         }
         let weights: Vec<Vec<f32>> =
             values.iter().enumerate().map(|(f, v)| weighing.weights(f, &v.0)).collect();
-        let smooth = theta.with(P::Quality, 0.0);
-        let tone = Tone::new(&smooth);
         if theta.room.radiance {
+            let smooth = theta.with(P::Quality, 0.0);
             self.beside_factor(frames, &smooth, radiance, block, &weights, values);
         }
         if theta.room.poses.is_empty() {
             return Vec::new();
         }
-        let shared = &*self;
+        let (shared, moving) = (&*self, moved_by_poses(theta));
         let one = |f: usize, (r, columns): &mut FrameValues| {
-            let picture = shared.develop(frames[f], &radiance[f], &smooth, &tone);
-            let own = shared.pose_columns(frames[f], &picture, theta);
+            let picture = shared.develop(frames[f], &radiance[f], &moving, &Tone::new(&moving));
+            let own = shared.pose_columns(frames[f], &picture, &moving);
             let own: Vec<_> = own.iter().map(|d| pooled(d, picture.width, picture.height, block)).collect();
             eliminated(frames[f], &own, &weights[f], r, columns)
         };
@@ -205,4 +203,9 @@ impl Forward {
             values.iter_mut().zip(column).for_each(|(v, d)| v.1[j] = d);
         }
     }
+}
+
+/// The camera whose pictures poses move: a compressor's steps have no slope, and what is stuck stays in its place.
+fn moved_by_poses(theta: &Theta) -> Theta {
+    theta.with(P::Quality, 0.0).with(P::Hot, 0.0)
 }
