@@ -5,8 +5,7 @@ use super::candidates::Freed;
 use super::found::Found;
 use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::expect::description::by_value::ByValue;
-use crate::diagnose::expect::model::{candidate_of, moves};
-use crate::diagnose::expect::room::{POSES, SURFACES};
+use crate::diagnose::expect::room::{POSES, SURFACES, bends_values};
 use crate::diagnose::judge::Scores;
 use crate::diagnose::search::Search;
 use shutterbug::error::Result;
@@ -15,7 +14,8 @@ impl Search<'_> {
     /// Whether paint or light rather than an effect on values is to be taken next (`next`: the set with it, and what
     /// that scores): factors of surfaces explain more than it does, do not follow the surfaces' colours, explain more
     /// than all effects on values do together, and nothing shows that the scene does not have. `room`: what of the
-    /// description may be wrong, if the search may go on with it so.
+    /// description may be wrong, if the search may go on with it so. Steps of a converter are not asked about: where
+    /// colours are solid, factors do what these do to each.
     pub(super) fn shows_paint(
         &mut self,
         found: &Found,
@@ -23,11 +23,11 @@ impl Search<'_> {
         (next, scores): (&[&'static str], &Scores),
         room: &[&'static str],
     ) -> Result<bool> {
-        let stays = next.iter().all(|name| found.set.contains(name) || !moves(candidate_of(name)));
+        let bends = next.iter().any(|name| !found.set.contains(name) && bends_values(name));
         let explained = now.mean() - scores.mean();
         // Nothing explains more than all that is left.
         let is_all = explained >= now.mean() - now.bound();
-        if !stays || is_all || !room.contains(&SURFACES) || now.beyond_bounds().is_empty() {
+        if !bends || is_all || !room.contains(&SURFACES) || now.beyond_bounds().is_empty() {
             return Ok(false);
         }
         let asked = self.factors_rather_than_values(found, explained, room.contains(&POSES));
