@@ -207,8 +207,8 @@ pub(crate) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
     if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
 }
 
-/// Share of what lies beyond the discrepancy that `better` takes away: of the families of statistics that lie beyond it.
-/// What all families make together may lie within it, where compression may make much of some.
+/// Share of what lies beyond the discrepancy that `better` takes away: of the families of statistics that do. What all
+/// families make together may lie within it, where compression may make much of some.
 pub(crate) fn share_beyond_bounds(worse: &Scores, better: &Scores) -> f64 {
     let (mut gain, mut beyond) = (0.0, 0.0);
     for family in (0..FAMILIES.len()).filter(|&f| worse.is_beyond_bounds(f)) {

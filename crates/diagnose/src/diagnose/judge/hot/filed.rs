@@ -29,7 +29,7 @@ struct File {
 }
 
 /// Places (row by row) of pixels that are stuck at white. In every frame their block is nearer to what the file makes
-/// of it with such a pixel than to what it makes of it without. `ahead`: simulated frames as they are ahead of the file.
+/// of it with such a pixel than to what it makes of it without. `ahead`: simulated frames ahead of the file.
 pub(super) fn stuck(reals: &[&Plane<f32>], ahead: &[Plane<f32>], quality: u8) -> Vec<usize> {
     let dct = Dct::new();
     let single = |i: usize| dct.forward(&std::array::from_fn(|j| f32::from(u8::from(i == j))));
