@@ -161,11 +161,16 @@ impl<'a> Search<'a> {
         // What renderers differ by, or two compressions of nearly the same picture, looks like a pattern or like noise
         // that compression has weakened: it is some only if the score says so.
         let silent = data.fit(theta, &self.base, &[]);
-        let [with, without] = [&noisy, &silent].map(|t| self.judge.scores(self.forward, t));
-        if with?.mean() >= without?.mean() {
-            return Ok(silent);
+        // Stuck pixels are seen one by one: they stay where what the spread was taken for is none.
+        let stuck = noisy.is_on(P::Hot).then(|| silent.with(P::Hot, noisy.get(P::Hot)));
+        let mut best = (self.judge.scores(self.forward, &silent)?.mean(), silent);
+        for theta in stuck.into_iter().chain([noisy]) {
+            let score = self.judge.scores(self.forward, &theta)?.mean();
+            if score < best.0 {
+                best = (score, theta);
+            }
         }
-        Ok(noisy)
+        Ok(best.1)
     }
 
     /// Fits a candidate beside a set; once, if there is a journal.
