@@ -69,7 +69,7 @@ impl Dct {
     }
 
     /// The block of coefficients.
-    pub fn inverse(&self, coefficients: &[f32; AREA]) -> [f32; AREA] {
+    pub(crate) fn inverse(&self, coefficients: &[f32; AREA]) -> [f32; AREA] {
         let rows = product(coefficients, &self.waves);
         transposed(&product(&transposed(&rows), &self.waves))
     }

@@ -101,7 +101,9 @@ impl Forward {
         half: bool,
     ) -> Option<[f64; 6]> {
         let smooth = moved_by_poses(theta);
-        let [picture, delivered] = [&smooth, theta].map(|t| self.develop(at, radiance, t, &Tone::new(t)));
+        let picture = self.develop(at, radiance, &smooth, &Tone::new(&smooth));
+        let filed = (smooth != *theta).then(|| self.develop(at, radiance, theta, &Tone::new(theta)));
+        let delivered = filed.as_ref().unwrap_or(&picture);
         let (w, h) = (picture.width, picture.height);
         let real = &self.description.real[at];
         let open = |i: usize| !half || is_paid(i % w, i / w);

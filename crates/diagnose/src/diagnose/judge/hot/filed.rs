@@ -97,25 +97,3 @@ impl File {
         block.values[place] = WHITE_DN;
     }
 }
-
-#[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-
-    /// A grey picture as a file of that quality delivers it.
-    pub(in super::super) fn packed(picture: &Plane<f32>, quality: u8) -> Plane<f32> {
-        let (dct, steps) = (Dct::new(), steps(quality, false));
-        let mut out = picture.clone();
-        for y0 in (0..picture.height).step_by(SIDE) {
-            for x0 in (0..picture.width).step_by(SIDE) {
-                let place = |i: usize| 3 * ((y0 + i / SIDE) * picture.width + x0 + i % SIDE);
-                let mut block = dct.forward(&std::array::from_fn(|i| picture.data[place(i)] - MIDDLE_DN));
-                block.iter_mut().zip(&steps).for_each(|(c, step)| *c = (*c / step).round() * step);
-                for (i, v) in dct.inverse(&block).iter().enumerate() {
-                    out.data[place(i)..place(i) + 3].fill((v + MIDDLE_DN).round().clamp(0.0, 255.0));
-                }
-            }
-        }
-        out
-    }
-}

@@ -202,6 +202,7 @@ fn around(plane: &Plane<f32>, x: usize, y: usize, c: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shutterbug::effects::jpeg::compressed;
 
     fn picture(bright: impl Fn(usize, usize) -> bool) -> Plane<f32> {
         Plane::from_fn(120, 90, |x, y| [if bright(x, y) { 255.0 } else { 60.0 }; 3])
@@ -230,7 +231,7 @@ mod tests {
         };
         let seen = |frame: usize, has_stuck: bool| {
             let dn = |x, y| if has_stuck && is_stuck(x, y) { 255.0 } else { scene(x, y, frame) };
-            filed::tests::packed(&Plane::from_fn(w, h, |x, y| [dn(x, y); 3]), 29)
+            compressed(&Plane::from_fn(w, h, |x, y| [dn(x, y).round(); 3]), 29)
         };
         let ahead: Vec<_> =
             (0..6).map(|f| Plane::from_fn(w, h, |x, y| [1.1 * scene(x + 1, y, f) + 8.0; 3])).collect();
