@@ -1,12 +1,14 @@
 //! What JPEG does to blocks of 8x8 values: the cosine transform, and the steps that a quality rounds its coefficients
 //! to (ITU-T T.81, annex A.3.3 and tables K.1 and K.2; scaled as libjpeg does).
 
-use crate::plane::stats;
+use crate::plane::{Plane, stats};
 
 /// Side of a block, px.
 pub const SIDE: usize = 8;
 /// Values of a block.
 pub const AREA: usize = SIDE * SIDE;
+/// Brightness that a file codes as none, DN.
+const MIDDLE_DN: f32 = 128.0;
 
 /// Rows of the conversion to brightness and two colours.
 pub(crate) const TO_YCC: [[f32; 3]; 3] =
@@ -33,6 +35,12 @@ pub fn steps(quality: u8, chroma: bool) -> [f32; AREA] {
         };
         ((u32::from(base) * scale + 50) / 100).clamp(1, 255) as f32
     })
+}
+
+/// Brightness of the block of a picture (three colours, DN) that begins at a pixel, as a file codes it: less the middle
+/// of its range.
+pub fn luma_block(picture: &Plane<f32>, [x0, y0]: [usize; 2]) -> [f32; AREA] {
+    std::array::from_fn(|i| stats::luma(picture.pixel(x0 + i % SIDE, y0 + i / SIDE)) - MIDDLE_DN)
 }
 
 /// The orthonormal cosine transform: a block's variance is that of its coefficients.

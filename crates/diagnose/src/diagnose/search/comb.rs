@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
+use crate::diagnose::dct::{AREA, Dct, SIDE, luma_block, steps};
 use crate::diagnose::evidence::{Evidence, spread_out};
 use shutterbug::plane::stats::FRAC_1_SQRT_TAU;
 
@@ -94,8 +94,7 @@ fn of_frame(dn: &shutterbug::plane::Plane<f32>) -> Vec<Block> {
         for x0 in (0..dn.width / SIDE * SIDE).step_by(SIDE) {
             let pixel = |i: usize| dn.pixel(x0 + i % SIDE, y0 + i / SIDE);
             if (0..AREA).all(|i| pixel(i).iter().all(|v| (1.0..255.0).contains(v))) {
-                let luma = |p: &[f32]| 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2] - 128.0;
-                out.push(Block::of(std::array::from_fn(|i| luma(pixel(i))), &dct));
+                out.push(Block::of(luma_block(dn, [x0, y0]), &dct));
             }
         }
     }

@@ -3,20 +3,18 @@
 
 use rayon::prelude::*;
 
-use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
-use shutterbug::plane::{Plane, stats};
+use crate::diagnose::dct::{AREA, Dct, SIDE, luma_block, steps};
+use shutterbug::plane::Plane;
 
-/// Brightness that the file codes as none, DN.
-const MIDDLE_DN: f32 = 128.0;
-/// Brightness of a pixel that is stuck at white, DN.
-const WHITE_DN: f32 = 255.0;
+/// Brightness of a pixel that is stuck at white, as the file codes it, DN.
+const WHITE_DN: f32 = 127.0;
 
 /// A block of a frame: coefficients of its brightness.
 struct Block {
     /// Simulated ahead of the file.
     ahead: [f32; AREA],
     seen: [f32; AREA],
-    /// Simulated brightness, DN.
+    /// Simulated brightness, as the file codes it, DN.
     values: [f32; AREA],
 }
 
@@ -49,16 +47,9 @@ pub(super) fn stuck(reals: &[&Plane<f32>], ahead: &[Plane<f32>], quality: u8) ->
 
 impl File {
     /// The block of a real and of a simulated frame that begins there.
-    fn block(&self, [real, ahead]: [&Plane<f32>; 2], [x0, y0]: [usize; 2]) -> Block {
-        let of = |frame: &Plane<f32>| -> [f32; AREA] {
-            std::array::from_fn(|i| stats::luma(frame.pixel(x0 + i % SIDE, y0 + i / SIDE)) - MIDDLE_DN)
-        };
-        let (seen, values) = (of(real), of(ahead));
-        Block {
-            ahead: self.dct.forward(&values),
-            seen: self.dct.forward(&seen),
-            values: values.map(|v| v + MIDDLE_DN),
-        }
+    fn block(&self, frames: [&Plane<f32>; 2], at: [usize; 2]) -> Block {
+        let [seen, values] = frames.map(|frame| luma_block(frame, at));
+        Block { ahead: self.dct.forward(&values), seen: self.dct.forward(&seen), values }
     }
 
     /// Places in the block of the pixels that are stuck, one block a frame.

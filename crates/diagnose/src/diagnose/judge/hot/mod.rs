@@ -16,13 +16,19 @@ const LEAST_DN: f32 = 130.0;
 /// How far a stuck pixel may change from frame to frame, DN.
 const STEADY_DN: f32 = 60.0;
 
-/// Places and values of the stuck pixels.
+/// A stuck pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct Stuck {
+    /// Its place, row by row.
+    place: usize,
+    /// The value that it has, DN; none if it is seen in what a file makes of its block.
+    dn: Option<[f32; 3]>,
+}
+
+/// The stuck pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct HotMap {
-    /// Place (row by row) and the value that it has, DN.
-    pixels: Vec<(usize, [f32; 3])>,
-    /// Places of those that are seen in what a file makes of their blocks.
-    filed: Vec<usize>,
+    pixels: Vec<Stuck>,
     /// Number of pixels that would show it.
     of: usize,
     /// Columns of the pictures.
@@ -67,7 +73,8 @@ impl HotMap {
         if is_drawn(&pixels, w) {
             pixels.clear();
         }
-        let mut hot = Self { pixels, of, width: w, filed: Vec::new() };
+        let pixels = pixels.into_iter().map(|(place, dn)| Stuck { place, dn: Some(dn) }).collect();
+        let mut hot = Self { pixels, of, width: w };
         hot.find_filed(&reals, means, file);
         hot
     }
@@ -78,11 +85,12 @@ impl HotMap {
             file.map(|q| filed::stuck(reals, means, q).into_iter().collect()).unwrap_or_default();
         // What is bright in all of a place is content that the simulation lacks.
         let is_single = |i: &usize| touching(*i, self.width).all(|j| !all.contains(&j));
-        self.filed = all.iter().copied().filter(is_single).collect();
-        self.filed.sort_unstable();
-        let (filed, width) = (&self.filed, self.width);
+        let mut filed: Vec<usize> = all.iter().copied().filter(is_single).collect();
+        filed.sort_unstable();
         let is_filed = |i: usize| filed.binary_search(&i).is_ok();
-        self.pixels.retain(|(i, _)| !is_filed(*i) && !touching(*i, width).any(is_filed));
+        let is_new = |p: &Stuck| !is_filed(p.place) && !touching(p.place, self.width).any(is_filed);
+        self.pixels.retain(|p| p.dn.is_some() && is_new(p));
+        self.pixels.extend(filed.into_iter().map(|place| Stuck { place, dn: None }));
     }
 
     /// Keeps the pixels that stand above better means too: before a camera that hardly moves, a bright spot that a lens
@@ -100,7 +108,7 @@ impl HotMap {
                 |(&at, mean): (&usize, &Plane<f32>)| evidence.frames[at].dn.data[i] > mean.data[i] + ABOVE_DN;
             frames.iter().zip(means).all(one)
         };
-        self.pixels.retain(|(i, _)| (3 * i..3 * i + 3).any(above));
+        self.pixels.retain(|p| (3 * p.place..3 * p.place + 3).any(above));
         let reals: Vec<&Plane<f32>> = frames.iter().map(|&at| &*evidence.frames[at].dn).collect();
         self.find_filed(&reals, means, file);
     }
@@ -112,28 +120,28 @@ impl HotMap {
 
     /// Number of stuck pixels.
     pub(crate) fn count(&self) -> usize {
-        self.pixels.len() + self.filed.len()
+        self.pixels.len()
     }
 
     /// The pixels that are stuck themselves: where colours are filled in, some of their neighbours stand out as well.
     pub(crate) fn places(&self) -> Vec<usize> {
-        let peaks = peaks(&self.pixels, self.width, 0.0);
-        let single = self.pixels.iter().map(|p| p.0).filter(|i| peaks.contains(i));
-        single.chain(self.filed.iter().copied()).collect()
+        let spots: Vec<_> = self.pixels.iter().filter_map(|p| Some((p.place, p.dn?))).collect();
+        let peaks = peaks(&spots, self.width, 0.0);
+        let own = |p: &&Stuck| p.dn.is_none() || peaks.contains(&p.place);
+        self.pixels.iter().filter(own).map(|p| p.place).collect()
     }
 
     /// Puts the stuck pixels into a simulated frame, but for those that a file has spread: they are simulated.
     pub(crate) fn put(&self, mean: &mut Plane<f32>) {
-        for (i, values) in &self.pixels {
-            mean.data[3 * i..3 * i + 3].copy_from_slice(values);
+        for (i, dn) in self.pixels.iter().filter_map(|p| Some((p.place, p.dn?))) {
+            mean.data[3 * i..3 * i + 3].copy_from_slice(&dn);
         }
     }
 
     /// `masks` with the stuck pixels and the neighbours that share their colour closed.
     pub(crate) fn close(&self, masks: &mut [Plane<f32>]) {
         for mask in masks {
-            self.pixels.iter().for_each(|(i, _)| mask.data[*i] = 0.0);
-            self.filed.iter().for_each(|i| mask.data[*i] = 0.0);
+            self.pixels.iter().for_each(|p| mask.data[p.place] = 0.0);
         }
     }
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::steps::{Steps, Told as Noise, most_likely};
 use super::tables::{BINS, Tables, bin_of};
-use crate::diagnose::dct::{AREA, Dct, SIDE, steps};
+use crate::diagnose::dct::{AREA, Dct, SIDE, luma_block, steps};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::settings::settings_of;
@@ -137,8 +137,8 @@ impl Shares {
 
 impl Blocks<'_> {
     fn block(&self, dct: &Dct, f: usize, [x0, y0]: [usize; 2], ahead: &Plane<f32>) -> Option<Block> {
-        let real = &self.evidence.frames[self.frames[f]].dn;
-        let (mut planes, mut color) = ([[0.0; AREA]; 2], [0.0f32; 3]);
+        let real: &Plane<f32> = &self.evidence.frames[self.frames[f]].dn;
+        let mut color = [0.0f32; 3];
         for i in 0..AREA {
             let at = (y0 + i / SIDE) * real.width + x0 + i % SIDE;
             let [r, m] = [real, ahead].map(|p| &p.data[3 * at..3 * at + 3]);
@@ -147,15 +147,13 @@ impl Blocks<'_> {
             if !self.flats[f][at] || !inside {
                 return None;
             }
-            planes[0][i] = m.iter().zip(LUMA).map(|(v, w)| v * w).sum();
-            planes[1][i] = r.iter().zip(LUMA).map(|(v, w)| v * w).sum();
             color.iter_mut().zip(m).for_each(|(sum, v)| *sum += v / AREA as f32);
         }
         let steep: [f32; 3] = std::array::from_fn(|c| LUMA[c] * self.tables.slopes[color[c] as usize][c]);
         let own2: f32 = steep.iter().map(|s| s * s).sum();
         let linear =
             (0..3).map(|c| steep[c] * steep[c] * self.tables.decode(color[c], c)).sum::<f32>() / own2;
-        let [simulated, seen] = planes.map(|p| dct.forward(&p));
+        let [simulated, seen] = [ahead, real].map(|p| dct.forward(&luma_block(p, [x0, y0])));
         let slopes = [own2.sqrt(), steep.iter().sum()];
         Some(Block { linear, dn: self.tone.dn_of(linear), slopes, simulated, seen })
     }
