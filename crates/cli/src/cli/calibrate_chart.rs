@@ -75,6 +75,14 @@ struct Together {
 }
 
 impl Together {
+    /// Takes the kind of a picture for that of all.
+    fn begin(&mut self, path: &Path) -> Result<()> {
+        let frame = Frame::read(path)?;
+        self.size = Some([frame.encoded.width, frame.encoded.height]);
+        (self.first, self.is_grey) = (path.to_owned(), frame.is_grey());
+        Ok(())
+    }
+
     /// Reads pictures one after another; all must be of the first one's size, and none a copy of another.
     fn each(&mut self, paths: &[PathBuf], mut take: impl FnMut(&Frame)) -> Result<()> {
         for path in paths {
@@ -103,20 +111,31 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     let out = args.common.open("calibrate flat", &[args.frames.clone(), args.dark.clone()].concat())?;
     let encoding: Encoding = args.common.encoding.into();
     let mut together = Together::default();
-    let mut sums: Option<FlatSums> = None;
-    together.each(&bright, |f| {
-        let new = || FlatSums::new(f.encoded.width, f.encoded.height, encoding);
-        sums.get_or_insert_with(new).add(&f.encoded, f.step);
-    })?;
-    let found = sums.expect("a picture at least").measure(&args.frames[0])?;
-    check_alike(&bright, &found)?;
+    together.begin(&bright[0])?;
     let mut offsets: Option<DarkSums> = None;
     together.each(&dark, |f| {
         offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
     })?;
+    let black = offsets.as_ref().map_or(0.0, DarkSums::lowest);
+    let mut sums: Option<FlatSums> = None;
+    together.each(&bright, |f| {
+        let new = || FlatSums::new(f.encoded.width, f.encoded.height, encoding, black);
+        sums.get_or_insert_with(new).add(&f.encoded, f.step);
+    })?;
+    let sums = sums.expect("a picture at least");
     let offsets = offsets.map(|d| d.measure(&args.dark[0])).transpose()?;
     if let Some(dark) = &offsets {
-        check_dark(&args.dark[0], dark, &found)?;
+        check_dark(&args.dark[0], dark, sums.level(), 0.0)?;
+    }
+    if let (Some((at, level)), true) = (sums.unlit(), bright.len() > 1) {
+        let found = format!("a mean of {level:.3} of white{}", beyond_black(offsets.as_ref()));
+        let expected = "a surface that is neither black nor white: 0.01 to 0.98";
+        return Err(Error::input(&bright[at], None, found, expected));
+    }
+    let found = sums.measure(&args.frames[0])?;
+    check_alike(&bright, &found)?;
+    if let Some(dark) = &offsets {
+        check_dark(&args.dark[0], dark, found.level, found.temporal)?;
     }
     let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
     out.start_together()?;
@@ -130,6 +149,9 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         );
     } else if falls_off {
         tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
+    }
+    if let Some(level) = offsets.as_ref().and_then(Dark::black_level) {
+        tables.push(("black_level", vec![("offset", level)]));
     }
     let dsnu = offsets.as_ref().and_then(|d| d.dsnu).filter(Measured::is_some).map(|d| ("dsnu", d.value));
     let prnu = found.prnu.is_some().then_some(("prnu", found.prnu.value));
@@ -145,6 +167,11 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
     out.appear()?;
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
+}
+
+/// Said of a level that is one beyond that of dark pictures.
+fn beyond_black(dark: Option<&Dark>) -> String {
+    dark.map_or_else(String::new, |d| format!(" beyond the {:.4} of the dark pictures", d.lowest))
 }
 
 /// Most pictures that an error names.
@@ -165,13 +192,15 @@ fn check_alike(paths: &[PathBuf], flat: &Flat) -> Result<()> {
     Err(Error::input(&paths[*first], None, found, expected))
 }
 
-/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel.
-fn check_dark(path: &Path, dark: &Dark, flat: &Flat) -> Result<()> {
-    if dark.level + dark.temporal.hypot(flat.temporal * flat.level) < flat.level {
+/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel. `level`: of the latter,
+/// beyond that of no light; `noise`: of one of them, of the level.
+fn check_dark(path: &Path, dark: &Dark, level: f64, noise: f64) -> Result<()> {
+    if dark.level - dark.lowest + dark.temporal.hypot(noise * level) < level {
         return Ok(());
     }
     let found = format!("pictures with a mean of {:.4} of white", dark.level);
-    let expected = format!("pictures with the cap on, darker than the {:.4} of the flat field", flat.level);
+    let expected =
+        format!("pictures with the cap on, darker than the {:.4} of the flat field", dark.lowest + level);
     Err(Error::input(path, None, found, expected))
 }
 
@@ -196,11 +225,12 @@ fn flat_text(
 ) -> String {
     let percent = |v: f64| format!("{:.3} %", 100.0 * v);
     let mut text = format!(
-        "{} of {}x{} px, mean {:.3} of white\n",
+        "{} of {}x{} px, mean {:.3} of white{}\n",
         counted(f.frames, "picture", "pictures"),
         f.size_px[0],
         f.size_px[1],
-        f.level
+        f.level,
+        beyond_black(dark)
     );
     let [a1, a2] = [&f.a1, &f.a2].map(|m| format!("{:.4} [{:.4}, {:.4}]", m.value, m.ci95[0], m.ci95[1]));
     let _ =
@@ -223,7 +253,11 @@ fn flat_text(
     };
     let _ =
         writeln!(text, "  the pattern of one half of the pictures beside the others': {}", said(&f.itself));
-    let _ = writeln!(text, "  pixels that are white in every picture: {}", f.stuck);
+    let _ = writeln!(
+        text,
+        "  pixels that are white in every picture: {}, black in every picture: {} (neither are in the pattern)",
+        f.stuck, f.dead
+    );
     if let Some(d) = dark {
         let dsnu = match d.dsnu {
             Some(Measured { value, ci95: [low, high] }) => format!("{value:.6} [{low:.6}, {high:.6}]"),
@@ -232,6 +266,12 @@ fn flat_text(
             }
         };
         let _ = writeln!(text, "  dark: mean {:.5}, offsets (DSNU) {dsnu}, {} hot pixels", d.level, d.hot);
+        let _ = writeln!(
+            text,
+            "    slow changes over the dark picture, which are not in the offsets: {:.6} rms (amplifier glow, or light \
+             that leaks in)",
+            d.uneven
+        );
     }
     if let Some(other) = other {
         let _ = writeln!(text, "  beside the given pattern: {}", said(other));

@@ -2,11 +2,16 @@
 
 use serde::Serialize;
 
-use super::flat::Measured;
+use super::flat::{AROUND_PX, Measured, box_mean};
 use super::frames::Encoding;
-use super::own::beyond;
+use super::own::{Z99, beyond};
 use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
+
+/// Pixels of a pixel's surroundings.
+const AROUND: f64 = ((2 * AROUND_PX + 1) * (2 * AROUND_PX + 1)) as f64;
+/// Share of the picture that is taken for where it is darkest.
+const DARKEST: f64 = 0.01;
 
 /// What dark pictures tell.
 #[derive(Clone, Debug, Serialize)]
@@ -15,20 +20,34 @@ pub struct Dark {
     pub frames: usize,
     /// Mean linear value, 1 = white.
     pub level: f64,
+    /// The same where it is lowest: a glow or a leak of light adds to it.
+    pub lowest: f64,
     /// Share of the values that are black: what lies below is cut off there.
     pub black: f64,
-    /// Standard deviation of the pixels' offsets, of full scale; none where black cuts them off.
+    /// Standard deviation of the pixels' offsets, of full scale, without what changes slowly over the picture and without
+    /// hot pixels; none where black cuts them off.
     pub dsnu: Option<Measured>,
     /// Noise of one picture, of full scale.
     pub temporal: f64,
-    /// Pixels that are brighter in every picture than chance and offsets make any.
+    /// What changes slowly: amplifier glow, or light that leaks in. Standard deviation, of full scale.
+    pub uneven: f64,
+    /// Pixels that are brighter in every picture than their surroundings, chance and offsets make any.
     pub hot: usize,
+}
+
+impl Dark {
+    /// What the sensor delivers without light, of full scale. Where black cuts off the half of the values it is not known,
+    /// and next to nothing.
+    pub fn black_level(&self) -> Option<f64> {
+        (self.black < 0.5 && self.lowest > 0.0).then_some(self.lowest)
+    }
 }
 
 /// Dark pictures that come one after another.
 #[derive(Clone, Debug)]
 pub struct DarkSums {
     encoding: Encoding,
+    size: [usize; 2],
     frames: usize,
     sums: Vec<f32>,
     least: Vec<f32>,
@@ -39,7 +58,15 @@ pub struct DarkSums {
 impl DarkSums {
     /// Of none.
     pub fn new(encoding: Encoding) -> Self {
-        Self { encoding, frames: 0, sums: Vec::new(), least: Vec::new(), squares: 0.0, black: 0 }
+        Self {
+            encoding,
+            size: [0; 2],
+            frames: 0,
+            sums: Vec::new(),
+            least: Vec::new(),
+            squares: 0.0,
+            black: 0,
+        }
     }
 
     /// Adds a picture of encoded values, of the same size as those before.
@@ -49,6 +76,7 @@ impl DarkSums {
         self.black += encoded.data.iter().filter(|v| **v <= 0.0).count() / encoded.channels.max(1);
         let values: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
         if self.frames == 0 {
+            self.size = [encoded.width, encoded.height];
             (self.sums, self.least) = (vec![0.0; values.len()], vec![f32::INFINITY; values.len()]);
         }
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
@@ -59,6 +87,19 @@ impl DarkSums {
             *least = least.min(*v);
         }
         self.frames += 1;
+    }
+
+    /// Mean linear value.
+    fn level(&self) -> f64 {
+        self.sums.iter().map(|v| f64::from(*v)).sum::<f64>() / (self.sums.len() * self.frames).max(1) as f64
+    }
+
+    /// The same where the pictures are darkest: amplifier glow and light that leaks in add to it.
+    pub fn lowest(&self) -> f64 {
+        let (own, lowest) = self.own();
+        let of_own = own.iter().map(|v| f64::from(v * v)).sum::<f64>() / own.len().max(1) as f64;
+        // As far as chance alone puts the darkest of even surroundings below their mean.
+        self.level().min(lowest + Z99 * (of_own / AROUND).sqrt())
     }
 
     /// What they tell.
@@ -72,35 +113,69 @@ impl DarkSums {
             return Err(Error::input(path, None, found, "two or more: noise and offsets look alike in one"));
         }
         let pixels = self.sums.len() as f64;
-        let level = self.sums.iter().map(|v| f64::from(*v)).sum::<f64>() / pixels / n;
+        let level = self.level();
         let of_sum = self.sums.iter().map(|v| (f64::from(*v) - n * level).powi(2)).sum::<f64>() / pixels;
         // The covariance of two different pictures: noise has no part in it.
-        let variance = (of_sum - self.squares) / (n * (n - 1.0));
-        let spread = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        let same = (of_sum - self.squares) / (n * (n - 1.0));
+        let noise = (self.squares / n - same).max(0.0).sqrt();
+        let own = self.own().0;
+        let hot = self.hot(&own, noise);
+        // What a pixel is beside its surroundings, of which it is a part.
+        let kept = 1.0 - 1.0 / AROUND;
+        let cold = own.iter().zip(&hot).filter(|(_, hot)| !**hot).map(|(v, _)| f64::from(*v).powi(2));
+        let of_own = cold.sum::<f64>() / pixels / kept;
+        let variance = of_own - noise * noise / n;
+        let spread = of_own * (2.0 / pixels).sqrt() * n / (n - 1.0);
         let dsnu = variance.max(0.0).sqrt();
         let half = 1.96 * if dsnu > 0.0 { spread / (2.0 * dsnu) } else { spread.sqrt() };
-        // A pixel's darkest value lies above this in less than one of a hundred pictures of this many normal pixels.
-        // The spread is that of the middle half, which hot pixels do not widen.
-        let mut means: Vec<f32> = self.sums.iter().map(|v| v / n as f32).collect();
-        let at = |means: &mut Vec<f32>, share: f64| {
-            let i = ((means.len() - 1) as f64 * share) as usize;
-            f64::from(*means.select_nth_unstable_by(i, f32::total_cmp).1)
-        };
-        let [low, middle, high] = [0.25, 0.5, 0.75].map(|s| at(&mut means, s));
-        let noise = (self.squares / n - variance).max(0.0).sqrt();
-        let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
-        let limit = middle + beyond(0.01 / pixels) * spread;
-        let hot = self.least.iter().filter(|v| f64::from(**v) > limit).count();
         let black = self.black as f64 / (pixels * n);
         Ok(Dark {
             frames: self.frames,
             level,
+            lowest: self.lowest(),
             black,
             dsnu: (!is_cut_off(black, dsnu, half))
                 .then_some(Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] }),
             temporal: noise,
-            hot,
+            uneven: (same - own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / pixels / kept
+                + noise * noise / n)
+                .max(0.0)
+                .sqrt(),
+            hot: hot.iter().filter(|hot| **hot).count(),
         })
+    }
+}
+
+impl DarkSums {
+    /// The mean of each pixel less that around it, and the latter where the picture is darkest.
+    fn own(&self) -> (Vec<f32>, f64) {
+        let [width, height] = self.size;
+        let n = self.frames as f32;
+        let means = self.sums.iter().map(|v| v / n).collect();
+        let mean = Plane { width, height, channels: 1, data: means };
+        let around = box_mean(&mean, AROUND_PX);
+        let own = mean.data.iter().zip(&around.data).map(|(v, a)| v - a).collect();
+        let mut around = around.data;
+        let place = (DARKEST * around.len().saturating_sub(1) as f64) as usize;
+        let lowest = around.select_nth_unstable_by(place, f32::total_cmp).1;
+        (own, f64::from(*lowest))
+    }
+
+    /// Which pixels are hot. A pixel's darkest value lies above this in less than one of a hundred pictures of this many
+    /// normal pixels. The spread is that of the middle half, which hot pixels do not widen.
+    fn hot(&self, own: &[f32], noise: f64) -> Vec<bool> {
+        let n = self.frames as f64;
+        let mut sorted = own.to_vec();
+        let mut at = |share: f64| {
+            let i = ((sorted.len() - 1) as f64 * share) as usize;
+            f64::from(*sorted.select_nth_unstable_by(i, f32::total_cmp).1)
+        };
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(&mut at);
+        let spread = ((high - low) / 1.349).max(noise / n.sqrt()).max(1e-9);
+        let limit = middle + beyond(0.01 / own.len() as f64) * spread;
+        // Of the darkest picture, beside what is around the pixel in the mean of all.
+        let least = self.least.iter().zip(&self.sums).zip(own);
+        least.map(|((least, sum), own)| f64::from(*least - sum / n as f32 + own) > limit).collect()
     }
 }
 
@@ -127,18 +202,22 @@ mod tests {
         };
         let (w, h) = (200, 160);
         let offsets: Vec<f32> = (0..w * h).map(|_| 0.004 * normal()).collect();
-        let measured = |hot: usize, offset: f32, normal: &mut dyn FnMut() -> f32| {
+        let lit = |hot: usize, offset: f32, glow: f32, normal: &mut dyn FnMut() -> f32| {
             let mut sums = DarkSums::new(Encoding::Linear);
             for _ in 0..8 {
                 let picture = Plane::from_fn(w, h, |x, y| {
                     let i = y * w + x;
                     let warm = if i % 97 == 5 && i / 97 < hot { 0.2 } else { 0.0 };
-                    [0.05 + offset * offsets[i] + warm + 0.01 * normal()]
+                    // An amplifier beside a corner.
+                    let near = ((x * x + y * y) as f32 / 3000.0).min(20.0);
+                    [0.05 + offset * offsets[i] + warm + glow * (-near).exp() + 0.01 * normal()]
                 });
                 sums.add(&picture);
             }
             sums.measure(std::path::Path::new("dark")).expect("dark")
         };
+        let measured =
+            |hot: usize, offset: f32, normal: &mut dyn FnMut() -> f32| lit(hot, offset, 0.0, normal);
         let found = measured(7, 1.0, &mut normal);
         assert_eq!(found.hot, 7);
         let none = measured(0, 1.0, &mut normal);
@@ -147,5 +226,10 @@ mod tests {
         assert!((none.temporal / 0.01 - 1.0).abs() < 0.02 && none.hot == 0, "{none:?}");
         // Control: without offsets there are none.
         assert!(dsnu(&measured(0, 0.0, &mut normal)) < 0.0007);
+        assert!(dsnu(&found) < 0.0042, "hot pixels have no part in it: {:?}", found.dsnu);
+        let glows = lit(0, 1.0, 0.05, &mut normal);
+        assert!((dsnu(&glows) / 0.004 - 1.0).abs() < 0.03 && glows.hot == 0, "{glows:?}");
+        assert!((glows.lowest - 0.05).abs() < 4e-4 && glows.level > 0.0505, "{glows:?}");
+        assert!(glows.uneven > 0.005 && none.uneven < 0.0005, "{} {}", glows.uneven, none.uneven);
     }
 }

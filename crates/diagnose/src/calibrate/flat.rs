@@ -17,9 +17,11 @@ use shutterbug::error::{Error, Result};
 use shutterbug::plane::Plane;
 
 /// Half a side of the square over which the surface's own brightness is taken, px.
-const AROUND_PX: usize = 16;
+pub(super) const AROUND_PX: usize = 16;
 /// Side of the blocks whose means fall-off is fitted to, px.
 const BLOCK_PX: usize = 32;
+/// Mean linear values of pictures of a lit surface.
+const LEVELS: std::ops::RangeInclusive<f64> = 0.01..=0.98;
 /// Shifts by which a pattern is compared with another that it has nothing to do with.
 const SHIFTS: usize = 64;
 
@@ -59,7 +61,7 @@ pub struct Flat {
     pub frames: usize,
     /// Columns and rows, px.
     pub size_px: [usize; 2],
-    /// Mean linear value, 1 = white.
+    /// Mean linear value beyond that of no light, 1 = white.
     pub level: f64,
     /// Fall-off: L (1 + a1 q + a2 q^2), q = squared distance from the middle over the squared half diagonal.
     pub a1: Measured,
@@ -81,8 +83,10 @@ pub struct Flat {
     pub bands: Option<Bands>,
     /// The pattern of half of the pictures beside that of the others.
     pub itself: Likeness,
-    /// Pixels that are white in every picture.
+    /// Pixels that are white in every picture, unlike their neighbours. They have no part in the pattern's figures.
     pub stuck: usize,
+    /// Pixels that are black in every picture, and have no part in them either.
+    pub dead: usize,
     /// Pictures that have another pattern than the rest.
     #[serde(skip)]
     pub odd: Option<Odd>,
@@ -95,35 +99,39 @@ pub struct Flat {
 #[derive(Clone, Debug)]
 pub struct FlatSums {
     encoding: Encoding,
+    /// Mean linear value of no light.
+    black: f64,
     size: [usize; 2],
     rounding: Rounding,
     levels: Vec<f64>,
     /// Sum of the patterns of even and of odd pictures.
     halves: [Plane<f32>; 2],
-    /// Mean square of each picture's pattern.
-    squares: Vec<f64>,
-    /// Sum of block means over the level.
+    /// Sum over the pictures of the squares of their patterns.
+    squares: Plane<f32>,
+    /// Sum of block means: dark pictures tell less.
     blocks: Vec<f64>,
     lines: Lines,
     patterns: Patterns,
-    white: Vec<u16>,
+    /// In how many pictures each pixel is white, and in how many black, unlike its neighbours.
+    ends: Vec<[u16; 2]>,
 }
 
 impl FlatSums {
-    /// For pictures of one size.
-    pub fn new(width: usize, height: usize, encoding: Encoding) -> Self {
+    /// For pictures of one size; `black`: the mean linear value of pictures with the cap on.
+    pub fn new(width: usize, height: usize, encoding: Encoding, black: f64) -> Self {
         let (across, down) = (width / BLOCK_PX, height / BLOCK_PX);
         Self {
             encoding,
+            black,
             size: [width, height],
             rounding: Rounding::default(),
             levels: Vec::new(),
             halves: [Plane::new(width, height, 1), Plane::new(width, height, 1)],
-            squares: Vec::new(),
+            squares: Plane::new(width, height, 1),
             blocks: vec![0.0; across * down],
             lines: Lines::default(),
             patterns: Patterns::default(),
-            white: vec![0; width * height],
+            ends: vec![[0; 2]; width * height],
         }
     }
 
@@ -132,29 +140,45 @@ impl FlatSums {
         self.rounding.add(encoded, step);
         let [w, h] = self.size;
         let n = encoded.channels as f32;
-        let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n;
-        let data: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
-        let light = Plane { width: w, height: h, channels: 1, data };
-        for (count, p) in self.white.iter_mut().zip(encoded.data.chunks_exact(encoded.channels)) {
-            *count += u16::from(p.iter().all(|v| *v >= 1.0 - 0.5 * step));
+        let black = self.black as f32;
+        let light = |p: &[f32]| p.iter().map(|v| self.encoding.decode(*v)).sum::<f32>() / n - black;
+        let mut data: Vec<f32> = encoded.data.chunks_exact(encoded.channels).map(light).collect();
+        let end = |p: &[f32]| [p.iter().all(|v| *v >= 1.0 - 0.5 * step), p.iter().all(|v| *v <= 0.5 * step)];
+        let ends: Vec<[bool; 2]> = encoded.data.chunks_exact(encoded.channels).map(end).collect();
+        let ends = alone(&ends, w);
+        let level = level_of(&mut data, &ends);
+        for (count, end) in self.ends.iter_mut().zip(&ends) {
+            (0..2).for_each(|k| count[k] += u16::from(end[k]));
         }
-        let level = light.data.iter().map(|v| f64::from(*v)).sum::<f64>() / (w * h) as f64;
+        let light = Plane { width: w, height: h, channels: 1, data };
         for (k, sum) in self.blocks.iter_mut().enumerate() {
             let across = w / BLOCK_PX;
             let (x0, y0) = (k % across * BLOCK_PX, k / across * BLOCK_PX);
             let rows = (y0..y0 + BLOCK_PX).flat_map(|y| &light.data[y * w + x0..y * w + x0 + BLOCK_PX]);
-            *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64 / level.max(1e-9);
+            *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64;
         }
         self.lines.add(&light, level);
         let mut own = box_mean(&light, AROUND_PX);
         own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
+        own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
         // Of each picture: bands of a lamp that flickers are others in the next one.
         clean(&mut own);
-        self.squares.push(mean_square(&own));
+        self.squares.data.iter_mut().zip(&own.data).for_each(|(to, v)| *to += v * v);
         self.patterns.add(&own, level);
         let half = &mut self.halves[self.levels.len() % 2];
         half.data.iter_mut().zip(&own.data).for_each(|(to, v)| *to += v);
         self.levels.push(level);
+    }
+
+    /// Mean linear value of all pictures beyond that of no light.
+    pub fn level(&self) -> f64 {
+        self.levels.iter().sum::<f64>() / self.levels.len().max(1) as f64
+    }
+
+    /// The first picture that shows no light or nothing but white, and its mean linear value.
+    pub fn unlit(&self) -> Option<(usize, f64)> {
+        let dark = |(_, level): &(usize, f64)| !LEVELS.contains(level);
+        self.levels.iter().copied().enumerate().find(dark)
     }
 
     /// Whether they can tell anything; `level`: their mean.
@@ -167,13 +191,13 @@ impl FlatSums {
                 "two or more of one flat field: noise and pattern look alike in one",
             );
         }
-        if !(0.01..=0.98).contains(&level) {
+        if !LEVELS.contains(&level) {
             return refuse(
                 format!("a mean of {level:.3} of white"),
                 "a surface that is neither black nor white: 0.01 to 0.98",
             );
         }
-        if self.squares.iter().all(|s| *s == 0.0) {
+        if self.squares.data.iter().all(|s| *s == 0.0) {
             return refuse("pictures without any noise".to_owned(), "pictures as a sensor takes them");
         }
         if self.blocks.len() < 16 {
@@ -189,18 +213,26 @@ impl FlatSums {
     pub fn measure(self, path: &std::path::Path) -> Result<Flat> {
         let frames = self.levels.len();
         let n = frames as f64;
-        let level = self.levels.iter().sum::<f64>() / n.max(1.0);
+        let level = self.level();
         self.check(level, path)?;
-        let rounding = self.rounding.most() / (self.encoding.slope(level) * level);
-        let shape = self.shape(n, rounding);
+        let rounding = self.rounding.most() / (self.encoding.slope(level + self.black) * level);
+        let shape = self.shape(n * level, rounding);
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
-        let pixels = sum.data.len() as f64;
+        let [stuck, dead] =
+            [0, 1].map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames).count());
+        let pixels = (sum.data.len() - stuck - dead) as f64;
+        // Over the pixels that see light.
+        let over = |value: &dyn Fn(usize) -> f32| {
+            let alive =
+                self.ends.iter().enumerate().filter(|(_, c)| c.iter().all(|c| usize::from(*c) < frames));
+            alive.map(|(i, _)| f64::from(value(i))).sum::<f64>() / pixels.max(1.0)
+        };
         // Cleaning took so many means of each picture.
         let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
-        let of_sum = mean_square(&sum) / kept;
-        let of_each: f64 = self.squares.iter().sum::<f64>() / kept;
+        let of_sum = over(&|i| sum.data[i] * sum.data[i]) / kept;
+        let of_each = over(&|i| self.squares.data[i]) / kept;
         // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
         let variance = (of_sum - of_each) / (n * (n - 1.0));
         let chance = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
@@ -209,7 +241,6 @@ impl FlatSums {
         let prnu = variance.max(0.0).sqrt();
         let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
         let temporal = (of_each / n - variance).max(0.0).sqrt();
-        let stuck = self.white.iter().filter(|c| usize::from(**c) == frames).count();
         let halves = self.halves;
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
@@ -236,14 +267,15 @@ impl FlatSums {
             bands: self.lines.bands(),
             itself,
             stuck,
+            dead,
             odd: self.patterns.odd(),
             pattern: sum,
         })
     }
 
     /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
-    /// one. `rounding`: the most that each block may be off by, of the level.
-    fn shape(&self, frames: f64, rounding: f64) -> [[f64; 2]; 5] {
+    /// one. `levels`: the sum of the pictures' levels. `rounding`: the most that each block may be off by, of the level.
+    fn shape(&self, levels: f64, rounding: f64) -> [[f64; 2]; 5] {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;
         let half = 0.5 * w.hypot(h);
@@ -257,7 +289,7 @@ impl FlatSums {
             [1.0, q, q * q, x * fall, y * fall]
         };
         let rows = self.blocks.len();
-        let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / frames));
+        let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / levels));
         let solved = |known: [f64; 2]| {
             let a = DMatrix::from_fn(rows, 5, |k, c| columns(k, known)[c]);
             let solver = (a.transpose() * &a).try_inverse()? * a.transpose();
@@ -278,6 +310,35 @@ impl FlatSums {
         let uneven = (left / rows as f64).sqrt() / x[0];
         [by(1), by(2), [corner, 0.0], [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
     }
+}
+
+/// Which white and black pixels have no such neighbour: what is white or black around them too is what the picture shows.
+fn alone(ends: &[[bool; 2]], width: usize) -> Vec<[bool; 2]> {
+    let beside = |i: usize| {
+        let x = i % width;
+        let across = [(x > 0).then(|| i - 1), (x + 1 < width).then_some(i + 1)];
+        across
+            .into_iter()
+            .chain([i.checked_sub(width), Some(i + width)])
+            .flatten()
+            .filter_map(|j| ends.get(j))
+    };
+    let of = |(i, own): (usize, &[bool; 2])| [0, 1].map(|k| own[k] && !beside(i).any(|other| other[k]));
+    ends.iter().enumerate().map(of).collect()
+}
+
+/// Whether a pixel is white or black.
+fn is_end(end: &[bool; 2]) -> bool {
+    end[0] || end[1]
+}
+
+/// Mean of a picture, which takes the place of stuck pixels: they say nothing of light and gains.
+fn level_of(light: &mut [f32], ends: &[[bool; 2]]) -> f64 {
+    let inside = light.iter().zip(ends).filter(|(_, end)| !is_end(end));
+    let (sum, n) = inside.fold((0.0, 0usize), |(sum, n), (v, _)| (sum + f64::from(*v), n + 1));
+    let level = sum / n.max(1) as f64;
+    light.iter_mut().zip(ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = level as f32);
+    level
 }
 
 /// Means over squares of `2 radius + 1` px, cut off at the border.
@@ -377,7 +438,7 @@ mod tests {
         let (w, h) = (320, 256);
         let mut dice = Dice(seed);
         let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + prnu * dice.normal()).collect();
-        let mut sums = FlatSums::new(w, h, Encoding::Linear);
+        let mut sums = FlatSums::new(w, h, Encoding::Linear, 0.0);
         for frame in 0..frames {
             let mut dice = Dice((seed << 32) + (frame << 16));
             let half = 0.5 * (w as f32).hypot(h as f32);
@@ -397,7 +458,7 @@ mod tests {
         let (w, h) = (320, 256);
         let flat = |step: f32, noise: f32| {
             let mut dice = Dice(5);
-            let mut sums = FlatSums::new(w, h, Encoding::Linear);
+            let mut sums = FlatSums::new(w, h, Encoding::Linear, 0.0);
             for _ in 0..4 {
                 let picture = Plane::from_fn(w, h, |x, y| {
                     let (dx, dy) = ((x as f32 - 159.5) / 205.0, (y as f32 - 127.5) / 205.0);
@@ -442,13 +503,46 @@ mod tests {
         );
     }
 
+    #[test]
+    fn stuck_pixels_and_a_black_level_have_no_part_in_the_pattern() {
+        let (w, h, prnu) = (320, 240, 0.006);
+        let mut dice = Dice(11);
+        let gains: Vec<f32> = (0..w * h).map(|_| 1.0 + prnu * dice.normal()).collect();
+        let measured = |stuck: &dyn Fn(usize) -> Option<f32>, pedestal: f32, black: f64| {
+            let mut sums = FlatSums::new(w, h, Encoding::Linear, black);
+            for frame in 0..4 {
+                let mut dice = Dice(7 + (frame << 16));
+                let picture = Plane::from_fn(w, h, |x, y| {
+                    let (dx, dy) = ((x as f32 - 159.5) / 200.0, (y as f32 - 119.5) / 200.0);
+                    let light = 0.5 * (1.0 - 0.3 * (dx * dx + dy * dy)) * gains[y * w + x];
+                    let seen = pedestal + (1.0 - pedestal) * light + 0.005 * dice.normal();
+                    [stuck(y * w + x).unwrap_or(seen)]
+                });
+                sums.add(&picture, 1.0 / 1023.0);
+            }
+            sums.measure(std::path::Path::new("flat")).expect("a flat field")
+        };
+        let plain = measured(&|_| None, 0.0, 0.0);
+        let holds = |m: &Measured, true_value: f64| m.ci95[0] <= true_value && true_value <= m.ci95[1];
+        for end in [0.0, 1.0] {
+            let stuck = measured(&|i| (i % 2557 == 100).then_some(end), 0.0, 0.0);
+            let found = [stuck.stuck, stuck.dead];
+            assert_eq!(found, if end > 0.0 { [30, 0] } else { [0, 30] });
+            assert!((stuck.prnu.value / plain.prnu.value - 1.0).abs() < 0.01, "{end}: {:?}", stuck.prnu);
+        }
+        let raised = measured(&|_| None, 0.06, 0.06);
+        assert!(holds(&raised.a1, -0.3) && holds(&raised.prnu, f64::from(prnu)), "{raised:?}");
+        let taken_for_light = measured(&|_| None, 0.06, 0.0);
+        assert!(!holds(&taken_for_light.a1, -0.3), "control: {:?}", taken_for_light.a1);
+    }
+
     /// Copies of a photograph with noise, photographs by a camera that moves, and a sensor's pattern behind a
     /// compression that leaves the means of its blocks.
     #[test]
     fn a_scene_is_no_flat_field() {
         let (w, h) = (320, 256);
         let measured = |at: &dyn Fn(usize, usize, usize) -> f32| {
-            let mut sums = FlatSums::new(w, h, Encoding::Linear);
+            let mut sums = FlatSums::new(w, h, Encoding::Linear, 0.0);
             for frame in 0..4 {
                 let mut dice = Dice(99 + (frame << 16) as u64);
                 let picture = Plane::from_fn(w, h, |x, y| [at(x, y, frame) + 0.005 * dice.normal()]);

@@ -11,6 +11,7 @@ use std::f64::consts::{LN_2, TAU};
 use serde::Serialize;
 
 use super::frames::Encoding;
+use super::own::Z99;
 use super::slopes::{self, Slopes};
 use super::wave;
 use shutterbug::plane::Plane;
@@ -32,6 +33,8 @@ const AROUND: usize = 24;
 const OWN: usize = 3;
 /// Least share of the strongest line's power that a lower harmonic has: below, it is what the window lets through.
 const LEAST_SHARE: f64 = 1e-3;
+/// How well the top of a line is known, natural steps: what its window and other lines bend it by.
+const SAME_PLACE: f64 = 0.05;
 /// Harmonics of the light of which the strongest line may be one.
 const MOST_HARMONICS: usize = 4;
 
@@ -267,6 +270,15 @@ impl Spectrum {
         self.surroundings((frequency / self.step).round() as usize)
     }
 
+    /// Where a line of the spectrum has its top, natural steps: that of a parabola through the logarithms of the power
+    /// beside its place. None where it goes on rising.
+    fn top(&self, at: usize) -> Option<f64> {
+        let [a, b, c] =
+            [at.checked_sub(1)?, at, at + 1].map(|i| self.power.get(i).map_or(f64::INFINITY, |p| p.ln()));
+        let bend = a - 2.0 * b + c;
+        (b >= a && b >= c && bend < 0.0).then(|| (at as f64 + 0.5 * (a - c) / bend) / OVERSAMPLED as f64)
+    }
+
     /// Frequency of the light's first harmonic that stands out, cycles a line.
     fn fundamental(&self, threshold: f64) -> Option<f64> {
         let stands_out = |at: usize| {
@@ -276,11 +288,20 @@ impl Spectrum {
             (self.over_surroundings(best) > threshold).then_some(best)
         };
         let strong = |at: &usize, strongest: usize| self.power[*at] > LEAST_SHARE * self.power[strongest];
+        // Another lamp's ripple, or what leaks from a slope, is no part of the light: it has a frequency of its own.
+        let parts_of = |at: usize, strongest: usize, k: usize| {
+            let [own, whole] = [at, strongest].map(|at| self.top(at));
+            // Cramer and Rao's bound of the place, of a line so far above its noise.
+            let chance = (6.0 / self.over_surroundings(at)).sqrt() / TAU;
+            own.zip(whole)
+                .is_some_and(|(own, whole)| (own - whole / k as f64).abs() < SAME_PLACE + Z99 * chance)
+        };
         let over = (self.lowest()..self.power.len()).filter(|i| self.over_surroundings(*i) > threshold);
         let strongest = over.max_by(|a, b| self.power[*a].total_cmp(&self.power[*b]))?;
         let parts = (2..=MOST_HARMONICS).rev().filter_map(|k| {
             let at = (strongest as f64 / k as f64).round() as usize;
-            (at >= self.lowest()).then(|| stands_out(at)).flatten().filter(|at| strong(at, strongest))
+            let found = (at >= self.lowest()).then(|| stands_out(at)).flatten();
+            found.filter(|at| strong(at, strongest) && parts_of(*at, strongest, k))
         });
         let lowest = parts.min().unwrap_or(strongest);
         debug_assert!(self.lines > 0);
@@ -371,6 +392,22 @@ mod tests {
         let spectrum = Spectrum::of(&mean_of(&parts));
         let wave = spectrum.fundamental((240.0 / ALPHA).ln()).expect("a line of the spectrum");
         assert!(in_phase(&parts, wave), "control");
+    }
+
+    #[test]
+    fn the_ripple_of_another_lamp_is_not_taken_for_the_lights_own_period() {
+        let plain = photograph([320, 480], 0.02 / 480.0 * 500.0, 0.4, 0.5, 0.02, false);
+        for (hz, depth) in [(100.0, 0.1), (120.0, 0.05), (120.0, 0.2), (175.0, 0.1)] {
+            let ripple = |y: usize| 1.0 + depth * (TAU * hz * 0.02 * y as f64 / 480.0 + 0.7).sin() as f32;
+            let both = Plane::from_fn(320, 480, |x, y| [plain.pixel(x, y)[0] * ripple(y); 3]);
+            let found = find_stripes(&[both], Encoding::Linear, 500.0);
+            let readout = found.readout.clone().unwrap_or_else(|| panic!("{hz} {depth}: {found:?}"));
+            assert!((readout.readout_time_s / 0.02 - 1.0).abs() < 0.01, "{hz} {depth}: {readout:?}");
+        }
+        // Control: where the exposure hides most of the first harmonic, the period is still the light's.
+        let second = photograph([320, 480], 0.02 / 480.0 * 500.0, 0.95, 0.25, 0.02, false);
+        let found = find_stripes(&[second], Encoding::Linear, 500.0).readout.expect("stripes");
+        assert!((found.readout_time_s / 0.02 - 1.0).abs() < 0.01, "{found:?}");
     }
 
     #[test]
