@@ -11,6 +11,7 @@ mod fourth;
 mod leftovers;
 mod messages;
 mod mutations;
+mod ninth;
 mod output;
 mod reading;
 mod seventh;

@@ -13,6 +13,7 @@ pub(super) mod fits;
 pub(super) mod found;
 pub(super) mod levels;
 pub(super) mod objects;
+pub(super) mod odd;
 pub(super) mod paint;
 pub(super) mod pairs;
 pub(super) mod question;

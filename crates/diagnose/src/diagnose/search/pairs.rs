@@ -1,6 +1,7 @@
 //! Whether pixels of the real frames share their colour, told from the frames alone: where colour is stored at half the
 //! resolution, neighbours of a pair differ in brightness only, whatever the picture shows and however noisy it was
-//! before. Compression behind it spreads what a pair shares; nothing is told then.
+//! before. Compression behind it spreads what a pair shares; nothing is told then. Pairs that share their brightness as
+//! well are a picture that was enlarged.
 
 use crate::diagnose::evidence::{Evidence, spread_out};
 use shutterbug::plane::Plane;
@@ -21,10 +22,15 @@ pub(crate) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     let some = spread_out(frames, FRAMES);
     let shared = |down: bool| {
         let sums = some.iter().map(|&at| differences(&evidence.frames[at].dn, down));
-        let [within, between, count] = sums.fold([0.0; 3], |a, s| [0, 1, 2].map(|i| a[i] + s[i]));
-        let (within, between) = (within / count.max(1.0), between / count.max(1.0));
-        tracing::debug!("colour within pairs {within:.3}, between them {between:.3} (down: {down})");
-        between > LEAST_DN && within < ROUNDING_DN.min(0.5 * between) + WITHIN * between
+        let sums = sums.fold(Sums::default(), |a, s| std::array::from_fn(|i| a[i] + s[i]));
+        let [color, brightness] = [&sums[..2], &sums[2..4]].map(|s| [0, 1].map(|k| s[k] / sums[4].max(1.0)));
+        tracing::debug!(
+            "within pairs and between them: colour {color:?}, brightness {brightness:?} (down: {down})"
+        );
+        let share = |[within, between]: [f64; 2]| {
+            between > LEAST_DN && within < ROUNDING_DN.min(0.5 * between) + WITHIN * between
+        };
+        share(color) && !share(brightness)
     };
     match (shared(false), shared(true)) {
         (true, true) => Some(1),
@@ -33,11 +39,14 @@ pub(crate) fn scheme(evidence: &Evidence, frames: &[usize]) -> Option<u8> {
     }
 }
 
-/// Sums of the differences of colour within pairs and between them, along rows or down columns, and their number.
-fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
+/// Sums of the differences of colour within pairs and between them, of those of brightness, and their number.
+type Sums = [f64; 5];
+
+/// The sums along rows or down columns.
+fn differences(dn: &Plane<f32>, down: bool) -> Sums {
     let step = if down { [0, 1] } else { [1, 0] };
     let (w, h) = (dn.width - 2 * step[0], dn.height - 2 * step[1]);
-    let mut sums = [0.0; 3];
+    let mut sums = Sums::default();
     for y in (0..h).step_by(1 + step[1]) {
         for x in (0..w).step_by(1 + step[0]) {
             let pixel = |k: usize| dn.pixel(x + k * step[0], y + k * step[1]);
@@ -49,8 +58,12 @@ fn differences(dn: &Plane<f32>, down: bool) -> [f64; 3] {
             for c in 0..2 {
                 sums[0] += f64::from((two[c] - one[c]).abs());
                 sums[1] += f64::from((three[c] - two[c]).abs());
-                sums[2] += 1.0;
+                sums[4] += 1.0;
             }
+            let [one, two, three] = [0, 1, 2].map(|k| luma(pixel(k)));
+            // One for two colours.
+            sums[2] += 2.0 * f64::from((two - one).abs());
+            sums[3] += 2.0 * f64::from((three - two).abs());
         }
     }
     sums
@@ -81,6 +94,16 @@ mod tests {
     fn told(plane: &Plane<f32>) -> Option<u8> {
         let rounded = Plane { data: plane.data.iter().map(|v| v.round()).collect(), ..plane.clone() };
         scheme(&Evidence::of_one(rounded), &[0])
+    }
+
+    #[test]
+    fn a_picture_that_was_enlarged_shares_no_colour_alone() {
+        for sigma in [0.0, 6.0] {
+            let small = picture(sigma);
+            let large = Plane::from_fn(64, 48, |x, y| [0, 1, 2].map(|c| small.pixel(x / 2, y / 2)[c]));
+            assert_eq!(told(&large), None, "noise of {sigma} DN");
+            assert_eq!(told(&sharing(&large, 2)), None, "noise of {sigma} DN");
+        }
     }
 
     #[test]

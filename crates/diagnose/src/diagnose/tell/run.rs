@@ -268,7 +268,8 @@ fn reported(
     if let Some(objects) = objects {
         say_objects(&mut report, objects);
     }
-    setup_checks::begin(&mut report, set_up, evidence, found);
+    let odd = in_time(search.odd_frames(found))?;
+    setup_checks::begin(&mut report, set_up, evidence, (found, odd));
     report.warnings.extend(crate::diagnose::expect::light::said(&search.forward.light));
     if given.pair.is_none() {
         report.warnings.extend(not_simulated(given.capture));

@@ -22,6 +22,8 @@ mod own;
 mod simulated;
 mod unnamed;
 
+use std::collections::HashSet;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -43,6 +45,7 @@ use fingerprint::{Fingerprint, apart, distance};
 use marks::BINS;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result, counted};
+use shutterbug::files::Limit;
 use shutterbug::plane::{Plane, read_rgb8};
 use simulated::Simulated;
 
@@ -62,13 +65,52 @@ struct Folder {
     size: [u32; 2],
     fit: Vec<usize>,
     held: Vec<usize>,
+    /// Pictures that are copies of others. They are left out where enough remain.
+    copies: usize,
 }
 
 impl Folder {
     /// # Errors
     /// Too few pictures.
     fn list(path: &Path) -> Result<Self> {
+        Self::of(path, pictures(path)?, 0)
+    }
+
+    /// Of real frames, without copies of others.
+    ///
+    /// # Errors
+    /// Too few pictures.
+    fn list_real(path: &Path) -> Result<Self> {
         let all = pictures(path)?;
+        let mut seen = HashSet::new();
+        let mut kept = Vec::new();
+        for name in &all {
+            let mut hasher = DefaultHasher::new();
+            shutterbug::files::read(&path.join(name), Limit::PICTURE)?.hash(&mut hasher);
+            if seen.insert(hasher.finish()) {
+                kept.push(name.clone());
+            }
+        }
+        let copies = all.len() - kept.len();
+        Self::of(path, if kept.len() < FEWEST_FRAMES { all } else { kept }, copies)
+    }
+
+    /// In copies of one frame noise stays where it is, as a sensor's pattern does.
+    ///
+    /// # Errors
+    /// Too few pictures that differ.
+    fn check_copies(&self, path: &Path) -> Result<()> {
+        let differ = self.names.len().saturating_sub(self.copies);
+        if self.copies == 0 || differ >= FEWEST_FRAMES {
+            return Ok(());
+        }
+        let differ = counted(differ, "picture that differs", "pictures that differ");
+        let found = format!("{differ} from the others among {}", self.names.len());
+        let expected = format!("at least {FEWEST_FRAMES}: in copies of a frame noise looks like a pattern");
+        Err(Error::input(path, None, found, expected))
+    }
+
+    fn of(path: &Path, all: Vec<String>, copies: usize) -> Result<Self> {
         one_a_name(path, &all)?;
         if all.len() < FEWEST_FRAMES {
             let found = counted(all.len(), "picture", "pictures");
@@ -85,7 +127,7 @@ impl Folder {
         let count = all.len().min(most);
         let names: Vec<String> = (0..count).map(|i| all[i * all.len() / count].clone()).collect();
         let (fit, held) = (0..count).partition(|i| i % 2 == 0);
-        Ok(Self { names, size: [first.width as u32, first.height as u32], fit, held })
+        Ok(Self { names, size: [first.width as u32, first.height as u32], fit, held, copies })
     }
 }
 
@@ -98,6 +140,11 @@ fn notes_of((sim, sims): (&Path, &Folder), (real, reals): (&Path, &Folder)) -> R
     let both = |name: &&String| reals.names.binary_search(*name).is_ok();
     let both: Vec<[&str; 2]> = sims.names.iter().filter(both).map(|n| [&n[..]; 2]).collect();
     notes.extend(copies(sim, real, &both)?);
+    if reals.copies > 0 {
+        let were =
+            counted(reals.copies, "real picture is a copy of another", "real pictures are copies of others");
+        notes.push(format!("{were}, byte for byte, and left out"));
+    }
     Ok(notes)
 }
 
@@ -202,12 +249,13 @@ pub fn diagnose_unpaired(
     let budget = Budget::new(begun, options.time_limit);
     let names = candidates(options)?;
     let own = options.distance.as_deref().map(own::Own::parse).transpose()?;
-    let (sims, reals) = (Folder::list(sim)?, Folder::list(real)?);
+    let (sims, reals) = (Folder::list(sim)?, Folder::list_real(real)?);
     let mut notes = notes_of((sim, &sims), (real, &reals))?;
     let mut camera = Pair::camera_of(sim, None, sims.size, &mut notes)?;
     progress.step("reading", "both folders", 1, 1);
     let fit = read(sim, (&sims, &sims.fit), real, (&reals, &reals.fit), camera.linear, &budget)?;
     let held = read(sim, (&sims, &sims.held), real, (&reals, &reals.held), camera.linear, &budget)?;
+    reals.check_copies(real)?;
     let limits = own::Limits { budget: &budget, stop: options.stop.as_ref() };
     let begin = |own: own::Own| {
         progress.step("distance", "of the user's own", 1, 1);

@@ -16,6 +16,7 @@ use crate::diagnose::expect::options::DiagnoseOptions;
 use crate::diagnose::expect::pair::{Geometry, Pair, encoded};
 use crate::diagnose::report::{Report, Verdict};
 use crate::diagnose::search::found::Found;
+use crate::diagnose::search::odd::Odd;
 use shutterbug::error::Result;
 use shutterbug::plane::{Plane, read_rgb8};
 use thumbs::Thumb;
@@ -106,11 +107,19 @@ pub fn no_one_place(pair: &Pair, options: &DiagnoseOptions) -> Result<Vec<String
 }
 
 /// Puts what was found first in the report, and says what was not looked at: frames in neither half, and effects for
-/// which no time was left.
-pub(crate) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, found: &Found) {
+/// which no time was left. `odd`: the frames that stand apart, if there was time to look.
+pub(crate) fn begin(
+    report: &mut Report,
+    said: &[String],
+    evidence: &Evidence,
+    (found, odd): (&Found, Option<Option<Odd>>),
+) {
     if !found.is_whole() && (report.verdict != Verdict::NoGap || !found.is_checked()) {
         (report.verdict, report.sentence) = (Verdict::Undetermined, cut_short(report, found));
     }
+    let is_compared = odd.is_some();
+    let apart = odd.flatten().map(|odd| order::apart(&odd, evidence));
+    let said: Vec<String> = said.iter().cloned().chain(apart).collect();
     if let Some(first) = said.first() {
         if report.verdict == Verdict::NoGap {
             report.verdict = Verdict::Undetermined;
@@ -119,8 +128,8 @@ pub(crate) fn begin(report: &mut Report, said: &[String], evidence: &Evidence, f
         report.sentence =
             format!("{lead}: {first}. What follows takes the frames as they are. {}", report.sentence);
     }
-    let unseen = unseen(evidence);
-    report.warnings.splice(0..0, said.iter().cloned().chain(unseen));
+    let unseen = unseen(evidence, is_compared);
+    report.warnings.splice(0..0, said.into_iter().chain(unseen));
 }
 
 /// What is said where the time limit came before the search had ended.
@@ -149,8 +158,8 @@ fn cut_short(report: &Report, found: &Found) -> String {
     )
 }
 
-/// Frames that neither a fit nor a judgement has seen.
-fn unseen(evidence: &Evidence) -> Option<String> {
+/// Frames that neither a fit nor a judgement has seen. `is_compared`: each was compared with what was found, though.
+fn unseen(evidence: &Evidence, is_compared: bool) -> Option<String> {
     let seen =
         |at: &usize| [&evidence.fit, &evidence.choose, &evidence.report].iter().any(|set| set.contains(at));
     let places: Vec<usize> = (0..evidence.frames.len()).filter(|at| !seen(at)).collect();
@@ -158,9 +167,12 @@ fn unseen(evidence: &Evidence) -> Option<String> {
         return None;
     }
     let names = order::listed(places.iter().map(|&at| evidence.frames[at].index));
+    let how = match is_compared {
+        true => "with what was found, to see whether they are like the others",
+        false => "at a small size, to see whether they show this scene at their time",
+    };
     Some(format!(
-        "frames {names} were only compared at a small size, to see whether they show this scene at their time: fits \
-         and figures are of {} others",
+        "frames {names} were only compared {how}: fits and figures are of {} others",
         evidence.frames.len() - places.len()
     ))
 }

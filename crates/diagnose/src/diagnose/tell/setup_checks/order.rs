@@ -2,6 +2,7 @@
 
 use super::{Pairs, median};
 use crate::diagnose::evidence::Evidence;
+use crate::diagnose::search::odd::Odd;
 use shutterbug::error::counted;
 
 /// What another simulated frame must leave of the unlikeness to its own for a real one to be that frame.
@@ -127,6 +128,21 @@ pub(super) fn strangers(pairs: &Pairs) -> Option<String> {
     Some(format!(
         "real frame {names} shows another scene than the simulation, and than the other real frames"
     ))
+}
+
+/// Single frames that are not what the camera of the others makes.
+pub(super) fn apart(odd: &Odd, evidence: &Evidence) -> String {
+    let names = listed(odd.frames.iter().map(|(at, _)| evidence.frames[*at].index));
+    let most = odd.frames.iter().filter_map(|(_, off)| *off).fold(0.0, f64::max);
+    let far = match most > 0.0 {
+        true => format!("{most:.1} DN from what the camera of the others makes"),
+        false => "something else in most of the picture".to_owned(),
+    };
+    format!(
+        "real frame {names} is unlike the others: {far}, where the others are {:.1} DN away (another exposure, \
+         colour order or encoding, a shift, a blur in that frame alone?)",
+        odd.usual_dn.max(0.0)
+    )
 }
 
 /// Neighbours that are the same to the last bit while the camera moves.

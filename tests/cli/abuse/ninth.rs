@@ -1,0 +1,151 @@
+//! What a ninth set of bad inputs brought up (docs/robustness.md).
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use shutterbug::plane::{read_rgb8, write_png_atomic};
+
+use super::*;
+
+const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() { copy(&path, &target) } else { assert!(fs::copy(&path, target).unwrap() > 0) }
+    }
+}
+
+/// Multiplicative congruential: white enough for noise.
+struct Dice(u64);
+
+impl Dice {
+    fn normal(&mut self) -> f64 {
+        let mut roll = || {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 40) as f64 / f64::from(1 << 24)
+        };
+        (0..12).map(|_| roll()).sum::<f64>() - 6.0
+    }
+}
+
+#[test]
+fn a_frame_of_another_exposure_among_the_others_is_named() {
+    if !device_is_there("a_frame_of_another_exposure_among_the_others_is_named") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let capture = folder.path().join("capture");
+    copy(Path::new(DEMO), &capture);
+    let made = folder.path().join("made");
+    let mut simulate = shutterbug();
+    assert_done(&simulate.arg("simulate").arg(&capture).arg("--out").arg(&made).output().unwrap());
+    fs::create_dir_all(capture.join("real")).unwrap();
+    for i in 0..6 {
+        fs::copy(made.join(format!("{i:06}.png")), capture.join(format!("real/{i:06}.png"))).unwrap();
+    }
+    let diagnosed = || {
+        let out = folder.path().join("out");
+        let mut command = shutterbug();
+        command.arg("diagnose").arg(&capture).arg("--out").arg(&out).arg("--overwrite");
+        command
+            .args(["--without", "motion_blur,rolling_shutter,defocus,lens_distortion,chromatic_aberration"]);
+        assert_done(&command.output().unwrap());
+        let report = fs::read(out.join("report.json")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&report).unwrap()
+    };
+    let control = diagnosed();
+    assert_eq!(control["verdict"], "no_gap", "{}", control["sentence"]);
+    assert!(!control["sentence"].as_str().unwrap().contains("unlike the others"));
+    // A frame that no figure of the report is of.
+    let held: Vec<u64> = serde_json::from_value(control["input"]["held_out_frames"].clone()).unwrap();
+    let other = (0..6).find(|i| !held.contains(i)).unwrap();
+    let path = capture.join(format!("real/{other:06}.png"));
+    let mut dark = read_rgb8(&path).unwrap();
+    dark.data.iter_mut().for_each(|v| *v /= 2);
+    write_png_atomic(&path, &dark).unwrap();
+    let report = diagnosed();
+    let sentence = report["sentence"].as_str().unwrap();
+    assert!(sentence.contains(&format!("real frame {other} is unlike the others")), "{sentence}");
+    assert_ne!(report["verdict"], "no_gap", "{sentence}");
+}
+
+#[test]
+fn copies_of_one_noisy_frame_are_no_evidence_of_a_pattern() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, seeds: &dyn Fn(u64) -> u64| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(&path).unwrap();
+        for i in 0..8u64 {
+            let mut dice = Dice(seeds(i));
+            let picture = RgbImage::from_fn(64, 48, |x, y| {
+                let v = 60.0 + 2.0 * f64::from(x) + f64::from(y);
+                Rgb([0, 1, 2].map(|_| (v + 4.0 * dice.normal()).round() as u8))
+            });
+            picture.save(path.join(format!("{i:06}.png"))).unwrap();
+        }
+        path
+    };
+    let [sim, live, frozen, doubled] = [
+        made("sim", &|i| 100 + i),
+        made("live", &|i| 200 + i),
+        made("frozen", &|_| 200),
+        made("doubled", &|i| 200 + i.min(6)),
+    ];
+    let diagnose = |real: &Path| {
+        let mut command = shutterbug();
+        command.arg("diagnose").arg("--sim").arg(&sim).arg("--real").arg(real).arg("--unpaired");
+        command.args(["--without", "jpeg,noise_reduction,sharpening,defocus"]);
+        command.arg("--out").arg(folder.path().join("out")).arg("--overwrite").output().unwrap()
+    };
+    assert_refused(&diagnose(&frozen), 1, &["1 picture that differs from the others among 8", "at least 6"]);
+    assert_done(&diagnose(&live));
+    let warnings = || {
+        let report = fs::read_to_string(folder.path().join("out/report.json")).unwrap();
+        serde_json::from_str::<serde_json::Value>(&report).unwrap()["warnings"].to_string()
+    };
+    assert!(!warnings().contains("copy of another"), "control: {}", warnings());
+    assert_done(&diagnose(&doubled));
+    assert!(warnings().contains("1 real picture is a copy of another"), "{}", warnings());
+}
+
+#[test]
+fn a_black_level_is_taken_off_and_a_capped_picture_is_no_flat_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let made = |name: &str, seed: u64, light: &dyn Fn(f64) -> f64| {
+        let mut dice = Dice(seed);
+        let picture = GrayImage::from_fn(160, 160, |x, y| {
+            let [dx, dy] = [x, y].map(|v| (f64::from(v) - 79.5) / 113.0);
+            let value = 255.0 * light(dx * dx + dy * dy) + 1.5 * dice.normal();
+            Luma([value.round().clamp(0.0, 255.0) as u8])
+        });
+        picture.save(path(name)).unwrap();
+        path(name)
+    };
+    let lit = |q: f64| 0.06 + 0.94 * 0.5 * (1.0 - 0.3 * q);
+    let bright: Vec<_> = (0..4).map(|i| made(&format!("b{i}.png"), 10 + i, &lit)).collect();
+    let dark: Vec<_> = (0..4).map(|i| made(&format!("d{i}.png"), 20 + i, &|_| 0.06)).collect();
+    let flat = |frames: &[PathBuf], dark: &[PathBuf]| {
+        let mut command = shutterbug();
+        command.args(["calibrate", "flat", "--encoding", "linear", "--overwrite"]).args(frames);
+        for path in dark {
+            command.arg("--dark").arg(path);
+        }
+        command.arg("--out").arg(path("out")).output().unwrap()
+    };
+    let a1 = || {
+        let report = fs::read_to_string(path("out/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        report["flat"]["a1"]["value"].as_f64().unwrap()
+    };
+    assert_done(&flat(&bright, &dark));
+    assert!((a1() + 0.3).abs() < 0.01, "{}", a1());
+    let camera = fs::read_to_string(path("out/camera.toml")).unwrap();
+    assert!(camera.contains("[black_level]"), "{camera}");
+    assert_done(&flat(&bright, &[]));
+    assert!((a1() + 0.3).abs() > 0.02, "control: nothing else tells of it, {}", a1());
+    let capped = made("capped.png", 30, &|_| 0.002);
+    let mixed = [&bright[..2], &[capped]].concat();
+    assert_refused(&flat(&mixed, &[]), 1, &["capped.png", "neither black nor white"]);
+}
