@@ -4,15 +4,16 @@
 use super::candidates::Freed;
 use super::found::Found;
 use crate::diagnose::evidence::budget::in_time;
-use crate::diagnose::expect::description::by_value::ByValue;
-use crate::diagnose::expect::room::{POSES, SURFACES, bends_values};
+use crate::diagnose::expect::description::by_value::{ByValue, MOST};
+use crate::diagnose::expect::room::{POSES, SURFACES, bends_values, is_constant_factor};
 use crate::diagnose::judge::Scores;
 use crate::diagnose::search::Search;
 use shutterbug::error::Result;
 
 impl Search<'_> {
     /// Whether paint or light rather than an effect on values is to be taken next (`next`: the set with it, and what
-    /// that scores): factors of surfaces explain more than it does, do not follow the surfaces' colours, explain more
+    /// that scores): factors of surfaces explain more than it does (twice as
+    /// much as a gain, which they are too), do not follow the surfaces' colours, explain more
     /// than all effects on values do together, and nothing shows that the scene does not have. `room`: what of the
     /// description may be wrong, if the search may go on with it so. Steps of a converter are not asked about: where
     /// colours are solid, factors do what these do to each.
@@ -30,19 +31,17 @@ impl Search<'_> {
         if !bends || is_all || !room.contains(&SURFACES) || now.beyond_bounds().is_empty() {
             return Ok(false);
         }
-        let asked = self.factors_rather_than_values(found, explained, room.contains(&POSES));
+        // One factor a colour for all surfaces is a gain: of factors that explain more, more than half must be paint.
+        let is_gain = next.iter().any(|name| !found.set.contains(name) && is_constant_factor(name));
+        let least = if is_gain { explained / MOST } else { explained };
+        let asked = self.factors_rather_than_values(found, least, room.contains(&POSES));
         self.begin_anew(Vec::new());
         Ok(in_time(asked)?.unwrap_or(false))
     }
 
-    /// `explained`: what the effect explains, DN.
-    fn factors_rather_than_values(
-        &mut self,
-        found: &Found,
-        explained: f64,
-        asks_of_poses: bool,
-    ) -> Result<bool> {
-        let is_more = |freed: &Freed| freed.gain > explained;
+    /// `least`: what factors must explain more than, DN.
+    fn factors_rather_than_values(&mut self, found: &Found, least: f64, asks_of_poses: bool) -> Result<bool> {
+        let is_more = |freed: &Freed| freed.gain > least;
         let mut freed = self.freed(&found.fit.theta, (true, false))?;
         if !is_more(&freed) && asks_of_poses {
             freed = self.freed(&found.fit.theta, (true, true))?;

@@ -28,6 +28,8 @@ const DEGREES: [usize; 3] = [2, 3, 4];
 const CURVE: usize = MIXED.end;
 const COLUMNS: usize = CURVE + DEGREES[2];
 
+/// Share of what factors do that is most of it.
+pub(crate) const MOST: f64 = 0.5;
 /// Part of a column's own sum that is added to it, so that columns that are alike in all materials have a solution.
 const RIDGE: f64 = 1e-6;
 
@@ -134,7 +136,7 @@ impl From<Option<f64>> for ByValue {
     fn from(share: Option<f64>) -> Self {
         match share {
             None => Self::Untold,
-            Some(share) if share > 0.5 => Self::Most,
+            Some(share) if share > MOST => Self::Most,
             Some(_) => Self::NotMost,
         }
     }
