@@ -141,13 +141,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     out.start_together()?;
     let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
     let falls_off = found.a1.is_some() || found.a2.is_some();
-    if falls_off && found.corner > 1.0 {
-        tracing::warn!(
-            "corners get {:.1} % of the middle, and no lens brightens them: the light is uneven, or these are \
-             negatives; no [vignetting] is written",
-            100.0 * found.corner
-        );
-    } else if falls_off {
+    if falls_off && !brightens(&found) {
         tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
     }
     if let Some(level) = offsets.as_ref().and_then(Dark::black_level) {
@@ -167,6 +161,18 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
     out.appear()?;
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
+}
+
+/// Whether corners are brighter than the middle, which is said.
+fn brightens(found: &Flat) -> bool {
+    if found.corner > 1.0 {
+        tracing::warn!(
+            "corners get {:.1} % of the middle, and no lens brightens them: the light is uneven, or these are \
+             negatives; no [vignetting] is written",
+            100.0 * found.corner
+        );
+    }
+    found.corner > 1.0
 }
 
 /// Said of a level that is one beyond that of dark pictures.
@@ -192,8 +198,8 @@ fn check_alike(paths: &[PathBuf], flat: &Flat) -> Result<()> {
     Err(Error::input(&paths[*first], None, found, expected))
 }
 
-/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel. `level`: of the latter,
-/// beyond that of no light; `noise`: of one of them, of the level.
+/// Pictures with the cap on are darker than those of a surface, by more than the noise of a pixel. `level`: of the
+/// latter, beyond that of no light; `noise`: of one of them, of the level.
 fn check_dark(path: &Path, dark: &Dark, level: f64, noise: f64) -> Result<()> {
     if dark.level - dark.lowest + dark.temporal.hypot(noise * level) < level {
         return Ok(());

@@ -24,8 +24,8 @@ pub struct Dark {
     pub lowest: f64,
     /// Share of the values that are black: what lies below is cut off there.
     pub black: f64,
-    /// Standard deviation of the pixels' offsets, of full scale, without what changes slowly over the picture and without
-    /// hot pixels; none where black cuts them off.
+    /// Standard deviation of the pixels' offsets, of full scale, without what changes slowly over the picture and
+    /// without hot pixels; none where black cuts them off.
     pub dsnu: Option<Measured>,
     /// Noise of one picture, of full scale.
     pub temporal: f64,
@@ -36,8 +36,8 @@ pub struct Dark {
 }
 
 impl Dark {
-    /// What the sensor delivers without light, of full scale. Where black cuts off the half of the values it is not known,
-    /// and next to nothing.
+    /// What the sensor delivers without light, of full scale. Where black cuts off the half of the values it is not
+    /// known, and next to nothing.
     pub fn black_level(&self) -> Option<f64> {
         (self.black < 0.5 && self.lowest > 0.0).then_some(self.lowest)
     }
@@ -161,8 +161,8 @@ impl DarkSums {
         (own, f64::from(*lowest))
     }
 
-    /// Which pixels are hot. A pixel's darkest value lies above this in less than one of a hundred pictures of this many
-    /// normal pixels. The spread is that of the middle half, which hot pixels do not widen.
+    /// Which pixels are hot. A pixel's darkest value lies above this in less than one of a hundred pictures of this
+    /// many normal pixels. The spread is that of the middle half, which hot pixels do not widen.
     fn hot(&self, own: &[f32], noise: f64) -> Vec<bool> {
         let n = self.frames as f64;
         let mut sorted = own.to_vec();
