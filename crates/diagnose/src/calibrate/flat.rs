@@ -170,6 +170,15 @@ impl FlatSums {
         self.levels.push(level);
     }
 
+    /// Mean over the pixels that see light.
+    fn over_lit(&self, value: &dyn Fn(usize) -> f32) -> f64 {
+        let frames = self.levels.len();
+        let lit = |c: &[u16; 2]| c.iter().all(|c| usize::from(*c) < frames);
+        let some = self.ends.iter().enumerate().filter(|(_, c)| lit(c));
+        let (sum, n) = some.fold((0.0, 0usize), |(sum, n), (i, _)| (sum + f64::from(value(i)), n + 1));
+        sum / n.max(1) as f64
+    }
+
     /// Mean linear value of all pictures beyond that of no light.
     pub fn level(&self) -> f64 {
         self.levels.iter().sum::<f64>() / self.levels.len().max(1) as f64
@@ -223,12 +232,7 @@ impl FlatSums {
         let [stuck, dead] =
             [0, 1].map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames).count());
         let pixels = (sum.data.len() - stuck - dead) as f64;
-        // Over the pixels that see light.
-        let over = |value: &dyn Fn(usize) -> f32| {
-            let alive =
-                self.ends.iter().enumerate().filter(|(_, c)| c.iter().all(|c| usize::from(*c) < frames));
-            alive.map(|(i, _)| f64::from(value(i))).sum::<f64>() / pixels.max(1.0)
-        };
+        let over = |value: &dyn Fn(usize) -> f32| self.over_lit(value);
         // Cleaning took so many means of each picture.
         let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
         let of_sum = over(&|i| sum.data[i] * sum.data[i]) / kept;
@@ -274,7 +278,8 @@ impl FlatSums {
     }
 
     /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
-    /// one. `levels`: the sum of the pictures' levels. `rounding`: the most that each block may be off by, of the level.
+    /// one. `levels`: the sum of the pictures' levels. `rounding`: the most that each block may be off by, of
+    /// the level.
     fn shape(&self, levels: f64, rounding: f64) -> [[f64; 2]; 5] {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;
@@ -312,7 +317,8 @@ impl FlatSums {
     }
 }
 
-/// Which white and black pixels have no such neighbour: what is white or black around them too is what the picture shows.
+/// Which white and black pixels have no such neighbour: what is white or black around them too is what the picture
+/// shows.
 fn alone(ends: &[[bool; 2]], width: usize) -> Vec<[bool; 2]> {
     let beside = |i: usize| {
         let x = i % width;
