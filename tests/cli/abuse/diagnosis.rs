@@ -7,17 +7,6 @@ use super::*;
 /// How much longer than its limit a diagnosis may take on a machine that does other things too, s.
 const BEYOND_S: f64 = 30.0;
 
-const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() { copy(&path, &target) } else { assert!(fs::copy(&path, target).unwrap() > 0) }
-    }
-}
-
 /// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is
 /// none. What is asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
 #[test]

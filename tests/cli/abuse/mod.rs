@@ -32,6 +32,19 @@ const SCENE: &str = "mtllib colours.mtl\no wall\nv 3 -4 -4\nv 3 4 -4\nv 3 4 4\nv
                      usemtl grey\nf 1 2 3 4\nusemtl red\nf 5 6 7\n";
 const MATERIALS: &str = "newmtl grey\nKd 0.4 0.5 0.6\nnewmtl red\nKd 0.6 0.1 0.1\n";
 
+/// The capture that the project brings.
+const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
+
+/// Copies a folder and all in it.
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() { copy(&path, &target) } else { assert!(fs::copy(&path, target).unwrap() > 0) }
+    }
+}
+
 /// A capture of four frames of 32x24 px: a camera that looks along +x and moves to the side.
 struct Capture {
     folder: tempfile::TempDir,

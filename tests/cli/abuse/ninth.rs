@@ -5,17 +5,6 @@ use shutterbug::plane::{read_rgb8, write_png_atomic};
 
 use super::*;
 
-const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() { copy(&path, &target) } else { assert!(fs::copy(&path, target).unwrap() > 0) }
-    }
-}
-
 /// Multiplicative congruential: white enough for noise.
 struct Dice(u64);
 

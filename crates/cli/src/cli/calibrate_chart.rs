@@ -116,14 +116,14 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     together.each(&dark, |f| {
         offsets.get_or_insert_with(|| DarkSums::new(encoding)).add(&f.encoded);
     })?;
-    let black = offsets.as_ref().map_or(0.0, DarkSums::lowest);
+    let offsets = offsets.map(|d| d.measure(&args.dark[0])).transpose()?;
+    let black = offsets.as_ref().map_or(0.0, |d| d.lowest);
     let mut sums: Option<FlatSums> = None;
     together.each(&bright, |f| {
         let new = || FlatSums::new(f.encoded.width, f.encoded.height, encoding, black);
         sums.get_or_insert_with(new).add(&f.encoded, f.step);
     })?;
     let sums = sums.expect("a picture at least");
-    let offsets = offsets.map(|d| d.measure(&args.dark[0])).transpose()?;
     if let Some(dark) = &offsets {
         check_dark(&args.dark[0], dark, sums.level(), 0.0)?;
     }

@@ -94,14 +94,6 @@ impl DarkSums {
         self.sums.iter().map(|v| f64::from(*v)).sum::<f64>() / (self.sums.len() * self.frames).max(1) as f64
     }
 
-    /// The same where the pictures are darkest: amplifier glow and light that leaks in add to it.
-    pub fn lowest(&self) -> f64 {
-        let (own, lowest) = self.own();
-        let of_own = own.iter().map(|v| f64::from(v * v)).sum::<f64>() / own.len().max(1) as f64;
-        // As far as chance alone puts the darkest of even surroundings below their mean.
-        self.level().min(lowest + Z99 * (of_own / AROUND).sqrt())
-    }
-
     /// What they tell.
     ///
     /// # Errors
@@ -118,7 +110,8 @@ impl DarkSums {
         // The covariance of two different pictures: noise has no part in it.
         let same = (of_sum - self.squares) / (n * (n - 1.0));
         let noise = (self.squares / n - same).max(0.0).sqrt();
-        let own = self.own().0;
+        let (own, darkest) = self.own();
+        let of_all = own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / pixels;
         let hot = self.hot(&own, noise);
         // What a pixel is beside its surroundings, of which it is a part.
         let kept = 1.0 - 1.0 / AROUND;
@@ -132,15 +125,13 @@ impl DarkSums {
         Ok(Dark {
             frames: self.frames,
             level,
-            lowest: self.lowest(),
+            // As far as chance alone puts the darkest of even surroundings below their mean.
+            lowest: level.min(darkest + Z99 * (of_all / AROUND).sqrt()),
             black,
             dsnu: (!is_cut_off(black, dsnu, half))
                 .then_some(Measured { value: dsnu, ci95: [dsnu - half, dsnu + half] }),
             temporal: noise,
-            uneven: (same - own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / pixels / kept
-                + noise * noise / n)
-                .max(0.0)
-                .sqrt(),
+            uneven: (same - of_all / kept + noise * noise / n).max(0.0).sqrt(),
             hot: hot.iter().filter(|hot| **hot).count(),
         })
     }
