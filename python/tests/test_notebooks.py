@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+import needs
+
 nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed")
 nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed")
 
@@ -22,6 +24,8 @@ def test_there_are_notebooks():
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda n: n.stem)
 def test_a_notebook_runs(file, device, tmp_path, monkeypatch):
+    if file.stem == "diagnose":
+        needs.long("docs/python/diagnose.md has the same diagnosis, and runs")
     pytest.importorskip("ipykernel", reason="ipykernel is not installed")
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     # What a kernel and matplotlib keep for themselves stays here too.

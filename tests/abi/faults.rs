@@ -8,6 +8,8 @@
 mod capi_support;
 #[path = "faults_work.rs"]
 mod faults_work;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{CStr, c_char, c_void};
@@ -382,8 +384,8 @@ fn ready(test: &str) -> bool {
     shutterbug_engine_destroy(engine) == OK
 }
 
-/// Every call of some work fails in turn (of a render every thirteenth and the first of each kind), with the device
-/// lost at one call and memory out at the next; under SHUTTERBUG_LONG=1, with each of three results at every call.
+/// One call in so many of some work fails in turn, and the first of each kind, with the device lost at one call and
+/// memory out at the next; under SHUTTERBUG_LONG=1, every call with each of three results.
 fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     if !ready(test) {
@@ -394,14 +396,15 @@ fn fail_all(test: &str, work: Work, kinds: &[&str]) {
     let calls = std::mem::take(&mut state().calls);
     assert!(first.iter().any(|v| *v != first[0]), "control: a picture of something");
     nothing_is_left("a run without failure");
-    // Renders take most of the time, and most of their calls are those of frames from outside: there each is tried, but
-    // a seventh of those of several pictures.
-    let (rounds, stride): (&[&[Fault]], usize) = match (std::env::var_os("SHUTTERBUG_LONG"), work) {
-        (Some(_), _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
-        (None, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 13),
-        (None, Work::Finer) => (&[&[LOST, DEVICE_MEMORY]], 7),
-        (None, _) => (&[&[LOST, DEVICE_MEMORY]], 1),
+    // Renders take most of the time. Odd strides: each result comes at every second call.
+    let (rounds, stride): (&[&[Fault]], usize) = match (long_support::long(), work) {
+        (true, _) => (&[&[LOST], &[DEVICE_MEMORY], &[HOST_MEMORY]], 1),
+        (false, Work::Scene(..)) => (&[&[LOST, DEVICE_MEMORY]], 29),
+        (false, _) => (&[&[LOST, DEVICE_MEMORY]], 5),
     };
+    if stride > 1 {
+        long_support::left_out(test, &format!("all but one call in {stride} and the first of each kind"));
+    }
     for faults in rounds {
         let (calls, names) = fail_each(work, &first, &calls, faults, stride);
         let survived = std::mem::take(&mut state().survived).len();
@@ -441,6 +444,7 @@ every_call! {
     device_lost_and_out_of_memory_at_every_call_of_method_exact: Work::Scene(3, ""), DRAWN;
     #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_method_fast: Work::Scene(4, ""), DRAWN;
+    #[ignore = "long: half a minute"]
     device_lost_and_out_of_memory_at_every_call_with_a_lens: Work::Scene(3, LENS), DRAWN;
     #[ignore = "long: a minute"]
     device_lost_and_out_of_memory_at_every_call_of_pictures_in_more_than_8_bits:

@@ -11,7 +11,7 @@ fn random_sequences_of_calls_break_nothing() {
     let extra = ["-fsanitize=address", "fuzz/random.c"];
     let Some(fuzz) = build("cc", "-std=c11", "fuzz/calls.c", &extra) else { return };
     // A program of 4096 bytes takes up to a minute. Shorter ones reach the same calls, and more of them fit.
-    let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
+    let long = crate::long_support::long();
     let (seconds, most) = if long { ("600", "4096") } else { ("4", "256") };
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs().to_string();
     let fuzz = |arguments: &[&str]| {

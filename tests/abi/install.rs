@@ -97,7 +97,7 @@ fn the_gazebo_system_leans_what_stands() {
 #[test]
 fn resident_memory_stays_flat() {
     let Some(cycles) = build("cc", "-std=c11", "tests/c/cycles.c", &[]) else { return };
-    let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
+    let long = crate::long_support::long();
     let counts = if long { ["1000", "40000"] } else { ["60", "3000"] };
     let out = run(&mut program(&cycles, &counts));
     eprintln!("{}", String::from_utf8_lossy(&out.stdout));
@@ -111,7 +111,7 @@ fn resident_memory_stays_flat() {
 #[test]
 fn a_long_life_holds_no_more_and_keeps_its_bits() {
     let Some(life) = build("cc", "-std=c11", "tests/c/long_life.c", &["-ldl"]) else { return };
-    let long = std::env::var_os("SHUTTERBUG_LONG").is_some();
+    let long = crate::long_support::long();
     let counts = if long { ["1000000", "50", "10000"] } else { ["1500", "3", "50"] };
     let out = run(&mut program(&life, &counts));
     eprintln!("{}", String::from_utf8_lossy(&out.stdout));
@@ -122,6 +122,7 @@ fn a_long_life_holds_no_more_and_keeps_its_bits() {
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
     if !present("valgrind") {
         return;
@@ -157,7 +158,7 @@ fn memcheck_finds_nothing_and_as_much_after_more_cycles() {
     if code != Some(0) {
         return;
     }
-    let more = if std::env::var_os("SHUTTERBUG_LONG").is_some() { "1000" } else { "6" };
+    let more = "1000";
     let (code, after_more, text) = check(&[more, "0"]);
     // 4 is the program's own: what memcheck keeps of freed blocks lets resident memory grow.
     assert!([Some(0), Some(4)].contains(&code), "{text}");
@@ -181,7 +182,7 @@ fn the_address_sanitizer_finds_nothing() {
         let out = program(path, arguments).env("ASAN_OPTIONS", "detect_leaks=1").output().unwrap();
         (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
     };
-    let count = if std::env::var_os("SHUTTERBUG_LONG").is_some() { "1000" } else { "8" };
+    let count = if crate::long_support::long() { "1000" } else { "8" };
     let (code, text) = check(&cycles, &[count, "20"]);
     // 4 is the program's own: the sanitizer's quarantine lets resident memory grow.
     let fine = !text.contains("Sanitizer") && [Some(0), Some(4), Some(NO_DEVICE)].contains(&code);

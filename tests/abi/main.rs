@@ -24,5 +24,7 @@ mod gpu_support;
 mod header;
 #[path = "../support/capi/installed.rs"]
 mod installed;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 #[path = "../support/outside/mod.rs"]
 mod outside_support;

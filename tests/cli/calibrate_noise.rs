@@ -45,6 +45,7 @@ fn coverage(seeds: u64, full_well_e: f64, read_sigma: f64, claimed: [f64; 2]) ->
 }
 
 #[test]
+#[ignore = "long: half a minute"]
 fn full_well_and_read_noise_come_back_within_their_intervals() {
     for (full_well_e, read_sigma) in [(4000.0, 0.008), (900.0, 0.02)] {
         let got = coverage(60, full_well_e, read_sigma, [full_well_e, read_sigma]);

@@ -33,6 +33,8 @@ mod dice_support;
 mod gpu_support;
 #[path = "../support/import/mod.rs"]
 mod import_support;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 #[path = "../support/parsers/mod.rs"]
 mod parsers_support;
 

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::long_support::{long, some_of};
 use serde_json::Value;
 
 fn shared() -> Option<PathBuf> {
@@ -32,7 +33,7 @@ fn report(sim: &Path, real: &Path, more: &[&str]) -> Value {
 
 /// Options that leave candidates out; none with `SHUTTERBUG_LONG=1`, for then all are tried.
 fn few(without: &str) -> Vec<&str> {
-    if std::env::var_os("SHUTTERBUG_LONG").is_some() { Vec::new() } else { vec!["--without", without] }
+    if long() { Vec::new() } else { vec!["--without", without] }
 }
 
 /// The camera's effects, sorted.
@@ -197,7 +198,8 @@ fn grey_pictures_and_those_of_16_bits_are_named() {
     }
     let quick = "lens_distortion,chromatic_aberration,bayer_mosaic,jpeg,noise_reduction,sharpening,flicker,glare,\
                  defocus";
-    for more in [&["--without", quick][..], &["--without", quick, "--unpaired"]] {
+    let forms = [&["--without", quick][..], &["--without", quick, "--unpaired"]];
+    for more in some_of("grey_pictures", 2, forms) {
         let warnings = |real: &Path| report(plain.path(), real, more)["warnings"].to_string();
         assert!(warnings(deep.path()).contains("have 16 bits a channel and are read as 8"), "{more:?}");
         assert!(warnings(grey.path()).contains("are grey"), "{more:?}");

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::checkers::{EXPOSURE_S, READOUT_S, Row, intrinsics, request, rows};
 use crate::gpu_support::device;
+use crate::long_support::some_of;
 use shutterbug::camera::ScanOrder;
 use shutterbug::engine::{
     AccumulationOptions, Engine, EngineOptions, FastOptions, Frame, FrameRequest, Method, PaperOptions,
@@ -42,11 +43,12 @@ fn at_rest_the_frame_is_the_still_picture_bit_for_bit() {
 
 #[test]
 fn frames_repeat_bit_for_bit_and_have_all_their_sources() {
-    let Some(context) = device("frames_repeat_bit_for_bit_and_have_all_their_sources") else { return };
+    let test = "frames_repeat_bit_for_bit_and_have_all_their_sources";
+    let Some(context) = device(test) else { return };
     let all = rows();
     let row = all.iter().find(|r| r.name == "walk").unwrap();
     let mut pictures: Vec<_> = Vec::new();
-    for order in ScanOrder::ALL {
+    for order in some_of(test, 2, ScanOrder::ALL) {
         let request = request(READOUT_S, EXPOSURE_S, order);
         let frame = || render(&context.0, row, Method::Fast(FastOptions::default()), &request);
         let (first, second) = (frame(), frame());
@@ -54,14 +56,17 @@ fn frames_repeat_bit_for_bit_and_have_all_their_sources() {
         assert_eq!(first.statistics.unwrap().invalid_share, 0.0, "{order}");
         pictures.push(first.picture);
     }
-    assert!((1..4).all(|i| pictures[0] != pictures[i]), "control: scan orders give the same picture");
+    assert!(pictures[1..].iter().all(|p| pictures[0] != *p), "control: scan orders give the same picture");
 }
 
 /// What the method is for: at least 6 dB over the paper's wherever motion accelerates or surfaces pass each other.
 #[test]
 fn beats_the_paper_by_six_decibels() {
-    let Some(context) = device("beats_the_paper_by_six_decibels") else { return };
-    for row in rows().iter().filter(|r| ["object", "acceleration"].contains(&r.name)) {
+    let test = "beats_the_paper_by_six_decibels";
+    let Some(context) = device(test) else { return };
+    let rows = rows();
+    let hard = rows.iter().filter(|r| ["object", "acceleration"].contains(&r.name));
+    for row in some_of(test, 2, hard) {
         let request = request(READOUT_S, EXPOSURE_S, ScanOrder::TopToBottom);
         let truth = Method::Accumulation(AccumulationOptions { renders: Some(512), ..Default::default() });
         let truth = render(&context.0, row, truth, &request).picture;

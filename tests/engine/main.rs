@@ -22,6 +22,8 @@ mod checkers;
 mod effects_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 #[path = "../support/forms/mod.rs"]
 mod oracle_forms;
 #[path = "../../benches/ladder/room.rs"]

@@ -203,7 +203,7 @@ fn contexts_come_and_go() {
     drop(first);
     let open_files = || std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count);
     let mut files = 0;
-    let rounds = if std::env::var_os("SHUTTERBUG_LONG").is_some() { 60 } else { 20 };
+    let rounds = if crate::long_support::long() { 60 } else { 20 };
     for round in 0..rounds {
         let watched = device("contexts_come_and_go").unwrap();
         assert_eq!(watched.0.info().name, name);

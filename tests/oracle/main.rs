@@ -23,6 +23,8 @@ mod capi_support;
 mod effects_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 #[path = "../support/forms/mod.rs"]
 mod oracle_forms;
 #[path = "../support/oracle/mod.rs"]

@@ -3,6 +3,7 @@
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use crate::capi_support::{engine, error_of, finish, must, options, process, sized, status};
+use crate::long_support::some_of;
 use crate::outside_support::host::{
     POSES, Pictures, SIZE, deliver, flights, flying, margin_of, poses, set_camera, taken,
 };
@@ -72,8 +73,9 @@ fn with_body(engine: Handle, end_s: f64, body_count: u32) -> Vec<u8> {
 
 #[test]
 fn bodies_move_by_their_own_poses() {
-    let Some(engine) = engine("bodies_move_by_their_own_poses", options(0, 1)) else { return };
-    for exposure_s in [0.0, EXPOSURE_S] {
+    let test = "bodies_move_by_their_own_poses";
+    let Some(engine) = engine(test, options(0, 1)) else { return };
+    for exposure_s in some_of(test, 2, [EXPOSURE_S, 0.0]) {
         set_camera(engine, exposure_s, "");
         let shutter = shutter(exposure_s);
         let motion = |t: f64| vec![camera_motion("pan 1.2", t), Pose::IDENTITY, flying(t)];
@@ -145,11 +147,12 @@ fn every_model_of_a_lens_is_read_backwards() {
     let test = "every_model_of_a_lens_is_read_backwards";
     let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(false);
-    for lens in [
+    let lenses = [
         Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] },
         Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.0008] },
         Distortion::Division { k1: -0.25 },
-    ] {
+    ];
+    for lens in some_of(test, 3, lenses) {
         let mut camera = CameraFile::pinhole("camera".into(), K, 0.04);
         LensDistortion::set(&mut camera.settings, &lens).unwrap();
         let text = camera.to_toml();

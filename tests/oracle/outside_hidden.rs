@@ -2,6 +2,7 @@
 #![allow(unsafe_code, clippy::unwrap_used, clippy::undocumented_unsafe_blocks)]
 
 use crate::capi_support::{engine, finish, options, process};
+use crate::long_support::some_of;
 use crate::outside_support::host::{POSES, Pictures, SIZE, flights, flying, poses, set_camera};
 use crate::outside_support::{EXPOSURE_S, K, Motion, World, camera_motion, psnr, shot, shutter, truth};
 use glam::DVec2;
@@ -70,7 +71,7 @@ fn what_a_body_hides_in_one_picture_is_most_of_the_error() {
     let Some(engine) = engine(test, options(0, 1)) else { return };
     let world = World::new(true);
     let motion = |t: f64| vec![camera_motion("still", t), Pose::IDENTITY, flying(t)];
-    for (exposure_s, gain) in [(0.0, 1.0), (EXPOSURE_S, 2.0)] {
+    for (exposure_s, gain) in some_of(test, 2, [(0.0, 1.0), (EXPOSURE_S, 2.0)]) {
         set_camera(engine, exposure_s, "");
         let shutter = shutter(exposure_s);
         let end_s = shutter.end_s();

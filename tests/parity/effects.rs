@@ -3,6 +3,7 @@
 
 use crate::effects_support::{random_radiance, view, visible};
 use crate::gpu_support::device;
+use crate::long_support::some_of;
 use shutterbug::camera::ScanOrder;
 use shutterbug::chain::{Settings, Stage, Value, View};
 use shutterbug::effects::LIST;
@@ -60,8 +61,9 @@ fn everything() -> Settings {
 
 #[test]
 fn every_kernel_is_its_reference() {
-    let Some(context) = device("every_kernel_is_its_reference") else { return };
-    for [width, height] in SIZES {
+    let test = "every_kernel_is_its_reference";
+    let Some(context) = device(test) else { return };
+    for [width, height] in some_of(test, 2, SIZES) {
         let (mut view, radiance) = (view(width, height), random_radiance(width as usize, height as usize));
         view.shutter.scan_order = if width == 67 { ScanOrder::RightToLeft } else { ScanOrder::BottomToTop };
         let (w, h) = (width, height);
@@ -136,13 +138,13 @@ fn what_is_kept_on_the_way_changes_no_bit_and_is_its_reference() {
     let by_id = crate::effects_support::by_id;
     let mut mosaic = Settings::default();
     mosaic.set(by_id("bayer_mosaic"), "pattern", Value::Choice("GBRG")).unwrap();
-    let mut kinds: Vec<_> = LIST
-        .iter()
-        .filter(|e| matches!(e.stage(), Stage::Pixel(..)))
-        .map(|effect| (effect.id(), visible(*effect)))
-        .chain([("none", Settings::default()), ("all", everything())])
+    let effects = LIST.iter().filter(|e| matches!(e.stage(), Stage::Pixel(..)));
+    let mut kinds: Vec<_> = [("all", everything()), ("none", Settings::default())]
+        .into_iter()
+        .chain(effects.map(|effect| (effect.id(), visible(*effect))))
         .collect();
-    for (name, settings) in &mut kinds {
+    let test = "what_is_kept_on_the_way";
+    for (name, settings) in some_of(test, 2, &mut kinds) {
         if *name != "bayer_mosaic" {
             settings.set(by_id("bayer_mosaic"), "pattern", Value::Choice("GBRG")).unwrap();
         }

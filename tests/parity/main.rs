@@ -21,3 +21,5 @@ mod exact_support;
 mod fast_device;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
+#[path = "../support/long/mod.rs"]
+mod long_support;

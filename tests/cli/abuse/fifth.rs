@@ -11,6 +11,7 @@ use image::{GrayImage, Luma};
 use serde_json::Value;
 
 use super::{assert_done, shutterbug};
+use crate::long_support::{left_out, long};
 
 const SIZE: [u32; 2] = [160, 120];
 const FRAMES: u32 = 10;
@@ -111,6 +112,9 @@ fn what_was_not_compared_is_not_said_to_be_alike() {
     let sentence = report["sentence"].as_str().unwrap();
     assert!(sentence.contains("Where things lie was not judged: the real frames lie 2.0 px"), "{sentence}");
     assert!(names(&report).is_empty(), "{sentence}");
+    if !long() {
+        return left_out("what_was_not_compared", "one picture many times");
+    }
     let report = folders.diagnose("one", &[]);
     let sentence = report["sentence"].as_str().unwrap();
     assert!(names(&report).is_empty() && report["verdict"] == "undetermined", "{sentence}");
