@@ -12,6 +12,8 @@ mod device;
 mod floor;
 #[path = "chain/input.rs"]
 mod input;
+#[path = "measured/mod.rs"]
+mod measured;
 #[path = "peers/kernels.rs"]
 mod peer_kernels;
 #[path = "peers/bounds.rs"]
@@ -154,7 +156,11 @@ fn main() {
         serde_json::to_string_pretty(&json).unwrap() + "\n",
     )
     .unwrap();
-    std::fs::write(root().join("target/bench/chain.md"), text).unwrap();
+    std::fs::write(root().join("target/bench/chain.md"), &text).unwrap();
+    if !arguments.iter().any(|a| a == "--quick") {
+        let bars: Vec<_> = rows.iter().map(|r| (format!("{}, {}", r.name, r.motion), r.ms_median)).collect();
+        measured::write_page("chain", &info.name, &text, (&bars, "ms"));
+    }
 }
 
 /// The exact gather on the CPU, a tap a px, 8 bits.

@@ -4,6 +4,9 @@
 //! half, a quarter and an eighth of it (real frames averaged over squares; d14 has all four sizes). Prints a line a run
 //! and the time of each stage.
 
+#[path = "measured/mod.rs"]
+mod measured;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,7 +87,11 @@ fn shrunk(from: &Path, to: &Path, frames: usize, scale: usize) {
         .expect("written");
 }
 
-fn one(context: &Arc<Context>, from: &Path, frames: usize, scale: usize) -> f64 {
+/// Time of a diagnosis and of its stages, s.
+type Spent = (f64, Vec<(String, f64)>);
+
+/// Diagnoses so many frames of so small a picture, and adds to `text` what it took.
+fn one(context: &Arc<Context>, from: &Path, (frames, scale): (usize, usize), text: &mut String) -> Spent {
     let folder = std::env::temp_dir().join(format!("shutterbug-bench-diagnose-{}", std::process::id()));
     shrunk(from, &folder, frames, scale);
     let capture = Capture::read(&folder, None).expect("a capture");
@@ -95,7 +102,7 @@ fn one(context: &Arc<Context>, from: &Path, frames: usize, scale: usize) -> f64 
     fs::remove_dir_all(&folder).expect("removed");
     let i = &report.input;
     let found: Vec<&str> = report.effects.iter().map(|e| e.name.as_str()).collect();
-    println!(
+    let line = format!(
         "{:>4}x{:<4} {:>3} frames ({} fit, {} held out): {:>6.1} s, {} renders {:.1} s ({:.0} %); found {found:?}",
         i.width,
         i.height,
@@ -107,10 +114,12 @@ fn one(context: &Arc<Context>, from: &Path, frames: usize, scale: usize) -> f64 
         i.render_seconds,
         100.0 * i.render_seconds / i.seconds
     );
+    println!("{line}");
+    *text += &format!("* {}\n", line.trim());
     for (stage, spent_s) in &stages.spent {
         println!("          {spent_s:>6.1} s {:>3.0} % {stage}", 100.0 * spent_s / i.seconds);
     }
-    i.seconds
+    (i.seconds, stages.spent)
 }
 
 fn main() {
@@ -127,16 +136,21 @@ fn main() {
     let context = Context::new(&options).expect("a device");
     println!("{} on {}", from.display(), context.info().name);
     let all = fs::read_to_string(from.join("frames.csv")).expect("there").lines().count() - 1;
-    let whole = one(&context, &from, all, 1);
-    let fewer = one(&context, &from, all / 2, 1);
-    println!("half the frames: {:.2} of the time", fewer / whole);
+    let mut text = String::new();
+    let (whole, stages) = one(&context, &from, (all, 1), &mut text);
+    let (fewer, _) = one(&context, &from, (all / 2, 1), &mut text);
+    text += &format!("* half the frames: {:.2} of the time\n", fewer / whole);
     let camera = Capture::read(&from, None).expect("a capture").camera.intrinsics;
     let divides = |s: &usize| {
         let sides = [camera.width, camera.height].map(|v| v as usize);
         sides.iter().all(|side| side.is_multiple_of(*s) && side / s >= LEAST_SIDE_PX)
     };
     for scale in [2, 4, 8].into_iter().filter(divides) {
-        let small = one(&context, &from, all, scale);
-        println!("1/{} of the pixels: {:.2} of the time", scale * scale, small / whole);
+        let (small, _) = one(&context, &from, (all, scale), &mut text);
+        text += &format!("* 1/{} of the pixels: {:.2} of the time\n", scale * scale, small / whole);
     }
+    println!("{text}");
+    let name = from.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let text = format!("Capture: {name}. Chart: stages of the whole.\n\n{text}");
+    measured::write_page("diagnose", &context.info().name, &text, (&stages, "s"));
 }

@@ -9,6 +9,8 @@
 
 #[path = "../tests/support/checkers/mod.rs"]
 mod checkers;
+#[path = "measured/mod.rs"]
+mod measured;
 #[path = "ladder/picture.rs"]
 mod picture;
 #[path = "ladder/report.rs"]
@@ -215,5 +217,16 @@ fn main() {
             rows.extend(bench.row(take, effect, &methods));
         }
     }
-    report::write(&output(), &rows, &context.info().name, bench.renders);
+    let text = report::write(&output(), &rows, &context.info().name, bench.renders);
+    let is_whole = ["LADDER_SCALE", "LADDER_N", "LADDER_SCENES", "LADDER_METHODS", "LADDER_EFFECTS"]
+        .iter()
+        .all(|option| std::env::var_os(option).is_none());
+    if is_whole {
+        let shown = rows.iter().filter(|r| r.method != "accumulation");
+        let ratio =
+            |r: &report::Row| (format!("{}, {}", r.scene, r.method), r.ms_median / r.plain_render_ms_median);
+        let bars: Vec<_> = shown.map(ratio).collect();
+        let text = format!("{text}\nChart: time over that of one plain render of equal samples.");
+        measured::write_page("ladder", &context.info().name, &text, (&bars, "times"));
+    }
 }

@@ -1,8 +1,12 @@
 //! Time of each pixel effect on its own and in the full chain (what the chain costs less without it), of the full
 //! chain, and the full chain against shutter + blur + the paper's noise, at three sizes: `cargo bench --bench passes
-//! [-- --json FILE] [--size WxH] [--only EFFECT]`. On a software device times are the processor's, all threads together
-//! and with reading the picture back (the plain one's share); else the device's timestamps.
+//! [-- --json FILE] [--size WxH] [--only EFFECT]`; a whole run writes docs/measurements/passes.md. On a software
+//! device times are the processor's, all threads together and with reading the picture back (the plain one's share);
+//! else the device's timestamps.
 #![allow(missing_docs, clippy::unwrap_used)]
+
+#[path = "measured/mod.rs"]
+mod measured;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -328,7 +332,20 @@ fn main() {
         println!("{name:40}{}", values.iter().map(|v| format!("{v:11.3}")).collect::<String>());
     }
     let middle = sizes.len() / 2;
-    println!("{}", in_the_way(&rows, sizes[middle], middle));
+    let in_the_way = in_the_way(&rows, sizes[middle], middle);
+    println!("{in_the_way}");
+    if argument("--size").is_none() && argument("--only").is_none() {
+        let names: Vec<String> = sizes.iter().map(named).collect();
+        let mut text = format!("Least of {ROUNDS} frames, ms {clock}.\n\n| | {} |\n|---|", names.join(" | "));
+        text += &"---|".repeat(names.len());
+        for (name, values) in &rows {
+            let values: Vec<String> = values.iter().map(|v| format!("{v:.3}")).collect();
+            text += &format!("\n| {} | {} |", name.trim(), values.join(" | "));
+        }
+        let bars: Vec<_> = rows.iter().map(|(name, v)| (name.trim().to_owned(), v[middle])).collect();
+        let text = format!("{text}\n\n{in_the_way}\n\nChart: {}.", names[middle]);
+        measured::write_page("passes", &context.info().name, &text, (&bars, "ms"));
+    }
     if let Some(file) = argument("--json") {
         let table: serde_json::Map<_, _> = rows.into_iter().map(|(n, v)| (n, v.into())).collect();
         let sizes: Vec<_> = sizes.iter().map(named).collect();

@@ -11,6 +11,8 @@
 mod cells;
 #[path = "table1/chart.rs"]
 mod chart;
+#[path = "measured/mod.rs"]
+mod measured;
 #[path = "table1/peer.rs"]
 mod peer;
 #[path = "peers/kernels.rs"]
@@ -136,6 +138,11 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
     };
     if only.is_none() {
         result.write(&output());
+    }
+    if only.is_none() && !quick {
+        let name = |c: &Cell| format!("{}, {} samples, {}x{}", c.method, c.samples, c.width, c.height);
+        let bars: Vec<_> = result.cells.iter().map(|c| (name(c), c.ms_median)).collect();
+        measured::write_page("table1", &info.name, &result.markdown(), (&bars, "ms"));
     }
     println!("\n{}", result.markdown());
     Ok(())

@@ -3,6 +3,9 @@
 //! the answer's camera, each compared with many renders as the truth. Writes `target/bench/tracer.md`.
 #![allow(clippy::unwrap_used)]
 
+#[path = "measured/mod.rs"]
+mod measured;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -55,7 +58,11 @@ fn main() {
     }
     println!("{text}");
     std::fs::create_dir_all(root.join("target/bench")).unwrap();
-    std::fs::write(root.join("target/bench/tracer.md"), text).unwrap();
+    std::fs::write(root.join("target/bench/tracer.md"), &text).unwrap();
+    let cells = text.lines().skip(4).map(|l| l.split(" | ").collect::<Vec<_>>()).filter(|c| c.len() == 5);
+    let bars: Vec<_> =
+        cells.filter_map(|c| Some((format!("{}, {}", c[0], c[1]), c[3].parse().ok()?))).collect();
+    measured::write_page("tracer", &context.info().name, &text, (&bars, "ms"));
 }
 
 /// The capture's camera with the answer's shutter, as a file beside the results.

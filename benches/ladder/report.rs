@@ -115,8 +115,8 @@ pub fn worst_line_time_us(
     worst
 }
 
-/// Writes all four files.
-pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
+/// Writes all four files; the table.
+pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) -> String {
     std::fs::create_dir_all(folder).expect("target/bench can be made");
     let json = serde_json::to_string_pretty(rows).expect("numbers and names");
     std::fs::write(folder.join("ladder.json"), json).expect("target/bench is writable");
@@ -129,7 +129,7 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
         writeln!(table, "{row}").expect("strings grow");
     }
     table += &compact(rows);
-    std::fs::write(folder.join("ladder.md"), table).expect("target/bench is writable");
+    std::fs::write(folder.join("ladder.md"), &table).expect("target/bench is writable");
     let shown: Vec<&Row> = rows.iter().filter(|r| r.method == "exact" || r.method == "fast").collect();
     write_png_atomic(&folder.join("ladder.png"), &picture::sheet(&shown)).expect("target/bench is writable");
     let typical: Vec<&Row> = FAILURES
@@ -138,6 +138,7 @@ pub fn write(folder: &Path, rows: &[Row], device: &str, renders: u32) {
         .collect();
     write_png_atomic(&folder.join("failures.png"), &picture::failures(&typical))
         .expect("target/bench is writable");
+    table
 }
 
 /// Where each method typically fails.
