@@ -40,6 +40,13 @@ pub fn robust_variance(values: &mut [f32]) -> f64 {
     f64::from(high - low).powi(2)
 }
 
+/// The middle value, of an even number the upper of the two; 0 of none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -50,6 +57,12 @@ mod tests {
             assert!((erf(x) - want).abs() < 2e-7, "{x}: {}", erf(x));
         }
         assert!((erf(1.0) - 0.84).abs() > 1e-3, "control");
+    }
+
+    #[test]
+    fn the_median_is_the_middle_value() {
+        assert_eq!([median([3.0, 1.0, 2.0]), median([4.0, 1.0, 3.0, 2.0]), median([])], [2.0, 3.0, 0.0]);
+        assert!(median([1.0, 2.0, 900.0]) < 3.0, "control: no mean");
     }
 
     #[test]

@@ -20,6 +20,7 @@ use super::homography::homography;
 use super::sheet::{Ink, Sheet};
 use super::target::{Pattern, Seen, Target};
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// The family, by OpenCV's name. Its codes stand on their heads there: a marker of OpenCV's is Kalibr's turned by half.
 const DICTIONARY: &str = "DICT_APRILTAG_36h11";
@@ -116,7 +117,7 @@ fn misplaced(seen: &[Seen], target: &Target) -> bool {
         let p = h * b.extend(1.0);
         (p.truncate() / p.z - *px).length()
     });
-    median(off.collect()) > MISPLACED * median(sides(seen))
+    median(off) > MISPLACED * median(sides(seen))
 }
 
 /// Sides of tags along the rows, px.
@@ -146,12 +147,6 @@ fn spacing(seen: &[Seen], target: &Target) -> Option<f64> {
         }
     }
     (!all.is_empty()).then(|| median(all))
-}
-
-/// The middle value; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Corners of all tags in a picture that was shrunk so many times, by number: upper left, upper right, lower right,

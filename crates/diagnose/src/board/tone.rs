@@ -8,6 +8,7 @@ use super::select::BoardFit;
 use super::target::{Pattern, Target, View};
 use shutterbug::error::Result;
 use shutterbug::files::{Limit, read};
+use shutterbug::plane::stats::median;
 use shutterbug::plane::{decode_picture, srgb_decode};
 
 /// Steps in which the print's end is looked for, of a square.
@@ -164,16 +165,10 @@ pub fn measure_tone(
     }
     let [dark, bright] = tones.map(|kind| kind.map(median));
     let reach = |steps: &Vec<Vec<f64>>| {
-        let is_there = |s: &&Vec<f64>| !s.is_empty() && median((*s).clone()) > HALF;
+        let is_there = |s: &&Vec<f64>| !s.is_empty() && median(s.iter().copied()) > HALF;
         let there = steps[BESIDE..].iter().take_while(is_there).count();
         if there == 0 { 0.0 } else { (BESIDE + there) as f64 / STEPS as f64 }
     };
     let reach = [0, 1, 2, 3].map(|side| reach(&beyond[side]));
     Ok(Tone { dark, bright, reach })
-}
-
-/// The middle value; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -12,6 +12,7 @@ use super::statics::{AlignedPair, difference};
 use super::tables::{ChainCamera, chain_settings};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// Rounds in which the simulation corrects the closed form.
 const ROUNDS: usize = 4;
@@ -268,13 +269,6 @@ fn improve(camera: &mut IspCamera, ratios: &[Vec<[f64; 3]>; 3], by: By) {
     if by == By::Chain {
         rescale(camera, &levels);
     }
-}
-
-/// 0 of nothing.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Steepness in the chain: a steeper curve works with less light, whose noise black clips.

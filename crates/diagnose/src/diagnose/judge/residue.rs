@@ -189,20 +189,25 @@ impl NoiseData {
         // Quartiles of whole DN are off by up to half a DN; before a camera that hardly moves a value is rounded the
         // same way in every frame.
         let rounding2 = |l: f64| ROUNDING_DN2 / slope_dn(l).powi(2);
-        let standard = |seen: f64, model: f64, level: f64, n: f64, l: f64| {
-            let systematic = REACH * BIN_ERROR * level;
-            (seen - model) / (systematic.powi(2) + chance2(n) * level * level + rounding2(l).powi(2)).sqrt()
+        // `besides`: variance that the figure has of other noise.
+        let standard = |seen: f64, model: f64, n: f64, l: f64, besides: f64| {
+            let level2 = seen.max(model).powi(2) * ((REACH * BIN_ERROR).powi(2) + chance2(n));
+            (seen - model) / (level2 + rounding2(l).powi(2) + besides).sqrt()
         };
         let mean = |z: Vec<f64>| z.iter().map(|z| z.abs()).sum::<f64>() / z.len().max(1) as f64;
         let singles = self.unclipped().into_iter().map(|[l, v, n]| {
             let model = theta.get(P::Read).powi(2) + l * theta.get(P::Shot) + dsnu2 + prnu2 * l * l;
-            standard(v, model, v.max(model), n, l)
+            standard(v, model, n, l, 0.0)
         });
-        let most = self.total.iter().map(|b| b[1]).fold(0.0, f64::max);
-        let pattern = self.fixed.iter().map(|&[l, v, n, _]| {
-            let model = dsnu2 + prnu2 * l * l;
-            standard(v, model, v.max(model).max(most), n, l)
-        });
+        // What single frames have not is no pattern: renderers differ so where places stay in sight.
+        let spread = |l: f64| {
+            let near = self.total.iter().min_by(|a, b| (a[0] - l).abs().total_cmp(&(b[0] - l).abs()));
+            near.map_or(f64::INFINITY, |bin| bin[1])
+        };
+        let pattern = self
+            .fixed
+            .iter()
+            .map(|&[l, v, n, free2]| standard(v.min(spread(l)), dsnu2 + prnu2 * l * l, n, l, free2));
         let row2 = theta.get(P::Row).powi(2);
         let colours2 = (REACH * COLOUR_DN / slope_dn(MIDDLE)).powi(2);
         // The model's own noise of rows was measured on as many rows.

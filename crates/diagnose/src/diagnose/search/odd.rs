@@ -7,6 +7,7 @@ use crate::diagnose::judge::quantile;
 use crate::diagnose::search::Search;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// Fewest frames among which one can stand apart.
 const FEWEST: usize = 4;
@@ -82,10 +83,6 @@ impl Search<'_> {
 /// Share of a mask that is open.
 fn share(mask: &Plane<f32>) -> f64 {
     mask.data.iter().filter(|v| **v > 0.5).count() as f64 / mask.data.len().max(1) as f64
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    at(0.5, values)
 }
 
 /// The value above a share of the values; 0 of none.

@@ -2,6 +2,7 @@
 
 use crate::diagnose::expect::compared::Compared;
 use crate::diagnose::report::{Bin, Where};
+use shutterbug::plane::stats::median;
 
 /// Most sentences.
 const MOST: usize = 3;
@@ -50,9 +51,9 @@ fn edges(frames: &[Compared<'_>], total: f64) -> Said {
     let (mut on, mut fast, mut all) = ([0.0f64; 2], [0.0f64; 2], [0.0f64; 2]);
     let limit = median(frames.iter().flat_map(|f| {
         let (w, h) = (f.real.width, f.real.height);
-        (0..h).step_by(4).flat_map(move |y| (0..w).step_by(4).map(move |x| speed(f, x, y)))
+        (0..h).step_by(4).flat_map(move |y| (0..w).step_by(4).map(move |x| f64::from(speed(f, x, y))))
     }));
-    let limit = (limit / 10.0).round() * 10.0;
+    let limit = (limit as f32 / 10.0).round() * 10.0;
     for f in frames {
         for y in 1..f.real.height {
             for x in 1..f.real.width {
@@ -96,15 +97,6 @@ fn edges(frames: &[Compared<'_>], total: f64) -> Said {
         )
     };
     Some((share, text))
-}
-
-fn median(values: impl Iterator<Item = f32>) -> f32 {
-    let mut values: Vec<f32> = values.collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// A profile that grows or falls along its axis, if it does so clearly.

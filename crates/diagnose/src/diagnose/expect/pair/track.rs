@@ -8,6 +8,7 @@ use crate::diagnose::expect::linear::solve;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// Samples across a picture.
 const ACROSS: usize = 80;
@@ -136,12 +137,6 @@ fn rest(depth: &Plane<f32>, motion: &Plane<f32>, k: &Intrinsics, pose: &Pose) ->
     };
     let data = (0..depth.data.len()).flat_map(of).collect();
     Plane { width: depth.width, height: depth.height, channels: 2, data }
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut all: Vec<f64> = values.collect();
-    let middle = all.len() / 2;
-    if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 #[cfg(test)]

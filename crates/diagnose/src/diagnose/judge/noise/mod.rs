@@ -423,6 +423,21 @@ mod tests {
     }
 
     #[test]
+    fn a_pattern_that_the_model_lacks_does_not_pass_for_noise() {
+        let misfit = |seen: [f32; 2], model: [f64; 2]| {
+            let theta = Theta::neutral().with(P::Dsnu, model[0]).with(P::Read, model[1]);
+            measured_of_six(seen[0], seen[1]).misfit(&theta)[2]
+        };
+        let most = crate::diagnose::judge::quantile(3);
+        let whole = 0.006_f64.hypot(0.012);
+        let lacking = misfit([0.006, 0.012], [0.0, whole]);
+        assert!(lacking > most, "{lacking} of {most}");
+        let told = misfit([0.006, 0.012], [0.006, 0.012]);
+        let none = misfit([0.0, whole as f32], [0.0, whole]);
+        assert!(told < 0.6 * most && none < 0.6 * most, "control: {told}, {none}");
+    }
+
+    #[test]
     fn a_pattern_is_a_part_of_the_spread_of_single_frames() {
         let dsnu = |seen: f64| {
             let bins = |v: f64| (1..20).map(|i| [f64::from(i) / 20.0, v, 1000.0]).collect::<Vec<_>>();

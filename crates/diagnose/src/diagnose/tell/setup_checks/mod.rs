@@ -18,6 +18,7 @@ use crate::diagnose::report::{Report, Verdict};
 use crate::diagnose::search::found::Found;
 use crate::diagnose::search::odd::Odd;
 use shutterbug::error::Result;
+use shutterbug::plane::stats::median;
 use shutterbug::plane::{Plane, read_rgb8};
 use thumbs::Thumb;
 
@@ -32,7 +33,7 @@ struct Pairs {
 impl Pairs {
     /// Median over the frames of what a real and a simulated one give.
     fn median(&self, of: impl Fn(&Thumb, &Thumb) -> f64) -> f64 {
-        median(self.real.iter().zip(&self.simulated).map(|(r, s)| of(r, s)).collect())
+        median(self.real.iter().zip(&self.simulated).map(|(r, s)| of(r, s)))
     }
 
     /// How unlike the frames are, whatever their brightness: 0 alike, 1 nothing in common, 2 negatives.
@@ -175,14 +176,6 @@ fn unseen(evidence: &Evidence, is_compared: bool) -> Option<String> {
         "frames {names} were only compared {how}: fits and figures are of {} others",
         evidence.frames.len() - places.len()
     ))
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 #[cfg(test)]

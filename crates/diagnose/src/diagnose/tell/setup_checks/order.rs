@@ -1,9 +1,10 @@
 //! Frames that are not where `frames.csv` has them: late, dropped, doubled, reversed, or of another scene.
 
-use super::{Pairs, median};
+use super::Pairs;
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::search::odd::Odd;
 use shutterbug::error::counted;
+use shutterbug::plane::stats::median;
 
 /// What another simulated frame must leave of the unlikeness to its own for a real one to be that frame.
 const LEFT: f64 = 0.15;
@@ -79,7 +80,7 @@ fn whole(pairs: &Pairs, late: usize, ahead: bool) -> bool {
     let left = |late: usize| {
         let pair = |i: usize| if ahead { (i, i + late) } else { (i + late, i) };
         let inside = (0..count - late).map(pair);
-        median(inside.map(|(i, j)| pairs.real[i].unlike(&pairs.simulated[j])).collect())
+        median(inside.map(|(i, j)| pairs.real[i].unlike(&pairs.simulated[j])))
     };
     let beside = left(late - 1).min(left((late + 1).min(count - 1)));
     left(late) < 0.03 * beside

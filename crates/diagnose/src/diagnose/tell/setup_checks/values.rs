@@ -1,7 +1,8 @@
 //! Values that mean something else: linear, encoded twice, colours in another order, no colours, a negative.
 
+use super::Pairs;
 use super::thumbs::{Thumb, apart};
-use super::{Pairs, median};
+use shutterbug::plane::stats::median;
 use shutterbug::plane::{Plane, srgb_decode, srgb_encode};
 
 /// Difference from which on the question is asked, DN.
@@ -17,7 +18,7 @@ pub(super) fn grey(pairs: &Pairs) -> Option<String> {
         let spread = |p: &[f32]| f64::from(p[0].max(p[1]).max(p[2]) - p[0].min(p[1]).min(p[2]));
         t.dn.data.chunks_exact(3).map(spread).sum::<f64>() / (t.dn.data.len() / 3).max(1) as f64
     };
-    let of = |all: &[Thumb]| median(all.iter().map(colour).collect());
+    let of = |all: &[Thumb]| median(all.iter().map(colour));
     (of(&pairs.real) < 0.75 && of(&pairs.simulated) > 6.0).then(|| {
         "the real frames are grey, the simulation has colours: the camera, or what read it, drops them"
             .to_owned()
