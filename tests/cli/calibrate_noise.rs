@@ -168,7 +168,7 @@ fn row_noise_comes_back_and_more_frames_tell_more() {
         assert!(row.covers(0.002) && row.ci95[0] > 0.0, "{row:?}");
     }
     assert!(m.column_sigma.iter().all(|c| c.value < 0.001), "{:?}", m.column_sigma);
-    let options = NoiseOptions { encoding: Encoding::Linear, seed: 0 };
+    let options = NoiseOptions { encoding: Encoding::Linear, seed: 0, black_level: None };
     let full = calibrate_noise(&all, options).expect("calibrated");
     let over_time = full.temporal.expect("six frames");
     assert!(over_time.correlation.iter().all(|c| c.abs() < 0.03), "white over time: {over_time:?}");
@@ -193,7 +193,8 @@ fn a_known_isp_is_simulated_back_to_its_own_statistics() {
         [0.3 + 0.25 * (1.3 * k).sin(), 0.3 + 0.22 * (2.1 * k).cos(), 0.3 + 0.2 * (0.7 * k + 1.0).sin()]
     });
     let real = frames(&camera, &[&clean, &clean], 77);
-    let c = calibrate_noise(&real, NoiseOptions { encoding: Encoding::Srgb, seed: 5 }).expect("calibrated");
+    let c = calibrate_noise(&real, NoiseOptions { encoding: Encoding::Srgb, seed: 5, black_level: None })
+        .expect("calibrated");
     println!("{:?}\n{:?}", c.comparison, c.camera);
     for k in 0..3 {
         assert!(c.comparison.mean_deviation[k] < 0.08, "{:?}", c.comparison.mean_deviation);
@@ -240,8 +241,8 @@ fn the_canteen_is_matched() {
     }
     for (names, [model, chain, held_out], correlation) in CANTEEN {
         let pair = names.map(|n| Frame::read(&folder.join(n)).expect("a picture"));
-        let c =
-            calibrate_noise(&pair, NoiseOptions { encoding: Encoding::Srgb, seed: 0 }).expect("calibrated");
+        let c = calibrate_noise(&pair, NoiseOptions { encoding: Encoding::Srgb, seed: 0, black_level: None })
+            .expect("calibrated");
         let unseen = c.comparison_chain_held_out.as_ref().expect("a level curve is needed");
         eprintln!(
             "{}: saturation {:.3}; variance off by {:.3?} (model), {:.3?} (chain), {:.3?} (chain, blocks without fit); \

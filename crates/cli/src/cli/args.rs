@@ -148,7 +148,7 @@ pub struct CalibrateNoise {
     /// The frames are pairs, each of its own scene: A B, C D, ...; written to DIR/pair_NN
     #[arg(long)]
     pub pairs: bool,
-    /// Camera to which the tables are added
+    /// Camera to which the tables are added; its [black_level] is taken off the values
     #[arg(long)]
     pub camera: Option<PathBuf>,
     /// What the values of the frames mean

@@ -6,7 +6,7 @@ use super::args::CalibrateNoise;
 use super::terminal::print;
 use shutterbug::camera::Intrinsics;
 use shutterbug::capture::CameraFile;
-use shutterbug::chain::Settings;
+use shutterbug::chain::{Settings, Value};
 use shutterbug::effects::by_id;
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::plane::{write_atomic, write_png_atomic};
@@ -22,7 +22,8 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
     if let Some(base) = &base {
         check_sizes(base, &frames)?;
     }
-    let options = NoiseOptions { encoding: args.encoding.into(), seed: args.seed };
+    let black_level = base.as_ref().map(|b| b.settings.number("black_level", "offset", 0.0));
+    let options = NoiseOptions { encoding: args.encoding.into(), seed: args.seed, black_level };
     let inputs: Vec<&Path> = args.frames.iter().map(PathBuf::as_path).collect();
     let rules =
         OutRules { command: "calibrate noise", inputs: &inputs, overwrite: args.overwrite, goes_on: false };
@@ -97,6 +98,10 @@ fn write_camera(path: &Path, noise: &Settings, done: &Calibration, base: Option<
     };
     done.notes.iter().for_each(|n| text += &format!("# {}\n", one_line(n)));
     MEASURED.iter().for_each(|effect| camera.settings.disable(effect));
+    if let Some(black) = &done.black_level {
+        let offset = by_id("black_level").expect("a known effect");
+        camera.settings.set(offset, "offset", Value::Number(black.value))?;
+    }
     for (id, values) in noise.iter() {
         let effect = by_id(id).expect("settings hold known effects");
         for (name, value) in values {

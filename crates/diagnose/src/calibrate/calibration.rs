@@ -1,25 +1,70 @@
 //! `calibrate noise`: measure, fit, simulate, compare.
 
+use super::black;
 use super::frames::{Encoding, Frame};
 use super::model::IspCamera;
 use super::noise::{
     Calibration, Comparison, Measured, NoiseOptions, Pictures, compare, mean_variance, measure_all,
 };
+use super::ptc::Estimate;
 use super::scene::Together;
-use super::search::{By, Levelled, fit_camera, level, refit};
+use super::search::{By, Levelled, fit_camera, is_sensor_alone, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
-use super::statics::{Registration, difference};
+use super::statics::{AlignedPair, Registration, difference};
 use shutterbug::error::{Error, Result};
+
+/// Frames, and what was measured of them.
+struct Taken<'a> {
+    frames: &'a [Frame],
+    real: Measured,
+    pairs: Vec<AlignedPair>,
+    together: Together,
+}
+
+impl<'a> Taken<'a> {
+    fn of(frames: &'a [Frame], encoding: Encoding) -> Result<Self> {
+        let (real, pairs, together) = measure_all(frames, encoding)?;
+        Ok(Self { frames, real, pairs, together })
+    }
+
+    /// What tells of a black level: a sensor's noise alone, for what mixes colours bends the line.
+    fn black_level(&self, encoding: Encoding) -> Option<Estimate> {
+        let step = self.frames[0].step;
+        is_sensor_alone(&self.frames[0], &self.real)
+            .then(|| black::told(&self.real, step, encoding))
+            .flatten()
+    }
+}
 
 /// Measures the noise of two or more frames of one static scene and fits a camera that makes the same.
 ///
 /// # Errors
 /// Frames that hold no measurement ([`super::frames::check`]) or no static scene ([`super::statics::align`]), too few
-/// intensities.
+/// intensities; a black level that is not theirs.
 pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibration> {
     let encoding = options.encoding;
-    let (real, pairs, together) = measure_all(frames, encoding)?;
-    let step = frames[0].step;
+    let without = |black: f64| black::taken_off(frames, black, encoding);
+    if let Some(value) = options.black_level.filter(|b| *b != 0.0) {
+        let lit = without(value);
+        let taken = Taken::of(&lit, encoding)?;
+        black::check_given(value, &lit, &taken.real, taken.black_level(encoding))?;
+        let mut done = calibrate(taken, options)?;
+        done.black_level = Some(Estimate { value, ci95: [value; 2] });
+        return Ok(done);
+    }
+    let taken = Taken::of(frames, encoding)?;
+    let Some(black) = taken.black_level(encoding) else { return calibrate(taken, options) };
+    let lit = without(black.value);
+    let mut done = calibrate(Taken::of(&lit, encoding)?, options)?;
+    black::widen(&mut done.real.fits, &black);
+    done.notes.insert(0, black::note(&black));
+    done.black_level = Some(black);
+    Ok(done)
+}
+
+fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
+    let Taken { frames, real, pairs, together } = taken;
+    let (encoding, step) = (options.encoding, frames[0].step);
     if real.curves.iter().all(|c| c.iter().filter(|b| !b.cut_off).count() == 0) {
         return Err(Error::input(
             &frames[0].path,
@@ -48,6 +93,7 @@ pub fn calibrate_noise(frames: &[Frame], options: NoiseOptions) -> Result<Calibr
         frames: frames.iter().map(|f| f.path.display().to_string()).collect(),
         encoding: encoding.name(),
         registration: pairs.iter().map(|p| p.registration.clone()).collect(),
+        black_level: None,
         color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
         static_variance: resting.and_then(|at_rest| static_variance(frames, at_rest, encoding)),
         edge_variance: edge_variance(&pairs[0], &real.fits, encoding),

@@ -19,6 +19,8 @@ pub struct NoiseOptions {
     pub encoding: Encoding,
     /// Seed of the simulation.
     pub seed: u64,
+    /// Linear value of no light, where it is known.
+    pub black_level: Option<f64>,
 }
 
 /// Statistics of the noise, of real or simulated frames.
@@ -79,6 +81,8 @@ pub struct Calibration {
     pub encoding: &'static str,
     /// How each pair was made comparable.
     pub registration: Vec<Registration>,
+    /// Linear value of no light, which was taken off all values: given, or told by the noise; `None` = none of both.
+    pub black_level: Option<Estimate>,
     /// The real frames' noise.
     pub real: Measured,
     /// The noise of frames simulated with `camera`.

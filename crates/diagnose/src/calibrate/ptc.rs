@@ -1,6 +1,7 @@
 //! The photon transfer curve: variance of the noise over intensity, and the line through it (EMVA 1288, release 4.0,
 //! section 6: variance = read noise squared + signal / full well, in fractions of full scale).
 
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::frames::Encoding;
@@ -160,6 +161,36 @@ pub fn fit(bins: &[Bin], effective: f64) -> Option<PtcFit> {
     let dof = points.len() as f64 - 2.0;
     let chi2 = z.iter().zip(&huber).map(|(z, h)| h * z * z).sum::<f64>() / dof;
     Some(describe(&line, &points, &model, &z, chi2))
+}
+
+/// What a curve of second degree through the bins has at no light, and its standard deviation. `raised`: what is added
+/// to the variance of each. `None` with fewer than five bins.
+pub(super) fn at_black(bins: &[Bin], effective: f64, raised: impl Fn(&Bin) -> f64) -> Option<[f64; 2]> {
+    let whole = bins.iter().filter(|b| !b.cut_off && b.variance_linear > 0.0);
+    let points: Vec<[f64; 3]> =
+        whole.map(|b| [b.mean_linear, b.variance_linear + raised(b), b.count / effective.max(1.0)]).collect();
+    let n = points.len();
+    if n < 5 {
+        return None;
+    }
+    let powers = DMatrix::from_fn(n, 3, |i, k| points[i][0].powi(k as i32));
+    let values = DVector::from_iterator(n, points.iter().map(|p| p[1]));
+    let least = values.min();
+    let mut model = values.clone();
+    let mut found = None;
+    for _ in 0..20 {
+        // Weights come from the curve, as for a line.
+        let weights = DVector::from_iterator(n, points.iter().zip(&model).map(|(p, m)| p[2] / (2.0 * m * m)));
+        let weighted = DMatrix::from_fn(n, 3, |i, k| weights[i] * powers[(i, k)]);
+        let inverse = (weighted.transpose() * &powers).try_inverse()?;
+        let by = &inverse * weighted.tr_mul(&values);
+        let curve = &powers * &by;
+        let chi2: f64 = (0..n).map(|i| weights[i] * (values[i] - curve[i]).powi(2)).sum();
+        let widen = (chi2 / (n - 3) as f64).max(1.0).sqrt();
+        found = Some([by[0], widen * inverse[(0, 0)].max(0.0).sqrt()]);
+        model = curve.map(|v| v.max(least));
+    }
+    found
 }
 
 fn describe(line: &Line, points: &[[f64; 3]], model: &[f64], z: &[f64], chi2: f64) -> PtcFit {

@@ -40,10 +40,25 @@ fn most(variance: f64, step: f64) -> f64 {
     if step <= 0.0 {
         return 0.0;
     }
-    // Noise that is small beside a step makes it now and then; large noise has that of rounding besides.
+    step / PI * (-2.0 * (PI * noise_in_steps(variance, step)).powi(2)).exp()
+}
+
+/// Deviation of the noise before rounding, in steps. Noise that is small beside a step makes it now and then; large
+/// noise has that of rounding besides.
+fn noise_in_steps(variance: f64, step: f64) -> f64 {
     let seen = variance / (step * step);
-    let noise = if seen < 1.0 / 6.0 { PI.sqrt() * seen } else { (seen - 1.0 / 12.0).sqrt() };
-    step / PI * (-2.0 * (PI * noise).powi(2)).exp()
+    if seen < 1.0 / 6.0 { PI.sqrt() * seen } else { (seen - 1.0 / 12.0).sqrt() }
+}
+
+/// The most that the variance of rounded values, less a twelfth of a step squared, is short by: the first terms of the
+/// same series. `variance`: of the rounded values.
+pub(super) fn most_of_variance(variance: f64, step: f64) -> f64 {
+    if step <= 0.0 {
+        return 0.0;
+    }
+    let square = noise_in_steps(variance, step).powi(2);
+    let wave = (-2.0 * PI * PI * square).exp();
+    step * step * ((4.0 * square + 1.0 / (PI * PI)) * wave + wave * wave / (PI * PI))
 }
 
 #[cfg(test)]
@@ -73,6 +88,13 @@ mod tests {
             let least = if sigma < 0.2 { 0.6 } else { 0.8 };
             assert!((least..1.25).contains(&(said / off)), "{sigma}: {said} for {off}");
             assert!((said / 3.0 - most(variance / 9.0, 1.0 / 3.0)).abs() < 1e-9, "in steps of a third");
+            let short = all.iter().map(|(_, r)| sigma * sigma + 1.0 / 12.0 - r[1]).fold(0.0, f64::max);
+            // That variance is a mean over all places, where noise hides no step.
+            let said = most_of_variance(variance, 1.0);
+            assert!(
+                short < 1.01 * said.max(1.0 / 12.0) && (sigma < 0.3 || said < 1.5 * short),
+                "{sigma}: {said} {short}"
+            );
         }
         assert_eq!(most(1.0, 0.0), 0.0);
     }

@@ -36,8 +36,7 @@ pub(super) fn fit_camera(
     camera.row_sigma = if row.ci95[0] > 0.0 { row.value } else { 0.0 };
     let measured = cells(&pair.mean(), &pair.difference(|v| v), &pair.usable);
     let targets = fit::targets(&measured);
-    let white = real.neighbours.iter().all(|n| n.horizontal.abs().max(n.vertical.abs()) < 0.1);
-    if white && frame.jpeg.is_none() || targets.len() < 3 {
+    if is_sensor_alone(frame, real) || targets.len() < 3 {
         return Ok(camera);
     }
     camera = IspCamera {
@@ -54,6 +53,12 @@ pub(super) fn fit_camera(
         ..camera
     };
     refit(&camera, pair, options, By::Model)
+}
+
+/// Whether neighbours have nothing in common, as behind a sensor without an ISP.
+pub(super) fn is_sensor_alone(frame: &Frame, real: &Measured) -> bool {
+    let white = real.neighbours.iter().all(|n| n.horizontal.abs().max(n.vertical.abs()) < 0.1);
+    white && frame.jpeg.is_none()
 }
 
 /// Saturation of the ISP by its trace: behind the clipping at black a factor below 1 leaves no channel under 1 - factor
