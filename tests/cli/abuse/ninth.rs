@@ -138,3 +138,47 @@ fn a_black_level_is_taken_off_and_a_capped_picture_is_no_flat_field() {
     let mixed = [&bright[..2], &[capped]].concat();
     assert_refused(&flat(&mixed, &[]), 1, &["capped.png", "neither black nor white"]);
 }
+
+#[test]
+fn noise_that_frames_of_a_video_share_opens_the_intervals() {
+    let folder = tempfile::tempdir().unwrap();
+    // Each frame is a part of the one before; the first ones are not kept.
+    let video = |name: &str, kept: f64, light: &dyn Fn(u32, u32) -> f64| -> Vec<PathBuf> {
+        let mut dice = Dice(40);
+        let mut noise = vec![0.0; 160 * 160];
+        let gains: Vec<f64> = (0..160 * 160).map(|_| 1.0 + 0.01 * dice.normal()).collect();
+        (0..14)
+            .filter_map(|k| {
+                noise.iter_mut().for_each(|v| *v = kept * *v + (1.0 - kept) * 4.0 * dice.normal());
+                let picture = GrayImage::from_fn(160, 160, |x, y| {
+                    let i = (y * 160 + x) as usize;
+                    let value = 255.0 * light(x, y) * gains[i] + noise[i];
+                    Luma([value.round().clamp(0.0, 255.0) as u8])
+                });
+                let path = folder.path().join(format!("{name}{k}.png"));
+                picture.save(&path).unwrap();
+                (k >= 10).then_some(path)
+            })
+            .collect()
+    };
+    let report = |kind: &str, frames: &[PathBuf]| {
+        let out = folder.path().join(kind);
+        let mut command = shutterbug();
+        command.args(["calibrate", kind, "--encoding", "linear", "--overwrite"]).args(frames);
+        assert_done(&command.arg("--out").arg(&out).output().unwrap());
+        let text = fs::read_to_string(out.join("report.json")).unwrap();
+        let camera = fs::read_to_string(out.join("camera.toml")).unwrap();
+        (serde_json::from_str::<serde_json::Value>(&text).unwrap(), camera)
+    };
+    for (kept, shares) in [(0.7, true), (0.0, false)] {
+        let (flat, camera) = report("flat", &video("flat", kept, &|_, _| 0.5));
+        assert_eq!(flat["flat"]["shared_noise"].is_f64(), shares, "{kept}: {}", flat["flat"]);
+        assert_eq!(camera.contains("prnu = 0.0\n") || !camera.contains("prnu"), shares, "{camera}");
+        let ramp = |x: u32, y: u32| 0.1 + 0.004 * f64::from(x) + 0.0005 * f64::from(y);
+        let (noise, camera) = report("noise", &video("ramp", kept, &ramp));
+        assert_eq!(noise["notes"].to_string().contains("share noise"), shares, "{}", noise["notes"]);
+        assert_eq!(camera.contains("share noise"), shares, "{camera}");
+        let ratio = noise["temporal"]["near_over_far"]["value"].as_f64().unwrap();
+        assert!((ratio - if shares { 0.3 / 0.51 } else { 1.0 }).abs() < 0.03, "{kept}: {ratio}");
+    }
+}

@@ -287,6 +287,15 @@ fn flat_text(
 
 fn noise_text(text: &mut String, f: &Flat) {
     let percent = |v: f64| format!("{:.3} %", 100.0 * v);
+    if let Some(correlation) = f.shared_noise {
+        let _ = writeln!(
+            text,
+            "  WARNING: pictures that follow each other share noise (a correlation of {correlation:.2} beyond what \
+             pictures further apart share), as in a video with temporal noise reduction, or of a surface that moves \
+             slowly. It counts as pattern: PRNU is at most this, and not written to camera.toml; noise is at least \
+             this. Take photographs, or frames of the video that lie a second or more apart"
+        );
+    }
     let _ = writeln!(text, "  noise of one picture: {} of the level", percent(f.temporal));
     let _ = writeln!(
         text,

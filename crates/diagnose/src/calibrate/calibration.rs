@@ -6,7 +6,7 @@ use super::model::IspCamera;
 use super::noise::{
     Calibration, Comparison, Measured, NoiseOptions, Pictures, compare, mean_variance, measure_all,
 };
-use super::ptc::Estimate;
+use super::ptc::{Estimate, PtcFit};
 use super::scene::Together;
 use super::search::{By, Levelled, fit_camera, is_sensor_alone, level, refit};
 use super::series::{edge_variance, static_variance, temporal};
@@ -97,7 +97,7 @@ fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
         color_variance: real.curves.each_ref().map(|c| mean_variance(c)),
         static_variance: resting.and_then(|at_rest| static_variance(frames, at_rest, encoding)),
         edge_variance: edge_variance(&pairs[0], &real.fits, encoding),
-        temporal: resting.and_then(|at_rest| temporal(frames, at_rest)),
+        temporal: resting.and_then(|at_rest| temporal(frames, at_rest, real.neighbours[1].effective_pixels)),
         real,
         simulated,
         comparison,
@@ -120,7 +120,7 @@ fn calibrate(taken: Taken<'_>, options: NoiseOptions) -> Result<Calibration> {
     };
     calibration.notes = notes(&calibration, &together);
     calibration.notes.extend(unscaled(frames, &calibration.real));
-    Ok(calibration)
+    Ok(open_where_shared(calibration))
 }
 
 /// A camera without any noise misses its variance by the whole of it: one that misses by more is no finding.
@@ -216,6 +216,26 @@ fn notes_on_place(r: &Registration, notes: &mut Vec<String>) {
     }
 }
 
+/// Opens the intervals that hold for frames without noise in common alone, where these have some, and says so.
+fn open_where_shared(mut c: Calibration) -> Calibration {
+    if let Some(shared) = c.temporal.as_ref().filter(|t| t.is_shared()) {
+        c.notes.insert(0, shared_note(&shared.near_over_far));
+        c.real.fits.iter_mut().flatten().for_each(PtcFit::at_least);
+    }
+    c
+}
+
+/// Said of frames that share noise.
+fn shared_note(ratio: &Estimate) -> String {
+    format!(
+        "WARNING: frames that follow each other share noise: they differ by {:.0} % of the variance by which frames \
+         further apart do, as in a video with temporal noise reduction. Noise is that of single frames only where \
+         frames have none in common: the full wells are upper bounds, read noise and variances lower ones. Take \
+         photographs, turn the noise reduction off, or give frames of the video that lie a second or more apart",
+        100.0 * ratio.value
+    )
+}
+
 /// What limits the result.
 fn notes(c: &Calibration, together: &Together) -> Vec<String> {
     let mut notes = Vec::new();
@@ -261,7 +281,9 @@ fn notes(c: &Calibration, together: &Together) -> Vec<String> {
         ));
     } else if c.frames.len() < 3 {
         notes.push(
-            "two frames: the fixed pattern is in both and stays unseen; no temporal spectrum".to_owned(),
+            "two frames: the fixed pattern is in both and stays unseen, and so does noise that frames of a video \
+             share; no temporal spectrum"
+                .to_owned(),
         );
     } else {
         notes.push(

@@ -77,6 +77,9 @@ pub struct Flat {
     pub prnu: Measured,
     /// Noise of one picture, of the level.
     pub temporal: f64,
+    /// Correlation of the noise of pictures that follow each other, where they have some in common: then the pattern
+    /// holds noise as well, and is less than it says, and the noise of one picture more.
+    pub shared_noise: Option<f64>,
     /// The most that rounding does to means, of the level; it is in the intervals.
     pub rounding: f64,
     /// Rows or columns that differ from picture to picture by more than their pixels' noise.
@@ -232,19 +235,8 @@ impl FlatSums {
         let [stuck, dead] =
             [0, 1].map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames).count());
         let pixels = (sum.data.len() - stuck - dead) as f64;
-        let over = |value: &dyn Fn(usize) -> f32| self.over_lit(value);
-        // Cleaning took so many means of each picture.
-        let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
-        let of_sum = over(&|i| sum.data[i] * sum.data[i]) / kept;
-        let of_each = over(&|i| self.squares.data[i]) / kept;
-        // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
-        let variance = (of_sum - of_each) / (n * (n - 1.0));
-        let chance = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
-        // What rounding does is the same in all pictures, and a wave over the values.
-        let spread = chance + 0.5 * rounding * rounding;
-        let prnu = variance.max(0.0).sqrt();
-        let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
-        let temporal = (of_each / n - variance).max(0.0).sqrt();
+        let shared_noise = self.patterns.shared_noise();
+        let (prnu, temporal) = self.spread(&sum, pixels, rounding, shared_noise.is_some());
         let halves = self.halves;
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
@@ -265,8 +257,9 @@ impl FlatSums {
             corner: corner[0],
             tilt: tilt[0],
             uneven: uneven[0],
-            prnu: Measured::of(prnu, deviation),
+            prnu,
             temporal,
+            shared_noise,
             rounding,
             bands: self.lines.bands(),
             itself,
@@ -275,6 +268,29 @@ impl FlatSums {
             odd: self.patterns.odd(),
             pattern: sum,
         })
+    }
+
+    /// Spread of the pattern and of the noise of one picture. `sum`: of all patterns; `pixels` that see light;
+    /// `rounding`: the most that each is off by, of the level; `shared`: whether noise is in several pictures, and so
+    /// in the pattern.
+    fn spread(&self, sum: &Plane<f32>, pixels: f64, rounding: f64, shared: bool) -> (Measured, f64) {
+        let n = self.levels.len() as f64;
+        // Cleaning took so many means of each picture.
+        let kept = 1.0 - (self.size[0] + self.size[1] + REPEAT_PX * REPEAT_PX) as f64 / pixels;
+        let of_sum = self.over_lit(&|i| sum.data[i] * sum.data[i]) / kept;
+        let of_each = self.over_lit(&|i| self.squares.data[i]) / kept;
+        // Covariance of two different pictures, and its spread over pixels that are independent but for demosaicking.
+        let variance = (of_sum - of_each) / (n * (n - 1.0));
+        let chance = (of_sum / n) * (2.0 / pixels).sqrt() * 2.0 / (n - 1.0);
+        // What rounding does is the same in all pictures, and a wave over the values.
+        let spread = chance + 0.5 * rounding * rounding;
+        let prnu = variance.max(0.0).sqrt();
+        let deviation = if prnu > 0.0 { spread / (2.0 * prnu) } else { spread.sqrt() };
+        let mut prnu = Measured::of(prnu, deviation);
+        if shared {
+            prnu.ci95[0] = 0.0;
+        }
+        (prnu, (of_each / n - variance).max(0.0).sqrt())
     }
 
     /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have

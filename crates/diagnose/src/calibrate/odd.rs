@@ -77,6 +77,34 @@ impl Patterns {
         (!pictures.is_empty()).then_some(Odd { pictures, others })
     }
 
+    /// Correlation of the noise of pictures that follow each other, where they share more than pictures at least half
+    /// of all apart do, by more than chance: what stays is the same in both. None of fewer than three, or of levels
+    /// that leave offsets another share.
+    pub(super) fn shared_noise(&self) -> Option<f64> {
+        let count = self.0.len();
+        let levels = || self.0.iter().map(|p| p.level);
+        let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(0.0, f64::max));
+        if count < 3 || high >= LEVELS * low {
+            return None;
+        }
+        let products = |lag: usize| {
+            let mut mean = vec![0.0f64; self.0[0].pattern.len()];
+            for pair in (lag..count).map(|t| [&self.0[t - lag], &self.0[t]]) {
+                let product = pair[0].pattern.iter().zip(&pair[1].pattern).map(|(a, b)| f64::from(a * b));
+                mean.iter_mut().zip(product).for_each(|(m, v)| *m += v / (count - lag) as f64);
+            }
+            mean
+        };
+        let (near, far) = (products(1), products(count.div_ceil(2)));
+        let n = near.len().max(1) as f64;
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
+        let (more, stays) = (mean(&near) - mean(&far), mean(&far));
+        let spread = near.iter().zip(&far).map(|(a, b)| (a - b - more).powi(2)).sum::<f64>() / n;
+        let of_each = |value: &dyn Fn(&One) -> f64| self.0.iter().map(value).sum::<f64>() / count as f64;
+        let error = (spread * of_each(&|p| p.together) / n).sqrt();
+        (more > beyond(ALPHA) * error).then(|| more / (of_each(&|p| p.square) - stays).max(more))
+    }
+
     /// What two pictures share, and its standard deviation if that is nothing (Bartlett's formula).
     fn covariance(&self, [a, b]: [usize; 2]) -> (f64, f64) {
         let [a, b] = [&self.0[a], &self.0[b]];
@@ -127,5 +155,41 @@ mod tests {
         // Controls: one sensor, and patterns too faint to tell.
         assert_eq!(odd(&[0, 0, 0, 0], 9, 1.0), None);
         assert_eq!(odd(&[0, 1, 0, 1], 9, 0.0), None);
+    }
+    #[test]
+    fn noise_that_pictures_of_a_video_share_is_told_from_the_pattern() {
+        let mut state = 5u64;
+        let mut normal = || {
+            let mut roll = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 40) as f32 / (1 << 24) as f32
+            };
+            (0..12).map(|_| roll()).sum::<f32>() - 6.0
+        };
+        let (w, h) = (160, 120);
+        let sensor = Plane::from_fn(w, h, |_, _| [0.006 * normal()]);
+        let mut shared = |kept: f32, count: usize| {
+            let mut noise = Plane::<f32>::new(w, h, 1);
+            let mut all = Patterns::default();
+            for t in 0..count + 9 {
+                noise.data.iter_mut().for_each(|v| *v = kept * *v + (1.0 - kept) * 0.016 * normal());
+                if t >= 9 {
+                    all.add(
+                        &Plane::from_fn(w, h, |x, y| [sensor.pixel(x, y)[0] + noise.pixel(x, y)[0]]),
+                        0.4,
+                    );
+                }
+            }
+            all.shared_noise()
+        };
+        for (kept, count) in [(0.7, 3), (0.7, 4), (0.4, 8)] {
+            let found = shared(kept, count).expect("shared");
+            let far = kept.powi(count.div_ceil(2) as i32);
+            let want = f64::from((kept - far) / (1.0 - far));
+            assert!((found - want).abs() < 0.05, "{kept} {count}: {found} for {want}");
+        }
+        // Control: noise of its own in each.
+        let false_ones = (0..20).filter(|_| shared(0.0, 4).is_some()).count();
+        assert!(false_ones <= 2, "{false_ones} of 20");
     }
 }

@@ -128,6 +128,16 @@ pub struct PtcFit {
     pub off_at_dn: Vec<f64>,
 }
 
+impl PtcFit {
+    /// Opens the intervals where the variance is known to be at least what was measured.
+    pub(super) fn at_least(&mut self) {
+        self.full_well_e.ci95[0] = 0.0;
+        for bound in [&mut self.slope, &mut self.intercept, &mut self.read_sigma] {
+            bound.ci95[1] = f64::INFINITY;
+        }
+    }
+}
+
 /// Fits variance = intercept + slope * mean, in linear values. `effective` is the number of pixels that act as one in
 /// the estimate of a variance (the sum of squared autocorrelations; 1 for white noise). Outliers beyond 3 sigma lose
 /// weight (Huber). `None` with fewer than four bins.
@@ -269,7 +279,7 @@ fn bend(points: &[[f64; 3]], model: &[f64]) -> f64 {
 }
 
 /// 97.5 % quantile of Student's t (Cornish-Fisher expansion; 0.5 % off at 3 degrees of freedom).
-fn student_t(dof: f64) -> f64 {
+pub(super) fn student_t(dof: f64) -> f64 {
     let z: f64 = 1.959_964;
     let n = dof.max(1.0);
     z + (z.powi(3) + z) / (4.0 * n)

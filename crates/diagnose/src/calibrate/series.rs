@@ -5,8 +5,9 @@ use serde::Serialize;
 
 use super::filter::{gaussian, masked_mean};
 use super::frames::{Encoding, Frame};
+use super::own::beyond;
 use super::ptc::{Estimate, PtcFit};
-use super::statics::AlignedPair;
+use super::statics::{AlignedPair, LOCAL_MEAN_RADIUS_PX, MAX_CONTAMINATION};
 use shutterbug::plane::Plane;
 
 /// Correlation and spectrum over time, mean over pixels and channels.
@@ -16,10 +17,27 @@ pub struct Temporal {
     pub correlation: Vec<f64>,
     /// Power at the frequencies `k / N` cycles a frame, k = 1 ..= N/2; 1 everywhere for white noise.
     pub spectrum: Vec<f64>,
+    /// Variance of the noise between frames that follow each other over that between frames at least half of all apart:
+    /// 1 for white noise, less where frames share noise.
+    pub near_over_far: Estimate,
 }
 
-/// Temporal statistics of more than two frames that need no alignment; `None` otherwise.
-pub fn temporal(frames: &[Frame], usable: &[bool]) -> Option<Temporal> {
+/// How often frames may be said to share noise that have none in common.
+const ALPHA: f64 = 0.01;
+
+impl Temporal {
+    /// Whether frames that follow each other share noise: more than chance, and than a displacement that stays unseen
+    /// between those further apart, makes it look.
+    pub fn is_shared(&self) -> bool {
+        let deviation = (self.near_over_far.ci95[1] - self.near_over_far.value) / 1.96;
+        let unseen = 1.0 + MAX_CONTAMINATION * MAX_CONTAMINATION;
+        (self.near_over_far.value + beyond(ALPHA) * deviation) * unseen < 1.0
+    }
+}
+
+/// Temporal statistics of more than two frames that need no alignment; `None` otherwise. `effective`: pixels that act
+/// as one in the estimate of a variance.
+pub fn temporal(frames: &[Frame], usable: &[bool], effective: f64) -> Option<Temporal> {
     let n = frames.len();
     if n < 3 {
         return None;
@@ -59,7 +77,35 @@ pub fn temporal(frames: &[Frame], usable: &[bool]) -> Option<Temporal> {
     let white = covariance[0] / (1.0 - 1.0 / n as f64);
     let correlation = covariance[1..n.min(9)].iter().map(|c| c / white + 1.0 / n as f64).collect();
     let mean_power = power.iter().sum::<f64>() / power.len() as f64;
-    Some(Temporal { correlation, spectrum: power.iter().map(|p| p / mean_power).collect() })
+    let near_over_far = near_over_far(frames, usable, &level, effective);
+    Some(Temporal { correlation, spectrum: power.iter().map(|p| p / mean_power).collect(), near_over_far })
+}
+
+/// See [`Temporal::near_over_far`]; `level`: the mean of each frame.
+fn near_over_far(frames: &[Frame], usable: &[bool], level: &[f64], effective: f64) -> Estimate {
+    let squares = |lag: usize| {
+        let mut sums = vec![0.0f64; usable.len()];
+        for t in lag..frames.len() {
+            let (a, b) = (&frames[t - lag].encoded, &frames[t].encoded);
+            // Another exposure is no noise, and no light that drifts slowly over the picture.
+            let scale = (level[t - lag] / level[t].max(1e-9)) as f32;
+            let data = (0..usable.len()).map(|i| scale * b.data[3 * i + 1] - a.data[3 * i + 1]).collect();
+            let d = Plane { width: a.width, height: a.height, channels: 1, data };
+            let local = masked_mean(&d, usable, LOCAL_MEAN_RADIUS_PX);
+            let own = d.data.iter().zip(&local.data).map(|(v, m)| f64::from(v - m));
+            sums.iter_mut().zip(own).for_each(|(s, v)| *s += v * v);
+        }
+        let count = (frames.len() - lag) as f64;
+        sums.iter_mut().for_each(|s| *s /= count);
+        sums
+    };
+    let (near, far) = (squares(1), squares(frames.len().div_ceil(2)));
+    let used = || (0..usable.len()).filter(|i| usable[*i]);
+    let [sum_near, sum_far] = [&near, &far].map(|v| used().map(|i| v[i]).sum::<f64>().max(1e-300));
+    let value = sum_near / sum_far;
+    let rest: f64 = used().map(|i| (near[i] - value * far[i]).powi(2)).sum();
+    let half = 1.96 * (rest * effective.max(1.0)).sqrt() / sum_far;
+    Estimate { value, ci95: [value - half, value + half] }
 }
 
 /// Variance of the pattern that stays, per channel, in linear values: what the mean of all frames varies by around its
@@ -138,4 +184,57 @@ pub fn edge_variance(
         out[c] = Estimate { value: slope.max(0.0), ci95: [slope - half, slope + half] };
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::model::{CameraModel, IspCamera};
+
+    /// Frames of a video of which each is that share of the one before, after some that nobody kept.
+    fn video(kept: f32, count: usize, drift: f32) -> Vec<Frame> {
+        let camera = IspCamera::sensor(3000.0, 0.004, true, 0.0);
+        let clean = Plane::from_fn(192, 160, |x, y| {
+            let wave = 0.1 * (0.2 * x as f32 + 0.05 * y as f32).sin();
+            [0.3 + wave, 0.35 + wave, 0.2 + 0.5 * wave]
+        });
+        let mut seen: Option<Plane<f32>> = None;
+        let mut frames = Vec::new();
+        for k in 0..count + 12 {
+            let light = |i: usize, v: f32| {
+                let x = (i / 3 % 192) as f32 / 192.0;
+                v * (1.0 + drift * k as f32 * (0.5 + x))
+            };
+            let data = clean.data.iter().enumerate().map(|(i, v)| light(i, *v)).collect();
+            let mut new = camera.frame(&Plane { data, ..clean }, k as u32, 9).expect("a frame");
+            if let Some(last) = &seen {
+                new.data.iter_mut().zip(&last.data).for_each(|(v, l)| *v = kept * l + (1.0 - kept) * *v);
+            }
+            seen = Some(new.clone());
+            if k >= 12 {
+                frames.push(Frame::from_plane(&format!("frame {k}"), new, 0.0));
+            }
+        }
+        frames
+    }
+
+    #[test]
+    fn frames_that_share_noise_are_told_from_those_that_do_not() {
+        let usable = vec![true; 192 * 160];
+        let shared = |kept: f32, count: usize, drift: f32| {
+            let found = temporal(&video(kept, count, drift), &usable, 1.0).expect("three frames");
+            (found.is_shared(), found.near_over_far)
+        };
+        for (kept, count) in [(0.6, 3), (0.6, 4), (0.3, 4), (0.6, 9)] {
+            let (is, ratio) = shared(kept, count, 0.0);
+            // The variance of differences of frames so far apart.
+            let [near, far] = [1, count.div_ceil(2)].map(|lag| f64::from(1.0 - kept.powi(lag as i32)));
+            assert!(is && (ratio.value / (near / far) - 1.0).abs() < 0.03, "{kept} {count}: {ratio:?}");
+        }
+        // Controls: white noise, and a lamp that gets warm.
+        for (count, drift) in [(3, 0.0), (4, 0.0), (9, 0.0), (6, 0.002)] {
+            let (is, ratio) = shared(0.0, count, drift);
+            assert!(!is && (ratio.value - 1.0).abs() < 0.03, "{count} {drift}: {ratio:?}");
+        }
+    }
 }

@@ -26,7 +26,7 @@ const MAX_GAIN_CHANGE: f64 = 0.2;
 const MOST_UNLIKE: f64 = 0.25;
 const NOISE_OF_A_BLOCK: f64 = 3.0;
 /// Largest part of the noise's sigma that displacement may add at a pixel.
-const MAX_CONTAMINATION: f64 = 0.22;
+pub(super) const MAX_CONTAMINATION: f64 = 0.22;
 /// Radius around edges that displaced frames lose, px.
 const EDGE_RADIUS_PX: usize = 5;
 /// Half side of the window whose mean is taken off the difference of displaced frames, px.
