@@ -182,3 +182,27 @@ fn noise_that_frames_of_a_video_share_opens_the_intervals() {
         assert!((ratio - if shares { 0.3 / 0.51 } else { 1.0 }).abs() < 0.03, "{kept}: {ratio}");
     }
 }
+
+#[test]
+fn round_dark_corners_are_no_flat_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let flat = |lit: f64| {
+        let frames = (0..2).map(|k| {
+            let mut dice = Dice(60 + k);
+            let picture = GrayImage::from_fn(200, 160, |x, y| {
+                let [dx, dy] = [f64::from(x) - 99.5, f64::from(y) - 79.5];
+                let q = (dx * dx + dy * dy) / 16_400.0;
+                let light = if q < lit { 0.5 * (1.0 - 0.2 * q) } else { 0.02 };
+                Luma([(255.0 * light + 1.5 * dice.normal()).round() as u8])
+            });
+            let path = folder.path().join(format!("{k}.png"));
+            picture.save(&path).unwrap();
+            path
+        });
+        let mut command = shutterbug();
+        command.args(["calibrate", "flat", "--encoding", "linear", "--overwrite"]).args(frames);
+        command.arg("--out").arg(folder.path().join("out")).output().unwrap()
+    };
+    assert_refused(&flat(0.9), 1, &["dark corners that no light reaches", "top left", "bottom right"]);
+    assert_done(&flat(2.0));
+}

@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::corners::Corners;
 use super::frames::Encoding;
 use super::lines::{Bands, Lines};
 use super::odd::{Odd, Patterns};
@@ -114,6 +115,7 @@ pub struct FlatSums {
     /// Sum of block means: dark pictures tell less.
     blocks: Vec<f64>,
     lines: Lines,
+    corners: Corners,
     patterns: Patterns,
     /// In how many pictures each pixel is white, and in how many black, unlike its neighbours.
     ends: Vec<[u16; 2]>,
@@ -133,6 +135,7 @@ impl FlatSums {
             squares: Plane::new(width, height, 1),
             blocks: vec![0.0; across * down],
             lines: Lines::default(),
+            corners: Corners::new(width, height),
             patterns: Patterns::default(),
             ends: vec![[0; 2]; width * height],
         }
@@ -161,6 +164,7 @@ impl FlatSums {
             *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64;
         }
         self.lines.add(&light, level);
+        self.corners.add(&light);
         let mut own = box_mean(&light, AROUND_PX);
         own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
@@ -245,7 +249,7 @@ impl FlatSums {
             let expected = "an evenly lit surface without edges, and a camera at rest";
             return Err(Error::input(path, None, what, expected));
         }
-        if let Some(frame) = self.lines.dark_frame() {
+        if let Some(frame) = self.lines.dark_frame().or_else(|| self.corners.dark(temporal * level)) {
             return Err(Error::input(path, None, frame, "pictures cropped to what the lens lights"));
         }
         Ok(Flat {

@@ -28,6 +28,7 @@ pub mod cells;
 pub mod chart;
 pub mod chart_edge;
 mod copied;
+mod corners;
 mod course;
 mod curve;
 pub mod dark;
