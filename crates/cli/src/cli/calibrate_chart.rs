@@ -409,6 +409,19 @@ fn aliases_text(others_s: &[f64], longest_s: f64, lines: usize) -> String {
     )
 }
 
+/// Said of stripes that bend.
+fn bent_text(readout: &Readout) -> String {
+    let Some(at_ends) = readout.bent_at_ends else { return String::new() };
+    format!(
+        "  WARNING: the stripes bend: at the ends of the lines they lie {:.2} % {} than in the middle. A sensor's \
+         lines are straight behind any lens, so the picture was bent afterwards (its lens was corrected, or it was \
+         stabilized), and its lines are not the sensor's. The figures are those of the middle, which hold if it kept \
+         its size: give the picture as the sensor delivered it\n",
+        100.0 * (1.0 / (1.0 + at_ends) - 1.0).abs(),
+        if at_ends < 0.0 { "further apart" } else { "closer" }
+    )
+}
+
 /// A frame takes no longer than its period.
 fn check_longest(args: &CalibrateReadout, readout: &Readout, longest_s: f64) -> Result<()> {
     if readout.ci95_s[0] <= longest_s {
@@ -499,11 +512,12 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     } else {
         PERHAPS_MOVED
     };
+    let bent = bent_text(r);
     let others = aliases_text(&others_s, longest_s, r.lines);
     print(format!(
         "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
          delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
-         one picture does not tell whether {first} is read first\n{alone}{others}",
+         one picture does not tell whether {first} is read first\n{bent}{alone}{others}",
         r.period_lines,
         100.0 * r.depth,
         1e6 * r.line_delay_s,

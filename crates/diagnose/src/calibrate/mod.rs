@@ -21,6 +21,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod analytic;
+mod bent;
 mod black;
 mod blocks;
 mod calibration;

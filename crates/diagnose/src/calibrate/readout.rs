@@ -10,6 +10,7 @@ use std::f64::consts::{LN_2, TAU};
 
 use serde::Serialize;
 
+use super::bent::{Bent, bent};
 use super::frames::Encoding;
 use super::own::Z99;
 use super::slopes::{self, Slopes};
@@ -55,9 +56,26 @@ pub struct Readout {
     pub readout_time_s: f64,
     /// 95 % interval of the readout, s.
     pub ci95_s: [f64; 2],
+    /// Where stripes bend by more than the interval holds: by how much more often they come at the ends of the lines
+    /// than in the middle, a share. Then the period is that of the middle, and the interval reaches to that of all
+    /// lines together.
+    pub bent_at_ends: Option<f64>,
 }
 
 impl Readout {
+    /// Of stripes that bend, those of the middle, where these lie beyond the interval.
+    fn take_middle(&mut self, bent: &Bent, light_hz: f64) {
+        let [frequency, half] = bent.middle;
+        let [middle_s, half_s] = [frequency, half].map(|f| f * self.lines as f64 / light_hz);
+        let [low, high] = self.ci95_s;
+        if low <= middle_s && middle_s <= high {
+            return;
+        }
+        self.ci95_s = [low.min(middle_s - half_s), high.max(middle_s + half_s)];
+        (self.readout_time_s, self.line_delay_s) = (middle_s, frequency / light_hz);
+        (self.period_lines, self.bent_at_ends) = (1.0 / frequency, Some(bent.at_ends));
+    }
+
     /// The other readouts up to the longest possible that give the same stripes: lines see the light at whole steps, so
     /// that its cycles a line are known but for whole ones, and but for their sign.
     pub fn aliases_s(&self, light_hz: f64, longest_s: f64) -> Vec<f64> {
@@ -109,7 +127,11 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         {
             continue;
         }
-        let readout = readout(rows, lines, frequency, amplitude, noise, light_hz);
+        let mut readout = readout(rows, lines, frequency, amplitude, noise, light_hz);
+        let across_px = photographs.first().map_or(0, |p| if rows { p.width } else { p.height });
+        if let Some(bent) = bent(&parts, frequency, across_px, MOST_HARMONICS) {
+            readout.take_middle(&bent, light_hz);
+        }
         let over = strongest[axis] / threshold[axis];
         if best.as_ref().is_none_or(|b| over > b.0) {
             best = Some((over, readout));
@@ -133,6 +155,7 @@ fn readout(rows: bool, lines: usize, frequency: f64, amplitude: f64, noise: f64,
         line_delay_s,
         readout_time_s,
         ci95_s: [readout_time_s - half_s, readout_time_s + half_s],
+        bent_at_ends: None,
     }
 }
 
