@@ -49,8 +49,8 @@ const BARS_PX: f64 = 480.0;
 /// Bars on a logarithmic scale, one a figure; what is not above 0 has none.
 fn chart(figures: &[(String, f64)], unit: &str) -> String {
     let above = || figures.iter().map(|(_, value)| *value).filter(|v| *v > 0.0);
-    let low = above().fold(f64::INFINITY, f64::min).log10().floor();
-    let high = above().fold(0.0, f64::max).log10().ceil().max(low + 1.0);
+    let low = above().reduce(f64::min).unwrap_or(1.0).log10().floor();
+    let high = above().reduce(f64::max).unwrap_or(1.0).log10().ceil().max(low + 1.0);
     let [width, height] = [NAMES_PX + BARS_PX + 80.0, ROW_PX * (figures.len() as f64 + 2.0)];
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
