@@ -139,12 +139,13 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
     if only.is_none() {
         result.write(&output());
     }
+    let text = result.markdown();
     if only.is_none() && !quick {
         let name = |c: &Cell| format!("{}, {} samples, {}x{}", c.method, c.samples, c.width, c.height);
         let bars: Vec<_> = result.cells.iter().map(|c| (name(c), c.ms_median)).collect();
-        measured::write_page("table1", &info.name, &result.markdown(), (&bars, "ms"));
+        measured::write_page("table1", &info.name, &text, (&bars, "ms"));
     }
-    println!("\n{}", result.markdown());
+    println!("\n{text}");
     Ok(())
 }
 

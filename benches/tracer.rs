@@ -53,15 +53,13 @@ fn main() {
          \ncapture | who | error | ms a frame | times faster\n---|---|---|---|---\n",
         context.info().name
     );
+    let mut bars = Vec::new();
     for name in ["d01", "d02", "d08"] {
-        capture(&context, &data.join(name), name, &mut text);
+        capture(&context, &data.join(name), name, (&mut text, &mut bars));
     }
     println!("{text}");
     std::fs::create_dir_all(root.join("target/bench")).unwrap();
     std::fs::write(root.join("target/bench/tracer.md"), &text).unwrap();
-    let cells = text.lines().skip(4).map(|l| l.split(" | ").collect::<Vec<_>>()).filter(|c| c.len() == 5);
-    let bars: Vec<_> =
-        cells.filter_map(|c| Some((format!("{}, {}", c[0], c[1]), c[3].parse().ok()?))).collect();
     measured::write_page("tracer", &context.info().name, &text, (&bars, "ms"));
 }
 
@@ -94,7 +92,13 @@ fn answered(folder: &Path, name: &str) -> PathBuf {
     path
 }
 
-fn capture(context: &Arc<Context>, folder: &Path, name: &str, text: &mut String) {
+/// Adds lines to the table and bars to the chart.
+fn capture(
+    context: &Arc<Context>,
+    folder: &Path,
+    name: &str,
+    (text, bars): (&mut String, &mut Vec<(String, f64)>),
+) {
     let capture = Capture::read(folder, Some(&answered(folder, name))).unwrap();
     let last = capture.frames.len() - 1;
     let frames = [last / 6, last / 2, last - 1];
@@ -106,6 +110,7 @@ fn capture(context: &Arc<Context>, folder: &Path, name: &str, text: &mut String)
         .collect();
     let mut row = |who: &str, pictures: &[Plane<u8>], ms: f64| {
         let error: f64 = pictures.iter().zip(&truth).map(|(a, b)| mean_absolute_difference(a, b)).sum();
+        bars.push((format!("{name}, {who}"), ms));
         writeln!(
             text,
             "{name} | {who} | {:.3} | {ms:.1} | {:.1}",

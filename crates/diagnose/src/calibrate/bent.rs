@@ -66,20 +66,15 @@ fn own_frequency(part: &[f64], frequency: f64, harmonics: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::dice::Dice;
     use super::super::frames::Encoding;
     use super::super::readout::{Readout, find_stripes};
     use shutterbug::plane::Plane;
 
     /// 20 ms of 240 lines under a light of 500 Hz, in a picture of which a distortion was taken out.
     fn readout(k1: f64, surface: f64, noise: f64, seed: u64) -> Readout {
-        let mut dice = seed;
-        let mut normal = || {
-            let mut roll = || {
-                dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (dice >> 40) as f64 / f64::from(1 << 24)
-            };
-            (0..12).map(|_| roll()).sum::<f64>() - 6.0
-        };
+        let mut dice = Dice(seed);
+        let mut normal = || dice.normal();
         let tones: Vec<f64> = (0..20 * 20).map(|_| 1.0 + surface * normal()).collect();
         let picture = Plane::from_fn(320, 240, |x, y| {
             let [u, v] = [(x as f64 - 159.5) / 250.0, (y as f64 - 119.5) / 250.0];

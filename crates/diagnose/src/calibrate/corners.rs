@@ -74,18 +74,13 @@ impl Corners {
 
 #[cfg(test)]
 mod tests {
+    use super::super::dice::Dice;
     use super::*;
 
     #[test]
     fn round_dark_corners_are_told_from_a_steep_fall_off() {
-        let mut state = 5u64;
-        let mut normal = || {
-            let mut roll = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 40) as f32 / (1 << 24) as f32
-            };
-            (0..12).map(|_| roll()).sum::<f32>() - 6.0
-        };
+        let mut dice = Dice(5);
+        let mut normal = || dice.normal() as f32;
         let (w, h) = (320, 240);
         let mut found = |level: f32, noise: f32, fall: &dyn Fn(f32) -> f32| {
             let mut corners = Corners::new(w, h);

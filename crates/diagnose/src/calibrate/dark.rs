@@ -179,18 +179,13 @@ fn is_cut_off(black: f64, dsnu: f64, half: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::dice::Dice;
     use super::*;
 
     #[test]
     fn offsets_and_hot_pixels_come_back() {
-        let mut dice = 9u64;
-        let mut normal = || {
-            let mut roll = || {
-                dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (dice >> 40) as f32 / (1 << 24) as f32
-            };
-            (0..12).map(|_| roll()).sum::<f32>() - 6.0
-        };
+        let mut dice = Dice(9);
+        let mut normal = || dice.normal() as f32;
         let (w, h) = (200, 160);
         let offsets: Vec<f32> = (0..w * h).map(|_| 0.004 * normal()).collect();
         let lit = |hot: usize, offset: f32, glow: f32, normal: &mut dyn FnMut() -> f32| {

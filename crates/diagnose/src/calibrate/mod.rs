@@ -33,6 +33,8 @@ mod corners;
 mod course;
 mod curve;
 pub mod dark;
+#[cfg(test)]
+mod dice;
 pub mod edge;
 pub mod figure;
 pub mod filter;

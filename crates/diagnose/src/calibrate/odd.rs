@@ -121,18 +121,13 @@ fn product(a: &[f32], b: &[f32]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::dice::Dice;
     use super::*;
 
     #[test]
     fn pictures_of_another_sensor_are_named() {
-        let mut state = 5u64;
-        let mut normal = || {
-            let mut roll = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 40) as f32 / (1 << 24) as f32
-            };
-            (0..12).map(|_| roll()).sum::<f32>() - 6.0
-        };
+        let mut dice = Dice(5);
+        let mut normal = || dice.normal() as f32;
         let (w, h) = (160, 120);
         let sensors = [0, 1].map(|_| Plane::from_fn(w, h, |_, _| [0.006 * normal()]));
         let mut odd = |of: &[usize], turned: usize, share: f32| {
@@ -156,16 +151,11 @@ mod tests {
         assert_eq!(odd(&[0, 0, 0, 0], 9, 1.0), None);
         assert_eq!(odd(&[0, 1, 0, 1], 9, 0.0), None);
     }
+
     #[test]
     fn noise_that_pictures_of_a_video_share_is_told_from_the_pattern() {
-        let mut state = 5u64;
-        let mut normal = || {
-            let mut roll = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 40) as f32 / (1 << 24) as f32
-            };
-            (0..12).map(|_| roll()).sum::<f32>() - 6.0
-        };
+        let mut dice = Dice(5);
+        let mut normal = || dice.normal() as f32;
         let (w, h) = (160, 120);
         let sensor = Plane::from_fn(w, h, |_, _| [0.006 * normal()]);
         let mut shared = |kept: f32, count: usize| {

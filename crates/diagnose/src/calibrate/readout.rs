@@ -334,20 +334,8 @@ impl Spectrum {
 
 #[cfg(test)]
 mod tests {
+    use super::super::dice::Dice;
     use super::*;
-
-    struct Dice(u64);
-
-    impl Dice {
-        fn normal(&mut self) -> f64 {
-            let mut roll = || {
-                self.0 =
-                    self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (self.0 >> 40) as f64 / f64::from(1 << 24)
-            };
-            (0..12).map(|_| roll()).sum::<f64>() - 6.0
-        }
-    }
 
     /// A lamp that is on for `duty` of its period, seen by lines that are open for `open` periods, `delay` periods
     /// apart.
