@@ -1,32 +1,31 @@
-//! `shutterbug calibrate flat`, `edge` and `readout`.
+//! `shutterbug calibrate flat` and `edge`.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
-use super::args_calibrate::{CalibrateEdge, CalibrateFlat, CalibrateReadout, Common};
+use super::args_calibrate::{CalibrateEdge, CalibrateFlat, Common};
 use super::calibrate::placeholder;
-use super::terminal::{print, say};
+use super::terminal::print;
+use super::together::Together;
 use shutterbug::capture::CameraFile;
 use shutterbug::chain::Value;
 use shutterbug::effects::by_id;
-use shutterbug::error::{Error, Result, counted, one_line};
+use shutterbug::error::{Error, Result, counted};
 use shutterbug::plane::{Plane, read_exr_plane, write_atomic, write_exr_plane, write_png_atomic};
 use shutterbug_diagnose::calibrate::chart_edge::edge_figure;
 use shutterbug_diagnose::calibrate::dark::{Dark, DarkSums};
 use shutterbug_diagnose::calibrate::edge::{Edge, find_edge, measure_edge, sharper_green};
 use shutterbug_diagnose::calibrate::flat::{Flat, FlatSums, Measured, likeness};
-use shutterbug_diagnose::calibrate::readout::{Readout, Stripes, find_stripes};
-use shutterbug_diagnose::calibrate::rest::{Rest, rest};
-use shutterbug_diagnose::calibrate::{Distinct, Encoding, Frame};
+use shutterbug_diagnose::calibrate::{Encoding, Frame};
 use shutterbug_diagnose::out::{Out, OutRules};
 
 /// Channel of a pattern's file.
 const PATTERN: [&str; 1] = ["gain"];
 
 impl Common {
-    fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
+    pub(super) fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
         let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
         Out::open(
             &self.out,
@@ -35,7 +34,12 @@ impl Common {
     }
 
     /// Writes report.json, and camera.toml: the given camera, or a placeholder of that size, with these tables.
-    fn write(&self, size: [usize; 2], report: &Json, tables: &[(&str, &[(&str, f64)])]) -> Result<()> {
+    pub(super) fn write(
+        &self,
+        size: [usize; 2],
+        report: &Json,
+        tables: &[(&str, &[(&str, f64)])],
+    ) -> Result<()> {
         let path = self.out.join("camera.toml");
         let mut text = String::new();
         let mut camera = match &self.camera {
@@ -63,45 +67,6 @@ impl Common {
 /// The pictures of a folder, or those given.
 fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(shutterbug_diagnose::board::pictures(given)?.into_iter().map(|p| p.path).collect())
-}
-
-/// What pictures of one measurement have in common, and must not have.
-#[derive(Default)]
-struct Together {
-    size: Option<[usize; 2]>,
-    first: PathBuf,
-    is_grey: bool,
-    distinct: Distinct,
-}
-
-impl Together {
-    /// Takes the kind of a picture for that of all.
-    fn begin(&mut self, path: &Path) -> Result<()> {
-        let frame = Frame::read(path)?;
-        self.size = Some([frame.encoded.width, frame.encoded.height]);
-        (self.first, self.is_grey) = (path.to_owned(), frame.is_grey());
-        Ok(())
-    }
-
-    /// Reads pictures one after another; all must be of the first one's size, and none a copy of another.
-    fn each(&mut self, paths: &[PathBuf], mut take: impl FnMut(&Frame)) -> Result<()> {
-        for path in paths {
-            let frame = Frame::read(path)?;
-            let found = [frame.encoded.width, frame.encoded.height];
-            if self.size.is_none() {
-                (self.first, self.is_grey) = (path.clone(), frame.is_grey());
-            }
-            let wanted = *self.size.get_or_insert(found);
-            if found != wanted {
-                let expected = format!("{}x{} px as in {}", wanted[0], wanted[1], self.first.display());
-                return Err(Error::input(path, None, format!("{}x{} px", found[0], found[1]), expected));
-            }
-            frame.check_colours(self.is_grey, &self.first)?;
-            take(&frame);
-            self.distinct.add(frame)?;
-        }
-        Ok(())
-    }
 }
 
 /// `calibrate flat`.
@@ -382,150 +347,4 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     }
     let _ = writeln!(text, "  the fit leaves {:.2} % of the contrast", 100.0 * found.left_rms);
     print(text)
-}
-
-/// Longest readout that is thought possible where no camera says how long its frame takes: ten frames a second.
-const LONGEST_READOUT_S: f64 = 0.1;
-/// Said of two pictures that have nothing but the stripes in common.
-const PERHAPS_MOVED: &str = "  WARNING: besides the stripes, nothing in the pictures shows whether the camera stood \
-    still: lines of the scene (blinds, a fence) in front of a camera that moves look the same. Put something with \
-    edges into the picture, which tells\n";
-/// Most other readouts that are named; the report has all.
-const MOST_NAMED: usize = 5;
-
-/// Readouts that make the same stripes, and the lamp that would tell them apart.
-fn aliases_text(others_s: &[f64], longest_s: f64, lines: usize) -> String {
-    if others_s.is_empty() {
-        return String::new();
-    }
-    let named: Vec<String> = others_s.iter().take(MOST_NAMED).map(|s| format!("{:.3}", 1e3 * s)).collect();
-    let more = if others_s.len() > MOST_NAMED { ", ..." } else { "" };
-    format!(
-        "  a lamp that blinks more than once in two lines makes the same stripes: {}{more} ms are possible as well, up \
-         to {:.0} ms; this is the shortest. A lamp of less than {:.0} Hz leaves one\n",
-        named.join(", "),
-        1e3 * longest_s,
-        0.5 * lines as f64 / longest_s
-    )
-}
-
-/// Said of stripes that bend.
-fn bent_text(readout: &Readout) -> String {
-    let Some(at_ends) = readout.bent_at_ends else { return String::new() };
-    format!(
-        "  WARNING: the stripes bend: at the ends of the lines they lie {:.2} % {} than in the middle. A sensor's \
-         lines are straight behind any lens, so the picture was bent afterwards (its lens was corrected, or it was \
-         stabilized), and its lines are not the sensor's. The figures are those of the middle, which hold if it kept \
-         its size: give the picture as the sensor delivered it\n",
-        100.0 * (1.0 / (1.0 + at_ends) - 1.0).abs(),
-        if at_ends < 0.0 { "further apart" } else { "closer" }
-    )
-}
-
-/// A frame takes no longer than its period.
-fn check_longest(args: &CalibrateReadout, readout: &Readout, longest_s: f64) -> Result<()> {
-    if readout.ci95_s[0] <= longest_s {
-        return Ok(());
-    }
-    let found = format!(
-        "stripes that take {:.3} ms from the first line to the last under a light of {} Hz",
-        1e3 * readout.readout_time_s,
-        args.led_hz
-    );
-    let whose = match &args.common.camera {
-        Some(path) => format!("a frame takes in {} (frame_period_s)", path.display()),
-        None => "frames take, if no --camera has another frame_period_s".to_owned(),
-    };
-    let expected = format!("at most the {:.3} ms that {whose}: is --led-hz right?", 1e3 * longest_s);
-    Err(Error::input(&args.photos[0], None, found, expected))
-}
-
-/// Whether pictures that are compared show that the camera stood still; an error where it did not.
-fn check_rest(args: &CalibrateReadout, photographs: &[Plane<f32>], readout: &Readout) -> Result<bool> {
-    let mut at_rest = true;
-    for (k, pair) in photographs.chunks_exact(2).enumerate() {
-        match rest([&pair[0], &pair[1]], args.common.encoding.into(), readout.lines_are_rows) {
-            Rest::Still => {}
-            Rest::Unknown => at_rest = false,
-            Rest::Moved([x, y]) => {
-                let [first, second] = [&args.photos[2 * k], &args.photos[2 * k + 1]];
-                let found = format!("the scene of {} moved by {x}, {y} px", first.display());
-                let expected = "a camera at rest: stripes of the scene that move are no light's";
-                return Err(Error::input(second, None, found, expected));
-            }
-        }
-    }
-    Ok(at_rest)
-}
-
-/// What was seen where there are no stripes.
-fn no_stripes(found: &Stripes) -> String {
-    let [rows, columns] = [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
-    format!(
-        "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global \
-         shutter, an exposure of \
-         whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
-    )
-}
-
-/// `calibrate readout`.
-pub fn readout(args: &CalibrateReadout) -> Result<()> {
-    if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
-        let found = counted(args.photos.len(), "picture", "pictures");
-        return Err(Error::input(
-            &args.photos[0],
-            None,
-            found,
-            "one, or an even number, which are compared two by two",
-        ));
-    }
-    let out = args.common.open("calibrate readout", &args.photos)?;
-    let (mut photographs, mut together) = (Vec::new(), Together::default());
-    together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
-    let found = find_stripes(&photographs, args.common.encoding.into(), args.led_hz);
-    let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
-    let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
-    let mut at_rest = true;
-    if let Some(readout) = &found.readout {
-        check_longest(args, readout, longest_s)?;
-        at_rest = check_rest(args, &photographs, readout)?;
-    }
-    out.start()?;
-    let size = together.size.unwrap_or_default();
-    let others_s = found.readout.as_ref().map_or_else(Vec::new, |r| r.aliases_s(args.led_hz, longest_s));
-    let report = json!({
-        "led_hz": args.led_hz, "stripes": found, "other_readouts_s": others_s, "longest_readout_s": longest_s,
-    });
-    let Some(r) = &found.readout else {
-        args.common.write(size, &report, &[])?;
-        return print(no_stripes(&found));
-    };
-    let values = [("readout_time_s", r.readout_time_s)];
-    args.common.write(size, &report, &[("rolling_shutter", &values)])?;
-    let (lines, first) =
-        if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
-    let alone = if args.photos.len() == 1 {
-        "  one picture does not tell the light's stripes from lines that are printed across all of it: a second one of \
-         the same place does\n"
-    } else if at_rest {
-        ""
-    } else {
-        PERHAPS_MOVED
-    };
-    let bent = bent_text(r);
-    let others = aliases_text(&others_s, longest_s, r.lines);
-    print(format!(
-        "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
-         delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
-         one picture does not tell whether {first} is read first\n{bent}{alone}{others}",
-        r.period_lines,
-        100.0 * r.depth,
-        1e6 * r.line_delay_s,
-        r.lines,
-        1e3 * r.readout_time_s,
-        1e3 * r.ci95_s[0],
-        1e3 * r.ci95_s[1]
-    ))?;
-    say(one_line(&format!("{} written", args.common.out.join("camera.toml").display())));
-    Ok(())
 }

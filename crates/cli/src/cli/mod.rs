@@ -10,6 +10,7 @@ mod begin;
 mod board;
 mod calibrate;
 mod calibrate_chart;
+mod calibrate_readout;
 mod camera;
 mod darkness;
 mod description;
@@ -22,6 +23,7 @@ mod presets;
 mod simulate;
 mod terminal;
 mod timings;
+mod together;
 mod withhold;
 
 use std::ffi::OsString;
@@ -137,7 +139,7 @@ fn run_command(command: &Command) -> Result<()> {
         Command::Board(args) => board::run(args),
         Command::Calibrate(Calibrate::Flat(args)) => calibrate_chart::flat(args),
         Command::Calibrate(Calibrate::Edge(args)) => calibrate_chart::edge(args),
-        Command::Calibrate(Calibrate::Readout(args)) => calibrate_chart::readout(args),
+        Command::Calibrate(Calibrate::Readout(args)) => calibrate_readout::readout(args),
         Command::Calibrate(Calibrate::Noise(noise)) => calibrate::run(noise),
     }
 }

@@ -68,9 +68,22 @@ impl Slopes {
         self.fitted(frequency, harmonics).map_or(0.0, |(parts, sums)| parts.dot(&sums))
     }
 
+    /// The values without a wave of `frequency` and its harmonics, as they fit.
+    pub(super) fn without_wave(&self, frequency: f64, harmonics: usize) -> Option<Vec<f64>> {
+        let (parts, _) = self.fitted(frequency, harmonics)?;
+        let left = &self.values - self.waves(frequency, harmonics) * parts;
+        Some(left.as_slice().to_vec())
+    }
+
     /// Cosines and sines of a wave and its harmonics, as they fit, and their products with the values.
     fn fitted(&self, frequency: f64, harmonics: usize) -> Option<(DVector<f64>, DVector<f64>)> {
-        // Below half a cycle a line.
+        let waves = self.waves(frequency, harmonics);
+        let (squares, sums) = (waves.tr_mul(&waves), waves.tr_mul(&self.values));
+        Some((squares.cholesky()?.solve(&sums), sums))
+    }
+
+    /// Columns: cosines and sines of a wave and of its harmonics below half a cycle a line, without slopes.
+    fn waves(&self, frequency: f64, harmonics: usize) -> DMatrix<f64> {
         let harmonics = ((0.45 / frequency) as usize).clamp(1, harmonics);
         let wave = |k: usize| {
             let turn = |i: usize| TAU * frequency * (k / 2 + 1) as f64 * i as f64;
@@ -78,9 +91,7 @@ impl Slopes {
             DVector::from_fn(self.values.len(), |i, _| side(i))
         };
         let columns: Vec<_> = (0..2 * harmonics).map(|k| beside(&self.basis, wave(k))).collect();
-        let waves = DMatrix::from_columns(&columns);
-        let (squares, sums) = (waves.tr_mul(&waves), waves.tr_mul(&self.values));
-        Some((squares.cholesky()?.solve(&sums), sums))
+        DMatrix::from_columns(&columns)
     }
 }
 
