@@ -109,6 +109,10 @@ fn frames_that_lie_otherwise_are_told() {
     }
 }
 
+fn in_order(pixel: [f32; 3], order: [usize; 3]) -> [f32; 3] {
+    order.map(|c| pixel[c])
+}
+
 #[test]
 fn values_that_mean_something_else_are_told() {
     let grey = |p: &Plane<f32>, x: usize, y: usize| [(at(p, x, y).iter().sum::<f32>() / 3.0).round(); 3];
@@ -116,13 +120,11 @@ fn values_that_mean_something_else_are_told() {
         (per_value(srgb_decode), "linear (raw)"),
         (per_value(srgb_encode), "encoded twice"),
         (per_value(|v| 1.0 - v), "negatives"),
-        (
-            changed(|p, x, y| {
-                let [r, g, b] = at(p, x, y);
-                [b, g, r]
-            }),
-            "red and blue swapped",
-        ),
+        (changed(|p, x, y| in_order(at(p, x, y), [2, 1, 0])), "(BGR for RGB)"),
+        (changed(|p, x, y| in_order(at(p, x, y), [1, 0, 2])), "(GRB for RGB)"),
+        (changed(|p, x, y| in_order(at(p, x, y), [0, 2, 1])), "(RBG for RGB)"),
+        (changed(|p, x, y| in_order(at(p, x, y), [1, 2, 0])), "(GBR for RGB)"),
+        (changed(|p, x, y| in_order(at(p, x, y), [2, 0, 1])), "(BRG for RGB)"),
         (changed(grey), "grey"),
     ] {
         let said = said(real);

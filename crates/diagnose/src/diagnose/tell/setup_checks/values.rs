@@ -34,13 +34,17 @@ pub(super) fn coded(pairs: &Pairs) -> Option<String> {
     if as_is < LEAST_DN {
         return None;
     }
-    let tried: [(&str, Reading<'_>); 4] = [
+    let tried: [(&str, Reading<'_>); 8] = [
         (
             "linear (raw) values, not sRGB: encode them, or they are taken for dark frames of high contrast",
             &|s| s.decoded.clone(),
         ),
         ("encoded twice: decode them once", &|s| s.encoded.clone()),
         ("read with red and blue swapped (BGR for RGB)", &|s| each(&s.dn, |p| [p[2], p[1], p[0]])),
+        ("read with red and green swapped (GRB for RGB)", &|s| each(&s.dn, |p| [p[1], p[0], p[2]])),
+        ("read with green and blue swapped (RBG for RGB)", &|s| each(&s.dn, |p| [p[0], p[2], p[1]])),
+        ("read with their colours in turn (GBR for RGB)", &|s| each(&s.dn, |p| [p[1], p[2], p[0]])),
+        ("read with their colours in turn (BRG for RGB)", &|s| each(&s.dn, |p| [p[2], p[0], p[1]])),
         ("negatives", &|s| each(&s.dn, |p| [255.0 - p[0], 255.0 - p[1], 255.0 - p[2]])),
     ];
     let best = tried.map(|(name, change)| (pairs.median(|r, s| apart(&r.dn, &change(s))), name));
