@@ -298,14 +298,13 @@ fn printed(folder: &Path, text: &str, truths: &[Plane<u8>]) -> Vec<Row> {
 }
 
 fn report(context: &Arc<Context>, rows: &[Row], repeats: usize) -> String {
-    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let mut text = format!(
         "Remap, blur and noise of {}x{}; {}, {THREADS} threads, {repeats} runs; load {}.\n\n\
          implementation | motion | least ms | median ms | PSNR, dB\n---|---|---|---|---\n",
         SIZE[0],
         SIZE[1],
         context.info().name,
-        load.split(' ').take(3).collect::<Vec<_>>().join(" ")
+        measured::load_average()
     );
     for r in rows {
         let quality = r.psnr_db.map_or("-".to_owned(), |db| format!("{db:.1}"));

@@ -220,13 +220,14 @@ fn method_ms<const N: usize>(
     engines.map(|(_, cost)| (cost.frame_ms(software) - render_ms, cost.frame_ms(software)))
 }
 
-/// Whether the full chain costs at most 1.5 times shutter, blur and the paper's noise, at one size, and if not,
+/// Whether the full chain costs at most 1.5 times shutter, blur and the paper's noise, at the middle size, and if not,
 /// what it costs there without each of the dearest effects.
-fn in_the_way(rows: &[(String, Vec<f64>)], size: [u32; 2], column: usize) -> String {
+fn in_the_way(rows: &[(String, Vec<f64>)], sizes: &[[u32; 2]]) -> String {
+    let column = sizes.len() / 2;
     let of = |name: &str| rows.iter().find(|r| r.0 == name).map_or(0.0, |r| r.1[column]);
     let ratio = of(RATIO);
-    let [w, h] = size;
-    let said = format!("At {w}x{h} the full chain costs {ratio:.2} times shutter + blur + noise");
+    let said =
+        format!("At {} the full chain costs {ratio:.2} times shutter + blur + noise", named(&sizes[column]));
     if ratio <= GOAL {
         return format!("{said}: within {GOAL}.");
     }
@@ -304,6 +305,24 @@ fn measure(context: &Arc<Context>, size: [u32; 2], only: Option<&str>, software:
     rows
 }
 
+fn named([w, h]: &[u32; 2]) -> String {
+    format!("{w}x{h}")
+}
+
+fn write_page(device: &str, clock: &str, sizes: &[[u32; 2]], rows: &[(String, Vec<f64>)]) {
+    let (names, middle) = (sizes.iter().map(named).collect::<Vec<_>>(), sizes.len() / 2);
+    let mut text = format!("Least of {ROUNDS} frames, ms {clock}.\n\n| | {} |\n|---|", names.join(" | "));
+    text += &"---|".repeat(names.len());
+    for (name, values) in rows {
+        let values: Vec<String> = values.iter().map(|v| format!("{v:.3}")).collect();
+        text += &format!("\n| {} | {} |", name.trim(), values.join(" | "));
+    }
+    let times = rows.iter().filter(|(name, _)| !name.starts_with("ratio"));
+    let bars: Vec<_> = times.map(|(name, v)| (name.trim().to_owned(), v[middle])).collect();
+    let text = format!("{text}\n\n{}\n\nChart: {}.", in_the_way(rows, sizes), names[middle]);
+    measured::write_page("passes", device, &text, (&bars, "ms"));
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let argument = |name: &str| arguments.iter().position(|a| a == name).and_then(|i| arguments.get(i + 1));
@@ -315,7 +334,6 @@ fn main() {
     let software = context.info().kind == DeviceKind::Cpu;
     let clock = if software { "of the processor" } else { "by timestamps" };
     println!("{}; least of {ROUNDS} frames, ms {clock}", context.info().name);
-    let named = |[w, h]: &[u32; 2]| format!("{w}x{h}");
     let sizes: Vec<[u32; 2]> =
         SIZES.into_iter().filter(|s| argument("--size").is_none_or(|wanted| *wanted == named(s))).collect();
     let mut rows: Vec<(String, Vec<f64>)> = Vec::new();
@@ -331,21 +349,9 @@ fn main() {
     for (name, values) in &rows {
         println!("{name:40}{}", values.iter().map(|v| format!("{v:11.3}")).collect::<String>());
     }
-    let middle = sizes.len() / 2;
-    let in_the_way = in_the_way(&rows, sizes[middle], middle);
-    println!("{in_the_way}");
+    println!("{}", in_the_way(&rows, &sizes));
     if argument("--size").is_none() && argument("--only").is_none() {
-        let names: Vec<String> = sizes.iter().map(named).collect();
-        let mut text = format!("Least of {ROUNDS} frames, ms {clock}.\n\n| | {} |\n|---|", names.join(" | "));
-        text += &"---|".repeat(names.len());
-        for (name, values) in &rows {
-            let values: Vec<String> = values.iter().map(|v| format!("{v:.3}")).collect();
-            text += &format!("\n| {} | {} |", name.trim(), values.join(" | "));
-        }
-        let times = rows.iter().filter(|(name, _)| !name.starts_with("ratio"));
-        let bars: Vec<_> = times.map(|(name, v)| (name.trim().to_owned(), v[middle])).collect();
-        let text = format!("{text}\n\n{in_the_way}\n\nChart: {}.", names[middle]);
-        measured::write_page("passes", &context.info().name, &text, (&bars, "ms"));
+        write_page(&context.info().name, clock, &sizes, &rows);
     }
     if let Some(file) = argument("--json") {
         let table: serde_json::Map<_, _> = rows.into_iter().map(|(n, v)| (n, v.into())).collect();

@@ -99,7 +99,7 @@ fn run(context: &Arc<Context>, quick: bool, only: Option<&str>) -> Result<(), St
     let capture = Capture::read(&scene, None).map_err(|e| e.to_string())?;
     let bench = Bench::new(context, capture, if quick { 1.0 } else { 2.5 });
     let sizes = if quick { &SIZES[..1] } else { &SIZES[..] };
-    let load = report::load_average();
+    let load = measured::load_average();
     let mut cells: Vec<Cell> = Vec::new();
     for &size in sizes {
         for method in METHODS {

@@ -9,8 +9,7 @@ use std::process::Command;
 pub fn write_page(name: &str, device: &str, text: &str, (bars, unit): (&[(String, f64)], &str)) {
     let Some(root) = root() else { return eprintln!("no page: docs/ is not here") };
     let folder = root.join("docs/measurements");
-    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    let load = load.split(' ').take(3).collect::<Vec<_>>().join(", ");
+    let load = load_average();
     let commit = said("git", &["describe", "--always", "--dirty"]);
     let date = said("date", &["-u", "+%Y-%m-%d %H:%M UTC"]);
     let page = format!(
@@ -23,6 +22,12 @@ pub fn write_page(name: &str, device: &str, text: &str, (bars, unit): (&[(String
     std::fs::write(folder.join(format!("{name}.svg")), chart(bars, unit)).expect("docs is writable");
     std::fs::write(folder.join(format!("{name}.md")), page).expect("docs is writable");
     println!("page: docs/measurements/{name}.md");
+}
+
+/// Load of the machine over 1, 5 and 15 minutes.
+pub fn load_average() -> String {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split(' ').take(3).collect::<Vec<_>>().join(", ")
 }
 
 /// The sources with the pages. Benches of other crates lie in folders below it.

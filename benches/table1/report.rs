@@ -74,12 +74,6 @@ pub fn line(c: &Cell) -> String {
     text
 }
 
-/// As `uptime` gives it.
-pub fn load_average() -> String {
-    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    text.split(' ').take(3).collect::<Vec<_>>().join(" ")
-}
-
 impl Table {
     fn find(&self, method: &str, samples: u32, size: [u32; 2]) -> Option<&Cell> {
         self.cells.iter().find(|c| c.method == method && c.samples == samples && [c.width, c.height] == size)

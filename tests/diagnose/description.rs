@@ -2,7 +2,8 @@
 //! are off, what is wrong with the description is named apart, and with an exact description the same frames fail.
 #![allow(clippy::unwrap_used)]
 
-use crate::diagnose_support::{Dice, make, names, parameter};
+use crate::diagnose_support::{make, names, parameter};
+use crate::dice_support::Dice;
 use crate::gpu_support::device;
 use glam::{DQuat, DVec3};
 use shutterbug::camera::Pose;

@@ -15,6 +15,8 @@ mod withhold;
 
 #[path = "../support/diagnose/mod.rs"]
 mod diagnose_support;
+#[path = "../support/dice/mod.rs"]
+mod dice_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
 #[path = "../support/report/mod.rs"]

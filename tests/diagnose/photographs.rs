@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use crate::diagnose_support::{Dice, frames_of, names, parameter, reference, run};
+use crate::diagnose_support::{frames_of, names, parameter, reference, run};
+use crate::dice_support::Dice;
 use crate::gpu_support::device;
 use glam::{DQuat, DVec3};
 use shutterbug::capture::Capture;

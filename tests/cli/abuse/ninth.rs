@@ -4,19 +4,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use shutterbug::plane::{read_rgb8, write_png_atomic};
 
 use super::*;
-
-/// Multiplicative congruential: white enough for noise.
-struct Dice(u64);
-
-impl Dice {
-    fn normal(&mut self) -> f64 {
-        let mut roll = || {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.0 >> 40) as f64 / f64::from(1 << 24)
-        };
-        (0..12).map(|_| roll()).sum::<f64>() - 6.0
-    }
-}
+use crate::dice_support::Dice;
 
 #[test]
 fn a_frame_of_another_exposure_among_the_others_is_named() {

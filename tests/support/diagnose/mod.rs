@@ -14,22 +14,11 @@ use shutterbug::gpu::Context;
 use shutterbug::plane::write_png_atomic;
 use shutterbug_diagnose::diagnose::{DiagnoseOptions, Diagnosis, Progress, Report, diagnose};
 
+use crate::dice_support::Dice;
+
 pub const PERIOD_S: f64 = 0.04;
 pub const CAMERA: &str =
     "width = 128\nheight = 96\nfx = 110.0\nfy = 110.0\ncx = 64.4\ncy = 47.7\nframe_period_s = 0.04\n";
-
-/// A generator with a fixed start (SplitMix64).
-pub struct Dice(pub u64);
-
-impl Dice {
-    pub fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 /// A half-open box around the camera whose sides are patches of random colours.
 fn write_scene(folder: &Path, dice: &mut Dice) {

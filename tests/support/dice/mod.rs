@@ -1,4 +1,5 @@
 //! Random numbers of tests.
+#![allow(dead_code)]
 
 /// A generator with a fixed start (SplitMix64), to a normal number.
 pub struct Dice(pub u64);
