@@ -30,6 +30,8 @@ use shutterbug::effects;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
+/// What moves the whole of a frame, as its pose does.
+const WHOLE_FRAMES: [&str; 2] = ["time_offset", "pose_offset"];
 /// Px a block over which pictures are averaged where they are compared.
 const BLOCK: usize = 2;
 
@@ -40,6 +42,15 @@ fn block_of(a: &Theta, b: &Theta) -> usize {
         effect.is_some_and(|e| matches!(e.moments(), Moments::Mosaic(_) | Moments::Shares(_)))
     };
     if a.differing(b).any(joins) { 1 } else { BLOCK }
+}
+
+/// Whether one of two models has nothing that the other lacks but a delay or an offset of the poses, where each frame's
+/// pose is free: it lies where its own six numbers put it in both, and only how large these are tells.
+fn moves_whole_frames(a: &Theta, b: &Theta) -> bool {
+    let mut switched =
+        a.differing(b).filter(|&p| a.is_on(p) != b.is_on(p)).map(|p| p.spec().effect).peekable();
+    let are_free = [a, b].iter().all(|t| !t.room.poses.is_empty());
+    are_free && switched.peek().is_some() && switched.all(|effect| WHOLE_FRAMES.contains(&effect))
 }
 
 impl Search<'_> {
@@ -58,7 +69,11 @@ impl Search<'_> {
         self.judge.kind = kind;
         let [a, b] = scores;
         let (a, b) = (a?, b?);
-        if self.poses_shrink(worse, better) && !self.gains(&b, &a) {
+        let shrink = self.poses_shrink(worse, better);
+        if moves_whole_frames(worse, better) {
+            return Ok(shrink);
+        }
+        if shrink && !self.gains(&b, &a) {
             return Ok(true);
         }
         // A description that is free can follow anything in a few places.
@@ -186,5 +201,30 @@ impl Search<'_> {
         let columns_px = self.forward.intrinsics.width as usize / block;
         let moves = from.differing(to).any(|p| p.is_time() || p.is_remap());
         Ok(way(e, &Shown::of(&from_dn, block), columns_px, block, moves))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delay_moves_whole_frames_and_a_readout_does_not() {
+        let mut plain = Theta::neutral();
+        plain.room.poses = vec![[1e-3; 6]; 3];
+        let late = plain.with(P::Offset, 0.01);
+        assert!(moves_whole_frames(&plain, &late) && moves_whole_frames(&late, &plain));
+        assert!(
+            moves_whole_frames(&plain.with(P::K1, -0.2), &late.with(P::K1, -0.1).with(P::RotX, 0.01)),
+            "other values may differ"
+        );
+        assert!(!moves_whole_frames(&plain, &late.with(P::Readout, 0.01)));
+        assert!(!moves_whole_frames(&plain, &plain.with(P::Readout, 0.01)));
+        assert!(!moves_whole_frames(&plain, &plain), "nothing is added");
+        let described = Theta::neutral();
+        assert!(
+            !moves_whole_frames(&described, &described.with(P::Offset, 0.01)),
+            "control: poses as described"
+        );
     }
 }

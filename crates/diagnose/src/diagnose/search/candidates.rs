@@ -9,6 +9,7 @@ use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, moves}
 use crate::diagnose::expect::room::{POSES, SURFACES, is_description};
 use crate::diagnose::fit::{FINE, VALUES};
 use crate::diagnose::judge::{Scores, gain, quantile_of_length, share_beyond_bounds};
+use crate::diagnose::search::tracked::Turns;
 use crate::diagnose::search::{Search, Tried, Watch};
 use shutterbug::error::Result;
 
@@ -41,20 +42,26 @@ pub(super) struct Freed {
 
 impl Search<'_> {
     /// Whether errors of poses are smaller beside the parameters that `better` has more, beyond chance: poses that are
-    /// free may follow a delay or an offset, but are then all off by what it does (likelihood ratio of their spread).
+    /// free may follow a delay or an offset, but are then all off by what it does (likelihood ratio, [`Turns`]).
     pub(crate) fn poses_shrink(&self, worse: &Theta, better: &Theta) -> bool {
         if worse.room.poses.is_empty() || better.room.poses.is_empty() {
             return false;
         }
         let added = |p: &P| !p.is_discrete() && better.is_on(*p) && !worse.is_on(*p);
         let count = worse.differing(better).filter(added).count();
-        let square = |theta: &Theta| -> f64 {
-            let turns = self.evidence.fit.iter().flat_map(|&at| &theta.room.poses[at][..3]);
-            turns.map(|v| v * v).sum()
+        let turns = |theta: &Theta| {
+            let of = |&at: &usize| {
+                let v = theta.room.poses[at];
+                (self.forward.starts_s[at], [v[0], v[1], v[2]])
+            };
+            Turns::new(self.evidence.fit.iter().map(of).collect())
         };
-        let numbers = 3.0 * self.evidence.fit.len() as f64;
-        let ratio = numbers * (square(worse) / square(better).max(1e-18)).max(1e-18).ln();
-        count > 0 && ratio > quantile_of_length(self.tests(), count).powi(2)
+        let likelier = turns(better).likelier_than(&turns(worse));
+        tracing::debug!(
+            "errors of poses beside {:?}: likelier by {likelier:.1}",
+            worse.differing(better).collect::<Vec<_>>()
+        );
+        count > 0 && likelier > quantile_of_length(self.tests(), count).powi(2)
     }
 
     /// What may be wrong with the description, fitted beside a set, where something is left to explain.

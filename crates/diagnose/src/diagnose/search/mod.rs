@@ -21,6 +21,7 @@ pub(super) mod round;
 pub(super) mod searches;
 pub(super) mod shown;
 pub(super) mod support;
+pub(super) mod tracked;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
