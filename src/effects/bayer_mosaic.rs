@@ -107,13 +107,25 @@ fn reference(source: &Plane<f32>, settings: &Settings, _: &Parameters) -> Plane<
     filled(source, red, is_malvar(settings))
 }
 
+/// Px on each side that the filters reach.
+const BORDER: usize = 2;
+
+/// What each pixel has behind its filter, with a border that is mirrored about the outermost pixels.
+fn behind_filters(source: &Plane<f32>, red: [usize; 2]) -> Vec<f32> {
+    let places = |side: usize| -> Vec<usize> {
+        (0..side + 2 * BORDER).map(|i| mirrored(i as i64 - BORDER as i64, side)).collect()
+    };
+    let (columns, rows) = (places(source.width), places(source.height));
+    let of = |(&y, &x): (&usize, &usize)| source.pixel(x, y)[channel([x, y], red)];
+    rows.iter().flat_map(|y| columns.iter().map(move |x| (y, x))).map(of).collect()
+}
+
 fn filled(source: &Plane<f32>, red: [usize; 2], malvar: bool) -> Plane<f32> {
     let fill = if malvar { malvar_he_cutler } else { bilinear };
+    let (seen, across) = (behind_filters(source, red), source.width + 2 * BORDER);
     gaussian::filter(source, |x, y| {
-        let at = |dx: i64, dy: i64| {
-            let place = [mirrored(x as i64 + dx, source.width), mirrored(y as i64 + dy, source.height)];
-            source.pixel(place[0], place[1])[channel(place, red)]
-        };
+        let own = (y + BORDER) * across + x + BORDER;
+        let at = |dx: isize, dy: isize| seen[own.wrapping_add_signed(dy * across as isize + dx)];
         let n = Neighbours {
             own: at(0, 0),
             row: at(-1, 0) + at(1, 0),

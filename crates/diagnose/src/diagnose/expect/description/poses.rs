@@ -7,6 +7,7 @@ use crate::diagnose::expect::linear::{back, cholesky};
 use crate::diagnose::expect::model::{P, Theta};
 use shutterbug::camera::{Pose, Trajectory};
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// Units of the six numbers while they are solved for: a milliradian and a centimetre are a few tenths of a px.
 pub(crate) const UNITS: [f64; 6] = [1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2];
@@ -32,6 +33,43 @@ impl PoseShare {
             let own = if whole { self.step[i] } else { 0.0 };
             let less: f64 = self.cross.iter().zip(step).map(|(c, s)| c[i] * s).sum();
             pose[i] += UNITS[i] * (own - lengths * less);
+        }
+    }
+}
+
+/// How far poses are off as a rule: turns and steps, units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Usual([f64; 2]);
+
+/// Least that poses are off as a rule, units: a tenth of a milliradian and a millimetre.
+const LEAST: f64 = 0.1;
+/// Median of the absolute values of a normal variable, over its standard deviation.
+const MEDIAN: f64 = 0.6745;
+/// From so many times the usual on the pose of a frame is doubted. One that the frame shows comes out again.
+const DOUBTED: f64 = 6.0;
+
+impl Usual {
+    /// Of some poses, a few of which may have gone astray; nothing where none is off.
+    pub(crate) fn of<'a>(poses: impl Iterator<Item = &'a [f64; 6]> + Clone) -> Option<Self> {
+        let size = |from: usize| {
+            let all = poses.clone().flat_map(|v| (from..from + 3).map(|i| (v[i] / UNITS[i]).abs()));
+            (median(all) / MEDIAN).max(LEAST)
+        };
+        let any = poses.clone().any(|v| *v != [0.0; 6]);
+        any.then(|| Self([size(0), size(3)]))
+    }
+
+    /// Whether a pose is further off than a tracker is.
+    pub(crate) fn is_doubted(&self, pose: &[f64; 6]) -> bool {
+        (0..6).any(|i| (pose[i] / UNITS[i]).abs() > DOUBTED * self.0[i / 3])
+    }
+
+    /// Adds what is known of poses to the normal equations of one: `scale` is what a unit of their cost is worth.
+    pub(crate) fn hold(&self, a: &mut [Vec<f64>], b: &mut [f64], pose: &[f64; 6], scale: f64) {
+        for i in 0..6 {
+            let known = scale / self.0[i / 3].powi(2);
+            a[i][i] += known;
+            b[i] -= known * pose[i] / UNITS[i];
         }
     }
 }
@@ -140,6 +178,32 @@ pub(crate) fn eliminated(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_frame_does_not_show_of_its_pose_is_held_by_what_is_usual() {
+        let off = |k: f64| [1e-3 * k, -2e-3 * k, 1.5e-3 * k, 4e-3 * k, -5e-3 * k, 3e-3 * k];
+        let mut poses: Vec<[f64; 6]> = [1.0, -0.7, 0.5, -1.2, 0.9, 0.3].map(off).to_vec();
+        let usual = Usual::of(poses.iter()).expect("they are off");
+        assert!(poses.iter().all(|p| !usual.is_doubted(p)), "{usual:?}");
+        poses.push([0.0, 0.0, 0.0, 0.3, 0.0, 0.0]);
+        let with = Usual::of(poses.iter()).expect("they are off");
+        assert!(with.is_doubted(&poses[6]) && !with.is_doubted(&poses[0]), "{with:?}");
+        // A frame in which a turn and a step look alike but for a thousandth, and which shows their sum.
+        let mut a = vec![vec![0.0; 6]; 6];
+        let mut b = vec![0.0; 6];
+        for (i, j) in [(1, 1), (1, 3), (3, 1), (3, 3)] {
+            a[i][j] = 1e3;
+        }
+        (0..6).for_each(|i| a[i][i] += 1e-3);
+        (b[1], b[3]) = (1e3, 1e3 - 0.1);
+        let step =
+            |a: &[Vec<f64>], b: &[f64]| crate::diagnose::expect::linear::solve(a, b, 1e-9).expect("solved");
+        let astray = step(&a, &b);
+        usual.hold(&mut a, &mut b, &[0.0; 6], 1.0);
+        let held = step(&a, &b);
+        assert!(astray[3].abs() > 20.0, "control: {astray:?}");
+        assert!((held[1] + held[3] - 1.0).abs() < 0.01 && held[3].abs() < 1.0, "{held:?}");
+    }
 
     #[test]
     fn what_a_pose_could_do_is_no_longer_in_the_columns() {

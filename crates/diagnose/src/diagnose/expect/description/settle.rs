@@ -10,7 +10,7 @@ use crate::diagnose::evidence::blocks::pooled;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::description::grid::NONE;
 use crate::diagnose::expect::description::masks::is_paid;
-use crate::diagnose::expect::description::poses::{PoseShare, UNITS, eliminated};
+use crate::diagnose::expect::description::poses::{PoseShare, UNITS, Usual, eliminated};
 use crate::diagnose::expect::description::radiance::{STEP, Takeover};
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::linear::solve;
@@ -38,7 +38,8 @@ impl Forward {
         let missing: Vec<usize> =
             (0..judged.len()).filter(|&i| !self.description.settled.contains_key(&keys[i])).collect();
         let places: Vec<usize> = missing.iter().map(|&i| judged[i]).collect();
-        let solved = self.track(&places, theta, &BLOCKS, true)?;
+        let usual = self.usual(theta);
+        let solved = self.solved(&places, theta, &BLOCKS, (true, usual))?;
         for (&i, pose) in missing.iter().zip(solved) {
             self.description.settled.insert(keys[i].clone(), pose);
         }
@@ -55,16 +56,44 @@ impl Forward {
         for (_, p) in own.room.poses.iter_mut().enumerate().filter(|(i, _)| !used(*i)) {
             *p = [0.0; 6];
         }
-        format!("{at} {own:?} {}", self.native)
+        format!("{at} {own:?} {} {:?}", self.native, self.usual(theta))
     }
 
-    /// The poses of some frames that explain them best, beginning with those of `theta`.
+    /// How far the poses of the frames that fits see are off as a rule.
+    fn usual(&self, theta: &Theta) -> Option<Usual> {
+        Usual::of(self.description.sources.iter().map(|&at| &theta.room.poses[at]))
+    }
+
+    /// The poses of some frames that fits see that explain them best, beginning with those of `theta`. One that has
+    /// gone further than the others is asked again, from where it began, and held by what is usual.
     pub(crate) fn track(
         &mut self,
         places: &[usize],
         theta: &Theta,
         blocks: &[usize],
-        half: bool,
+    ) -> Result<Vec<[f64; 6]>> {
+        let mut poses = self.solved(places, theta, blocks, (false, None))?;
+        let Some(usual) = Usual::of(poses.iter()) else { return Ok(poses) };
+        let astray: Vec<usize> = (0..places.len()).filter(|&i| usual.is_doubted(&poses[i])).collect();
+        if !astray.is_empty() {
+            let mut begun = theta.clone();
+            astray.iter().for_each(|&i| begun.room.poses[places[i]] = [0.0; 6]);
+            let again: Vec<usize> = astray.iter().map(|&i| places[i]).collect();
+            let held = self.solved(&again, &begun, &BLOCKS, (false, Some(usual)))?;
+            tracing::info!("poses of frames {again:?} are held by {usual:?}: {held:.4?}");
+            astray.iter().zip(held).for_each(|(&i, pose)| poses[i] = pose);
+        }
+        Ok(poses)
+    }
+
+    /// The poses of some frames that explain them best, beginning with those of `theta`. `half`: from half of the
+    /// tiles; `usual`: what holds them.
+    fn solved(
+        &mut self,
+        places: &[usize],
+        theta: &Theta,
+        blocks: &[usize],
+        (half, usual): (bool, Option<Usual>),
     ) -> Result<Vec<[f64; 6]>> {
         let mut theta = theta.clone();
         let mut open: Vec<usize> = places.to_vec();
@@ -76,7 +105,7 @@ impl Forward {
             let shared = &*self;
             let steps: Vec<Option<[f64; 6]>> = (0..open.len())
                 .into_par_iter()
-                .map(|i| shared.pose_step(open[i], &radiance[i], &theta, block, half))
+                .map(|i| shared.pose_step(open[i], &radiance[i], &theta, block, (half, usual)))
                 .collect();
             let mut rest = Vec::new();
             for (&at, step) in open.iter().zip(steps) {
@@ -98,7 +127,7 @@ impl Forward {
         radiance: &Plane<f32>,
         theta: &Theta,
         block: usize,
-        half: bool,
+        (half, usual): (bool, Option<Usual>),
     ) -> Option<[f64; 6]> {
         let smooth = moved_by_poses(theta);
         let picture = self.develop(at, radiance, &smooth, &Tone::new(&smooth));
@@ -122,9 +151,14 @@ impl Forward {
         let product = |a: &[f32], b: &[f32]| -> f64 {
             weights.iter().zip(a).zip(b).map(|((&w, &a), &b)| f64::from(w * a * b)).sum()
         };
-        let a: Vec<Vec<f64>> =
+        let mut a: Vec<Vec<f64>> =
             columns.iter().map(|i| columns.iter().map(|j| product(i, j)).collect()).collect();
-        let b: Vec<f64> = columns.iter().map(|j| product(j, &r)).collect();
+        let mut b: Vec<f64> = columns.iter().map(|j| product(j, &r)).collect();
+        if let Some(usual) = usual {
+            // Costs are in DN: what is left as a rule is one standard deviation.
+            let as_a_rule_dn = 1.0 / f64::from(weights.iter().copied().fold(1e-6, f32::max));
+            usual.hold(&mut a, &mut b, &theta.room.poses[at], as_a_rule_dn);
+        }
         let step = solve(&a, &b, 1e-4)?;
         Some(std::array::from_fn(|i| step[i]))
     }
