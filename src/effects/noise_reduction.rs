@@ -79,7 +79,16 @@ fn to_rgb([y, r, b]: [f32; 3]) -> [f32; 3] {
     [y + r, y - (LUMA[0] * r + LUMA[2] * b) / LUMA[1], y + b]
 }
 
-/// One direction, of luma and colours.
+/// One direction, of luma and colours, where no edge is spared.
+fn smoothed(source: &Plane<f32>, axis: usize, weights: &[Vec<f32>; 2]) -> Plane<f32> {
+    let used = |all: &[f32]| all.iter().rposition(|w| *w > 0.0).map_or(1, |last| last + 1);
+    let [luma, mut out] = weights.each_ref().map(|w| gaussian::along(source, axis, &w[..used(w)]));
+    let own = |p: Plane<f32>| p.data.into_iter().step_by(source.channels);
+    out.data.iter_mut().step_by(source.channels).zip(own(luma)).for_each(|(to, from)| *to = from);
+    out
+}
+
+/// One direction, of luma and colours, with edges spared.
 fn along(source: &Plane<f32>, axis: usize, [luma, chroma]: &[Vec<f32>; 2], falloff: f32) -> Plane<f32> {
     let (n, radius) = (source.channels, luma.len() - 1);
     let (length, step) = [(source.width, n), (source.height, n * source.width)][axis];
@@ -95,12 +104,12 @@ fn along(source: &Plane<f32>, axis: usize, [luma, chroma]: &[Vec<f32>; 2], fallo
             let value = &source.data[place..place + 3];
             let away = k.abs_diff(radius);
             let difference = value[0] - own;
-            let alike = if falloff > 0.0 { (-falloff * (difference * difference)).exp() } else { 1.0 };
+            let alike = (-falloff * (difference * difference)).exp();
             let (l, c) = (luma[away] * alike, chroma[away] * alike);
             sum = [sum[0] + l * value[0], sum[1] + c * value[1], sum[2] + c * value[2]];
             total = [total[0] + l, total[1] + c];
         }
-        if falloff > 0.0 { [sum[0] / total[0], sum[1] / total[1], sum[2] / total[1]] } else { sum }
+        [sum[0] / total[0], sum[1] / total[1], sum[2] / total[1]]
     })
 }
 
@@ -109,8 +118,12 @@ fn reference(source: &Plane<f32>, settings: &Settings, p: &Parameters) -> Plane<
     let weights = weights(settings);
     let rgb = |plane: &Plane<f32>, x: usize, y: usize| gaussian::clamped(plane, [x as i64, y as i64]);
     let mut seen = gaussian::filter(source, |x, y| to_luma(rgb(source, x, y)));
+    let falloff = p.number(3);
     for axis in 0..2 {
-        seen = along(&seen, axis, &weights, p.number(3));
+        seen = match falloff > 0.0 {
+            true => along(&seen, axis, &weights, falloff),
+            false => smoothed(&seen, axis, &weights),
+        };
     }
     gaussian::filter(&seen, |x, y| to_rgb(rgb(&seen, x, y)))
 }
@@ -168,6 +181,33 @@ impl Effect for NoiseReduction {
         packer.number(if edge(settings) > 0.0 { 0.5 / edge(settings).powi(2) } else { 0.0 });
         if unrolled(settings).is_some() {
             weights(settings).iter().flatten().for_each(|w| packer.number(f64::from(*w)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chain::rng::random_normal;
+
+    #[test]
+    fn where_no_edge_is_spared_both_ways_of_smoothing_are_one() {
+        let source = Plane::from_fn(37, 23, |x, y| {
+            [0, 1, 2].map(|c| 0.5 + 0.1 * random_normal([x as u32, y as u32], 0, c, [1, 2])[0])
+        });
+        for [luma, chroma] in [[0.6, 2.3], [1.7, 0.5]] {
+            let mut weights = [luma, chroma].map(gaussian::weights);
+            let longest = weights[0].len().max(weights[1].len());
+            weights.iter_mut().for_each(|w| w.resize(longest, 0.0));
+            for axis in 0..2 {
+                let fast = smoothed(&source, axis, &weights);
+                // Edges so large that none is one.
+                let slow = along(&source, axis, &weights, 1e-30);
+                let apart = fast.data.iter().zip(&slow.data).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(apart < 1e-6, "{luma} {chroma} along {axis}: {apart}");
+                let other = along(&source, 1 - axis, &weights, 1e-30);
+                assert!(fast.data.iter().zip(&other.data).any(|(a, b)| (a - b).abs() > 1e-2), "control");
+            }
         }
     }
 }
