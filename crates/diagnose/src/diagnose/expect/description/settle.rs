@@ -22,6 +22,8 @@ use shutterbug::plane::Plane;
 
 /// Means over blocks that poses are solved at, px, one after another.
 const BLOCKS: [usize; 4] = [4, 4, 2, 2];
+/// Cells of factors over the width of a picture, as a rule.
+const CELLS: f64 = 40.0;
 /// A step of less than this is the last, units (a few hundredths of a px).
 const SMALL: f64 = 0.1;
 
@@ -135,7 +137,10 @@ impl Forward {
         let delivered = filed.as_ref().unwrap_or(&picture);
         let (w, h) = (picture.width, picture.height);
         let real = &self.description.real[at];
-        let open = |i: usize| !half || is_paid(i % w, i / w);
+        // What no other frame saw has no brightness to go by.
+        let covered = self.description.covered.get(&at).filter(|_| half && theta.room.radiance);
+        let is_seen = |i: usize| covered.is_none_or(|c| c.data[i] > 0.5);
+        let open = |i: usize| (!half || is_paid(i % w, i / w)) && is_seen(i);
         let small = |d: &[f32]| {
             let data: Vec<f32> =
                 d.iter().enumerate().map(|(i, v)| if open(i / 3) { *v } else { 0.0 }).collect();
@@ -155,9 +160,11 @@ impl Forward {
             columns.iter().map(|i| columns.iter().map(|j| product(i, j)).collect()).collect();
         let mut b: Vec<f64> = columns.iter().map(|j| product(j, &r)).collect();
         if let Some(usual) = usual {
-            // Costs are in DN: what is left as a rule is one standard deviation.
+            // Costs are in DN: what is left as a rule is one standard deviation. It is alike in all that a cell of a
+            // factor covers: a wall without a pattern says little, however many pixels it has.
             let as_a_rule_dn = 1.0 / f64::from(weights.iter().copied().fold(1e-6, f32::max));
-            usual.hold(&mut a, &mut b, &theta.room.poses[at], as_a_rule_dn);
+            let alike = 3.0 * (w as f64 / CELLS / block as f64).max(1.0).powi(2);
+            usual.hold(&mut a, &mut b, &theta.room.poses[at], alike * as_a_rule_dn);
         }
         let step = solve(&a, &b, 1e-4)?;
         Some(std::array::from_fn(|i| step[i]))
