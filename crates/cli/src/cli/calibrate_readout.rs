@@ -57,8 +57,8 @@ fn second_text(readout: &Readout, pictures: usize) -> String {
         _ => "Another lamp lights the surface, or the pictures were not read out alike",
     };
     format!(
-        "  WARNING: the lines show other stripes besides, {:.2} lines from one to the next and {:.1} % deep, which are a \
-         readout of {:.3} ms if they are this light's. {perhaps}: the figures are those of the deepest stripes, and \
+        "  WARNING: the lines show other stripes besides, {:.2} lines from one to the next and {:.1} % deep, which are \
+         a readout of {:.3} ms if they are this light's. {perhaps}: the figures are those of the deepest stripes, and \
          hold if these are the light's\n",
         second.period_lines,
         100.0 * second.depth,

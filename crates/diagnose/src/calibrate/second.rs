@@ -1,8 +1,8 @@
-//! A second wave along the lines: another lamp's, or that of a picture which was read out otherwise than the one that it
-//! is compared with. The deepest is taken for the light's; that there is another must be said.
+//! A second wave along the lines: another lamp's, or that of a picture which was read out otherwise than the one that
+//! it is compared with. The deepest is taken for the light's; that there is another must be said.
 //!
-//! Where the light of two lamps adds, its logarithm beats: a second wave need not be the same in all places, as the first
-//! must, but only of one phase along the lines.
+//! Where the light of two lamps adds, its logarithm beats: a second wave need not be the same in all places, as the
+//! first must, but only of one phase along the lines.
 
 use serde::Serialize;
 

@@ -35,13 +35,14 @@ pub(super) struct Wave {
     pub amplitude: f64,
 }
 
-/// The wave near a frequency (cycles a line), if it is a light's: it goes across the lines, and is the same in all places.
+/// The wave near a frequency (cycles a line), if it is a light's: it goes across the lines, and is the same in all
+/// places.
 pub(super) fn wave_at(parts: &[Vec<f64>], mean: &[f64], frequency: f64) -> Option<Wave> {
     wave_across(parts, mean, frequency).filter(|w| wave::is_one(parts, w.frequency, MOST_HARMONICS))
 }
 
-/// The wave near a frequency (cycles a line), if it is no slope and has one phase in all parts of the lines. `mean`: that
-/// of the parts.
+/// The wave near a frequency (cycles a line), if it is no slope and has one phase in all parts of the lines. `mean`:
+/// that of the parts.
 pub(super) fn wave_across(parts: &[Vec<f64>], mean: &[f64], frequency: f64) -> Option<Wave> {
     let frequency = refined(mean, frequency)?;
     let amplitude = amplitude(mean, frequency);

@@ -1,9 +1,9 @@
 //! Whether errors of poses shrink beside an effect by more than chance lets them.
 //!
 //! A tracker errs smoothly: what it is off by in one frame it is nearly off by in the next. Few of its errors are
-//! independent, and so a delay, whose effect is smooth too, takes a part of them away by chance. How long errors last is
-//! not known; it is what makes them most likely (Uhlenbeck and Ornstein, Phys. Rev. 36, 1930, whose process is the plainest
-//! that forgets).
+//! independent, and so a delay, whose effect is smooth too, takes a part of them away by chance. How long errors last
+//! is not known; it is what makes them most likely (Uhlenbeck and Ornstein, Phys. Rev. 36, 1930, whose process is the
+//! plainest that forgets).
 
 /// How long errors may last, median steps between frames; 0: each frame has its own.
 const LASTS: [f64; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
