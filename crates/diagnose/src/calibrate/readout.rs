@@ -14,7 +14,7 @@ use super::bent::{Bent, bent};
 use super::frames::Encoding;
 use super::second::{Second, second};
 use super::slopes;
-use super::spectrum::{ALPHA, FEWEST, MOST_HARMONICS, Spectrum, Wave, mean_of, wave_at};
+use super::spectrum::{self, FEWEST, MOST_HARMONICS, Spectrum, Wave, mean_of, wave_at};
 use shutterbug::plane::Plane;
 
 /// Parts of a line whose phases are compared.
@@ -98,7 +98,7 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         }
         let mean = mean_of(&parts);
         let spectrum = Spectrum::of(&mean);
-        threshold[axis] = (0.5 * lines as f64 / ALPHA).ln();
+        threshold[axis] = spectrum::threshold(lines);
         strongest[axis] = spectrum.strongest(|_| true).map_or(0.0, |i| spectrum.over_surroundings(i));
         let found = spectrum.fundamental(threshold[axis]).and_then(|f| wave_at(&parts, &mean, f));
         let Some(wave @ Wave { frequency, .. }) = found else { continue };
@@ -169,7 +169,7 @@ fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<V
 #[cfg(test)]
 mod tests {
     use super::super::dice::Dice;
-    use super::super::spectrum::in_phase;
+    use super::super::spectrum::{ALPHA, in_phase};
     use super::*;
 
     /// A lamp that is on for `duty` of its period, seen by lines that are open for `open` periods, `delay` periods

@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use super::slopes::Slopes;
-use super::spectrum::{ALPHA, Spectrum, Wave, mean_of, wave_across};
+use super::spectrum::{Spectrum, Wave, mean_of, threshold, wave_across};
 
 /// Least depth of the second wave, a share of the first's: a lamp that adds less is not taken for the one that blinks.
 const LEAST_PART: f64 = 0.1;
@@ -36,7 +36,7 @@ pub(super) fn second(parts: &[Vec<f64>], first: Wave, light_hz: f64) -> Option<S
     let (mean, lines) = (mean_of(&left), left.first()?.len());
     let spectrum = Spectrum::of(&mean);
     let at = spectrum.strongest(|f| !is_harmonic(f, first.frequency, NEAR / lines as f64))?;
-    if spectrum.over_surroundings(at) <= (0.5 * lines as f64 / ALPHA).ln() {
+    if spectrum.over_surroundings(at) <= threshold(lines) {
         return None;
     }
     let wave = wave_across(&left, &mean, spectrum.frequency(at))?;

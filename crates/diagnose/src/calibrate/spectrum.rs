@@ -11,6 +11,13 @@ use super::wave;
 const LEAST_DEPTH: f64 = 1e-5;
 /// How often stripes may be seen where there are none.
 pub(super) const ALPHA: f64 = 0.01;
+
+/// What a line of the spectrum of so many lines must be over its surroundings: chance makes one so high in all of the
+/// spectrum [`ALPHA`] of the time.
+pub(super) fn threshold(lines: usize) -> f64 {
+    (0.5 * lines as f64 / ALPHA).ln()
+}
+
 /// Fewest stripes in a picture: fewer cannot be told from a slope.
 pub(super) const FEWEST: f64 = 3.0;
 /// Spectrum values a natural step (one over the number of lines), so that no peak falls between.

@@ -62,6 +62,10 @@ impl Search<'_> {
     /// Whether `better` explains the frames to choose by better than `worse`: it scores better beyond chance, and the
     /// pictures lie on its side by more than the discrepancy.
     pub(crate) fn prefers(&mut self, worse: &Theta, better: &Theta) -> Result<bool> {
+        let shrink = self.poses_shrink(worse, better);
+        if moves_whole_frames(worse, better) {
+            return Ok(shrink);
+        }
         // Both where both can be scored.
         let kind = self.judge.kind;
         self.judge.kind = kind.and(worse.room.kind()).and(better.room.kind());
@@ -69,10 +73,6 @@ impl Search<'_> {
         self.judge.kind = kind;
         let [a, b] = scores;
         let (a, b) = (a?, b?);
-        let shrink = self.poses_shrink(worse, better);
-        if moves_whole_frames(worse, better) {
-            return Ok(shrink);
-        }
         if shrink && !self.gains(&b, &a) {
             return Ok(true);
         }

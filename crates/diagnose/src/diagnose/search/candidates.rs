@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::diagnose::expect::description::settle::BLOCKS;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, moves};
@@ -174,7 +175,7 @@ impl Search<'_> {
     /// Puts the pose of every frame where it explains most: of those that fits see from all of the frame.
     pub(crate) fn track_all(&mut self, theta: &mut Theta) -> Result<()> {
         let fit = self.evidence.fit.clone();
-        let solved = self.forward.track(&fit, theta, &[4, 4, 2, 2])?;
+        let solved = self.forward.track(&fit, theta, &BLOCKS)?;
         for (at, pose) in fit.iter().zip(solved) {
             theta.room.poses[*at] = pose;
         }
@@ -242,7 +243,7 @@ impl Search<'_> {
         let mut theta = start.clone();
         if !theta.room.poses.is_empty() {
             let fit = self.evidence.fit.clone();
-            let solved = self.forward.track(&fit, &theta, &[2, 2])?;
+            let solved = self.forward.track(&fit, &theta, &BLOCKS[2..])?;
             for (at, pose) in fit.iter().zip(solved) {
                 theta.room.poses[*at] = pose;
             }

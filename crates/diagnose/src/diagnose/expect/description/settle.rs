@@ -21,7 +21,7 @@ use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Means over blocks that poses are solved at, px, one after another.
-const BLOCKS: [usize; 4] = [4, 4, 2, 2];
+pub(crate) const BLOCKS: [usize; 4] = [4, 4, 2, 2];
 /// Cells of factors over the width of a picture, as a rule.
 const CELLS: f64 = 40.0;
 /// A step of less than this is the last, units (a few hundredths of a px).
@@ -67,7 +67,7 @@ impl Forward {
     }
 
     /// The poses of some frames that fits see that explain them best, beginning with those of `theta`. One that has
-    /// gone further than the others is asked again, from where it began, and held by what is usual.
+    /// gone further than the others is asked again, from the pose as described, and held by what is usual.
     pub(crate) fn track(
         &mut self,
         places: &[usize],
