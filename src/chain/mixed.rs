@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use super::filter::{Filter, only};
 use super::mixing::Mixing;
 use super::moments::Moments;
-use super::spread::Spread;
+use super::spread::{Origins, Spread};
 use super::{Effect, Settings};
 use crate::plane::stats::LUMA;
 
@@ -38,6 +38,11 @@ impl Mixed {
             }
         }
         mixed
+    }
+
+    /// Whose noise a mosaic gives each colour, ahead of all filters; each its own without one.
+    pub fn origins(&self) -> &'static Origins {
+        self.spread.origins()
     }
 
     /// Whether nothing mixes pixels.

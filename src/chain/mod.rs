@@ -23,7 +23,7 @@ pub use moments::{Moments, Noise, Variances};
 pub use pack::{PARAMETER_BYTES, Packed, Packer, Parameters, SLOT_ROWS, slot_of};
 pub use params::{ParamKind, ParamSpec, Settings, Value, neutral};
 pub use plan::{PASS_CONSTANTS, Plan, Step, Wanted, check_order};
-pub use spread::Spread;
+pub use spread::{Origins, Spread};
 
 use crate::camera::{Intrinsics, ShutterTiming};
 use crate::error::Result;

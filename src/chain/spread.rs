@@ -14,9 +14,14 @@ const MIDDLE: usize = 6;
 /// was 1 and which was independent in each pixel; over the four pixels of a cell on average. Either direction is alike.
 pub(super) type Table = [[f64; APART + 1]; APART + 1];
 
+/// By pixel of a cell of four and by the colour ahead whose noise it is: what pairs of colours have in common in that
+/// pixel, `[one][other]`.
+pub type Origins = [[[[f64; 3]; 3]; 3]; 4];
+
 /// What pairs of colours have in common: `[one][other]`.
 #[derive(Clone, Debug)]
 pub struct Spread {
+    origins: Origins,
     /// Of noise that is new in each pixel.
     pixels: [[Table; 3]; 3],
     /// Of the noise of rows, by distance along a column, and whether the columns lie an even or an odd number apart.
@@ -29,6 +34,7 @@ impl Spread {
         let mut spread = Self::nothing();
         for c in 0..3 {
             spread.pixels[c][c][0][0] = 1.0;
+            spread.origins.iter_mut().for_each(|pixel| pixel[c][c][c] = 1.0);
             // A row's noise is the same in all colours.
             (0..3).for_each(|other| spread.rows[c][other][0] = [1.0; 2]);
         }
@@ -40,10 +46,14 @@ impl Spread {
         let mut spread = Self::nothing();
         let colours = || (0..9).map(|i| (i / 3, i % 3));
         let cell = || (0..4).map(|i| [MIDDLE + i % 2, MIDDLE + i / 2]);
-        for at in 0..SIDE * SIDE {
-            let seen = step(&Plane::from_fn(SIDE, SIDE, |x, y| [f32::from(u8::from(y * SIDE + x == at)); 3]));
+        for (at, of) in (0..SIDE * SIDE).flat_map(|at| (0..3).map(move |of| (at, of))) {
+            let noise =
+                |x: usize, y: usize| [0, 1, 2].map(|c| f32::from(u8::from([y * SIDE + x, c] == [at, of])));
+            let seen = step(&Plane::from_fn(SIDE, SIDE, noise));
             let value = |[x, y]: [usize; 2], c: usize| f64::from(seen.pixel(x, y)[c]);
-            for ((a, b), [x, y]) in colours().flat_map(|ab| cell().map(move |p| (ab, p))) {
+            for ((a, b), (pixel, [x, y])) in colours().flat_map(|ab| cell().enumerate().map(move |p| (ab, p)))
+            {
+                spread.origins[pixel][of][a][b] += value([x, y], a) * value([x, y], b);
                 for (dy, dx) in (0..=APART).flat_map(|dy| (0..=APART).map(move |dx| (dy, dx))) {
                     spread.pixels[a][b][dy][dx] += 0.25 * value([x, y], a) * value([x + dx, y + dy], b);
                 }
@@ -62,7 +72,12 @@ impl Spread {
     }
 
     fn nothing() -> Self {
-        Self { pixels: Default::default(), rows: Default::default() }
+        Self { origins: Default::default(), pixels: Default::default(), rows: Default::default() }
+    }
+
+    /// See [`Origins`].
+    pub(super) fn origins(&self) -> &Origins {
+        &self.origins
     }
 
     /// What two mixtures of the colours have in common, by distance along a column and along a row.

@@ -13,6 +13,8 @@ use crate::reference::chain as by_hand;
 
 type Given<'a> = &'a [(&'static str, &'static str, Value)];
 
+mod colours;
+
 fn number(stem: &'static str, name: &'static str, value: f64) -> (&'static str, &'static str, Value) {
     (stem, name, Value::Number(value))
 }
@@ -269,43 +271,6 @@ fn what_comes_ahead_of_a_coarse_converter_is_delivered_as_the_whole_camera_deliv
         assert!(off < 0.1, "{off} DN");
         assert!(furthest(&ahead.data, &whole.data) > 1.0, "control: the converter does something");
     }
-}
-
-#[test]
-fn a_saturated_colour_has_the_noise_of_the_colours_that_it_is_made_of() {
-    let settings = settings(&[number("saturation", "factor", 1.4), number("read_noise", "sigma", 4e-3)]);
-    let colour = [0.55, 0.12, 0.2];
-    let (seen, told) = of_colour(&settings, colour);
-    let tone = Tone::new(&settings);
-    for c in 0..3 {
-        let (seen, [dn, told]) = (seen[c][1], told[c]);
-        assert!((told / seen - 1.0).abs() < 0.06, "channel {c}: {told} for {seen} DN^2");
-        let grey = f64::from(tone.spread(dn as f32, c).free) + 1.0 / 12.0;
-        assert!(c > 0 || (grey / seen - 1.0).abs() > 0.2, "control: {grey} for {seen} DN^2");
-    }
-}
-
-/// Saturation takes colours beyond black and white, and their noise does not show there.
-#[test]
-fn colours_beyond_black_and_white_have_the_mean_and_the_noise_that_clipping_leaves() {
-    let mut worst: f64 = 0.0;
-    for (factor, sigma) in [(1.5, 8e-3), (1.8, 4e-3), (1.4, 1.2e-2)] {
-        let settings =
-            settings(&[number("saturation", "factor", factor), number("read_noise", "sigma", sigma)]);
-        for colour in [[0.5, 0.1, 0.05], [0.3, 0.04, 0.2], [0.95, 0.3, 0.6], [0.3, 0.12, 0.06]] {
-            let (seen, told) = of_colour(&settings, colour);
-            for c in 0..3 {
-                let ([mean, square], [dn, variance]) = (seen[c], told[c]);
-                let off = (dn - mean).abs();
-                assert!(off < 0.05 + 0.12 * square.sqrt(), "{factor} {colour:?} {c}: {dn} for {mean} DN");
-                let off = (variance - square).abs();
-                assert!(off < 0.15 + 0.2 * square, "{factor} {colour:?} {c}: {variance} for {square} DN^2");
-                let open = f64::from(Tone::new(&settings).open_spread_of(&told.map(|t| t[0] as f32), c).free);
-                worst = worst.max(open / square.max(0.1));
-            }
-        }
-    }
-    assert!(worst > 3.0, "control: without clipping at most {worst} times the variance");
 }
 
 /// Independent values in what [`of_grey`] looks at: a row's in every frame, a pixel's in every frame or in all of them.

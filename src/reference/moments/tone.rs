@@ -1,23 +1,18 @@
 //! What happens to a value on its own, under the noise that it has: mean and spread of the delivered value. Noise that
 //! is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
-use glam::Mat3;
-
 use super::clipped::share_kept;
+use super::coloured::{self, Coloured, Sources, back};
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
-use crate::chain::{Domain, Effect, Left, Mixing, Moments, Noise, Settings, Stage, Variances, mixing};
+use super::places::{COARSE, mixed_colors, place, places_by_dn, sensor_at, sensor_place};
+use crate::chain::{
+    Domain, Effect, Left, Mixed, Mixing, Moments, Noise, Origins, Settings, Stage, Variances,
+};
 use crate::effects::LIST;
 use crate::effects::jpeg::flips::rounded_variance;
 use crate::effects::jpeg::packing::{Packing, rounded_mean};
 use crate::plane::stats::erf;
 
-/// Entries of the tables of what noise does.
-const COARSE: usize = 768;
-/// Roots of the sensor's values in the tables of noise (the sign goes along): from here on, a span of [`SPAN`]. Roots,
-/// because encoding and clipping bend most near black.
-const LOW: f32 = -0.45;
-/// See [`LOW`].
-const SPAN: f32 = 1.64;
 /// Points of the integral over the noise, each side of the mean, and their distance in standard deviations.
 const POINTS: i32 = 12;
 /// See [`POINTS`].
@@ -43,16 +38,15 @@ struct Behind {
 impl Behind {
     /// Nothing where colours cannot be told from what is made of them.
     fn new(weights: [[f32; 3]; 3], ahead: [Vec<Variances>; 3]) -> Option<Self> {
-        let matrix = Mat3::from_cols_array_2d(&weights).transpose();
-        let back = matrix.inverse().transpose().to_cols_array_2d();
-        (matrix.determinant().abs() > 1e-3).then_some(Self { weights, back, ahead })
+        back(&weights).map(|back| Self { weights, back, ahead })
     }
 
-    fn spread(&self, mean_dn: &[f32], channel: usize) -> Variances {
-        let ahead = |from: usize| -> Variances {
-            let dn: f32 = (0..3).map(|c| self.back[from][c] * mean_dn[c]).sum();
-            self.ahead[from][(dn + 0.5).clamp(0.0, 255.0) as usize]
-        };
+    fn spread(&self, mean_dn: &[f32], channel: usize, coloured: Option<&Coloured>) -> Variances {
+        let dn = self.back.map(|of| -> f32 { (0..3).map(|c| of[c] * mean_dn[c]).sum() });
+        if let Some(coloured) = coloured {
+            return coloured.spread_of_mixture(&dn, &self.weights[channel]);
+        }
+        let ahead = |from: usize| self.ahead[from][(dn[from] + 0.5).clamp(0.0, 255.0) as usize];
         mixed_colors((0..3).map(|from| (self.weights[channel][from], ahead(from))))
     }
 }
@@ -82,12 +76,16 @@ pub struct Tone {
     shift: Option<Box<[[f32; COARSE]; 3]>>,
     /// By channel and whole DN of the mean.
     by_dn: Option<[Vec<Variances>; 3]>,
+    /// Where colours are made of each other ahead of the encoding.
+    coloured: Option<Coloured>,
     /// What makes each colour of all three behind the encoding.
     behind: Option<Behind>,
     /// By channel and whole DN of the mean: what compression leaves of that.
     packed: Option<[Vec<Packed>; 3]>,
     /// What steps that mix pixels leave of it.
-    pub(super) mixing: Mixing,
+    mixing: Mixing,
+    /// Whose noise a mosaic gives each colour.
+    origins: &'static Origins,
     /// Nothing but curves of single values follows the encoding: each of its values is delivered as one whole DN.
     encoding_is_last: bool,
     /// The same but for what mixes pixels.
@@ -106,7 +104,7 @@ impl Tone {
 
     /// Without what noise does.
     fn silent(settings: &Settings) -> Self {
-        let (bent, tables) = tables(settings);
+        let ((bent, tables), mixed) = (tables(settings), Mixed::of(LIST, settings));
         let follows = |e: &dyn Effect| is_behind_encoding(e) && !bent.contains(&e.id());
         let mut tone = Self {
             encoding_is_last: !switched_on(settings).any(follows),
@@ -121,9 +119,11 @@ impl Tone {
             stepped: Default::default(),
             shift: None,
             by_dn: None,
+            coloured: None,
             behind: None,
             packed: None,
-            mixing: mixing(LIST, settings),
+            mixing: mixed.mixing(),
+            origins: mixed.origins(),
         };
         for effect in switched_on(settings) {
             let is_raw = matches!(effect.stage(), Stage::Pixel(Domain::Electrons | Domain::RawDn, _));
@@ -175,6 +175,10 @@ impl Tone {
                 self.packed = Some([0, 1, 2].map(|c| by_dn[c].iter().map(left).collect()));
             }
         }
+        // Steps that are seen one by one have tables of their own.
+        if !self.is_coarse() {
+            self.coloured = self.coloured();
+        }
         self.by_dn = Some(by_dn);
         self.shift = Some(Box::new([0, 1, 2].map(|c| std::array::from_fn(|i| tables[c][i].0))));
     }
@@ -202,6 +206,13 @@ impl Tone {
                 .chunks_exact_mut(3)
                 .for_each(|p| (0..3).for_each(|c| p[c] = plain(p[c], tables[c])));
         };
+        if let Some(coloured) = &self.coloured {
+            for p in colors.chunks_exact_mut(3) {
+                let shift = coloured.shifts([p[0], p[1], p[2]]);
+                (0..3).for_each(|c| p[c] = plain(p[c], tables[c]) + shift[c]);
+            }
+            return;
+        }
         for p in colors.chunks_exact_mut(3) {
             for c in 0..3 {
                 let sensor = p[c] / self.whole[c];
@@ -366,9 +377,10 @@ impl Tone {
 
     /// The same ahead of the ends of what can be delivered, of colours that are made behind the encoding.
     pub(super) fn open_spread_of(&self, mean_dn: &[f32], channel: usize) -> Variances {
-        match &self.behind {
-            Some(behind) => behind.spread(mean_dn, channel),
-            None => self.spread(mean_dn[channel], channel),
+        match (&self.behind, &self.coloured) {
+            (Some(behind), coloured) => behind.spread(mean_dn, channel, coloured.as_ref()),
+            (None, Some(coloured)) => coloured.spread(mean_dn, channel),
+            (None, None) => self.spread(mean_dn[channel], channel),
         }
     }
 
@@ -389,6 +401,11 @@ impl Tone {
     /// nothing does, or nothing is noisy.
     pub fn colours_behind(&self) -> Option<[&[[f32; 3]; 3]; 2]> {
         self.behind.as_ref().map(|behind| [&behind.weights, &behind.back])
+    }
+
+    /// Which colours of the sensor give each colour its noise; nothing where that is its own alone.
+    pub fn sources(&self) -> Option<Sources> {
+        Sources::of(&self.colors, self.whole, self.origins)
     }
 
     /// Whether there is any noise.
@@ -505,46 +522,41 @@ impl Tone {
     /// counts.
     fn parts(&self, sensor: f32, channel: usize) -> Variances {
         let whole = self.whole[channel];
-        let own = |from: usize| {
-            let [factor, term] = self.sensor[from];
-            let weight = self.colors[channel][from] / whole * factor;
-            let mut v = self.noise[from].at((sensor - term) / factor);
-            if self.step > 0.0 {
-                let step = self.step / factor.abs();
-                v.free += step * step * rounding((v.free + v.row + v.fixed).sqrt() / step);
-            }
-            (weight, v)
-        };
+        let own = |from: usize| (self.colors[channel][from] / whole, self.sensor_noise(sensor, from));
         let of = (0..3).filter(|&from| self.colors[channel][from] != 0.0);
         mixed_colors(of.map(own))
     }
 
+    fn coloured(&self) -> Option<Coloured> {
+        Coloured::of(&coloured::Behind {
+            weights: self.colors,
+            whole: self.whole,
+            origins: self.origins,
+            mixing: &self.mixing,
+            encoded: &|value, channel| self.plain(value, channel),
+            noise: &|sensor, channel| self.sensor_noise(sensor, channel),
+        })
+    }
+
+    /// Noise of a value of the sensor: with the factor that it has behind the noise, and what rounding adds.
+    fn sensor_noise(&self, sensor: f32, channel: usize) -> Variances {
+        let [factor, term] = self.sensor[channel];
+        let mut v = self.noise[channel].at((sensor - term) / factor);
+        if self.step > 0.0 {
+            let step = self.step / factor.abs();
+            v.free += step * step * rounding((v.free + v.row + v.fixed).sqrt() / step);
+        }
+        Variances::default().plus(factor * factor, &v)
+    }
+
     fn spread_by_dn(&self, table: &[(f32, Variances)], channel: usize) -> Vec<Variances> {
         let mean = |i: usize| self.plain(self.whole[channel] * sensor_at(i), channel) + table[i].0;
-        let mut at = 0;
-        (0..256)
-            .map(|dn| {
-                while at + 1 < COARSE && mean(at) < dn as f32 {
-                    at += 1;
-                }
-                // Between the two places whose means hold the value between them.
-                let (b, a) = (table[at].1, table[at.saturating_sub(1)].1);
-                let (mb, ma) = (mean(at), mean(at.saturating_sub(1)));
-                let f = if mb > ma { ((dn as f32 - ma) / (mb - ma)).clamp(0.0, 1.0) } else { 1.0 };
-                Variances::default().plus(1.0 - f, &a).plus(f, &b)
-            })
-            .collect()
+        let between = |(at, f): (usize, f32)| {
+            let (b, a) = (table[at].1, table[at.saturating_sub(1)].1);
+            Variances::default().plus(1.0 - f, &a).plus(f, &b)
+        };
+        places_by_dn(mean).map(between).collect()
     }
-}
-
-/// Of a sum of colours by weight: pixels' noise is each colour's own, that of a row is common to them.
-fn mixed_colors(parts: impl Iterator<Item = (f32, Variances)>) -> Variances {
-    let (mut sum, mut row) = (Variances::default(), 0.0);
-    for (weight, v) in parts {
-        sum = sum.plus(weight * weight, &v);
-        row += weight * v.row.sqrt();
-    }
-    Variances { row: row * row, ..sum }
 }
 
 /// Variance that rounding adds to noise of that width, in squares of a step: the mean over where values lie between two
@@ -552,23 +564,4 @@ fn mixed_colors(parts: impl Iterator<Item = (f32, Variances)>) -> Variances {
 fn rounding(wide: f32) -> f32 {
     let places = [0.0625, 0.1875, 0.3125, 0.4375];
     (places.map(|at| rounded_variance(at, wide)).iter().sum::<f32>() / 4.0 - wide * wide).max(0.0)
-}
-
-/// The entry of a table at or before a place in it. By way of 32 bits: a float becomes 64 of them, unsigned, in ten
-/// times as many instructions, and this is done for every value of every picture.
-fn place(at: f32) -> usize {
-    at as i32 as usize
-}
-
-/// The place of a value of the sensor in the tables of noise.
-#[inline]
-fn sensor_place(sensor: f32) -> f32 {
-    let root = sensor.abs().sqrt().copysign(sensor);
-    ((root - LOW) / SPAN).clamp(0.0, 1.0) * (COARSE - 1) as f32
-}
-
-/// The sensor's value at a place of the tables of noise.
-fn sensor_at(place: usize) -> f32 {
-    let root = LOW + SPAN * place as f32 / (COARSE - 1) as f32;
-    root * root.abs()
 }
