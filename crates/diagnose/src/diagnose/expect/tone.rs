@@ -54,8 +54,16 @@ pub(crate) fn noise_gain(theta: &Theta, kind: usize, luma: bool) -> f64 {
     if luma {
         return f64::from(mixing.luma[1 + kind]);
     }
-    let of = |c: usize| f64::from(mixing.pixel[c] * mixing.left[c].high_pass[kind]);
-    (0..3).map(of).sum::<f64>() / 3.0
+    gains(&mixing, kind).iter().sum::<f64>() / 3.0
+}
+
+/// The same of each colour.
+pub(crate) fn noise_gains(theta: &Theta, kind: usize) -> [f64; 3] {
+    gains(&mixing(theta), kind)
+}
+
+fn gains(mixing: &Mixing, kind: usize) -> [f64; 3] {
+    [0, 1, 2].map(|c| f64::from(mixing.pixel[c] * mixing.left[c].high_pass[kind]))
 }
 
 /// What white noise of single values becomes behind the steps that mix pixels, by colour: a factor of its variance.

@@ -10,10 +10,13 @@ use super::steps::Steps;
 use super::tables::{BINS, Tables, bin_of};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::expect::model::{P, Theta};
-use crate::diagnose::expect::tone::{Tone, noise_gain, noiseless, row_kept, row_seen, shared, shows_steps};
+use crate::diagnose::expect::tone::{
+    Tone, noise_gain, noise_gains, noiseless, row_kept, row_seen, shared, shows_steps,
+};
 use crate::diagnose::packing::Packing;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::{LUMA, robust_variance};
+use shutterbug::reference::moments::Sources;
 
 /// Steepest slope of the simulated picture where noise is measured, DN over 2 px: beyond it renderers differ.
 const FLAT_DN: f32 = 10.0;
@@ -23,6 +26,8 @@ const LEAST_FLAT: f64 = 0.25;
 const APART: [usize; 2] = [2, 4];
 /// Variance of a difference to the mean of two others.
 const HIGH_PASS: f64 = 1.5;
+/// Least own value, over the one whose noise it has: darker ones have less, for black cuts it off.
+const LEAST_OF_SOURCE: f32 = 0.5;
 /// Fewest values of a bin of brightness.
 const FEWEST: usize = 200;
 /// Least mean of each of three colours whose noise is measured together, DN: noise in the dark is bent by the encoding.
@@ -50,6 +55,9 @@ struct Compared<'a, M> {
     /// What takes back that colours are made of each other behind the encoding, `[of][from]`; nothing where they are
     /// not.
     unmix: Option<[[f32; 3]; 3]>,
+    /// Where colours have each other's noise: whose, and by colour what single values are to be multiplied with, so
+    /// that equal noise on the sensor is as much in each.
+    sources: Option<(Sources, [f32; 3])>,
     /// Whether noise is measured of brightness.
     luma: bool,
     /// The simulated values ahead of a coarse converter, DN; nothing where its steps are not seen one by one.
@@ -66,7 +74,23 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
         }
         let slope = self.tables.slopes[m as usize][i % 3];
         // Never out of the table: values at its ends were left out above.
-        (slope > 20.0).then(|| [self.tables.decode(r, i % 3) - self.tables.decode(m, i % 3), m])
+        let own = (slope > 20.0).then(|| [self.tables.decode(r, i % 3), self.tables.decode(m, i % 3)])?;
+        let Some((sources, factors)) = &self.sources else { return Some([own[0] - own[1], m]) };
+        let linear = self.source(sources, f, i)?;
+        // In the dark, noise of bright colours is cut off at black.
+        (own[1] >= LEAST_OF_SOURCE * linear)
+            .then(|| [factors[i % 3] * (own[0] - own[1]), self.tone.dn_of(linear).clamp(0.0, 255.0)])
+    }
+
+    /// The linear value of the sensor whose noise a simulated value has: the mean over the colours that it comes from.
+    fn source(&self, sources: &Sources, f: usize, i: usize) -> Option<f32> {
+        let (mean, c) = (&self.means[f].borrow().data, i % 3);
+        let colour = [0, 1, 2].map(|k| self.values(f, i - c + k).map(|v| v[1]));
+        let grey = |k: usize| self.tables.decode(colour[k].unwrap_or(mean[i - c + k]).clamp(0.0, 255.0), k);
+        let greys = [grey(0), grey(1), grey(2)];
+        let sensor = |from: usize| (0..3).map(|k| sources.back[from][k] * greys[k]).sum::<f32>().max(0.0);
+        let linear: f32 = (0..3).map(|from| sources.shares[c][from] * sensor(from)).sum();
+        linear.is_finite().then_some(linear)
     }
 
     /// The real and the simulated value, DN, ahead of what makes colours of each other: behind it a colour has noise of
@@ -139,7 +163,7 @@ impl<M: Borrow<Plane<f32>> + Sync> Compared<'_, M> {
                 for f in 0..self.frames.len() {
                     let [a, e, b] = [i - 3 * apart, i, i + 3 * apart].map(|i| self.seen_at(f, i, false));
                     if let (Some([e, m]), Some([a, _]), Some([b, _])) = (e, a, b) {
-                        let channel = if self.luma { 1 } else { c };
+                        let channel = if self.luma || self.sources.is_some() { 1 } else { c };
                         seen.push([e - 0.5 * (a + b), m, self.tables.decode(m, channel)]);
                     }
                     if let Some([simulated, real]) = self.ahead.and_then(|ahead| self.steps(f, i, ahead)) {
@@ -181,18 +205,33 @@ impl NoiseData {
         let unmix = matrices.map(|[_, back]| *back);
         let mixing = matrices.map_or([1.0; 2], |of| of.map(kept_by));
         let steps = ahead.filter(|_| shows_steps(theta));
-        let compared =
-            Compared { evidence, frames, means, flats, tables, tone: &tone, unmix, luma, ahead: steps };
         let mixed = theta.is_on(P::Mosaic) || theta.is_on(P::Sharpen);
         let apart = APART[usize::from(mixed)];
         let rows_apart = if mixed { APART[1] } else { 1 };
+        let kind = usize::from(apart == APART[1]);
+        let sources = tone.sources().filter(|_| !luma).map(|of| {
+            let factors = factors(theta, kind, &of);
+            (of, factors)
+        });
+        let compared = Compared {
+            evidence,
+            frames,
+            means,
+            flats,
+            tables,
+            tone: &tone,
+            unmix,
+            sources,
+            luma,
+            ahead: steps,
+        };
         let rows: Vec<Values> = (0..h).into_par_iter().map(|y| compared.row(y, w, apart)).collect();
         let mut values = Values::default();
         rows.into_iter().for_each(|row| values.append(row));
         for f in 0..frames.len() {
             values.add_rows([w, h], rows_apart, |i| compared.seen_at(f, i, true).map(|e| e[0]));
         }
-        let mut data = values.reduce(&tone, theta, usize::from(apart == APART[1]), mixing);
+        let mut data = values.reduce(&tone, theta, kind, mixing);
         let files = ahead.filter(|_| shows_coefficients(theta));
         let Compared { flats, tables, .. } = &compared;
         let shares = Shares::of(theta);
@@ -406,6 +445,13 @@ impl Values {
             squares.sum::<f64>() / values.len() as f64
         })
     }
+}
+
+/// What single values of each colour are to be multiplied with, so that equal noise on the sensor is as much in each as
+/// in a colour on average.
+fn factors(theta: &Theta, kind: usize, sources: &Sources) -> [f32; 3] {
+    let [own, all] = [noise_gains(theta, kind), [noise_gain(theta, kind, false); 3]];
+    [0, 1, 2].map(|c| (all[c] / (own[c] * f64::from(sources.kept[c]))).sqrt() as f32)
 }
 
 /// Variance of rounding and of dither, squares of the linear value.

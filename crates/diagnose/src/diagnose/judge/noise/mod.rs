@@ -266,6 +266,7 @@ mod tests {
     use crate::diagnose::evidence::Evidence;
     use crate::diagnose::expect::model::candidate_of;
     use crate::diagnose::expect::pair::given::GivenValue;
+    use crate::diagnose::expect::settings::settings_of;
     use crate::diagnose::expect::tone::Tone;
     use shutterbug::plane::{Plane, srgb_decode, srgb_encode};
 
@@ -330,6 +331,45 @@ mod tests {
         }
         let [full_well_e, read] = measured_behind_saturation(0.6, 1.0 - 1e-6);
         assert!(full_well_e > 1100.0 || read < 0.006, "control: not taken back, {full_well_e} e, {read}");
+    }
+
+    /// Full-well capacity, in electrons, and read noise as measured of 544 and 0.0026 on colours behind a mosaic whose
+    /// demosaicking corrects one colour by another; `told`: what the model says of it.
+    fn measured_behind_mosaic(told: f64) -> [f64; 2] {
+        let [pattern, demosaic] = [0, 1].map(|i| candidate_of("bayer_mosaic").parameters[i]);
+        let camera = |d: f64| Theta::neutral().with(pattern, 3.0).with(demosaic, d);
+        let colour = |x: usize, y: usize| match (x / 20 + y / 40) % 4 {
+            0 => [0.6, 0.15, 0.6],
+            1 => [0.35, 0.006, 0.4],
+            2 => [0.1, 0.06, 0.01],
+            _ => [0.1 + 0.04 * (x / 20) as f32; 3],
+        };
+        let seen = |raw: &Plane<f32>| {
+            let mut seen = shutterbug::reference::moments::mixed(raw, &settings_of(&camera(1.0)));
+            seen.data.iter_mut().for_each(|v| *v = 255.0 * srgb_encode(v.clamp(0.0, 1.0)));
+            seen
+        };
+        let raw = Plane::from_fn(160, 240, |x, y| {
+            let normal = shutterbug::chain::rng::random_normal([x as u32, y as u32], 0, 3, [5, 6]);
+            let linear = colour(x, y);
+            [0, 1, 2].map(|c| linear[c] + normal[c] * (linear[c] / 544.0 + 0.0026f32.powi(2)).sqrt())
+        });
+        let mean = seen(&Plane::from_fn(160, 240, colour));
+        let mut real = seen(&raw);
+        real.data.iter_mut().for_each(|v| *v = v.round());
+        let data = NoiseData::measure(&Evidence::of_one(real), &[0], &[mean], None, &camera(told), None);
+        let fitted = data.fit(&camera(told), &camera(told), &["shot_noise", "read_noise"]);
+        [1.0 / fitted.get(P::Shot), fitted.get(P::Read)]
+    }
+
+    #[test]
+    fn noise_is_told_of_the_colours_that_a_demosaicking_takes_it_from() {
+        let [full_well_e, read] = measured_behind_mosaic(1.0);
+        assert!((full_well_e / 544.0 - 1.0).abs() < 0.1, "{full_well_e} e");
+        assert!(read < 0.005, "{read}");
+        // Control: what each colour is made of itself alone.
+        let [other_e, other] = measured_behind_mosaic(0.0);
+        assert!((other_e / 544.0 - 1.0).abs() > 0.2 || other > 0.006, "{other_e} e, {other}");
     }
 
     /// What is measured of six frames with a pattern and noise of `read` that is new in each.
