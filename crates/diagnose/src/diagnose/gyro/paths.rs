@@ -26,6 +26,8 @@ const MOST_LEFT: f64 = 0.2;
 const MOST_LEFT_PX: f64 = 1.0;
 /// By how much the gyro may turn further than the frames show: focal lengths are known so well.
 const SCALE_OFF: f64 = 0.03;
+/// By how much two clocks may differ in pace: crystals differ by 1 in 10000, and wrong axes or units ask for any.
+const PACE_OFF: f64 = 0.1;
 /// Errors within this of each other are no gap, px.
 pub(super) const MARGIN_PX: f64 = 0.05;
 /// Least motion, px from frame to frame.
@@ -315,6 +317,14 @@ impl Timed {
                  clock more than \
                  {FURTHEST_S} s off, its axes not the camera's, its focal length another, or the \
                  scene near"
+            ));
+        }
+        let pace = 1.0 + self.numbers[CLOCK];
+        if (pace - 1.0).abs() > PACE_OFF {
+            return Some(format!(
+                "the gyro explains how the frames move only if its clock runs {pace:.2} times as fast as that of the \
+                 frames, and two clocks differ by far less: its axes may not be the camera's (x right, y down, z \
+                 forward), or its times not in the unit of frames.csv"
             ));
         }
         if self.leaves() && self.closed() < NAMED[0] {
