@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::GoOn;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
+use shutterbug::plane::stats::median;
 
 /// Below this frames are compared as they lie, px: reading a picture between its pixels would change it by more.
 pub(super) const EXACT_PX: f64 = 0.25;
@@ -270,6 +271,18 @@ pub(crate) fn lies(real: &Plane<f32>, sim: &Plane<f32>, go_on: GoOn<'_>) -> Resu
     Ok(Lies { rms_px: field.rms(&seen), left_px: left.rms(&seen), shift, alike })
 }
 
+/// Median over windows of how far the content of two pictures lies apart (both DN, shape `[height, width, 3]`), px;
+/// nothing where they have nothing in common.
+///
+/// # Errors
+/// No time is left.
+pub(super) fn apart_px(a: &Plane<f32>, b: &Plane<f32>, go_on: GoOn<'_>) -> Result<Option<f64>> {
+    let (field, seen, _) = displacements(&Grey::of(a), &Grey::of(b), go_on)?;
+    let alike =
+        (0..seen.len()).filter(|&i| seen[i].alike > ALIKE).map(|i| field.at[i][0].hypot(field.at[i][1]));
+    Ok(field.rms(&seen).map(|_| median(alike)))
+}
+
 /// Displacements, what windows see at their end, and what single windows would still move by.
 fn displacements(real: &Grey, sim: &Grey, go_on: GoOn<'_>) -> Result<(Field, Vec<Window>, Field)> {
     let mut levels = vec![(real.soft(), sim.soft())];
@@ -370,11 +383,11 @@ pub(crate) fn residual_px(real: &Plane<f32>, sim: &Plane<f32>) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// Smooth noise without a period.
-    fn texture(x: f64, y: f64) -> f32 {
+    pub(in crate::diagnose::expect::pair) fn texture(x: f64, y: f64) -> f32 {
         let lattice = |i: i64, j: i64| {
             let bits = shutterbug::chain::rng::random_bits([i as u32, j as u32], 0, 9, [1, 2])[0];
             f64::from(bits) / f64::from(u32::MAX)

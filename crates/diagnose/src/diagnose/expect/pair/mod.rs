@@ -4,6 +4,7 @@
 //! sensor would have seen (see [`warp`]), so that effects of geometry are candidates as they are in a capture. Without
 //! either, effects on values, noise and sharpness are; the rest is `undetermined`.
 
+mod agree;
 mod align;
 mod beside;
 mod frames;
@@ -129,6 +130,7 @@ impl Pair {
         let mut sim_frames =
             SimFrames { frames, times_s, period_s, geometry: Geometry::None, linear: camera.linear };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes, &go_on)?;
+        notes.extend(agree::notes(sim, &sim_frames, &camera.intrinsics, path.as_ref(), &go_on)?);
         if sim_frames.geometry == Geometry::None && stills::parts(matched.len()) == 1 {
             let real_of = |i: usize| read_rgb8(&real.join(&matched[i].real));
             notes.extend(guess::motion(&mut sim_frames, &real_of, &go_on)?);
