@@ -115,7 +115,7 @@ impl Coloured {
     /// Makes the tables of what the encoding of a colour makes of noise.
     fn bend(&mut self, behind: &Behind<'_>, c: usize) {
         let encoded = |value: f32| (behind.encoded)(value, c);
-        let bent: Vec<[ByWidth; 2]> = (0..COARSE).map(|i| bent(&encoded, sensor_at(i))).collect();
+        let bent: Vec<[ByWidth; 2]> = (0..COARSE).map(|i| bent(encoded, sensor_at(i))).collect();
         self.shift[c] = bent.iter().map(|b| b[0]).collect();
         let plain: Vec<f32> = (0..COARSE).map(|i| encoded(sensor_at(i))).collect();
         let mut shares = [[0.0; 256]; WIDTHS];
