@@ -34,13 +34,14 @@ use crate::diagnose::evidence::{Evidence, LEAST_SIDE_PX};
 use crate::diagnose::report::Alignment;
 use shutterbug::camera::{Intrinsics, Pose, Trajectory};
 use shutterbug::capture::{CameraFile, Capture, FrameEntry};
-use shutterbug::error::{Error, Result, counted};
+use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{Plane, read_rgb8, srgb_decode, srgb_encode};
 use shutterbug::scene::Scene;
 
 pub(crate) use align::lies;
 use align::residual_px;
 pub(crate) use align::slopes_to;
+use frames::SimFrame;
 pub(crate) use frames::{Geometry, SimFrames};
 pub(crate) use kinds::notes as notes_of_kind;
 pub(crate) use left_over::{copies, of_other_formats};
@@ -53,6 +54,8 @@ pub(crate) use stills::{FEW, needs_more};
 /// Frame period that is taken where nobody states one, s.
 const ASSUMED_PERIOD_S: f64 = 1.0 / 30.0;
 
+/// Least share of a frame that its mask may leave: less is no frame to judge a picture by.
+const LEAST_OPEN: f64 = 0.1;
 /// Frames that are looked at to see whether both folders show the same place.
 const LOOKED_AT: usize = 6;
 
@@ -96,6 +99,41 @@ fn notes_of(sim: &Path, real: &Path, matched: &[Matched]) -> Result<Vec<String>>
     Ok(notes)
 }
 
+/// The simulated frames with their times, but for those that masks and clipping leave next to nothing of.
+fn frames_of(
+    sim: &Path,
+    matched: &[Matched],
+    camera: &CameraFile,
+    notes: &mut Vec<String>,
+    go_on: GoOn<'_>,
+) -> Result<(Vec<Matched>, Vec<f64>, Vec<SimFrame>)> {
+    let size = [camera.intrinsics.width, camera.intrinsics.height];
+    let times_s = matched::times_s(sim, matched, camera.frame_period_s)?;
+    let (mut named, mut times, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    for (m, time_s) in matched.iter().zip(times_s) {
+        go_on()?;
+        let frame = planes::read(sim, m, size, camera.linear)?;
+        let open = &frame.open.data;
+        let share = open.iter().filter(|v| **v > 0.5).count() as f64 / open.len() as f64;
+        if share < LEAST_OPEN {
+            notes.push(format!(
+                "{}: its mask, and what is clipped, leave {:.0} % of it: the frame is left out",
+                one_line(&m.sim),
+                100.0 * share
+            ));
+            continue;
+        }
+        named.push(m.clone());
+        times.push(time_s);
+        frames.push(frame);
+    }
+    if frames.is_empty() {
+        let expected = format!("masks that leave {:.0} % of a frame at least", 100.0 * LEAST_OPEN);
+        return Err(Error::input(&sim.join("mask"), None, "masks that leave nothing of any frame", expected));
+    }
+    Ok((named, times, frames))
+}
+
 impl Pair {
     /// Reads and matches the frames of two folders. `matches` is a file with lines `sim,real`; `camera` replaces the
     /// sim folder's `camera.toml`. Of `options` the time limit counts, and whether to stop.
@@ -116,17 +154,7 @@ impl Pair {
         let mut notes = notes_of(sim, real, &matched)?;
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
-        let times_s = matched::times_s(sim, &matched, period_s)?;
-        let mut frames = Vec::new();
-        for m in &matched {
-            go_on()?;
-            frames.push(planes::read(
-                sim,
-                m,
-                [camera.intrinsics.width, camera.intrinsics.height],
-                camera.linear,
-            )?);
-        }
+        let (matched, times_s, frames) = frames_of(sim, &matched, &camera, &mut notes, &go_on)?;
         let mut sim_frames =
             SimFrames { frames, times_s, period_s, geometry: Geometry::None, linear: camera.linear };
         let path = sim_frames.find_geometry(sim, &camera.intrinsics, &mut notes, &go_on)?;
@@ -407,4 +435,39 @@ pub(crate) fn align(forward: &mut Forward, evidence: &Evidence) -> Result<Aligne
         forward.outside = Some(Arc::new(aligned));
     }
     Ok(Aligned { before_px, warped, method })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shutterbug::plane::write_png_atomic;
+
+    #[test]
+    fn a_frame_that_its_mask_covers_is_left_out_and_keeps_its_time() {
+        let sim = tempfile::tempdir().unwrap();
+        std::fs::create_dir(sim.path().join("mask")).unwrap();
+        let save = |name: &str, rows: usize| {
+            let picture = Plane::from_fn(32, 24, |_, y| [if y < rows { 180u8 } else { 0 }; 3]);
+            write_png_atomic(&sim.path().join(name), &picture).unwrap();
+        };
+        let matched: Vec<Matched> = (0..4)
+            .map(|i| {
+                let name = format!("{i}.png");
+                save(&name, 24);
+                save(&format!("mask/{name}"), [24, 2, 12, 24][i]);
+                Matched { sim: name.clone(), real: name }
+            })
+            .collect();
+        let k = Intrinsics { width: 32, height: 24, fx: 32.0, fy: 32.0, cx: 16.0, cy: 12.0 };
+        let camera = CameraFile::pinhole(sim.path().to_owned(), k, 0.1);
+        let mut notes = Vec::new();
+        let (names, times_s, frames) =
+            frames_of(sim.path(), &matched, &camera, &mut notes, &|| Ok(())).unwrap();
+        assert_eq!((names.len(), frames.len()), (3, 3));
+        assert!(times_s.iter().zip([0.0, 0.2, 0.3]).all(|(a, b)| (a - b).abs() < 1e-9), "{times_s:?}");
+        assert!(notes.len() == 1 && notes[0].contains("1.png: its mask"), "{notes:?}");
+        (0..4).for_each(|i| save(&format!("mask/{i}.png"), 0));
+        let said = frames_of(sim.path(), &matched, &camera, &mut notes, &|| Ok(())).map(|_| ()).unwrap_err();
+        assert!(said.to_string().contains("masks that leave nothing of any frame"), "{said}");
+    }
 }
