@@ -18,6 +18,7 @@ mod seventh;
 mod seventh_charts;
 mod sixth_charts;
 mod streams;
+mod tenth;
 mod third;
 
 use std::fs;

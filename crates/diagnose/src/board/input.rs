@@ -4,12 +4,15 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use shutterbug::capture::parse_frames;
+use shutterbug::capture::{is_plain_name, parse_frames};
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read};
 
 /// Endings of pictures that are read.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+/// Least time from one frame to the next, ns: a million frames a second.
+const LEAST_STEP_NS: i64 = 1_000;
 
 /// A picture's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,7 +26,7 @@ pub struct Picture {
 /// The pictures of a folder by name (of one with `frames.csv`: those in it, in its order), or the files given.
 ///
 /// # Errors
-/// A folder without pictures; two pictures of one name; a `frames.csv` that cannot be read.
+/// A folder without pictures; two pictures of one name; names that a `frames.csv` cannot hold; one that cannot be read.
 pub fn pictures(given: &[PathBuf]) -> Result<Vec<Picture>> {
     let paths = match given {
         [folder] if folder.is_dir() => match listed(folder)? {
@@ -32,11 +35,7 @@ pub fn pictures(given: &[PathBuf]) -> Result<Vec<Picture>> {
         },
         files => files.to_vec(),
     };
-    let picture = |path: PathBuf| {
-        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        Picture { path, name }
-    };
-    let pictures: Vec<Picture> = paths.into_iter().map(picture).collect();
+    let pictures = paths.into_iter().map(named).collect::<Result<Vec<Picture>>>()?;
     let mut stems: HashMap<&std::ffi::OsStr, &Path> = HashMap::new();
     for picture in &pictures {
         let stem = picture.path.file_stem().unwrap_or_default();
@@ -46,6 +45,20 @@ pub fn pictures(given: &[PathBuf]) -> Result<Vec<Picture>> {
         }
     }
     Ok(pictures)
+}
+
+/// A picture by the name that it keeps in the capture: in a line of `frames.csv`.
+fn named(path: PathBuf) -> Result<Picture> {
+    let fits = |name: &&str| is_plain_name(name.trim_start_matches('.')) && !name.contains('"');
+    match path.file_name().and_then(|name| name.to_str()).filter(fits).map(str::to_owned) {
+        Some(name) => Ok(Picture { path, name }),
+        None => Err(Error::input(
+            &path,
+            None,
+            "a name that cannot stand in a frames.csv",
+            "one in UTF-8 without commas, quotes, colons and control characters",
+        )),
+    }
 }
 
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -90,7 +103,16 @@ pub fn times_of(given: &[PathBuf], count: usize, rate_hz: Option<f64>) -> Result
             let found = format!("{rate_hz} beside {}", given[0].join("frames.csv").display());
             Err(Error::input(Path::new("--fps"), None, found, "one of both"))
         }
-        (Some(entries), None) => Ok(Some(entries.into_iter().map(|(t, _)| t).collect())),
+        (Some(entries), None) => {
+            let times: Vec<i64> = entries.into_iter().map(|(t, _)| t).collect();
+            let least = times.windows(2).map(|t| t[1].saturating_sub(t[0])).min().unwrap_or(LEAST_STEP_NS);
+            if least < LEAST_STEP_NS {
+                let found = format!("frames {least} ns apart");
+                let path = given[0].join("frames.csv");
+                return Err(Error::input(&path, None, found, "timestamps in ns, in order"));
+            }
+            Ok(Some(times))
+        }
         (None, rate_hz) => {
             Ok(rate_hz.map(|r| (0..count).map(|i| (1e9 * i as f64 / r).round() as i64).collect()))
         }

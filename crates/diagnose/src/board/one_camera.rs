@@ -25,10 +25,10 @@ impl OneCamera {
         self.shared > 0.5
     }
 
-    /// Of stills; frames that follow each other are blurred and bent by motion, and are not judged.
-    pub(super) fn judge(bundle: &Bundle, views: &[View]) -> Result<Self> {
+    /// Of stills; nothing of frames that follow each other, which are blurred and bent by motion.
+    pub(super) fn judge(bundle: &Bundle, views: &[View]) -> Result<Option<Self>> {
         if bundle.starts_s.is_some() {
-            return Ok(Self::default());
+            return Ok(None);
         }
         let joint = bundle.residuals()?;
         let shared = neighbours(&joint, views);
@@ -53,7 +53,7 @@ impl OneCamera {
                 own_focal.push((view, (fx * fy).sqrt()));
             }
         }
-        Ok(Self { shared, own_focal })
+        Ok(Some(Self { shared, own_focal }))
     }
 }
 

@@ -50,7 +50,7 @@ pub struct BoardFit {
     /// The same by view.
     pub view_rms_px: Vec<f64>,
     /// What speaks against one camera.
-    pub one_camera: OneCamera,
+    pub one_camera: Option<OneCamera>,
     /// Of a board that moves: the path as it is written, and the views that it covers.
     pub path: Option<(Trajectory, Vec<usize>)>,
 }

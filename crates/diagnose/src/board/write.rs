@@ -192,12 +192,13 @@ fn report(pictures: &[Picture], target: &Target, observed: &Observed, fit: &Boar
         .collect();
     let left_out: Vec<_> =
         observed.left_out.iter().map(|l| json!({ "file": one_line(&l.name), "why": l.why })).collect();
-    let own_focal: Vec<_> = fit
-        .one_camera
-        .own_focal
-        .iter()
-        .map(|(v, times)| json!({ "file": one_line(&pictures[observed.views[*v].picture].name), "times": times }))
-        .collect();
+    let file = |v: usize| one_line(&pictures[observed.views[v].picture].name);
+    // Nothing of frames that follow each other: that was not measured.
+    let one_camera = fit.one_camera.as_ref().map(|of| {
+        let own_focal: Vec<_> =
+            of.own_focal.iter().map(|(v, times)| json!({ "file": file(*v), "times": times })).collect();
+        json!({ "error_shared_by_neighbours": of.shared, "own_focal_length": own_focal, "misfit": of.is_misfit() })
+    });
     let all = json!({
         "target": { "pattern": target.pattern.name(), "points": target.size, "square_m": target.square_m,
             "tag_spacing": target.tag_spacing },
@@ -205,8 +206,7 @@ fn report(pictures: &[Picture], target: &Target, observed: &Observed, fit: &Boar
         "camera": parameters,
         "rms_px": { "pinhole_alone": fit.rms_px[0], "with_lens_and_readout": fit.rms_px[1] },
         "views": views,
-        "one_camera": { "error_shared_by_neighbours": fit.one_camera.shared, "own_focal_length": own_focal,
-            "misfit": fit.one_camera.is_misfit() },
+        "one_camera": one_camera,
         "left_out": left_out,
         "cut_px": cut(&fit.camera.intrinsics(), fit.camera.lens()),
         "print": { "dark": tone.dark, "bright": tone.bright, "reach_squares": tone.reach },

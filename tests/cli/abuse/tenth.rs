@@ -1,0 +1,55 @@
+//! The tenth blind set: boards whose pictures no camera takes, and names and times that the capture could not hold.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+
+use super::sixth_charts::{Folder, boards, told};
+use super::{assert_done, assert_refused, shutterbug};
+
+fn board(folder: &Folder, photos: &Path, more: &[&str]) -> Output {
+    let mut command = shutterbug();
+    command.arg("board").arg(photos).arg("--out").arg(folder.path("board"));
+    command.args(["--size", "7x4", "--square-m", "0.03", "--overwrite"]).args(more).output().unwrap()
+}
+
+#[test]
+fn a_camera_whose_pixels_are_not_square_is_doubted_and_frames_in_motion_are_not_judged() {
+    let folder = Folder::new();
+    let photos = boards(&folder, "photos", &|_| 1.0);
+    for entry in fs::read_dir(&photos).unwrap() {
+        let path = entry.unwrap().path();
+        let picture = image::open(&path).unwrap();
+        let (w, h) = (picture.width() * 5 / 4, picture.height());
+        picture.resize_exact(w, h, image::imageops::FilterType::CatmullRom).save(&path).unwrap();
+    }
+    let output = board(&folder, &photos, &["--fps", "5"]);
+    assert_done(&output);
+    assert!(told(&output).contains("pixels of cameras are square"), "{}", told(&output));
+    let report: Value =
+        serde_json::from_slice(&fs::read(folder.path("board").join("board.json")).unwrap()).unwrap();
+    assert!(report["one_camera"].is_null(), "{report}");
+}
+
+#[test]
+fn names_and_times_that_no_capture_can_hold_are_refused() {
+    let folder = Folder::new();
+    let photos = boards(&folder, "photos", &|_| 1.0);
+    for name in [&b"a,b.png"[..], b"a\"b.png", b"a\nb.png", b"\xff.png"] {
+        let path = photos.join(OsStr::from_bytes(name));
+        fs::copy(photos.join("00.png"), &path).unwrap();
+        assert_refused(&board(&folder, &photos, &[]), 1, &["found a name that cannot stand in a frames.csv"]);
+        fs::remove_file(path).unwrap();
+    }
+    let lines: String = (0..7).map(|i| format!("{i},{i:02}.png\n")).collect();
+    fs::write(photos.join("frames.csv"), format!("#timestamp [ns],filename\n{lines}")).unwrap();
+    assert_refused(
+        &board(&folder, &photos, &[]),
+        1,
+        &["frames.csv: found frames 1 ns apart", "timestamps in ns"],
+    );
+}
