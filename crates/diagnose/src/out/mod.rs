@@ -394,6 +394,11 @@ pub fn grows(path: &Path) -> Result<()> {
     holder(path).map_or(Ok(()), |(held, name)| Out(held).working(&name))
 }
 
+/// Whether a file below an open folder is as this or an earlier run made it, to the last byte; elsewhere nobody knows.
+pub fn is_as_made(path: &Path) -> bool {
+    holder(path).is_none_or(|(held, name)| Out(held).has(&name))
+}
+
 /// Names a folder below an open one that another process fills, with a manifest of its own.
 ///
 /// # Errors

@@ -281,10 +281,18 @@ fn begin(options: &WithholdOptions) -> Result<serde_json::Value> {
 fn read_score(folder: &Path) -> Result<Option<CaseScore>> {
     let path = folder.join("score.json");
     let Some(text) = files::read_if_there(&path, Limit::OWN)? else { return Ok(None) };
-    let score = serde_json::from_slice(&text);
-    score
-        .map(Some)
-        .map_err(|e| Error::input(&path, e.line(), e.to_string(), "a score as this program writes it"))
+    let score = serde_json::from_slice(&text)
+        .map_err(|e| Error::input(&path, e.line(), e.to_string(), "a score as this program writes it"))?;
+    // A rate counts what was measured, and no more.
+    for path in [path, folder.join("answer.json")] {
+        if !out::is_as_made(&path) {
+            let found =
+                if path.exists() { "a file that was changed since" } else { "no such file beside a score" };
+            let expected = "what the run wrote; remove the case's folder to run it again";
+            return Err(Error::input(&path, None, found, expected));
+        }
+    }
+    Ok(Some(score))
 }
 
 fn append(path: &Path, line: &str) -> Result<()> {
@@ -296,4 +304,38 @@ fn append(path: &Path, line: &str) -> Result<()> {
 /// SHA-256 as 64 hexadecimal digits.
 fn sha256_hex(bytes: &[u8]) -> String {
     out::sha256_hex(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::out::{Out, OutRules};
+
+    #[test]
+    fn a_score_that_was_changed_or_lacks_its_answer_is_not_counted() {
+        let above = tempfile::tempdir().unwrap();
+        let root = above.path().join("out");
+        let rules = OutRules { command: "withhold", inputs: &[], overwrite: false, goes_on: true };
+        let out = Out::open(&root, &rules).unwrap();
+        out.go_on().unwrap();
+        let folder = root.join("case-000");
+        fs::create_dir(&folder).unwrap();
+        let score = |exact: bool| {
+            serde_json::json!({
+                "case": 0, "kind": "single", "motion": "hand", "hidden": ["gamma"], "found": [], "verdict": "no_gap",
+                "sentence": "", "first_right": false, "exact": exact, "gap": [1.0, 1.0, 1.0], "closed": 0.0,
+                "closed_by_truth": null, "parameters": [], "seconds": 1.0
+            })
+            .to_string()
+        };
+        let (path, answer) = (folder.join("score.json"), folder.join("answer.json"));
+        write_atomic(&answer, b"{}").unwrap();
+        write_atomic(&path, score(false).as_bytes()).unwrap();
+        assert!(read_score(&folder).unwrap().is_some(), "control");
+        fs::write(&path, score(true)).unwrap();
+        assert!(read_score(&folder).unwrap_err().to_string().contains("changed since"));
+        fs::write(&path, score(false)).unwrap();
+        fs::remove_file(&answer).unwrap();
+        assert!(read_score(&folder).unwrap_err().to_string().contains("no such file beside a score"));
+    }
 }
