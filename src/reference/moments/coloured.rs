@@ -27,8 +27,8 @@ type Kind = (f32, [f32; 3]);
 /// What two encoded values of a pixel have in common of the variance of each colour of the sensor, `[one][other]`.
 type Common = [[[f32; 3]; 3]; 3];
 
-/// What is done to values behind the sensor's noise.
-pub(super) struct Behind<'a> {
+/// What makes delivered values of the sensor's.
+pub(super) struct Conversion<'a> {
     /// What encoded values are made of, `[of][from]`.
     pub weights: [[f32; 3]; 3],
     /// What a grey is multiplied with.
@@ -78,9 +78,9 @@ pub(super) struct Coloured {
 
 impl Coloured {
     /// Of a camera; nothing where each colour has its own noise alone.
-    pub(super) fn of(behind: &Behind<'_>) -> Option<Self> {
-        let weights = behind.weights;
-        let common = behind.origins.each_ref().map(|pixel| common(&weights, pixel));
+    pub(super) fn of(conversion: &Conversion<'_>) -> Option<Self> {
+        let weights = conversion.weights;
+        let common = conversion.origins.each_ref().map(|pixel| common(&weights, pixel));
         let kinds = [0, 1, 2].map(|c| {
             let mut kinds: Vec<Kind> = Vec::new();
             for pixel in &common {
@@ -99,22 +99,22 @@ impl Coloured {
             common,
             back,
             weights,
-            noise: [0, 1, 2].map(|c| (0..COARSE).map(|i| (behind.noise)(sensor_at(i), c)).collect()),
+            noise: [0, 1, 2].map(|c| (0..COARSE).map(|i| (conversion.noise)(sensor_at(i), c)).collect()),
             shift: Default::default(),
             share: Default::default(),
             values: Default::default(),
-            filtered: [0, 1, 2].map(|c| behind.mixing.pixel[c] / left_by_mosaic(behind.origins, c)),
-            row: behind.mixing.row,
+            filtered: [0, 1, 2].map(|c| conversion.mixing.pixel[c] / left_by_mosaic(conversion.origins, c)),
+            row: conversion.mixing.row,
         };
         for c in 0..3 {
-            coloured.bend(behind, c);
+            coloured.bend(conversion, c);
         }
         Some(coloured)
     }
 
     /// Makes the tables of what the encoding of a colour makes of noise.
-    fn bend(&mut self, behind: &Behind<'_>, c: usize) {
-        let encoded = |value: f32| (behind.encoded)(value, c);
+    fn bend(&mut self, conversion: &Conversion<'_>, c: usize) {
+        let encoded = |value: f32| (conversion.encoded)(value, c);
         let bent: Vec<[ByWidth; 2]> = (0..COARSE).map(|i| bent(encoded, sensor_at(i))).collect();
         self.shift[c] = bent.iter().map(|b| b[0]).collect();
         let plain: Vec<f32> = (0..COARSE).map(|i| encoded(sensor_at(i))).collect();
@@ -127,7 +127,7 @@ impl Coloured {
         }
         self.share[c] = (0..256).map(|dn| shares.each_ref().map(|s| s[dn])).collect();
         // A grey's colours are what one value of the sensor makes of them.
-        let grey = |i: usize| [0, 1, 2].map(|k| behind.whole[k] * sensor_at(i) / behind.whole[c]);
+        let grey = |i: usize| [0, 1, 2].map(|k| conversion.whole[k] * sensor_at(i) / conversion.whole[c]);
         let means: Vec<f32> = (0..COARSE).map(|i| plain[i] + self.shift(&grey(i), c)).collect();
         let value = |(i, f): (usize, f32)| sensor_at(i.saturating_sub(1)) * (1.0 - f) + sensor_at(i) * f;
         self.values[c] = places_by_dn(|i| means[i]).map(value).collect();

@@ -2,7 +2,7 @@
 //! is clipped or bent by the encoding moves the mean too, so a model of values needs the noise as well.
 
 use super::clipped::share_kept;
-use super::coloured::{self, Coloured, Sources, back};
+use super::coloured::{Coloured, Conversion, Sources, back};
 use super::curve::{ANYWHERE, TABLE, Table, is_behind_encoding, switched_on, tables};
 use super::places::{COARSE, mixed_colors, place, places_by_dn, sensor_at, sensor_place};
 use crate::chain::{
@@ -528,7 +528,7 @@ impl Tone {
     }
 
     fn coloured(&self) -> Option<Coloured> {
-        Coloured::of(&coloured::Behind {
+        Coloured::of(&Conversion {
             weights: self.colors,
             whole: self.whole,
             origins: self.origins,

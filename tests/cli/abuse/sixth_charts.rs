@@ -281,28 +281,28 @@ pub(super) fn boards(folder: &Folder, name: &str, times: &dyn Fn(u32) -> f64) ->
     photos
 }
 
-fn board(folder: &Folder, photos: &Path, size: &str) -> Output {
+pub(super) fn board(folder: &Folder, photos: &Path, size: &str, more: &[&str]) -> Output {
     let mut command = shutterbug();
     command.arg("board").arg(photos).arg("--out").arg(folder.path("board"));
-    command.args(["--size", size, "--square-m", "0.03", "--overwrite"]).output().unwrap()
+    command.args(["--size", size, "--square-m", "0.03", "--overwrite"]).args(more).output().unwrap()
 }
 
 #[test]
 fn a_board_of_another_size_is_named() {
     let folder = Folder::new();
     let photos = boards(&folder, "photos", &|_| 1.0);
-    assert_refused(&board(&folder, &photos, "6x4"), 2, &["--size: found grids of 7x4", "expected 7x4"]);
+    assert_refused(&board(&folder, &photos, "6x4", &[]), 2, &["--size: found grids of 7x4", "expected 7x4"]);
 }
 
 #[test]
 fn pictures_of_several_cameras_are_named() {
     let folder = Folder::new();
     let photos = boards(&folder, "one", &|_| 1.0);
-    let output = board(&folder, &photos, "7x4");
+    let output = board(&folder, &photos, "7x4", &[]);
     assert_done(&output);
     assert!(!told(&output).contains("WARNING"), "{}", told(&output));
     let photos = boards(&folder, "zoomed", &|i| if i % 2 == 0 { 1.0 } else { 0.85 });
-    let output = board(&folder, &photos, "7x4");
+    let output = board(&folder, &photos, "7x4", &[]);
     assert_done(&output);
     let said = told(&output);
     assert!(said.contains("ask for a focal length of their own") && said.contains("03.png"), "{said}");

@@ -3,19 +3,11 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
-use std::path::Path;
-use std::process::Output;
 
 use serde_json::Value;
 
-use super::sixth_charts::{Folder, boards, told};
-use super::{assert_done, assert_refused, shutterbug};
-
-fn board(folder: &Folder, photos: &Path, more: &[&str]) -> Output {
-    let mut command = shutterbug();
-    command.arg("board").arg(photos).arg("--out").arg(folder.path("board"));
-    command.args(["--size", "7x4", "--square-m", "0.03", "--overwrite"]).args(more).output().unwrap()
-}
+use super::sixth_charts::{Folder, board, boards, told};
+use super::{assert_done, assert_refused};
 
 #[test]
 fn a_camera_whose_pixels_are_not_square_is_doubted_and_frames_in_motion_are_not_judged() {
@@ -27,7 +19,7 @@ fn a_camera_whose_pixels_are_not_square_is_doubted_and_frames_in_motion_are_not_
         let (w, h) = (picture.width() * 5 / 4, picture.height());
         picture.resize_exact(w, h, image::imageops::FilterType::CatmullRom).save(&path).unwrap();
     }
-    let output = board(&folder, &photos, &["--fps", "5"]);
+    let output = board(&folder, &photos, "7x4", &["--fps", "5"]);
     assert_done(&output);
     assert!(told(&output).contains("pixels of cameras are square"), "{}", told(&output));
     let report: Value =
@@ -42,13 +34,17 @@ fn names_and_times_that_no_capture_can_hold_are_refused() {
     for name in [&b"a,b.png"[..], b"a\"b.png", b"a\nb.png", b"\xff.png"] {
         let path = photos.join(OsStr::from_bytes(name));
         fs::copy(photos.join("00.png"), &path).unwrap();
-        assert_refused(&board(&folder, &photos, &[]), 1, &["found a name that cannot stand in a frames.csv"]);
+        assert_refused(
+            &board(&folder, &photos, "7x4", &[]),
+            1,
+            &["found a name that cannot stand in a frames.csv"],
+        );
         fs::remove_file(path).unwrap();
     }
     let lines: String = (0..7).map(|i| format!("{i},{i:02}.png\n")).collect();
     fs::write(photos.join("frames.csv"), format!("#timestamp [ns],filename\n{lines}")).unwrap();
     assert_refused(
-        &board(&folder, &photos, &[]),
+        &board(&folder, &photos, "7x4", &[]),
         1,
         &["frames.csv: found frames 1 ns apart", "timestamps in ns"],
     );

@@ -11,7 +11,7 @@ const ALPHA: f64 = 0.01;
 const FOCAL: [usize; 2] = [0, 1];
 
 /// What speaks against one camera.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OneCamera {
     /// Share of the squared errors that neighbouring points have in common: 0 where each is found for itself.
     pub shared: f64,

@@ -49,7 +49,7 @@ pub struct BoardFit {
     pub rms_px: [f64; 2],
     /// The same by view.
     pub view_rms_px: Vec<f64>,
-    /// What speaks against one camera.
+    /// What speaks against one camera; nothing of frames that follow each other, which are not judged.
     pub one_camera: Option<OneCamera>,
     /// Of a board that moves: the path as it is written, and the views that it covers.
     pub path: Option<(Trajectory, Vec<usize>)>,

@@ -79,12 +79,15 @@ pub(super) fn notes(
 /// A frame as the planes carry it onto the one before it, DN; what they say nothing of stays where it is.
 fn carried(frames: &SimFrames, k: &Intrinsics, path: Option<&Trajectory>, i: usize) -> Option<Plane<f32>> {
     let (before, after) = (&frames.frames[i - 1], &frames.frames[i]);
+    let motion = before.motion[0].as_ref().filter(|_| frames.geometry == Geometry::Motion);
+    if frames.geometry == Geometry::Motion && motion.is_none() {
+        return None;
+    }
     let poses = path.map(|path| [i - 1, i].map(|i| path.pose_at(frames.times_s[i])));
     let (w, h) = (before.radiance.width, before.radiance.height);
     let to = |at: usize| -> Option<Vec2> {
         let here = Vec2::new((at % w) as f32 + 0.5, (at / w) as f32 + 0.5);
-        if frames.geometry == Geometry::Motion {
-            let motion = before.motion[0].as_ref()?;
+        if let Some(motion) = motion {
             return Some(here + Vec2::new(motion.data[2 * at], motion.data[2 * at + 1]));
         }
         let (depth, [from, to]) = (before.depth.as_ref()?.data[at], poses?);
@@ -93,9 +96,6 @@ fn carried(frames: &SimFrames, k: &Intrinsics, path: Option<&Trajectory>, i: usi
         let point = to.inverse().transform(from.transform(k.ray(here.as_dvec2()) * depth));
         Some(k.project(point)?.as_vec2())
     };
-    if frames.geometry == Geometry::Motion {
-        before.motion[0].as_ref()?;
-    }
     let inside = |s: &Vec2| s.x > 0.0 && s.y > 0.0 && s.x < w as f32 && s.y < h as f32;
     let data = (0..w * h).flat_map(|at| match to(at).filter(inside) {
         Some(s) => read(&after.radiance, s, Quality::Fine),

@@ -450,8 +450,9 @@ impl Values {
 /// What single values of each colour are to be multiplied with, so that equal noise on the sensor is as much in each as
 /// in a colour on average.
 fn factors(theta: &Theta, kind: usize, sources: &Sources) -> [f32; 3] {
-    let [own, all] = [noise_gains(theta, kind), [noise_gain(theta, kind, false); 3]];
-    [0, 1, 2].map(|c| (all[c] / (own[c] * f64::from(sources.kept[c]))).sqrt() as f32)
+    let own = noise_gains(theta, kind);
+    let all = own.iter().sum::<f64>() / 3.0;
+    [0, 1, 2].map(|c| (all / (own[c] * f64::from(sources.kept[c]))).sqrt() as f32)
 }
 
 /// Variance of rounding and of dither, squares of the linear value.
