@@ -195,6 +195,13 @@ pub enum Error {
         /// Frames wanted.
         total: usize,
     },
+    /// The user asked to stop before there was anything to write.
+    Stopped {
+        /// Pictures looked at.
+        done: usize,
+        /// Pictures given.
+        total: usize,
+    },
     /// The user asked a run of cases to stop.
     CasesInterrupted {
         /// Cases finished and on disk.
@@ -258,6 +265,9 @@ impl fmt::Display for Error {
             | Self::Threads { .. } => self.fmt_machine(f),
             Self::Interrupted { done, total } => {
                 write!(f, "interrupted after {done} of {total} frames; run again with --resume to go on")
+            }
+            Self::Stopped { done, total } => {
+                write!(f, "interrupted after {done} of {total} pictures; nothing was written")
             }
             Self::CasesInterrupted { done, total } => {
                 write!(f, "interrupted after {done} of {total} cases; run the same command again to go on")

@@ -107,10 +107,15 @@ fn footage(folder: &Path, name: &str, effects: &str) -> Option<PathBuf> {
 
 /// Rates of a gyro with that scale whose clock runs so many times as fast.
 fn gyro_of(real: &Path, scale: f64, clock: f64) {
+    gyro_with(real, &|w| scale * w, clock);
+}
+
+/// Rates made of the camera's, of a clock that runs so many times as fast.
+fn gyro_with(real: &Path, rates: &dyn Fn(DVec3) -> DVec3, clock: f64) {
     let mut table = String::from("#timestamp [ns],wx,wy,wz\n");
     for k in -120..=520 {
         let t = 2.5e-3 * f64::from(k);
-        let w = scale * rate(t);
+        let w = rates(rate(t));
         writeln!(table, "{},{},{},{}", 10_000_000_000 + (clock * t * 1e9) as i64, w.x, w.y, w.z).unwrap();
     }
     fs::write(real.join("imu.csv"), table).unwrap();
@@ -218,6 +223,17 @@ fn other_rates_explain_nothing(real: &Path, out: &Path) {
     let opposite = report(real, out);
     assert_eq!(opposite["verdict"], "unknown_effect");
     assert!(opposite["sentence"].as_str().unwrap().contains("the opposite sign"), "{}", opposite["sentence"]);
+    let faults: [(&dyn Fn(DVec3) -> DVec3, &str); 3] = [
+        (&|w| DVec3::new(-w.y, w.x, w.z), "(wy, -wx, wz)"),
+        (&|w| w.map(f64::to_degrees), "in degrees/s"),
+        (&|_| DVec3::ZERO, "hardly turns"),
+    ];
+    for (rates, says) in faults {
+        gyro_with(real, rates, 1.0);
+        let all = report(real, out);
+        assert!(all["effects"].as_array().unwrap().is_empty());
+        assert!(all["sentence"].as_str().unwrap().contains(says), "{says}: {}", all["sentence"]);
+    }
 }
 
 /// A camera whose centre is elsewhere: times of lines close little of what it leaves, and nothing is named.

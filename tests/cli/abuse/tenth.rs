@@ -7,7 +7,7 @@ use std::os::unix::ffi::OsStrExt;
 use serde_json::Value;
 
 use super::sixth_charts::{Folder, board, boards, told};
-use super::{assert_done, assert_refused};
+use super::{assert_done, assert_refused, shutterbug};
 
 #[test]
 fn a_camera_whose_pixels_are_not_square_is_doubted_and_frames_in_motion_are_not_judged() {
@@ -48,4 +48,40 @@ fn names_and_times_that_no_capture_can_hold_are_refused() {
         1,
         &["frames.csv: found frames 1 ns apart", "timestamps in ns"],
     );
+}
+
+#[test]
+fn a_board_of_another_kind_is_named_with_its_option() {
+    let folder = Folder::new();
+    let photos = boards(&folder, "photos", &|_| 1.0);
+    for kind in ["aprilgrid", "charuco"] {
+        let output = board(&folder, &photos, "8x5", &["--pattern", kind]);
+        assert_refused(&output, 1, &["00.png", "squares with 7x4 inner corners: --pattern checkerboard"]);
+    }
+}
+
+/// The folder that was made for it goes, and what an earlier run made in one stays.
+#[test]
+fn board_that_is_stopped_says_so_and_leaves_nothing() {
+    let folder = Folder::new();
+    let photos = folder.path("photos");
+    fs::create_dir(&photos).unwrap();
+    let noise =
+        |x: u32, y: u32| image::Luma([(x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)) as u8]);
+    image::GrayImage::from_fn(1600, 1200, noise).save(photos.join("000.png")).unwrap();
+    for i in 1..400 {
+        fs::hard_link(photos.join("000.png"), photos.join(format!("{i:03}.png"))).unwrap();
+    }
+    let out = folder.path("board");
+    let mut command = shutterbug();
+    command.arg("board").arg(&photos).arg("--out").arg(&out).args(["--size", "7x4"]);
+    let child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+    while !out.join(".shutterbug.lock").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+    assert!(killed.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_refused(&output, 1, &["interrupted after ", " of 400 pictures; nothing was written"]);
+    assert!(!out.exists());
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::args_board::{Board, PatternName};
+use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use crate::formats::{KalibrTarget, read_target};
 use shutterbug::error::{Error, Result, counted, one_line};
@@ -46,12 +47,16 @@ pub fn run(args: &Board) -> Result<()> {
         (Some(table), Some(path)) => Source::Table(table, path),
         _ => Source::Pictures,
     };
-    let mut said = Instant::now();
+    let (mut said, interrupt) = (Instant::now(), Interrupt::listen());
     let mut watch = |done: usize| {
+        if interrupt.requested() {
+            return Err(Error::Stopped { done, total: pictures.len() });
+        }
         if said.elapsed() >= LOG_INTERVAL {
             said = Instant::now();
             say(format_args!("looking for the board: {done} of {} pictures", pictures.len()));
         }
+        Ok(())
     };
     // What detectors warn of is said here, of each picture that is left out.
     let quiet = tracing::subscriber::NoSubscriber::default();

@@ -108,6 +108,11 @@ pub(super) fn find(grey: &Plane<u8>, target: &Target) -> Found {
     Found::Board(best, spacing)
 }
 
+/// How many tags of any number a picture shows; none for less than two, which noise may be.
+pub(super) fn count_in(grey: &Plane<u8>) -> Option<usize> {
+    sizes(grey).into_iter().map(|shrunk| tags_in(grey, shrunk).len()).max().filter(|count| *count > 1)
+}
+
 /// Whether the points are further from where a plane would have them than any lens shifts them.
 fn misplaced(seen: &[Seen], target: &Target) -> bool {
     let board: Vec<DVec2> = seen.iter().map(|s| target.point_m(s.point).truncate()).collect();
@@ -280,22 +285,6 @@ mod tests {
     /// left, 1 is white.
     const KALIBR: [u64; 3] = [0xd5d628584, 0xd97f18b49, 0xdd280910e];
 
-    /// The sheet seen straight on, upwards, so many px a tag's side, with the lower left corner of tag 0 at a place.
-    fn picture(sheet: &Sheet, side_px: f64, first: DVec2) -> Plane<u8> {
-        Plane::from_fn(420, 330, |x, y| {
-            let at = DVec2::new(x as f64 + 0.5 - first.x, first.y - y as f64 - 0.5) / side_px * 0.05;
-            let cell = |borders: &[f64], v: f64| {
-                let k = borders.partition_point(|b| *b <= v);
-                (k > 0 && k < borders.len()).then(|| k - 1)
-            };
-            match (cell(&sheet.x_m, at.x), cell(&sheet.y_m, at.y)) {
-                (Some(i), Some(j)) if sheet.cells[j * (sheet.x_m.len() - 1) + i] == Ink::Dark => [25],
-                (Some(_), Some(_)) => [230],
-                _ => [140],
-            }
-        })
-    }
-
     #[test]
     fn a_tag_is_printed_as_kalibr_prints_it() {
         let target = Target::aprilgrid([3, 1], 0.05, 0.3).expect("three tags");
@@ -318,7 +307,8 @@ mod tests {
     fn what_is_drawn_is_found_with_its_numbers() {
         let target = Target::aprilgrid([4, 3], 0.05, 0.3).expect("twelve tags");
         let (side_px, first) = (62.0, DVec2::new(42.0, 270.0));
-        let drawn = picture(&sheet(&target).expect("drawn"), side_px, first);
+        let sheet = sheet(&target).expect("drawn");
+        let drawn = sheet.picture([420, 330], first, DVec2::new(1.0, -1.0) * side_px / 0.05);
         let Found::Board(seen, spacing) = find(&drawn, &target) else { panic!("found") };
         assert_eq!(seen.len(), 48);
         for s in &seen {

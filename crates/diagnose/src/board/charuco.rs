@@ -110,27 +110,15 @@ pub(super) fn sheet(target: &Target) -> Option<Sheet> {
 mod tests {
     use super::*;
 
-    /// The sheet, seen straight on: so many px a square, after the place of the first inner corner.
-    fn picture(sheet: &Sheet, square_px: f64, first: DVec2) -> Plane<u8> {
-        Plane::from_fn(480, 400, |x, y| {
-            let at = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - first) / square_px * 0.04;
-            let cell = |borders: &[f64], v: f64| {
-                let k = borders.partition_point(|b| *b <= v);
-                (k > 0 && k < borders.len()).then(|| k - 1)
-            };
-            match (cell(&sheet.x_m, at.x), cell(&sheet.y_m, at.y)) {
-                (Some(i), Some(j)) if sheet.cells[j * (sheet.x_m.len() - 1) + i] == Ink::Dark => [25],
-                (Some(_), Some(_)) => [230],
-                _ => [120],
-            }
-        })
+    fn seen_straight_on(target: &Target, first: DVec2) -> Plane<u8> {
+        sheet(target).expect("drawn").picture([480, 400], first, DVec2::splat(56.0 / 0.04))
     }
 
     #[test]
     fn what_is_drawn_is_found_with_its_numbers() {
         let target = Target::charuco([7, 5], 0.04, 0.75, "DICT_5X5_100").expect("a dictionary of OpenCV");
         let first = DVec2::new(70.0, 90.0);
-        let seen = find(&picture(&sheet(&target).expect("drawn"), 56.0, first), &target).expect("found");
+        let seen = find(&seen_straight_on(&target, first), &target).expect("found");
         assert!(seen.len() >= 20, "{}", seen.len());
         for s in &seen {
             let should = first + 56.0 * DVec2::new(s.point[0] as f64, s.point[1] as f64);
@@ -140,7 +128,7 @@ mod tests {
         let other = Target::charuco([7, 5], 0.04, 0.75, "DICT_5X5_1000").map(|t| sheet(&t).expect("drawn"));
         assert!(other.is_some());
         let other = Target::charuco([7, 5], 0.04, 0.75, "DICT_6X6_250").expect("a dictionary");
-        let found = find(&picture(&sheet(&other).expect("drawn"), 56.0, first), &target);
+        let found = find(&seen_straight_on(&other, first), &target);
         assert!(found.is_none_or(|s| s.len() < 4));
         assert!(Target::charuco([7, 5], 0.04, 0.75, "DICT_3X3_9").is_none());
     }

@@ -20,6 +20,7 @@ mod crossings;
 mod detect;
 mod homography;
 mod input;
+mod instead;
 mod motion;
 mod observe;
 mod one_camera;

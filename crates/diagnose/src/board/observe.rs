@@ -11,6 +11,7 @@ use super::charuco;
 use super::crossings;
 use super::detect::{Found, find, nearest_px};
 use super::input::Picture;
+use super::instead::shown_instead;
 use super::orient::{align, even_is_dark};
 use super::refine::refined;
 use super::select::LEAST_POINTS;
@@ -21,6 +22,12 @@ use shutterbug::plane::{Plane, decode_picture};
 
 /// Difference of the gap between tags from what was said, of their side, that perspective and lenses do not explain.
 const SPACING_OFF: f64 = 0.02;
+
+/// Said of pictures that show nothing of the board.
+const NO_BOARD: &str = "no board";
+const NO_TAG: &str = "no tag";
+/// Where no picture shows the board, so many of them are searched for another one.
+const LOOKED_AT_AGAIN: usize = 3;
 
 /// Where the points come from.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +60,7 @@ pub struct Observed {
     pub even_is_dark: bool,
 }
 
-/// Looks at each picture; `near`: they follow each other in time. `watch` is told how many are done.
+/// Looks at each picture; `near`: they follow each other in time. `watch` is told how many are done, and may end it.
 ///
 /// # Errors
 /// No picture; one that cannot be read, or of another size than the first; a table with a file that is no picture, or
@@ -63,7 +70,7 @@ pub fn observe(
     target: &Target,
     source: Source<'_>,
     near: bool,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn FnMut(usize) -> Result<()>,
 ) -> Result<Observed> {
     if let Source::Table(table, path) = source {
         check_table(table, path, pictures, target)?;
@@ -97,7 +104,10 @@ pub fn observe(
             }
             Err(why) => left_out.push(LeftOut { name: picture.name.clone(), why }),
         }
-        watch(index + 1);
+        watch(index + 1)?;
+    }
+    if all.is_empty() && matches!(source, Source::Pictures) {
+        name_others(&mut left_out, pictures, target, &mut size)?;
     }
     check_strangers(strangers, source)?;
     check_spacing(&clues.spacings, target)?;
@@ -109,14 +119,34 @@ pub fn observe(
         Pattern::Checkerboard => align(&mut views, &dark, target.size, near),
         _ => true,
     };
-    for view in views.iter().filter(|v| v.seen.is_empty()) {
-        let why = "its dark squares lie where the others' bright ones do".to_owned();
-        left_out.push(LeftOut { name: pictures[view.picture].name.clone(), why });
-    }
-    views.retain(|v| !v.seen.is_empty());
+    left_out.extend(unlike_the_rest(&mut views, pictures));
     let size =
         size.ok_or_else(|| Error::input(Path::new("board"), None, "no picture", "pictures of the board"))?;
     Ok(Observed { views, left_out, size, even_is_dark })
+}
+
+/// Takes out the views that lost their points to the colours of most.
+fn unlike_the_rest(views: &mut Vec<View>, pictures: &[Picture]) -> Vec<LeftOut> {
+    let why = "its dark squares lie where the others' bright ones do";
+    let empty = views.extract_if(.., |v| v.seen.is_empty());
+    empty.map(|v| LeftOut { name: pictures[v.picture].name.clone(), why: why.to_owned() }).collect()
+}
+
+/// Says of the first pictures which board they show in place of the one that was asked for.
+fn name_others(
+    left_out: &mut [LeftOut],
+    pictures: &[Picture],
+    target: &Target,
+    size: &mut Option<[u32; 2]>,
+) -> Result<()> {
+    let nothing = |why: &str| [NO_BOARD, NO_TAG].contains(&why);
+    for of in left_out.iter_mut().filter(|l| nothing(&l.why)).take(LOOKED_AT_AGAIN) {
+        let Some(picture) = pictures.iter().find(|p| p.name == of.name) else { continue };
+        if let Some(other) = shown_instead(&read_grey(picture, size, &pictures[0])?, target) {
+            of.why = format!("{}, but {other}", of.why);
+        }
+    }
+    Ok(())
 }
 
 fn hash_of(grey: &Plane<u8>) -> u64 {
@@ -231,7 +261,7 @@ struct Clues {
 fn look(grey: &Plane<u8>, target: &Target, clues: &mut Clues) -> std::result::Result<Vec<Seen>, String> {
     match target.pattern {
         Pattern::Checkerboard => {}
-        Pattern::Charuco => return charuco::find(grey, target).ok_or_else(|| "no board".to_owned()),
+        Pattern::Charuco => return charuco::find(grey, target).ok_or_else(|| NO_BOARD.to_owned()),
         Pattern::Aprilgrid => {
             return match april::find(grey, target) {
                 april::Found::Board(seen, spacing) => {
@@ -239,7 +269,7 @@ fn look(grey: &Plane<u8>, target: &Target, clues: &mut Clues) -> std::result::Re
                     Ok(seen)
                 }
                 april::Found::Other(what) => Err(what),
-                april::Found::Nothing => Err("no tag".to_owned()),
+                april::Found::Nothing => Err(NO_TAG.to_owned()),
             };
         }
     }
@@ -249,7 +279,7 @@ fn look(grey: &Plane<u8>, target: &Target, clues: &mut Clues) -> std::result::Re
             clues.grids.push([c, r]);
             Err(format!("a grid of {c}x{r} inner corners, whose place on the board is open"))
         }
-        Found::Nothing => Err("no board".to_owned()),
+        Found::Nothing => Err(NO_BOARD.to_owned()),
     }
 }
 

@@ -48,6 +48,28 @@ impl Sheet {
         Self { x_m, y_m, cells }
     }
 
+    /// Seen straight on, of a size in px: where its origin lies, px, and px a metre along x and y.
+    #[cfg(test)]
+    pub(super) fn picture(
+        &self,
+        size: [usize; 2],
+        origin: glam::DVec2,
+        px_per_m: glam::DVec2,
+    ) -> shutterbug::plane::Plane<u8> {
+        let cell = |borders: &[f64], m: f64| {
+            let k = borders.partition_point(|b| *b <= m);
+            (k > 0 && k < borders.len()).then(|| k - 1)
+        };
+        shutterbug::plane::Plane::from_fn(size[0], size[1], |x, y| {
+            let at_m = (glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - origin) / px_per_m;
+            match (cell(&self.x_m, at_m.x), cell(&self.y_m, at_m.y)) {
+                (Some(i), Some(j)) if self.cells[j * (self.x_m.len() - 1) + i] == Ink::Dark => [25],
+                (Some(_), Some(_)) => [230],
+                _ => [130],
+            }
+        })
+    }
+
     /// As the text of an OBJ file with the materials `dark` and `bright`.
     pub(super) fn to_obj(&self) -> String {
         let mut text =

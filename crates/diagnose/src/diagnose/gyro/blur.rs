@@ -11,7 +11,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::input::Footage;
-use super::paths::{GROUPS, Numbers, Step, Timed, jackknife, rate, seen, time_s};
+use super::paths::{GROUPS, Numbers, Timed, jackknife, rate, seen, time_s};
+use super::step::Step;
 use crate::diagnose::evidence::budget::Budget;
 use crate::diagnose::expect::linear::solve;
 use shutterbug::error::Result;

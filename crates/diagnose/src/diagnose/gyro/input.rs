@@ -81,6 +81,12 @@ impl Footage {
                 format!("at least {FEWEST_PAIRS} of the frames, which are from 0 to {last_s:.3} s");
             return Err(Error::input(&imu, None, found, expected));
         }
+        let last_s = frames[frames.len() - 1].start_s;
+        let gaps = gyro.gaps_s().iter().filter(|[from_s, to_s]| *from_s < last_s && *to_s > 0.0);
+        let gaps = gaps.map(|[from_s, to_s]| {
+            format!("imu.csv has no rates from {from_s:.3} to {to_s:.3} s: frames of that time are left out")
+        });
+        let gaps: Vec<String> = gaps.collect();
         let lens = Lens::new(camera.intrinsics, LensDistortion::distortion(&camera.settings))?;
         let notes = notes_of_kind(folder, &frames[0].name)?;
         Ok(Self {
@@ -91,7 +97,7 @@ impl Footage {
             gyro,
             pairs,
             period_s,
-            notes: notes.into_iter().chain(note).collect(),
+            notes: notes.into_iter().chain(note).chain(gaps).collect(),
         })
     }
 
@@ -145,6 +151,7 @@ fn pairs(frames: &[Frame], period_s: f64, gyro: &Gyro) -> Vec<[usize; 2]> {
     let all: Vec<[usize; 2]> = (1..frames.len())
         .filter(|&i| frames[i].start_s - frames[i - 1].start_s < FOLLOWS * period_s)
         .filter(|&i| frames[i - 1].start_s - AROUND_S > from_s && frames[i].start_s + AROUND_S < to_s)
+        .filter(|&i| !gyro.is_broken(frames[i - 1].start_s - AROUND_S, frames[i].start_s + AROUND_S))
         .map(|i| [i - 1, i])
         .collect();
     let count = all.len().min(MOST_PAIRS);

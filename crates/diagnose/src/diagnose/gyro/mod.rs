@@ -11,10 +11,12 @@
 //! those of the lines. They are the middles of exposures. How long these are follows from how blurred two neighbours
 //! are against each other, as their speeds differ.
 
+mod axes;
 mod blur;
 mod input;
 mod outcome;
 mod paths;
+mod step;
 mod turn;
 
 use std::path::Path;
@@ -53,7 +55,7 @@ pub fn diagnose_gyro(real: &Path, options: &DiagnoseOptions, progress: &mut dyn 
             return Err(Error::DiagnosisInterrupted { at: "displacements".to_owned(), kept: None });
         }
         progress.step("displacements", &footage.frames[pair[0]].name, k + 1, count);
-        steps.push(paths::Step::of(&footage, *pair, &|| budget.go_on())?);
+        steps.push(step::Step::of(&footage, *pair, &|| budget.go_on())?);
     }
     progress.step("times of lines", "all pairs of frames", 1, 1);
     let timed = paths::fit(&footage, &steps);

@@ -2,17 +2,12 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
+use super::axes::{self, FURTHEST_S, MOST_LEFT, SCALE_OFF, STEP_S};
 use super::input::Footage;
+use super::step::{PLACES, Step};
 use crate::diagnose::expect::linear::solve;
-use crate::diagnose::expect::pair::{GoOn, lies};
 use crate::diagnose::search::decide::NAMED;
-use shutterbug::error::Result;
 
-/// Places across a frame and down it at which displacements are taken.
-const PLACES: [usize; 2] = [14, 10];
-/// Furthest offset of the clocks that is looked for, s, and the step.
-const FURTHEST_S: f64 = 0.5;
-const STEP_S: f64 = 0.004;
 /// Rounds of a fit.
 const ROUNDS: usize = 12;
 /// Errors from so many times the usual one on count less.
@@ -21,11 +16,8 @@ const HUBER: f64 = 2.0;
 /// of freedom).
 pub(super) const GROUPS: usize = 10;
 pub(super) const STUDENT: f64 = 2.26;
-/// The gyro explains the footage if it leaves at most so much of how content moves, and of the errors px.
-const MOST_LEFT: f64 = 0.2;
+/// The errors that a gyro may leave that explains the footage, px.
 const MOST_LEFT_PX: f64 = 1.0;
-/// By how much the gyro may turn further than the frames show: focal lengths are known so well.
-const SCALE_OFF: f64 = 0.03;
 /// By how much two clocks may differ in pace: crystals differ by 1 in 10000, and wrong axes or units ask for any.
 const PACE_OFF: f64 = 0.1;
 /// Errors within this of each other are no gap, px.
@@ -44,18 +36,6 @@ pub(super) const SCALE: usize = 6;
 /// See [`OFFSET`].
 pub(super) const CLOCK: usize = 7;
 pub(super) type Numbers = [f64; 8];
-/// A gyro that turns the other way: its scale less 1.
-const OPPOSITE: f64 = -2.0;
-
-/// Points that one frame and the next show.
-pub(super) struct Step {
-    /// Their numbers.
-    pub frames: [usize; 2],
-    /// Where they are in both, px.
-    pub points: Vec<[DVec2; 2]>,
-    /// The same without the lens, over the focal length from the middle.
-    rays: Vec<[DVec2; 2]>,
-}
 
 /// The fitted times.
 pub(super) struct Timed {
@@ -70,45 +50,14 @@ pub(super) struct Timed {
     /// What displacements are known to, px, root mean square: by how much the errors of neighbouring points differ.
     pub known_px: f64,
     pub motion_px: f64,
+    /// By how much content moves by the gyro's own rates, px.
+    gyro_px: f64,
     /// By how much content would be misplaced at the ends of the footage if both clocks ran alike, px.
     clock_px: f64,
-    /// What a gyro that turns the other way would leave, px; sought where this one explains nothing.
-    opposite_px: Option<f64>,
+    /// What is wrong with its axes or unit; sought where it does not explain how the frames move.
+    fault: Option<String>,
     /// By pair of frames: error before and after, px.
     pub by_pair: Vec<[f64; 2]>,
-}
-
-impl Step {
-    /// # Errors
-    /// Frames that cannot be read; no time is left.
-    pub(super) fn of(footage: &Footage, frames: [usize; 2], go_on: GoOn<'_>) -> Result<Self> {
-        let [a, b] = [footage.picture(frames[0])?, footage.picture(frames[1])?];
-        let lies = lies(&a, &b, go_on)?;
-        let (w, h) = (a.width, a.height);
-        let k = footage.intrinsics();
-        let (focal, centre) = (DVec2::new(k.fx, k.fy), DVec2::new(k.cx, k.cy));
-        let (mut points, mut rays) = (Vec::new(), Vec::new());
-        for (i, j) in (0..PLACES[0]).flat_map(|i| (0..PLACES[1]).map(move |j| (i, j))) {
-            let (x, y) = ((2 * i + 1) * w / (2 * PLACES[0]), (2 * j + 1) * h / (2 * PLACES[1]));
-            let at = y * w + x;
-            if lies.alike.data[at] == 0.0 {
-                continue;
-            }
-            let here = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
-            let there =
-                here + DVec2::new(f64::from(lies.shift.data[2 * at]), f64::from(lies.shift.data[2 * at + 1]));
-            let inside =
-                there.x > 1.0 && there.y > 1.0 && there.x < w as f64 - 1.0 && there.y < h as f64 - 1.0;
-            if !inside {
-                continue;
-            }
-            if let [Some(a), Some(b)] = [here, there].map(|p| footage.lens.undistort_px(p)) {
-                points.push([here, there]);
-                rays.push([a, b].map(|p| (p - centre) / focal));
-            }
-        }
-        Ok(Self { frames, points, rays })
-    }
 }
 
 /// Time of a place in a frame by the gyro's clock, s.
@@ -146,7 +95,7 @@ fn errors(footage: &Footage, step: &Step, n: &Numbers) -> Vec<DVec2> {
         let [from_s, to_s] = [0, 1].map(|i| time_s(footage, n, step.frames[i], px[i]));
         (seen(footage, n, rays[0], from_s, to_s) - rays[1]) * focal
     };
-    step.points.iter().zip(&step.rays).map(one).collect()
+    step.points.iter().zip(step.rays()).map(one).collect()
 }
 
 fn rms(all: impl Iterator<Item = DVec2>) -> f64 {
@@ -161,13 +110,24 @@ fn middle(errors: &[DVec2]) -> f64 {
     all.get(all.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// The offset of the clocks from which a fit begins, of a gyro of that scale less 1: the one that leaves least.
-fn start(footage: &Footage, steps: &[&Step], scale: f64) -> Numbers {
+/// How far points move by the gyro as it is given, px from frame to frame.
+fn gyro_px(footage: &Footage, steps: &[&Step]) -> f64 {
+    let focal = DVec2::new(footage.intrinsics().fx, footage.intrinsics().fy);
+    let moved = |s: &&Step| -> Vec<DVec2> {
+        let [from_s, to_s] = s.frames.map(|f| footage.frames[f].start_s);
+        let to = |ray: DVec2| (seen(footage, &Numbers::default(), ray, from_s, to_s) - ray) * focal;
+        s.rays().iter().map(|rays| to(rays[0])).collect()
+    };
+    rms(steps.iter().flat_map(moved))
+}
+
+/// The offset of the clocks from which a fit begins: the one that leaves least.
+fn start(footage: &Footage, steps: &[&Step]) -> Numbers {
     let count = (2.0 * FURTHEST_S / STEP_S) as i32;
     let mut best = (f64::INFINITY, Numbers::default());
     for k in 0..=count {
         let mut n = Numbers::default();
-        (n[OFFSET], n[SCALE]) = (-FURTHEST_S + STEP_S * f64::from(k), scale);
+        n[OFFSET] = -FURTHEST_S + STEP_S * f64::from(k);
         let left: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
         let left = middle(&left);
         if left < best.0 {
@@ -219,7 +179,7 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     };
     let (fit, held): (Vec<&Step>, Vec<&Step>) = (part(false).collect(), part(true).collect());
     let motion_px = rms(held.iter().flat_map(|s| s.points.iter().map(|p| p[1] - p[0])));
-    let begin = start(footage, &fit, 0.0);
+    let begin = start(footage, &fit);
     let rest: Vec<usize> = (DRIFT..=CLOCK).collect();
     let with =
         |times: &[usize]| -> Vec<usize> { times.iter().copied().chain(rest.iter().copied()).collect() };
@@ -238,17 +198,15 @@ pub(super) fn fit(footage: &Footage, steps: &[Step]) -> Option<Timed> {
     let neutral = fitted(footage, &fit, &neutral, &(DRIFT..=SCALE).collect::<Vec<_>>(), ROUNDS);
     let both = |s: &Step| [&neutral, &numbers].map(|n| rms(errors(footage, s, n).into_iter()));
     let known_px = known_px(footage, &held, &first);
-    let opposite = || {
-        let begin = start(footage, &fit, OPPOSITE);
-        judge(&fitted(footage, &fit, &begin, &with(&[OFFSET, lines]), ROUNDS))
-    };
+    let after_px = judge(&first);
     Some(Timed {
         half: half(footage, &all, &numbers, &free),
         known_px,
         clock_px: numbers[CLOCK].abs() * 0.5 * footage.span_s() * motion_px / footage.period_s,
-        opposite_px: (judge(&first) > MOST_LEFT * motion_px).then(opposite),
+        fault: (after_px > MOST_LEFT * motion_px).then(|| axes::fault(footage, &all)).flatten(),
+        gyro_px: gyro_px(footage, &all),
         before_px: judge(&neutral),
-        after_px: judge(&first),
+        after_px,
         offset_alone_px: judge(&alone),
         motion_px,
         by_pair: steps.iter().map(both).collect(),
@@ -301,12 +259,15 @@ impl Timed {
                 "the camera hardly turns: content moves {motion_px:.2} px from frame to frame"
             ));
         }
-        if self.opposite_px.is_some_and(|px| px <= MOST_LEFT * motion_px && px <= MOST_LEFT_PX) {
-            return Some(
-                "the frames turn the other way than the gyro: its rates have the opposite sign of the camera's turn \
-                 in its own axes (x right, y down, z forward)"
-                    .to_owned(),
-            );
+        if self.fault.is_some() {
+            return self.fault.clone();
+        }
+        if !(self.gyro_px >= MOST_LEFT * motion_px) {
+            return Some(format!(
+                "the gyro hardly turns while the frames do: content moves {motion_px:.1} px from frame to frame, and \
+                 {:.2} px by its rates. It may have been at rest, its unit be another (rad/s), or the scene be near",
+                self.gyro_px
+            ));
         }
         // Asked so that errors that are no numbers are a doubt too.
         if !(left_px <= MOST_LEFT * motion_px && left_px <= MOST_LEFT_PX) {

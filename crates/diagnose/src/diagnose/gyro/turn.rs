@@ -2,12 +2,23 @@
 
 use glam::{DQuat, DVec3};
 
+/// Rates that come so many times as late as usual are missing: what is between two was not measured.
+const GAP: f64 = 5.0;
+
 /// Rates over time and what they add up to.
 pub(super) struct Gyro {
     times_s: Vec<f64>,
     rates: Vec<DVec3>,
     /// World from camera at each time, from an arbitrary start.
     turns: Vec<DQuat>,
+    gaps_s: Vec<[f64; 2]>,
+}
+
+fn gaps_s(times_s: &[f64]) -> Vec<[f64; 2]> {
+    let mut usual: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+    usual.sort_by(f64::total_cmp);
+    let most_s = GAP * usual[usual.len() / 2];
+    times_s.windows(2).filter(|w| w[1] - w[0] > most_s).map(|w| [w[0], w[1]]).collect()
 }
 
 impl Gyro {
@@ -19,12 +30,22 @@ impl Gyro {
             let step = DQuat::from_scaled_axis(mean * (times_s[k] - times_s[k - 1]));
             turns.push((turns[k - 1] * step).normalize());
         }
-        Self { times_s, rates, turns }
+        Self { gaps_s: gaps_s(&times_s), times_s, rates, turns }
     }
 
     /// First and last time, s.
     pub(super) fn span_s(&self) -> [f64; 2] {
         [self.times_s[0], self.times_s[self.times_s.len() - 1]]
+    }
+
+    /// Spans without rates, s: from one sample to the next takes many times as long as usual.
+    pub(super) fn gaps_s(&self) -> &[[f64; 2]] {
+        &self.gaps_s
+    }
+
+    /// Whether a gap overlaps the time between two.
+    pub(super) fn is_broken(&self, from_s: f64, to_s: f64) -> bool {
+        self.gaps_s.iter().any(|[a, b]| *a < to_s && *b > from_s)
     }
 
     /// The sample before a time, and the time behind it.
@@ -67,5 +88,16 @@ mod tests {
         let should = 0.16 * ((5.0 * 0.5507f64).sin() - (5.0 * 0.1002f64).sin());
         assert!((turned.x - should).abs() < 1e-5 && turned.y.abs() < 1e-12, "{turned}");
         assert!((gyro.rate(0.3) - rate(0.3)).length() < 1e-4);
+    }
+
+    #[test]
+    fn what_was_not_measured_is_known() {
+        let all = (0..200).map(|k| 0.005 * f64::from(k));
+        let times_s: Vec<f64> = all.filter(|t| !(0.4..0.46).contains(t)).collect();
+        let rates = vec![DVec3::ZERO; times_s.len()];
+        let gyro = Gyro::new(times_s, rates);
+        assert_eq!(gyro.gaps_s().len(), 1);
+        assert!(gyro.is_broken(0.35, 0.42) && gyro.is_broken(0.41, 0.43) && !gyro.is_broken(0.2, 0.39));
+        assert!(!gyro.is_broken(0.47, 0.9));
     }
 }
