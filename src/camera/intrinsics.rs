@@ -24,7 +24,53 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
+/// Shortest focal length over the longer side that a lens with a picture has: fisheyes have about a quarter. What is
+/// shorter is in mm, or over the width.
+const SHORTEST_FOCAL: f64 = 0.05;
+/// Logarithm of the ratio of focal lengths across and down beyond which pixels are not square.
+const SQUARE: f64 = 0.05;
+/// How far from the middle the optical axis may lie, in sides: further off are cut pictures, and other sizes' numbers.
+const AXIS_OFF: f64 = 0.25;
+
 impl Intrinsics {
+    /// That focal lengths are hardly px.
+    pub fn doubt_of_unit(&self) -> Option<String> {
+        let longer = f64::from(self.width.max(self.height));
+        (self.fx.max(self.fy) < SHORTEST_FOCAL * longer).then(|| {
+            format!(
+                "focal lengths of {} and {} px and a picture of {}x{} px are a pinhole that sees {:.0} degrees; \
+                 expected px: are they in mm, or over the width?",
+                self.fx,
+                self.fy,
+                self.width,
+                self.height,
+                2.0 * (0.5 * longer / self.fx.max(self.fy)).atan().to_degrees()
+            )
+        })
+    }
+
+    /// What ordinary cameras are not, a sentence each: cameras have square pixels, and look along the middle of their
+    /// picture.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut all: Vec<String> = self.doubt_of_unit().into_iter().collect();
+        if (self.fx / self.fy).ln().abs() > SQUARE {
+            all.push(format!(
+                "focal lengths of {:.1} and {:.1} px across and down, and pixels of cameras are square: pictures that \
+                 were stretched, or lengths that were not square",
+                self.fx, self.fy
+            ));
+        }
+        let off = |at: f64, side: u32| (at / f64::from(side) - 0.5).abs() > AXIS_OFF;
+        if off(self.cx, self.width) || off(self.cy, self.height) {
+            all.push(format!(
+                "the optical axis at ({:.0}, {:.0}) px of a picture of {}x{} px, expected within the middle half: \
+                 pictures that were cut or shifted, or numbers of another size",
+                self.cx, self.cy, self.width, self.height
+            ));
+        }
+        all
+    }
+
     /// Where a camera point falls, px; `None` at or behind the camera.
     pub fn project(&self, point_m: DVec3) -> Option<DVec2> {
         (point_m.z > 0.0).then(|| {
@@ -70,6 +116,25 @@ impl Intrinsics {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_no_camera_is_gets_a_sentence() {
+        let usual = Intrinsics { width: 640, height: 480, fx: 500.0, fy: 505.0, cx: 330.0, cy: 230.0 };
+        assert!(usual.doubts().is_empty());
+        let says = |k: Intrinsics, words: &[&str]| {
+            let doubts = k.doubts();
+            assert!(doubts.len() == words.len(), "{doubts:?}");
+            doubts.iter().zip(words).for_each(|(d, w)| assert!(d.contains(w), "{d}"));
+        };
+        says(Intrinsics { fx: 4.2, fy: 4.2, ..usual }, &["are they in mm"]);
+        says(
+            Intrinsics { fx: 0.8, fy: 1.05, cx: 0.5, cy: 0.5, ..usual },
+            &["in mm", "square", "optical axis"],
+        );
+        // Those of a picture twice as large.
+        says(Intrinsics { fx: 1000.0, fy: 1010.0, cx: 660.0, cy: 460.0, ..usual }, &["optical axis"]);
+        says(Intrinsics { fy: 600.0, ..usual }, &["square"]);
+    }
 
     #[test]
     fn clip_space_agrees_with_the_projection() {

@@ -95,7 +95,8 @@ impl CameraFile {
             cy: keys.number_in("cy", "px", (-MAX_CENTRE_PX, MAX_CENTRE_PX))?,
         };
         let frame_period_s = keys.frame_period_s()?;
-        let (settings, warnings) = read_effects(&toml, &table, frame_period_s)?;
+        let (settings, mut warnings) = read_effects(&toml, &table, frame_period_s)?;
+        warnings.extend(intrinsics.doubt_of_unit());
         Ok(Self {
             path: path.to_owned(),
             intrinsics,

@@ -26,6 +26,7 @@ use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::scene::{Scene, Shading, load_obj};
 pub use text::read_text;
+pub use units::of_period;
 
 /// A whole capture. All times in s are on the capture's clock (see [`clock_epoch_ns`]), so that timestamps of 19 digits
 /// keep their nanoseconds.
@@ -200,9 +201,9 @@ fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Resul
     })
 }
 
-/// Frames may be left out of a capture, but none can follow another in less than the frame period. Up to a hundredth is
+/// What is wrong with a frame period, s: frames may be left out of a list, but none can follow another in less than the frame period. Up to a hundredth is
 /// the jitter of recorded stamps.
-fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
+pub fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
     let closest_s = frames.windows(2).map(|pair| pair[1].start_s - pair[0].start_s).min_by(f64::total_cmp)?;
     if closest_s >= 0.99 * frame_period_s {
         return None;

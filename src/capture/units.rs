@@ -29,6 +29,12 @@ pub(super) fn of_spacing(closest_s: f64, period_s: f64) -> String {
     format!("; are the timestamps in {stamps}, not in ns?")
 }
 
+/// A frame period that no camera has, s, where no times stand beside it.
+pub fn of_period(period_s: f64) -> Option<String> {
+    let [period, _] = units_of(period_s / ORDINARY_S).filter(|_| period_s > ORDINARY_S)?;
+    Some(format!("frame_period_s = {period_s} s; is the period in {period}?"))
+}
+
 /// By how much a span must be longer to be covered by poses, and what the two files are in then.
 fn fitting(path: &Trajectory, [from_s, to_s]: [f64; 2]) -> Option<(f64, String)> {
     let (factor, poses, frames) = UNITS.into_iter().find(|(f, ..)| path.covers(from_s * f, to_s * f))?;
@@ -64,6 +70,8 @@ mod tests {
         assert_eq!(of_spacing(0.04, 40.0), "; is the period in ms?");
         assert_eq!(of_spacing(4e-11, 0.04), "; are the timestamps in s, not in ns?");
         assert_eq!(of_spacing(4e-5, 0.04), "; are the timestamps in us, not in ns?");
+        assert!(of_period(33.3).expect("no camera's").contains("in ms?"));
+        assert_eq!([of_period(1.0), of_period(0.0005)], [None, None]);
         // Control: a frame too many.
         assert_eq!(of_spacing(0.02, 0.04), "");
     }

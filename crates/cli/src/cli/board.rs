@@ -27,8 +27,6 @@ const DICTIONARY: &str = "DICT_5X5_100";
 const BYTES_OF_A_PIXEL: usize = 250;
 /// From so much on it is worth a word: what small machines have.
 const LARGE_DIAGNOSIS_GB: f64 = 8.0;
-/// Logarithm of the ratio of focal lengths across and down beyond which pixels are not square.
-const SQUARE: f64 = 0.05;
 /// Largest side of a square or tag that boards are made with; without a length it is the unit, which this is, too.
 const LARGEST_SQUARE_M: f64 = 1.0;
 /// Most pictures without a board that an error names.
@@ -201,31 +199,11 @@ fn doubt_of_unit(target: &Target, fit: &BoardFit) -> String {
     )
 }
 
-/// Cameras have square pixels and look along the middle of their picture: what is far from that says that the board, or
-/// how the pictures were made, is another.
-fn doubt_of_camera(fit: &BoardFit) -> String {
-    let (k, mut text) = (fit.camera.intrinsics(), String::new());
-    if (k.fx / k.fy).ln().abs() > SQUARE {
-        text += &format!(
-            "WARNING: focal lengths of {:.1} and {:.1} px across and down, and pixels of cameras are square: the \
-             board's squares may not be, or the pictures were stretched\n",
-            k.fx, k.fy
-        );
-    }
-    let off = |at: f64, side: u32| (at / f64::from(side) - 0.5).abs() > 0.25;
-    if off(k.cx, k.width) || off(k.cy, k.height) {
-        text += &format!(
-            "WARNING: the optical axis at ({:.0}, {:.0}) px of a picture of {}x{} px, expected within the middle \
-             half: pictures that were cut or shifted, or a board that is another\n",
-            k.cx, k.cy, k.width, k.height
-        );
-    }
-    text
-}
-
 /// What speaks against one camera with one lens and one board.
 fn doubts(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
-    let mut text = doubt_of_camera(fit);
+    let of_camera = fit.camera.intrinsics().doubts();
+    let mut text: String =
+        of_camera.iter().map(|d| format!("WARNING: {d} (or the board is another)\n")).collect();
     let Some(of) = &fit.one_camera else { return text };
     let own = &of.own_focal;
     if !own.is_empty() {

@@ -128,6 +128,7 @@ pub fn parse_camera(
         Format::Gyroflow => gyroflow::import(&top)?,
         _ => ros::import(&top)?,
     };
+    imported.notes.extend(imported.camera.intrinsics.doubts());
     if documents.len() > 1 {
         let others = documents.len() - 1;
         imported.notes.push(format!("{others} further YAML document(s) in the file are left out"));

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::Path;
 
-use shutterbug::capture::{FrameEntry, is_plain_name, parse_frames, read_text};
+use shutterbug::capture::{FrameEntry, is_plain_name, of_period, parse_frames, read_text, spacing_warning};
 use shutterbug::error::{Error, Result, one_line};
 use shutterbug::files::Limit;
 
@@ -214,6 +214,20 @@ pub(super) fn times_s(sim: &Path, matched: &[Matched], period_s: f64) -> Result<
     Ok((0..matched.len()).map(|i| number(i) as f64 * period_s).collect())
 }
 
+/// What is wrong with the period that camera.toml has, by the times that stand beside the frames.
+///
+/// # Errors
+/// A list that cannot be read.
+pub(super) fn doubt_of_period(sim: &Path, real: &Path, period_s: f64) -> Result<Option<String>> {
+    for folder in [sim, real] {
+        if let Some(entries) = times(folder)? {
+            let doubt = spacing_warning(&entries, period_s);
+            return Ok(doubt.map(|d| format!("{}: {d}", folder.join("frames.csv").display())));
+        }
+    }
+    Ok(of_period(period_s).map(|d| format!("camera.toml: {d}")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,6 +236,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         names.iter().for_each(|n| fs::write(folder.path().join(n), "x").expect("written"));
         folder
+    }
+
+    #[test]
+    fn a_period_in_milliseconds_is_doubted() {
+        let (sim, real) = (folder(&["a.png", "b.png"]), folder(&["a.png", "b.png"]));
+        let doubt = |period_s| doubt_of_period(sim.path(), real.path(), period_s).expect("read");
+        assert!(doubt(33.3).expect("no times").contains("in ms?"));
+        assert_eq!(doubt(0.0333), None);
+        fs::write(real.path().join("frames.csv"), "1000000000,a.png\n1033300000,b.png\n").expect("written");
+        assert!(doubt(33.3).expect("with times").contains("frames.csv: frames are as near"));
+        assert_eq!(doubt(0.0333), None);
     }
 
     #[test]

@@ -153,6 +153,7 @@ impl Pair {
         let mut notes = notes_of(sim, real, &matched)?;
         let camera = Self::camera_of(sim, camera, size, &mut notes)?;
         let period_s = camera.frame_period_s;
+        notes.extend(matched::doubt_of_period(sim, real, period_s)?);
         let (matched, times_s, frames) = frames_of(sim, &matched, &camera, &mut notes, &go_on)?;
         let mut sim_frames =
             SimFrames { frames, times_s, period_s, geometry: Geometry::None, linear: camera.linear };
