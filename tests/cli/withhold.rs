@@ -36,3 +36,21 @@ fn a_signal_to_withhold_alone_stops_its_diagnosis_too() {
     assert!(diagnosis.join("progress.jsonl").exists(), "what it had worked out is kept");
     assert!(!diagnosis.join("report.json").exists(), "it was stopped, and did not come to its end");
 }
+
+#[test]
+fn names_that_are_none_are_refused_before_a_folder_is_made() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    for (option, name, said) in [
+        ("--curve", "defocuss", "--curve: unknown effect with grades `defocuss`"),
+        ("--imperfect", "lamp", "--imperfect: unknown part of a description `lamp`"),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_shutterbug"));
+        command.arg("withhold").arg("--out").arg(&out).args(["--seed", "3", option, name]);
+        let done = command.output().unwrap();
+        let text = String::from_utf8_lossy(&done.stderr);
+        assert_eq!(done.status.code(), Some(2), "{text}");
+        assert!(text.contains(said), "{text}");
+        assert!(!out.exists());
+    }
+}

@@ -7,9 +7,7 @@ use super::interrupt::Interrupt;
 use super::terminal::{print, say};
 use shutterbug::error::{Error, Result};
 use shutterbug_diagnose::out::{Out, OutRules};
-use shutterbug_diagnose::withhold::{
-    CurveOptions, Falsified, Form, WithholdOptions, curves, graded_effects, withhold,
-};
+use shutterbug_diagnose::withhold::{CurveOptions, Falsified, Form, WithholdOptions, curves, withhold};
 
 /// Runs the command.
 pub fn run(args: &Withhold) -> Result<()> {
@@ -18,6 +16,11 @@ pub fn run(args: &Withhold) -> Result<()> {
         let found = format!("case {absent}, and --count {}", args.count);
         return Err(Error::input(Path::new("--only"), None, found, "numbers of cases, from 0"));
     }
+    // Before a folder is made.
+    let curve = (!args.curve.is_empty())
+        .then(|| CurveOptions::new(&args.curve, args.points, args.repeats))
+        .transpose()?;
+    let falsified = falsified(&args.imperfect)?;
     let recordings = recordings(args.trajectories.as_deref())?;
     let inputs: Vec<&Path> = recordings.iter().map(PathBuf::as_path).collect();
     let rules = OutRules { command: "withhold", inputs: &inputs, overwrite: args.overwrite, goes_on: true };
@@ -34,7 +37,7 @@ pub fn run(args: &Withhold) -> Result<()> {
         device: args.device.clone(),
         keep_frames: args.keep_frames,
         only: args.only.clone(),
-        falsified: falsified(&args.imperfect)?,
+        falsified,
         form: match args.form {
             FormName::Capture => Form::Capture,
             FormName::Pairs => Form::Pairs,
@@ -43,11 +46,7 @@ pub fn run(args: &Withhold) -> Result<()> {
         },
     };
     let interrupt = Interrupt::listen();
-    if !args.curve.is_empty() {
-        let all = args.curve == ["all"];
-        let effects =
-            if all { graded_effects().into_iter().map(str::to_owned).collect() } else { args.curve.clone() };
-        let curve = CurveOptions { effects, points: args.points, repeats: args.repeats };
+    if let Some(curve) = curve {
         curves(&options, &curve, &mut |line| say(line), &|| interrupt.requested())?;
         say(args.out.join("curves.html").display());
         return Ok(());

@@ -26,6 +26,20 @@ pub struct CurveOptions {
     pub repeats: usize,
 }
 
+impl CurveOptions {
+    /// Of effects by name; `all` is all that have grades.
+    ///
+    /// # Errors
+    /// An effect without grades.
+    pub fn new(effects: &[String], points: usize, repeats: usize) -> Result<Self> {
+        let names = match effects {
+            [all] if all == "all" => graded_effects(),
+            _ => effects.iter().map(|e| named(e).map(|(name, _)| name)).collect::<Result<_>>()?,
+        };
+        Ok(Self { effects: names.into_iter().map(str::to_owned).collect(), points, repeats })
+    }
+}
+
 /// Makes, diagnoses and counts; writes `curves.json` and `curves.png` after each capture, `curves.html` at the end. A
 /// run that was stopped goes on: what has a `score.json` is done. More effects, points or repetitions may be asked for
 /// later.
@@ -82,14 +96,13 @@ pub fn curves(
 }
 
 fn named(name: &str) -> Result<(&'static str, Grade)> {
-    let all = crate::diagnose::effect_names();
-    let graded: Vec<&'static str> = all.into_iter().filter(|n| grade(n).is_some()).collect();
+    let graded = graded_effects();
     let found = graded.iter().find(|n| **n == name).and_then(|n| Some((*n, grade(n)?)));
     found.ok_or_else(|| Error::unknown_name(Path::new("--curve"), None, "effect with grades", name, graded))
 }
 
 /// Names of the effects that have grades.
-pub fn graded_effects() -> Vec<&'static str> {
+fn graded_effects() -> Vec<&'static str> {
     crate::diagnose::effect_names().into_iter().filter(|n| grade(n).is_some()).collect()
 }
 

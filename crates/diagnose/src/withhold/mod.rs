@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-pub use curve::{CurveOptions, curves, graded_effects};
+pub use curve::{CurveOptions, curves};
 pub use curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 pub use falsify::Falsified;
 pub use form::Form;
