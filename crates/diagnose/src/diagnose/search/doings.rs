@@ -20,7 +20,7 @@ const LOOK: Level = Level { block: 4, iterations: 0, quality: Quality::Fit, fram
 /// place: with less it does more that is wrong than right.
 const RESEMBLES: f64 = 0.5;
 /// Most candidates that are fitted in the place of a member.
-const MOST: usize = 2;
+const MOST: usize = 3;
 
 impl Search<'_> {
     /// What single parameters, and the set's members, do to the frames beside the set as it is.

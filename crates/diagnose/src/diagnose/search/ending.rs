@@ -20,6 +20,9 @@ use crate::diagnose::search::{Search, Watch, finest_of, last_of};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
+/// How often a set is exchanged and grows: each time it explains more.
+const MOST_EXCHANGES: usize = 3;
+
 impl Search<'_> {
     /// The last fit of the mean, then the noise: which kinds of it, and how much. What there is no time for is left
     /// out; only what is scored at the end always is.
@@ -27,7 +30,7 @@ impl Search<'_> {
         let searched = !self.late() && found.late.is_empty() && found.left_out.is_empty();
         self.forward.budget.enter(Stage::End);
         self.forward.forget_tries();
-        let fitted = if searched { self.fit_to_the_end(found) } else { Ok(()) };
+        let fitted = if searched { self.fit_to_the_end(found, watch) } else { Ok(()) };
         if in_time(fitted)?.is_none() || !searched {
             found.leave_out(FITS);
         }
@@ -62,10 +65,10 @@ impl Search<'_> {
     }
 
     /// What only makes a set better that is nearly right.
-    fn fit_to_the_end(&mut self, found: &mut Found) -> Result<()> {
+    fn fit_to_the_end(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
         if !found.set.is_empty() {
             self.tune_choices(found)?;
-            self.exchange(found)?;
+            self.exchange_and_grow(found, watch)?;
             self.free_more(found)?;
             self.refit_to_the_end(found)?;
             self.tune_choices(found)?;
@@ -73,6 +76,25 @@ impl Search<'_> {
         }
         self.judge.quality = finest_of(&found.fit.theta);
         self.prune_finely(found)
+    }
+
+    /// Exchanges members of the set. What explained nothing beside the set that the search came to may do so beside the
+    /// one that it was exchanged for: a blur shows beside a readout, and not beside the delay that stood for both.
+    fn exchange_and_grow(&mut self, found: &mut Found, watch: &mut dyn Watch) -> Result<()> {
+        for _ in 0..MOST_EXCHANGES {
+            let before = found.set.clone();
+            self.exchange(found)?;
+            if found.set == before || self.late() {
+                break;
+            }
+            let exchanged = found.set.clone();
+            let scores = self.judge.scores(self.forward, &found.fit.theta.clone())?;
+            self.grow(found, (exchanged.len(), scores), &[], watch)?;
+            if found.set == exchanged {
+                break;
+            }
+        }
+        Ok(())
     }
 
     fn noise_and_rest(&mut self, found: &mut Found) -> Result<()> {

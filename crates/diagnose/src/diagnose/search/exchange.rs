@@ -12,7 +12,7 @@ use super::support::restored;
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, is_discrete, mixes_pixels, moves};
-use crate::diagnose::expect::room::{is_description, is_in_surfaces};
+use crate::diagnose::expect::room::{Room, is_description, is_in_surfaces};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::fit::{FINE, VALUES};
 use crate::diagnose::judge::{Scores, gain};
@@ -203,8 +203,9 @@ impl Search<'_> {
     ) -> Result<Compared> {
         let worse = self.prefers(&other.fit.theta, &found.fit.theta)?;
         let better = self.prefers(&found.fit.theta, &other.fit.theta)?;
-        let rather = as_simple && gain(now, &other.scores).value > 0.0;
-        if better || (!worse && (simpler || rather)) {
+        let open = !worse && !better && !simpler && as_simple;
+        let ahead = open && self.is_ahead(&other, &found.fit.theta, now)?;
+        if better || (!worse && simpler) || ahead {
             let fit = self.refit(&other.set, &other.fit.theta, FINE)?;
             let scores = self.judge.scores(self.forward, &fit.theta)?;
             if !self.prefers(&fit.theta, &found.fit.theta)? {
@@ -213,6 +214,21 @@ impl Search<'_> {
             return Ok(Compared::Worse);
         }
         Ok(if worse { Compared::Worse } else { Compared::AsGood })
+    }
+
+    /// Whether another model of as many numbers scores better. The frames that both were fitted to count as those to
+    /// choose by do: neither could follow them more closely than the other. Where the description is free it could.
+    fn is_ahead(&mut self, other: &Other, found: &Theta, now: &Scores) -> Result<bool> {
+        let sum = |a: &Scores, b: &Scores| gain(a, b).value * a.0.len() as f64;
+        let chosen = sum(now, &other.scores);
+        if [found, &other.fit.theta].iter().any(|t| t.room != Room::default()) {
+            return Ok(chosen > 0.0);
+        }
+        let frames = self.fit_frames();
+        let [a, b] = [found, &other.fit.theta].map(|t| self.judge.scores_on(self.forward, t, frames));
+        let fitted = sum(&a?, &b?);
+        tracing::info!("ahead by {chosen:.4} DN on the frames to choose by, by {fitted:.4} on those to fit");
+        Ok(chosen + fitted > 0.0)
     }
 
     /// What delays as a member `out` does: an exposure delays what it blurs by half of itself, and a readout by what it

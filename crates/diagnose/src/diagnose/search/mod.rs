@@ -108,7 +108,8 @@ impl<'a> Search<'a> {
         Target { evidence: self.evidence, masks: Some(self.masks) }
     }
 
-    fn fit_frames(&self) -> &'a [usize] {
+    /// Numbers of the frames that are fitted to.
+    pub(crate) fn fit_frames(&self) -> &'a [usize] {
         &self.evidence.fit
     }
 
@@ -326,6 +327,17 @@ impl<'a> Search<'a> {
             scores = self.judge.scores(self.forward, &found.fit.theta)?;
             self.prune(&mut found.set, &mut found.fit, &mut scores)?;
         }
+        self.grow(found, (first, scores), &stops_for, watch)
+    }
+
+    /// Adds effects to a set, one a round from that one on, until none explains more.
+    pub(crate) fn grow(
+        &mut self,
+        found: &mut Found,
+        (first, mut scores): (usize, Scores),
+        stops_for: &[&'static str],
+        watch: &mut dyn Watch,
+    ) -> Result<()> {
         for round in first..MOST_EFFECTS {
             let current = found.fit.clone();
             let options: Vec<Tried> = if round == 0 {
@@ -346,7 +358,7 @@ impl<'a> Search<'a> {
                 self.forward.budget.enter(Stage::End);
             }
             let Some((set, fit, better)) = self.taken(watch, found, &scores, options, late)? else { break };
-            if !late && self.shows_paint(found, &scores, (&set, &better), &stops_for)? {
+            if !late && self.shows_paint(found, &scores, (&set, &better), stops_for)? {
                 found.shows_paint = true;
                 break;
             }
