@@ -17,8 +17,9 @@ use crate::diagnose::expect::forward::Forward;
 use crate::diagnose::expect::linear::solve;
 use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::settings::lens;
+use crate::diagnose::expect::tone::{Tone, shows_coarse_steps};
 use crate::diagnose::expect::weighing::Weighing;
-use cost::{Level, Target, cost_of};
+use cost::{Level, Target, cost_of, weighing_of};
 use flicker::retuned;
 use normal::{Equations, linearise};
 use shutterbug::camera::Lens;
@@ -48,6 +49,9 @@ pub(crate) const LAST_OF_LENS: Schedule = &[level(2, 4, Quality::Fit, 6), level(
 
 /// Filters, once more, with geometry held.
 pub(crate) const FILTERS: Schedule = &[level(1, 4, Quality::Finest, 6)];
+
+/// Beyond which difference costs at two points compare lengths instead of squares, DN.
+pub(crate) const COMPARED_DN: f64 = 1.5;
 
 /// Most lengths of a step that are tried.
 const MOST_STRETCH: f64 = 8.0;
@@ -91,7 +95,46 @@ fn fit_anew(
     free: &[P],
     schedule: Schedule,
 ) -> Result<Fit> {
-    let mut theta = forward.bounded(start.clone());
+    let start = forward.bounded(start.clone());
+    let start = ahead_of_converter(forward, target, frames, start, (free, schedule))?;
+    let theta = through(forward, target, frames, start, (free, schedule))?;
+    Ok(Fit { theta, half: BTreeMap::new() })
+}
+
+/// Where a fit begins whose values are rounded coarsely. Of walls of one colour no small step of a value changes
+/// anything then, or all at once: there are no slopes that lead from afar. Those of the values ahead of the converter
+/// do, and rounding takes as much from them here as it gives there. Its end, if that is nearer than the start.
+fn ahead_of_converter(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    start: Theta,
+    (free, schedule): (&[P], Schedule),
+) -> Result<Theta> {
+    let values = free.iter().any(|p| !p.is_time() && !p.is_remap());
+    let [first, ..] = schedule else { return Ok(start) };
+    if !values || Tone::new(&start).is_noisy() || !shows_coarse_steps(&start) {
+        return Ok(start);
+    }
+    let open = through(forward, target, frames, start.with(P::Bits, 0.0), (free, schedule))?;
+    let end = open.with(P::Bits, start.get(P::Bits));
+    let some = spread_out(frames, first.frames);
+    let weighing = weighing_of(forward, &some, &start, first, COMPARED_DN)?;
+    let cost = |forward: &mut Forward, theta| cost_of(forward, target, &some, theta, first, &weighing);
+    let costs = [cost(forward, &start)?, cost(forward, &end)?];
+    tracing::debug!("by way of values ahead of the converter: cost {:.5} to {:.5}", costs[0], costs[1]);
+    Ok(if costs[1] < costs[0] { end } else { start })
+}
+
+/// All stages of a fit.
+fn through(
+    forward: &mut Forward,
+    target: Target<'_>,
+    frames: &[usize],
+    start: Theta,
+    (free, schedule): (&[P], Schedule),
+) -> Result<Theta> {
+    let mut theta = start;
     for level in schedule {
         let some = spread_out(frames, level.frames);
         let stage = Stage { target, frames: &some, free, level };
@@ -117,7 +160,7 @@ fn fit_anew(
         }
         theta = state.theta;
     }
-    Ok(Fit { theta, half: BTreeMap::new() })
+    Ok(theta)
 }
 
 /// Tries steps until one lowers the cost; returns its largest component in units of the parameters' steps.

@@ -10,15 +10,13 @@ use crate::diagnose::expect::reduced::acts_alike;
 use crate::diagnose::expect::weighing::Weighing;
 use crate::diagnose::fit::cost::{Level, Target, cost_of, weighing_of};
 use crate::diagnose::fit::starts::best_starts;
-use crate::diagnose::fit::{Schedule, fit};
+use crate::diagnose::fit::{COMPARED_DN, Schedule, fit};
 use crate::diagnose::search::Search;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 
 /// Starts of a candidate that go on.
 const STARTS: usize = 2;
-/// Beyond which difference sizes are compared instead of squares, DN.
-const COMPARED_DN: f64 = 1.5;
 
 /// Of which frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
