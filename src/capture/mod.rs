@@ -201,8 +201,8 @@ fn require(trajectory: &Trajectory, from_s: f64, to_s: f64, what: &str) -> Resul
     })
 }
 
-/// What is wrong with a frame period, s: frames may be left out of a list, but none can follow another in less than the frame period. Up to a hundredth is
-/// the jitter of recorded stamps.
+/// What is wrong with a frame period, s: frames may be left out of a list, but none can follow another in less than
+/// the period. Up to a hundredth is the jitter of recorded stamps.
 pub fn spacing_warning(frames: &[FrameEntry], frame_period_s: f64) -> Option<String> {
     let closest_s = frames.windows(2).map(|pair| pair[1].start_s - pair[0].start_s).min_by(f64::total_cmp)?;
     if closest_s >= 0.99 * frame_period_s {

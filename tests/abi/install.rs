@@ -194,11 +194,21 @@ fn the_address_sanitizer_finds_nothing() {
     assert!(text.contains("heap-buffer-overflow"), "control: an overflow is found: {text}");
     let (_, text) = check(&cycles, &["2", "0", "leak"]);
     assert!(text.contains("200000 byte(s) leaked in 2 allocation(s)"), "control: a leak is found: {text}");
-    // What is lost where drivers may be unloaded is theirs: a program without this library loses as much.
+    // What is lost where drivers may be unloaded is theirs: a program without this library loses no less.
     let Some(instances) = build("cc", "-std=c11", "tests/c/instances.c", &extra) else { return };
-    let lost = |text: &str| text.lines().find(|l| l.contains("leaked in")).map(str::to_owned);
+    let lost = |text: &str| -> u64 {
+        let line = text.lines().find(|l| l.contains("leaked in"));
+        line.map_or(0, |l| {
+            l.split_whitespace().find_map(|word| word.parse().ok()).expect("a number of bytes")
+        })
+    };
     let (_, bare) = check(&instances, &["4"]);
     let (_, ours) = check(&cycles, &["4", "0", "unload"]);
-    eprintln!("lost to unloaded drivers in 4 cycles: {:?}", lost(&bare));
-    assert_eq!(lost(&ours), lost(&bare), "{ours}");
+    eprintln!(
+        "lost to unloaded drivers in 4 cycles: {} bytes, beside this library {}",
+        lost(&bare),
+        lost(&ours)
+    );
+    // A stale pointer to what a driver lost keeps it from being counted, so that less may be found.
+    assert!(lost(&ours) <= lost(&bare), "{ours}");
 }

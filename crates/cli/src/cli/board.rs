@@ -45,22 +45,7 @@ pub fn run(args: &Board) -> Result<()> {
         (Some(table), Some(path)) => Source::Table(table, path),
         _ => Source::Pictures,
     };
-    let (mut said, interrupt) = (Instant::now(), Interrupt::listen());
-    let mut watch = |done: usize| {
-        if interrupt.requested() {
-            return Err(Error::Stopped { done, total: pictures.len() });
-        }
-        if said.elapsed() >= LOG_INTERVAL {
-            said = Instant::now();
-            say(format_args!("looking for the board: {done} of {} pictures", pictures.len()));
-        }
-        Ok(())
-    };
-    // What detectors warn of is said here, of each picture that is left out.
-    let quiet = tracing::subscriber::NoSubscriber::default();
-    let observed = tracing::subscriber::with_default(quiet, || {
-        observe(&pictures, &target, source, times_ns.is_some(), &mut watch)
-    })?;
+    let observed = observed(&pictures, &target, source, times_ns.is_some())?;
     let timing = match &times_ns {
         Some(all) => Timing::Frames(all.iter().map(|t| (t - all[0]) as f64 * 1e-9).collect()),
         None => Timing::Stills,
@@ -96,6 +81,24 @@ pub fn run(args: &Board) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Looks at the pictures, and says how far it is; `near`: they follow each other in time.
+fn observed(pictures: &[Picture], target: &Target, source: Source<'_>, near: bool) -> Result<Observed> {
+    let (mut said, interrupt) = (Instant::now(), Interrupt::listen());
+    let mut watch = |done: usize| {
+        if interrupt.requested() {
+            return Err(Error::Stopped { done, total: pictures.len() });
+        }
+        if said.elapsed() >= LOG_INTERVAL {
+            said = Instant::now();
+            say(format_args!("looking for the board: {done} of {} pictures", pictures.len()));
+        }
+        Ok(())
+    };
+    // What detectors warn of is said here, of each picture that is left out.
+    let quiet = tracing::subscriber::NoSubscriber::default();
+    tracing::subscriber::with_default(quiet, || observe(pictures, target, source, near, &mut watch))
 }
 
 fn target(args: &Board, table: Option<&BTreeMap<String, Vec<Seen>>>) -> Result<Target> {

@@ -1,5 +1,6 @@
-//! Why a gyro does not explain how frames move: axes that are not the camera's, or rates in another unit. The frames say
-//! how the camera turned from one to the next; of all ways to name and point the gyro's axes the best one says the same.
+//! Why a gyro does not explain how frames move: axes that are not the camera's, or rates in another unit. The frames
+//! say how the camera turned from one to the next; of all ways to name and point the gyro's axes the best one says the
+//! same.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
