@@ -203,12 +203,13 @@ fn the_address_sanitizer_finds_nothing() {
         })
     };
     let (_, bare) = check(&instances, &["4"]);
-    let (_, ours) = check(&cycles, &["4", "0", "unload"]);
+    let (code, ours) = check(&cycles, &["4", "0", "unload"]);
+    assert!(lost(&ours) > 0 || [Some(0), Some(4)].contains(&code), "it ran to its end: {code:?}: {ours}");
     eprintln!(
         "lost to unloaded drivers in 4 cycles: {} bytes, beside this library {}",
         lost(&bare),
         lost(&ours)
     );
-    // A stale pointer to what a driver lost keeps it from being counted, so that less may be found.
+    // Less was seen on one machine (none of 512 bytes), perhaps for stale pointers to them: not looked into.
     assert!(lost(&ours) <= lost(&bare), "{ours}");
 }

@@ -84,56 +84,52 @@ pub(crate) fn fit(
     schedule: Schedule,
 ) -> Result<Fit> {
     let key = format!("{frames:?} {start:?} {free:?} {schedule:?}");
-    Forward::tried(forward, |f| f, ("fit", &key), |f| fit_anew(f, target, frames, start, free, schedule))
+    Forward::tried(
+        forward,
+        |f| f,
+        ("fit", &key),
+        |f| fit_anew(f, start, Task { target, frames, free, schedule }),
+    )
 }
 
-fn fit_anew(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    start: &Theta,
-    free: &[P],
+/// What a whole fit works on.
+#[derive(Clone, Copy)]
+struct Task<'a> {
+    target: Target<'a>,
+    /// Places.
+    frames: &'a [usize],
+    free: &'a [P],
     schedule: Schedule,
-) -> Result<Fit> {
+}
+
+fn fit_anew(forward: &mut Forward, start: &Theta, task: Task<'_>) -> Result<Fit> {
     let start = forward.bounded(start.clone());
-    let start = ahead_of_converter(forward, target, frames, start, (free, schedule))?;
-    let theta = through(forward, target, frames, start, (free, schedule))?;
-    Ok(Fit { theta, half: BTreeMap::new() })
+    let start = ahead_of_converter(forward, start, task)?;
+    Ok(Fit { theta: through(forward, start, task)?, half: BTreeMap::new() })
 }
 
 /// Where a fit begins whose values are rounded coarsely. Of walls of one colour no small step of a value changes
 /// anything then, or all at once: there are no slopes that lead from afar. Those of the values ahead of the converter
 /// do, and rounding takes as much from them here as it gives there. Its end, if that is nearer than the start.
-fn ahead_of_converter(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    start: Theta,
-    (free, schedule): (&[P], Schedule),
-) -> Result<Theta> {
-    let values = free.iter().any(|p| !p.is_time() && !p.is_remap());
-    let [first, ..] = schedule else { return Ok(start) };
+fn ahead_of_converter(forward: &mut Forward, start: Theta, task: Task<'_>) -> Result<Theta> {
+    let values = task.free.iter().any(|p| !p.is_time() && !p.is_remap());
+    let [first, ..] = task.schedule else { return Ok(start) };
     if !values || Tone::new(&start).is_noisy() || !shows_coarse_steps(&start) {
         return Ok(start);
     }
-    let open = through(forward, target, frames, start.with(P::Bits, 0.0), (free, schedule))?;
+    let open = through(forward, start.with(P::Bits, 0.0), task)?;
     let end = open.with(P::Bits, start.get(P::Bits));
-    let some = spread_out(frames, first.frames);
+    let some = spread_out(task.frames, first.frames);
     let weighing = weighing_of(forward, &some, &start, first, COMPARED_DN)?;
-    let cost = |forward: &mut Forward, theta| cost_of(forward, target, &some, theta, first, &weighing);
+    let cost = |forward: &mut Forward, theta| cost_of(forward, task.target, &some, theta, first, &weighing);
     let costs = [cost(forward, &start)?, cost(forward, &end)?];
     tracing::debug!("by way of values ahead of the converter: cost {:.5} to {:.5}", costs[0], costs[1]);
     Ok(if costs[1] < costs[0] { end } else { start })
 }
 
 /// All stages of a fit.
-fn through(
-    forward: &mut Forward,
-    target: Target<'_>,
-    frames: &[usize],
-    start: Theta,
-    (free, schedule): (&[P], Schedule),
-) -> Result<Theta> {
+fn through(forward: &mut Forward, start: Theta, task: Task<'_>) -> Result<Theta> {
+    let Task { target, frames, free, schedule } = task;
     let mut theta = start;
     for level in schedule {
         let some = spread_out(frames, level.frames);

@@ -9,7 +9,7 @@ use super::step::Step;
 
 /// Furthest offset of the clocks that is looked for, s, and the step.
 pub(super) const FURTHEST_S: f64 = 0.5;
-pub(super) const STEP_S: f64 = 0.004;
+const STEP_S: f64 = 0.004;
 /// The gyro explains the footage if it leaves at most so much of how content moves.
 pub(super) const MOST_LEFT: f64 = 0.2;
 /// By how much the gyro may turn further than the frames show: focal lengths are known so well.
@@ -72,9 +72,8 @@ fn turn_of(step: &Step) -> DVec3 {
 fn sorted_ways(turns: &[DVec3], gyro_at: &dyn Fn(f64) -> Vec<DVec3>) -> Vec<Way> {
     let mut best: Vec<Way> = ways().map(|axes| Way { axes, scale: 0.0, left: f64::INFINITY }).collect();
     let all: f64 = turns.iter().map(|t| t.length_squared()).sum();
-    let count = (2.0 * FURTHEST_S / STEP_S) as i32;
-    for k in 0..=count {
-        let gyro = gyro_at(-FURTHEST_S + STEP_S * f64::from(k));
+    for late_s in offsets_s() {
+        let gyro = gyro_at(late_s);
         let own: f64 = gyro.iter().map(|t| t.length_squared()).sum();
         for way in &mut best {
             let both: f64 = turns.iter().zip(&gyro).map(|(t, g)| t.dot(named(&way.axes, *g))).sum();
@@ -88,6 +87,12 @@ fn sorted_ways(turns: &[DVec3], gyro_at: &dyn Fn(f64) -> Vec<DVec3>) -> Vec<Way>
     }
     best.sort_by(|a, b| a.left.total_cmp(&b.left));
     best
+}
+
+/// Offsets of the clocks that are looked at, s.
+pub(super) fn offsets_s() -> impl Iterator<Item = f64> {
+    let count = (2.0 * FURTHEST_S / STEP_S) as i32;
+    (0..=count).map(|k| -FURTHEST_S + STEP_S * f64::from(k))
 }
 
 /// The 48 ways to name three axes and point each of them.

@@ -72,16 +72,15 @@ impl Footage {
         let period_s = period_s(&frames);
         check_size(&frames[0].path, &camera.intrinsics)?;
         let pairs = pairs(&frames, period_s, &gyro);
+        let last_s = frames[frames.len() - 1].start_s;
         if pairs.len() < FEWEST_PAIRS {
             let [from_s, to_s] = gyro.span_s();
             let count = counted(pairs.len(), "pair of frames", "pairs of frames");
             let found = format!("rates from {from_s:.3} to {to_s:.3} s, which cover {count}");
-            let last_s = frames[frames.len() - 1].start_s;
             let expected =
                 format!("at least {FEWEST_PAIRS} of the frames, which are from 0 to {last_s:.3} s");
             return Err(Error::input(&imu, None, found, expected));
         }
-        let last_s = frames[frames.len() - 1].start_s;
         let gaps = gyro.gaps_s().iter().filter(|[from_s, to_s]| *from_s < last_s && *to_s > 0.0);
         let gaps = gaps.map(|[from_s, to_s]| {
             format!("imu.csv has no rates from {from_s:.3} to {to_s:.3} s: frames of that time are left out")

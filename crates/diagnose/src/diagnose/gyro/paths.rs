@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec2, DVec3};
 
-use super::axes::{self, FURTHEST_S, MOST_LEFT, SCALE_OFF, STEP_S};
+use super::axes::{self, FURTHEST_S, MOST_LEFT, SCALE_OFF};
 use super::input::Footage;
 use super::step::{PLACES, Step};
 use crate::diagnose::expect::linear::solve;
@@ -123,11 +123,10 @@ fn gyro_px(footage: &Footage, steps: &[&Step]) -> f64 {
 
 /// The offset of the clocks from which a fit begins: the one that leaves least.
 fn start(footage: &Footage, steps: &[&Step]) -> Numbers {
-    let count = (2.0 * FURTHEST_S / STEP_S) as i32;
     let mut best = (f64::INFINITY, Numbers::default());
-    for k in 0..=count {
+    for offset_s in axes::offsets_s() {
         let mut n = Numbers::default();
-        n[OFFSET] = -FURTHEST_S + STEP_S * f64::from(k);
+        n[OFFSET] = offset_s;
         let left: Vec<DVec2> = steps.iter().flat_map(|s| errors(footage, s, &n)).collect();
         let left = middle(&left);
         if left < best.0 {
