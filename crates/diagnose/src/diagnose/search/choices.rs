@@ -56,8 +56,7 @@ impl Search<'_> {
         theta: &Theta,
     ) -> Result<Fit> {
         let p = candidate.parameters[0];
-        if let Some(value) = self.shown.value(p) {
-            let theta = theta.with(p, value);
+        if let Some(theta) = self.shown.of(candidate, theta) {
             return Ok(Fit { theta, half: BTreeMap::from([(p, 0.5)]) });
         }
         let without = theta.without(candidate);

@@ -20,6 +20,7 @@ pub(super) mod question;
 pub(super) mod round;
 pub(super) mod searches;
 pub(super) mod shown;
+mod sites;
 pub(super) mod support;
 pub(super) mod tracked;
 

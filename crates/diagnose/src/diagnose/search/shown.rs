@@ -1,9 +1,9 @@
 //! What the real frames show by themselves, whatever the simulation: it is there from the start, and all else is seen
 //! through it.
 
-use super::{comb, levels, pairs};
+use super::{comb, levels, pairs, sites};
 use crate::diagnose::evidence::Evidence;
-use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::model::{CandidateSpec, P, Theta};
 
 /// What they show.
 #[derive(Clone, Debug, Default)]
@@ -27,16 +27,20 @@ impl Shown {
                 refuted,
             };
         }
-        let depth = || levels::bits(evidence, &evidence.fit, base);
+        let mosaic = || sites::mosaic(evidence, &evidence.fit, base);
+        let mut values = Some(P::Mosaic).filter(asked).map_or_else(Vec::new, |_| mosaic());
+        let behind = values.iter().fold(base.clone(), |theta, &(p, value)| theta.with(p, value));
+        let depth = || levels::bits(evidence, &evidence.fit, &behind);
         let scheme = || pairs::scheme(evidence, &evidence.fit);
-        let depth = Some(P::Bits).filter(asked).and_then(|p| Some((p, f64::from(depth()?))));
-        let scheme = Some(P::Chroma).filter(asked).and_then(|p| Some((p, f64::from(scheme()?))));
-        Self { values: [depth, scheme].into_iter().flatten().collect(), refuted }
+        values.extend(Some(P::Bits).filter(asked).and_then(|p| Some((p, f64::from(depth()?)))));
+        values.extend(Some(P::Chroma).filter(asked).and_then(|p| Some((p, f64::from(scheme()?)))));
+        Self { values, refuted }
     }
 
-    /// The value of a parameter that they show.
-    pub(crate) fn value(&self, p: P) -> Option<f64> {
-        self.values.iter().find(|(shown, _)| *shown == p).map(|(_, value)| *value)
+    /// `theta` with what they show of a candidate; nothing where they show nothing of it.
+    pub(crate) fn of(&self, candidate: &CandidateSpec, theta: &Theta) -> Option<Theta> {
+        let shown = self.values.iter().filter(|(p, _)| candidate.parameters.contains(p));
+        self.has(candidate.name).then(|| shown.fold(theta.clone(), |theta, &(p, value)| theta.with(p, value)))
     }
 
     /// Whether they show that a parameter has not this value.
@@ -52,6 +56,9 @@ impl Shown {
     /// A camera with all that they show, and the effects' names.
     pub(crate) fn put(&self, base: &Theta) -> (Theta, Vec<&'static str>) {
         let theta = self.values.iter().fold(base.clone(), |theta, &(p, value)| theta.with(p, value));
-        (theta, self.values.iter().map(|(p, _)| p.spec().effect).collect())
+        let mut names: Vec<_> = self.values.iter().map(|(p, _)| p.spec().effect).collect();
+        // A pattern and its filter are one effect.
+        names.dedup();
+        (theta, names)
     }
 }

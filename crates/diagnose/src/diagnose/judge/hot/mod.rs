@@ -113,14 +113,14 @@ impl HotMap {
         self.find_filed(&reals, means, file);
     }
 
-    /// Share of the pixels.
+    /// Share of the pixels that are stuck themselves.
     pub(crate) fn fraction(&self) -> f64 {
         self.count() as f64 / self.of.max(1) as f64
     }
 
-    /// Number of stuck pixels.
+    /// Number of them.
     pub(crate) fn count(&self) -> usize {
-        self.pixels.len()
+        self.places().len()
     }
 
     /// The pixels that are stuck themselves: where colours are filled in, some of their neighbours stand out as well.
