@@ -207,6 +207,16 @@ pub(crate) fn gain_beyond_bounds(worse: &Scores, better: &Scores) -> Estimate {
     if a.len() < 2 { Estimate::default() } else { Estimate { value, standard_error: variance.sqrt() } }
 }
 
+/// Whether `better` gains more than it leaves beyond the discrepancy: in all, or in most places. A thing that is not
+/// described leaves much in a few.
+pub(crate) fn gains_more_than_is_left(worse: &Scores, better: &Scores) -> bool {
+    let (a, b) = (worse.blocks(None), better.blocks(None));
+    let place = |(a, b): (&[f64; 3], &[f64; 3])| a[0] - b[0] > (b[0] - b[2]).max(0.0);
+    let seen = a.iter().zip(&b).filter(|(a, _)| a[0] + a[2] > 0.0);
+    let (most, of) = seen.fold((0, 0), |(most, of), pair| (most + usize::from(place(pair)), of + 1));
+    2 * most > of || worse.mean() - better.mean() > (better.mean() - better.bound()).max(0.0)
+}
+
 /// Share of what lies beyond the discrepancy that `better` takes away: of the families of statistics that do. What all
 /// families make together may lie within it, where compression may make much of some.
 pub(crate) fn share_beyond_bounds(worse: &Scores, better: &Scores) -> f64 {

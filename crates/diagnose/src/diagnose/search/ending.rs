@@ -11,11 +11,11 @@ use crate::diagnose::expect::fitted::Fit;
 use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete};
 use crate::diagnose::expect::room::{Room, is_description};
 use crate::diagnose::fit::{FILTERS, FINE};
-use crate::diagnose::judge::Scores;
 use crate::diagnose::judge::noise::{NOISES, NoiseData};
 use crate::diagnose::judge::placed::placed;
 use crate::diagnose::judge::residue::{Residue, outliers, residue, solved};
 use crate::diagnose::judge::smear::smear;
+use crate::diagnose::judge::{Scores, gains_more_than_is_left};
 use crate::diagnose::search::{Search, Watch, finest_of, last_of};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -223,8 +223,7 @@ impl Search<'_> {
                 let rest_scores = self.judge.scores(self.forward, &without)?;
                 // What factors and poses leave at edges spreads as noise does: noise that explains less than is left
                 // may be that.
-                let left = if described { (scores.mean() - scores.bound()).max(0.0) } else { 0.0 };
-                let clear = left == 0.0 || rest_scores.mean() - scores.mean() > left;
+                let clear = !described || gains_more_than_is_left(&rest_scores, &scores);
                 let needed = self.prefers_noise(&unseen, &without, &theta)? && clear;
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",
