@@ -4,7 +4,7 @@
 //! colours behind the converter fills the places between; nothing is told then.
 
 use crate::diagnose::evidence::{Evidence, spread_out};
-use crate::diagnose::expect::model::Theta;
+use crate::diagnose::expect::model::{P, Theta};
 use crate::diagnose::expect::tone::Tone;
 use crate::diagnose::search::sites::own;
 use shutterbug::plane::Plane;
@@ -24,21 +24,28 @@ pub(crate) fn bits(evidence: &Evidence, frames: &[usize], base: &Theta) -> Optio
     let tone = Tone::new(base);
     let some: Vec<_> =
         spread_out(frames, FRAMES).iter().map(|&at| own(&evidence.frames[at].dn, base)).collect();
-    let (mut nats, mut steps) = (0.0, Vec::new());
+    let (mut nats, mut channels) = (0.0, Vec::new());
     for channel in 0..3 {
         let values = occurring(&some, channel);
         if values.len() < 4 {
             continue;
         }
-        let (step, evidence) = evenly(&values, |dn| tone.decode(dn, channel))?;
-        nats += evidence;
-        steps.push(step);
+        let even = evenly(&values, |dn| tone.decode(dn, channel))?;
+        nats += even.nats;
+        channels.push((channel, even));
     }
-    steps.sort_by(f32::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
+    channels.sort_by(|a, b| a.1.step.total_cmp(&b.1.step));
+    let step = channels.get(channels.len() / 2)?.1.step;
     let bits = (1.0 / step + 1.0).log2().round() as u8;
     tracing::debug!("values are {step:.4} apart, {bits} bit, {nats:.0} nats");
-    (nats > LEAST_NATS && BITS.contains(&bits)).then_some(bits)
+    if nats <= LEAST_NATS || !BITS.contains(&bits) {
+        return None;
+    }
+    // A white balance scales red and blue; green has the steps of the depth. Values that a mosaic filled in between
+    // those of 15 steps are 60 steps apart, and no depth has 60.
+    let whole = Tone::new(&base.with(P::Bits, f64::from(bits))).step_linear(1);
+    let is_whole = |(channel, even): &(usize, Even)| *channel != 1 || (even.step - whole).abs() <= even.off;
+    channels.iter().all(is_whole).then_some(bits)
 }
 
 /// Values of a channel that occur and are not clipped, DN, rising.
@@ -50,11 +57,21 @@ fn occurring(frames: &[Plane<f32>], channel: usize) -> Vec<u8> {
     (1..255u8).filter(|v| seen[usize::from(*v)]).collect()
 }
 
-/// How far values are apart, if they are evenly so in linear light, and the evidence for it, nats. Of all numbers of
-/// steps from the first value to the last, the least that puts each value at a step.
+/// Values that are evenly apart in linear light.
+struct Even {
+    /// How far.
+    step: f32,
+    /// How far off that may be where the first and the last value are rounded.
+    off: f32,
+    /// The evidence for it, nats.
+    nats: f64,
+}
+
+/// How far values are apart, if they are evenly so in linear light. Of all numbers of steps from the first value to the
+/// last, the least that puts each value at a step.
 ///
 /// Measured: a median step told their number before. Rounded by half a DN of two or three, it told 53 for 52.
-fn evenly(values: &[u8], decode: impl Fn(f32) -> f32) -> Option<(f32, f64)> {
+fn evenly(values: &[u8], decode: impl Fn(f32) -> f32) -> Option<Even> {
     let linear: Vec<f32> = values.iter().map(|v| decode(f32::from(*v))).collect();
     let dn_per_linear = |dn: f32| 2.0 / (decode(dn + 1.0) - decode(dn - 1.0)).max(1e-6);
     let slopes: Vec<f32> = values.iter().map(|v| dn_per_linear(f32::from(*v))).collect();
@@ -63,8 +80,9 @@ fn evenly(values: &[u8], decode: impl Fn(f32) -> f32) -> Option<(f32, f64)> {
     let (count, step) = (least..1 << BITS.end()).find_map(fits)?;
     let all = f64::from(values[values.len() - 1] - values[0]) + 1.0;
     let tried = (count - least + 1) as f64;
-    let evidence = (values.len() as f64 - 2.0) * (all / (count as f64 + 1.0)).ln() - tried.ln();
-    Some((step, evidence))
+    let nats = (values.len() as f64 - 2.0) * (all / (count as f64 + 1.0)).ln() - tried.ln();
+    let ends = 1.0 / slopes[0] + 1.0 / slopes[least];
+    Some(Even { step, off: OFF_DN as f32 * ends / count as f32, nats })
 }
 
 /// The step, if each linear value is one of `count` steps from the first to the last: those of a line through all, from
@@ -89,7 +107,6 @@ fn step_of(linear: &[f32], slopes: &[f32], count: usize) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::expect::model::P;
     use crate::diagnose::expect::settings::settings_of;
     use shutterbug::chain::rng::random_bits;
     use shutterbug::reference::moments::mixed;
@@ -121,6 +138,7 @@ mod tests {
     #[test]
     fn depths_show_in_what_the_sites_of_a_mosaic_saw() {
         let mosaic = Theta::neutral().with(P::Mosaic, 2.0);
+        // Filled in by means of two and four, 4 bits look like nearly 6.
         let noisy = mosaic.with(P::Read, 0.009);
         for depth in [4, 6] {
             let frame = frame_of(Some(depth), &mosaic);
