@@ -218,13 +218,17 @@ pub(crate) fn gains_more_than_is_left(worse: &Scores, better: &Scores) -> bool {
 }
 
 /// Share of what lies beyond the discrepancy that `better` takes away: of the families of statistics that do. What all
-/// families make together may lie within it, where compression may make much of some.
+/// families make together may lie within it, where compression may make much of some. Few frames show none of them
+/// beyond chance where poses are free (tiles that place a frame do not judge it): of those that lie above it then.
 pub(crate) fn share_beyond_bounds(worse: &Scores, better: &Scores) -> f64 {
-    let (mut gain, mut beyond) = (0.0, 0.0);
-    for family in (0..FAMILIES.len()).filter(|&f| worse.is_beyond_bounds(f)) {
-        gain += family_gain(worse, better, family).value;
-        beyond += worse.excess(family).value;
+    let beyond = |f: &usize| worse.is_beyond_bounds(*f);
+    let above = |f: &usize| worse.excess(*f).value > 0.0;
+    let mut families: Vec<usize> = (0..FAMILIES.len()).filter(beyond).collect();
+    if families.is_empty() {
+        families = (0..FAMILIES.len()).filter(above).collect();
     }
+    let gain: f64 = families.iter().map(|&f| family_gain(worse, better, f).value).sum();
+    let beyond: f64 = families.iter().map(|&f| worse.excess(f).value).sum();
     if beyond > 0.0 { gain / beyond } else { 0.0 }
 }
 
