@@ -112,6 +112,11 @@ pub(crate) fn shows_coarse_steps(theta: &Theta) -> bool {
     tone.is_coarse() && tone.keeps_steps()
 }
 
+/// DN a unit of linear light, at a delivered value.
+pub(crate) fn dn_per_linear(tone: &Tone, dn: f32, channel: usize) -> f32 {
+    2.0 / (tone.decode(dn + 1.0, channel) - tone.decode(dn - 1.0, channel)).max(1e-6)
+}
+
 /// A camera without noise.
 pub(crate) fn noiseless(theta: &Theta) -> Theta {
     let noises = [P::Shot, P::Read, P::Row, P::Dsnu, P::Prnu];

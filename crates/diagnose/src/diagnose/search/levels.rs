@@ -5,7 +5,7 @@
 
 use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::model::{P, Theta};
-use crate::diagnose::expect::tone::Tone;
+use crate::diagnose::expect::tone::{Tone, dn_per_linear};
 use crate::diagnose::search::sites::own;
 use shutterbug::plane::Plane;
 
@@ -30,7 +30,7 @@ pub(crate) fn bits(evidence: &Evidence, frames: &[usize], base: &Theta) -> Optio
         if values.len() < 4 {
             continue;
         }
-        let even = evenly(&values, |dn| tone.decode(dn, channel))?;
+        let even = evenly(&values, &tone, channel)?;
         nats += even.nats;
         channels.push((channel, even));
     }
@@ -71,10 +71,9 @@ struct Even {
 /// last, the least that puts each value at a step.
 ///
 /// Measured: a median step told their number before. Rounded by half a DN of two or three, it told 53 for 52.
-fn evenly(values: &[u8], decode: impl Fn(f32) -> f32) -> Option<Even> {
-    let linear: Vec<f32> = values.iter().map(|v| decode(f32::from(*v))).collect();
-    let dn_per_linear = |dn: f32| 2.0 / (decode(dn + 1.0) - decode(dn - 1.0)).max(1e-6);
-    let slopes: Vec<f32> = values.iter().map(|v| dn_per_linear(f32::from(*v))).collect();
+fn evenly(values: &[u8], tone: &Tone, channel: usize) -> Option<Even> {
+    let linear: Vec<f32> = values.iter().map(|v| tone.decode(f32::from(*v), channel)).collect();
+    let slopes: Vec<f32> = values.iter().map(|v| dn_per_linear(tone, f32::from(*v), channel)).collect();
     let least = values.len() - 1;
     let fits = |count: usize| Some((count, step_of(&linear, &slopes, count)?));
     let (count, step) = (least..1 << BITS.end()).find_map(fits)?;

@@ -5,7 +5,7 @@
 use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::model::{P, Theta, candidate_of, combinations};
 use crate::diagnose::expect::settings::settings_of;
-use crate::diagnose::expect::tone::{Tone, noiseless};
+use crate::diagnose::expect::tone::{Tone, dn_per_linear, noiseless};
 use shutterbug::chain::rng::random_bits;
 use shutterbug::effects::BayerMosaic;
 use shutterbug::plane::Plane;
@@ -77,8 +77,7 @@ impl Sites {
             |i: usize| random_bits([i as u32, at as u32], 0, 0, [0, 1])[0] as f32 / u32::MAX as f32 - 0.5;
         let slope = Plane::from_fn(dn.width, dn.height, |x, y| {
             let seen = dn.pixel(x, y);
-            let of =
-                |c: usize| 2.0 / (tone.decode(seen[c] + 1.0, c) - tone.decode(seen[c] - 1.0, c)).max(1e-6);
+            let of = |c: usize| dn_per_linear(tone, seen[c], c);
             if is_whole(&dn, x, y) { [0, 1, 2].map(of) } else { [0.0; 3] }
         });
         Self { linear: [linear(&|_| 0.0), linear(&random)], slope }
