@@ -27,14 +27,16 @@ impl Shown {
                 refuted,
             };
         }
-        let mosaic = || sites::mosaic(evidence, &evidence.fit, base);
-        let mut values = Some(P::Mosaic).filter(asked).map_or_else(Vec::new, |_| mosaic());
-        let behind = values.iter().fold(base.clone(), |theta, &(p, value)| theta.with(p, value));
+        let mosaic =
+            if asked(&P::Mosaic) { sites::mosaic(evidence, &evidence.fit, base) } else { Vec::new() };
+        let mut shown = Self { values: mosaic, refuted };
+        let (behind, _) = shown.put(base);
         let depth = || levels::bits(evidence, &evidence.fit, &behind);
         let scheme = || pairs::scheme(evidence, &evidence.fit);
-        values.extend(Some(P::Bits).filter(asked).and_then(|p| Some((p, f64::from(depth()?)))));
-        values.extend(Some(P::Chroma).filter(asked).and_then(|p| Some((p, f64::from(scheme()?)))));
-        Self { values, refuted }
+        let depth = Some(P::Bits).filter(asked).and_then(|p| Some((p, f64::from(depth()?))));
+        let scheme = Some(P::Chroma).filter(asked).and_then(|p| Some((p, f64::from(scheme()?))));
+        shown.values.extend(depth.into_iter().chain(scheme));
+        shown
     }
 
     /// `theta` with what they show of a candidate; nothing where they show nothing of it.

@@ -28,7 +28,8 @@ pub(crate) fn mosaic(evidence: &Evidence, frames: &[usize], base: &Theta) -> Vec
     }
     let some: Vec<Sites> =
         spread_out(frames, FRAMES).iter().map(|&at| Sites::of(evidence, at, &tone)).collect();
-    let (&pattern, beside) = candidate_of("bayer_mosaic").parameters.split_first().expect("a choice");
+    let parameters = candidate_of("bayer_mosaic").parameters;
+    let (&pattern, beside) = parameters.split_first().expect("a choice");
     let mut best: Vec<(f64, Theta)> = Vec::new();
     for option in 1..=pattern.spec().range[1] as usize {
         let with = combinations(beside, &base.with(pattern, option as f64));
@@ -37,9 +38,11 @@ pub(crate) fn mosaic(evidence: &Evidence, frames: &[usize], base: &Theta) -> Vec
     }
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
     let [first, second, ..] = &best[..] else { return Vec::new() };
-    let names = || candidate_of("bayer_mosaic").parameters.iter().map(|&p| (p, first.1.get(p)));
     tracing::debug!("filled in again: {:.2} and {:.2} times what rounding leaves", first.0, second.0);
-    if first.0 <= ROUNDING && second.0 > ROUNDING { names().collect() } else { Vec::new() }
+    if first.0 > ROUNDING || second.0 <= ROUNDING {
+        return Vec::new();
+    }
+    parameters.iter().map(|&p| (p, first.1.get(p))).collect()
 }
 
 /// What each site of the mosaic of `theta` saw itself; the other colours are 0. As it is without a mosaic.
