@@ -36,6 +36,12 @@ const MATERIALS: &str = "newmtl grey\nKd 0.4 0.5 0.6\nnewmtl red\nKd 0.6 0.1 0.1
 /// The capture that the project brings.
 const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../demo/capture");
 
+/// All candidates but those that a test asks of, as `--without` takes them.
+fn all_but(asked: &[&str]) -> String {
+    let names = shutterbug_diagnose::diagnose::effect_names();
+    names.into_iter().filter(|n| !asked.contains(n)).collect::<Vec<_>>().join(",")
+}
+
 /// Copies a folder and all in it.
 fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();

@@ -392,8 +392,8 @@ mod tests {
 
     fn found(hidden: &Theta, names: &[&'static str]) -> Chosen {
         let base = Theta::neutral();
-        let real = Fingerprint::of(&room(5, 5).delivered(hidden, 77), 0.0);
-        choose(&real, &room(9, 5), &base, names, &mut Clock::default(), |_| Ok(())).expect("nothing stops it")
+        let real = Fingerprint::of(&room(5, 4).delivered(hidden, 77), 0.0);
+        choose(&real, &room(9, 4), &base, names, &mut Clock::default(), |_| Ok(())).expect("nothing stops it")
     }
 
     #[test]
