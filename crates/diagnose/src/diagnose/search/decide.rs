@@ -2,7 +2,7 @@
 
 use super::found::Found;
 use crate::diagnose::expect::description::by_value::ByValue;
-use crate::diagnose::expect::model::{P, candidate_of};
+use crate::diagnose::expect::model::{P, Theta, candidate_of};
 use crate::diagnose::expect::room;
 use crate::diagnose::judge::quantile;
 use crate::diagnose::report::Verdict;
@@ -125,12 +125,18 @@ fn failed(search: &Search<'_>, found: &Found) -> Vec<&'static str> {
     if left.smear.is_clear() {
         failed.push("slopes along the motion");
     }
-    if left.outliers > MOST_OUTLIERS + 0.2 * found.fit.theta.get(P::Hot) {
+    if are_far_off(left.outliers, &found.fit.theta) {
         failed.push("single values far off");
     }
     failed.extend(failed_of_noise(found));
     tracing::info!("checks that failed: {failed:?} of {} candidates' set {:?}", search.tests(), found.set);
     failed
+}
+
+/// Whether so many single values (share, see [`crate::diagnose::judge::outliers`]) lie far from what `theta` simulates
+/// that something is missing.
+pub(crate) fn are_far_off(outliers: f64, theta: &Theta) -> bool {
+    outliers > MOST_OUTLIERS + 0.2 * theta.get(P::Hot)
 }
 
 /// Checks of the noise that the model does not pass.

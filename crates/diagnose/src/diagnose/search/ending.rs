@@ -16,6 +16,7 @@ use crate::diagnose::judge::placed::placed;
 use crate::diagnose::judge::residue::{Residue, outliers, residue, solved};
 use crate::diagnose::judge::smear::smear;
 use crate::diagnose::judge::{Scores, gains_more_than_is_left};
+use crate::diagnose::search::decide::are_far_off;
 use crate::diagnose::search::{Search, Watch, finest_of, last_of};
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
@@ -224,7 +225,8 @@ impl Search<'_> {
                 // What factors and poses leave at edges spreads as noise does: noise that explains less than is left
                 // may be that.
                 let clear = !described || gains_more_than_is_left(&rest_scores, &scores);
-                let needed = self.prefers_noise(&unseen, &without, &theta)? && clear;
+                let better = self.prefers_noise(&unseen, &without, &theta)? && clear;
+                let needed = better || (names[i] == "hot_pixels" && self.stuck_are_missed(&without, &theta)?);
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",
                     names[i],
@@ -254,6 +256,24 @@ impl Search<'_> {
         found.fit.theta = theta;
         found.set.extend(names);
         Ok(())
+    }
+
+    /// Whether the verdict would ask for stuck pixels: values are far off without them, and none with them. Where few
+    /// places are compared, too few of them are stuck to make a difference to the score.
+    fn stuck_are_missed(&mut self, without: &Theta, with: &Theta) -> Result<bool> {
+        Ok(self.leaves_far_off(without)? && !self.leaves_far_off(with)?)
+    }
+
+    /// Whether values of the frames to choose by lie far from those of `theta`.
+    fn leaves_far_off(&mut self, theta: &Theta) -> Result<bool> {
+        let frames = &self.evidence.choose;
+        let mut means = self.forward.simulate(frames, theta, self.judge.quality)?;
+        if theta.is_on(P::Hot) {
+            means.iter_mut().for_each(|m| self.judge.hot.put(m));
+        }
+        let masks = self.forward.masked(self.judge.masks, theta.room.kind());
+        let given = self.forward.outside.is_some();
+        Ok(are_far_off(outliers(self.evidence, frames, &means, masks.as_deref(), theta, given), theta))
     }
 
     /// Whether the interval of one of some parameters leaves out the given camera's value.
