@@ -6,6 +6,7 @@ mod diagnosis;
 mod disk;
 mod effects;
 mod eighth;
+mod eleventh;
 mod fifth;
 mod fourth;
 mod leftovers;

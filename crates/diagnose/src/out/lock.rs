@@ -25,10 +25,10 @@ impl Lock {
     pub(super) fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(LOCK_FILE);
         loop {
-            let mut file = open(&path).map_err(|e| Error::io(&path, "write", e))?;
+            let mut file = open(&path, true).map_err(|e| Error::io(&path, "write", e))?;
             match file.try_lock() {
                 Ok(()) => {}
-                Err(TryLockError::WouldBlock) => return Err(held(folder, file)),
+                Err(TryLockError::WouldBlock) => return Err(held(folder, &holder(file))),
                 // Some network file systems have no locks: better without than not at all.
                 Err(TryLockError::Error(e)) => {
                     tracing::warn!("{}: cannot be locked, so two runs would mix: {e}", folder.display());
@@ -46,6 +46,34 @@ impl Lock {
     }
 }
 
+/// Refuses a folder below one that another run writes to: that run would find files that are not its own. What this
+/// process was started by may have made room for it.
+///
+/// # Errors
+/// The nearest such folder, and the process that holds it.
+pub(super) fn refuse_below_held(folder: &Path) -> Result<()> {
+    for above in folder.ancestors().skip(1) {
+        let Ok(file) = open(&above.join(LOCK_FILE), false) else { continue };
+        if matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+            let pid = holder(file);
+            if !is_parent(&pid) && pid != std::process::id().to_string() {
+                return Err(held(above, &pid));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn is_parent(pid: &str) -> bool {
+    pid == std::os::unix::process::parent_id().to_string()
+}
+
+#[cfg(not(unix))]
+fn is_parent(_: &str) -> bool {
+    false
+}
+
 impl Drop for Lock {
     fn drop(&mut self) {
         // Removed while it is held: who opened it before finds that it is another file now. If the folder was replaced,
@@ -57,9 +85,9 @@ impl Drop for Lock {
     }
 }
 
-fn open(path: &Path) -> std::io::Result<File> {
+fn open(path: &Path, make: bool) -> std::io::Result<File> {
     let mut options = OpenOptions::new();
-    options.read(true).write(true).create(true).truncate(false);
+    options.read(true).write(make).create(make).truncate(false);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NOFOLLOW | libc::O_NONBLOCK);
     options.open(path)
@@ -77,11 +105,16 @@ fn same_file(path: &Path, _: &File) -> bool {
     path.exists()
 }
 
-fn held(folder: &Path, mut file: File) -> Error {
+/// The number of the process that holds a lock's file.
+fn holder(mut file: File) -> String {
     let mut pid = String::new();
     // What cannot be read is not worth a second error: the folder is held all the same.
     let _ = file.rewind().and_then(|()| file.read_to_string(&mut pid));
-    let found = format!("a run that is still writing there (process {})", pid.trim());
+    pid.trim().to_owned()
+}
+
+fn held(folder: &Path, pid: &str) -> Error {
+    let found = format!("a run that is still writing there (process {pid})");
     Error::input(folder, None, found, "a folder of its own for each run, or wait until that one has ended")
 }
 

@@ -83,13 +83,14 @@ impl Out {
     ///
     /// # Errors
     /// A file or pipe in its place; a folder that overlaps an input; that holds files which its manifest does not name
-    /// or which were changed since (unless `overwrite`); that another command made; that another process writes to;
-    /// that cannot be read or made.
+    /// or which were changed since (unless `overwrite`); that another command made; that another process writes to,
+    /// or to one above it; that cannot be read or made.
     pub fn open(root: &Path, rules: &OutRules<'_>) -> Result<Self> {
         account::keep();
         refuse_file(root)?;
         let read = recorded_reads();
         refuse_overlap(root, rules.inputs.iter().copied().chain(read.keys().map(PathBuf::as_path)))?;
+        lock::refuse_below_held(&overlap::resolved(root))?;
         // By name alone, before a lock file is put there; again when nobody else can change it.
         check(root, &Manifest::read(root)?.unwrap_or_default(), rules, false)?;
         let made = !root.exists();

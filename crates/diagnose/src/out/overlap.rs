@@ -1,6 +1,6 @@
 //! An output must not lie on an input.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use shutterbug::error::{Error, Result};
 use shutterbug::files::identity;
@@ -53,19 +53,21 @@ impl Place {
     }
 }
 
-/// The path without links: of what does not exist yet, that of the nearest folder that does.
-fn resolved(path: &Path) -> PathBuf {
+/// The path without links, as it will be when the folders of it that do not exist are made: `..` behind one of them
+/// leads back.
+pub(super) fn resolved(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let mut missing = Vec::new();
-    let mut at = absolute.as_path();
-    loop {
-        if let Ok(found) = at.canonicalize() {
-            return missing.iter().rev().fold(found, |folder, name| folder.join(name));
+    let mut at = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => drop(at.pop()),
+            part => {
+                at.push(part);
+                at = at.canonicalize().unwrap_or(at);
+            }
         }
-        let (Some(parent), Some(name)) = (at.parent(), at.file_name()) else { return absolute };
-        missing.push(name);
-        at = parent;
     }
+    at
 }
 
 #[cfg(test)]
@@ -90,6 +92,10 @@ mod tests {
             ("cap/new/deep", "cap", "lies inside"),
             ("cap", "cap/camera.toml", "contains"),
             (".", "cap", "contains"),
+            ("new/../cap", "cap", "that is the input"),
+            ("new/deep/../../cap/real/../new", "cap", "lies inside"),
+            #[cfg(unix)]
+            ("link/real/../..", "cap", "contains"),
             #[cfg(unix)]
             ("link/real", "cap", "lies inside"),
         ] {
@@ -99,7 +105,9 @@ mod tests {
                 said(out, input)
             );
         }
-        for (out, input) in [("capture", "cap"), ("cap2/real", "cap"), ("out", "cap/camera.toml")] {
+        for (out, input) in
+            [("capture", "cap"), ("cap2/real", "cap"), ("out", "cap/camera.toml"), ("cap/../out", "cap")]
+        {
             assert_eq!(said(out, input), None, "{out} on {input}");
         }
     }
