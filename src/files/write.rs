@@ -36,7 +36,7 @@ fn write_watched(path: &Path, bytes: &[u8], existing: Existing) -> Result<()> {
 /// never.
 ///
 /// # Errors
-/// A file that is there or is an input; one that cannot be written.
+/// A file that is there or is an input; a link; one that cannot be written.
 pub fn write_single(path: &Path, bytes: &[u8], overwrite: bool, inputs: &[PathBuf]) -> Result<()> {
     let same = |input: &PathBuf| {
         let by_name = path.canonicalize().is_ok_and(|p| input.canonicalize().is_ok_and(|i| i == p));
@@ -45,6 +45,11 @@ pub fn write_single(path: &Path, bytes: &[u8], overwrite: bool, inputs: &[PathBu
     };
     if inputs.iter().any(same) {
         return Err(Error::input(path, None, "the input itself", "another file to write"));
+    }
+    // In its place would be a file, and whoever made the link looks where it led: /dev/stdout may lead to a file.
+    if let Ok(target) = fs::read_link(path) {
+        let found = format!("a link to {}", target.display());
+        return Err(Error::input(path, None, found, "the name of the file itself"));
     }
     write_watched(path, bytes, if overwrite { Existing::Replace } else { Existing::Keep })
 }
