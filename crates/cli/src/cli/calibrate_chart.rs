@@ -25,8 +25,9 @@ use shutterbug_diagnose::out::{Out, OutRules};
 const PATTERN: [&str; 1] = ["gain"];
 
 impl Common {
+    /// `inputs`: what is read beside the camera.
     pub(super) fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
-        let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
+        let inputs: Vec<&Path> = inputs.iter().chain(&self.camera).map(PathBuf::as_path).collect();
         Out::open(
             &self.out,
             &OutRules { command, inputs: &inputs, overwrite: self.overwrite, goes_on: false },
@@ -73,7 +74,8 @@ fn listed(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
 pub fn flat(args: &CalibrateFlat) -> Result<()> {
     let (bright, dark) =
         (listed(&args.frames)?, if args.dark.is_empty() { Vec::new() } else { listed(&args.dark)? });
-    let out = args.common.open("calibrate flat", &[args.frames.clone(), args.dark.clone()].concat())?;
+    let inputs: Vec<PathBuf> = args.frames.iter().chain(&args.dark).chain(&args.pattern).cloned().collect();
+    let out = args.common.open("calibrate flat", &inputs)?;
     let encoding: Encoding = args.common.encoding.into();
     let mut together = Together::default();
     together.begin(&bright[0])?;
