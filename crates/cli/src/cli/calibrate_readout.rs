@@ -8,7 +8,7 @@ use super::together::Together;
 use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::Plane;
-use shutterbug_diagnose::calibrate::readout::{Readout, Stripes, find_stripes};
+use shutterbug_diagnose::calibrate::readout::{FEWEST_LINES, NoReadout, Readout, Stripes, find_stripes};
 use shutterbug_diagnose::calibrate::rest::{Rest, rest};
 
 /// Longest readout that is thought possible where no camera says how long its frame takes: ten frames a second.
@@ -102,14 +102,48 @@ fn check_rest(args: &CalibrateReadout, photographs: &[Plane<f32>], readout: &Rea
     Ok(at_rest)
 }
 
+/// Pictures in which no stripes could be seen.
+fn check_light(args: &CalibrateReadout, photographs: &[Plane<f32>]) -> Result<()> {
+    for (path, picture) in args.photos.iter().zip(photographs) {
+        let size = [picture.width, picture.height];
+        if size.iter().all(|n| *n < FEWEST_LINES) {
+            let found = format!("a picture of {}x{} px", size[0], size[1]);
+            return Err(Error::input(path, None, found, format!("at least {FEWEST_LINES} lines")));
+        }
+        for (value, name) in [(0.0, "black"), (1.0, "white")] {
+            if picture.data.iter().all(|v| *v == value) {
+                let found = format!("nothing but {name}");
+                return Err(Error::input(
+                    path,
+                    None,
+                    found,
+                    "a surface that the light falls on, not cut off",
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// What was seen where there are no stripes.
 fn no_stripes(found: &Stripes) -> String {
     let [rows, columns] = [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
-    format!(
-        "no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): a global \
-         shutter, an exposure of \
-         whole periods of the light, or fewer than three stripes; try another frequency or a shorter exposure\n"
-    )
+    let why = match found.no_readout {
+        Some(NoReadout::NotOneWave) => {
+            "something repeats or steps, but it is not one wave over whole lines: lamps of different phases, light on a \
+             part of the surface, a picture that was turned or cut, or content. Nothing is known of the shutter: give a \
+             picture of an evenly lit surface as the sensor delivered it"
+        }
+        Some(NoReadout::SameInEach) => {
+            "each picture alone has them, at the same places in both: lines that are printed, or the light came to the \
+             same phase. Nothing is known of the shutter: take the second picture at another moment"
+        }
+        Some(NoReadout::NothingRepeats) | None => {
+            "a global shutter, an exposure of whole periods of the light, or fewer than three stripes; try another \
+             frequency or a shorter exposure"
+        }
+    };
+    format!("no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): {why}\n")
 }
 
 /// `calibrate readout`.
@@ -126,6 +160,7 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let out = args.common.open("calibrate readout", &args.photos)?;
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
+    check_light(args, &photographs)?;
     let found = find_stripes(&photographs, args.common.encoding.into(), args.led_hz);
     let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
     let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);

@@ -19,6 +19,8 @@ use shutterbug::plane::Plane;
 
 /// Parts of a line whose phases are compared.
 const PARTS: usize = 8;
+/// Fewest lines in which stripes are looked for.
+pub const FEWEST_LINES: usize = 4 * FEWEST as usize;
 
 /// Stripes, and what follows from them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -73,11 +75,25 @@ impl Readout {
     }
 }
 
+/// Why pictures tell no readout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoReadout {
+    /// Nothing repeats along the lines.
+    NothingRepeats,
+    /// Something does, or steps, but is not one wave over whole lines.
+    NotOneWave,
+    /// Each picture alone has stripes, at the same places.
+    SameInEach,
+}
+
 /// What was looked for and how strongly it was seen.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stripes {
     /// Readout, where there are stripes.
     pub readout: Option<Readout>,
+    /// Why there is none.
+    pub no_readout: Option<NoReadout>,
     /// The strongest line of the spectrum over its surroundings: along rows and along columns.
     pub strongest: [f64; 2],
     /// What it would have to be.
@@ -93,7 +109,7 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
     for (axis, rows) in [true, false].into_iter().enumerate() {
         let parts = lines_of(photographs, encoding, rows);
         let lines = parts.first().map_or(0, Vec::len);
-        if (lines as f64) < 4.0 * FEWEST {
+        if lines < FEWEST_LINES {
             continue;
         }
         let mean = mean_of(&parts);
@@ -101,7 +117,8 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         threshold[axis] = spectrum::threshold(lines);
         strongest[axis] = spectrum.strongest(|_| true).map_or(0.0, |i| spectrum.over_surroundings(i));
         let found = spectrum.fundamental(threshold[axis]).and_then(|f| wave_at(&parts, &mean, f));
-        let Some(wave @ Wave { frequency, .. }) = found else { continue };
+        let one = found.filter(|wave| !parts_are_apart(&parts, wave.frequency));
+        let Some(wave @ Wave { frequency, .. }) = one else { continue };
         let mut readout = readout(rows, lines, wave, spectrum.noise_near(frequency), light_hz);
         readout.second = second(&parts, wave, light_hz);
         let across_px = photographs.first().map_or(0, |p| if rows { p.width } else { p.height });
@@ -113,7 +130,30 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
             best = Some((over, readout));
         }
     }
-    Stripes { readout: best.map(|b| b.1), strongest, threshold }
+    let readout = best.map(|b| b.1);
+    let alone = |photograph: &Plane<f32>| {
+        find_stripes(std::slice::from_ref(photograph), encoding, light_hz).readout.is_some()
+    };
+    let no_readout = if readout.is_some() {
+        None
+    } else if photographs.len() > 1 && photographs.iter().all(alone) {
+        Some(NoReadout::SameInEach)
+    } else if strongest.iter().zip(threshold).any(|(s, t)| *s > t) {
+        Some(NoReadout::NotOneWave)
+    } else {
+        Some(NoReadout::NothingRepeats)
+    };
+    Stripes { readout, no_readout, strongest, threshold }
+}
+
+/// Whether most parts of the lines have stripes of which the given ones are a harmonic, and which their mean has not:
+/// lamps of different phases light them, and their sum blinks more often than each.
+fn parts_are_apart(parts: &[Vec<f64>], frequency: f64) -> bool {
+    let is_harmonic = |part: &&Vec<f64>| {
+        let own = Spectrum::of(part).fundamental(spectrum::threshold(part.len()));
+        own.map(|own| frequency / own).is_some_and(|k| k > 1.5 && (k - k.round()).abs() < 0.05 * k)
+    };
+    2 * parts.iter().filter(is_harmonic).count() > parts.len()
 }
 
 fn readout(rows: bool, lines: usize, wave: Wave, noise: f64, light_hz: f64) -> Readout {
@@ -208,6 +248,31 @@ mod tests {
         // Open for a whole number of periods, every line sees the same.
         let whole = photograph([320, 480], delay, 1.0, 0.5, 0.05, false);
         assert!(find_stripes(&[whole], Encoding::Linear, 500.0).readout.is_none());
+    }
+
+    #[test]
+    fn lamps_of_opposite_phase_are_no_stripes_and_pictures_at_one_phase_are_told() {
+        let delay = 0.02 / 480.0 * 500.0;
+        let [left, right] = [0.0, 0.5].map(|phase| {
+            let mut dice = Dice(7);
+            Plane::from_fn(320, 480, move |_, y| {
+                let light = 0.5 + 0.4 * (TAU * (0.3 + phase + delay * y as f64)).sin();
+                [(0.4 * light * (1.0 + 0.02 * dice.normal())) as f32; 3]
+            })
+        });
+        let both = Plane::from_fn(320, 480, |x, y| {
+            let p = if x < 160 { &left } else { &right }.pixel(x, y);
+            [p[0], p[1], p[2]]
+        });
+        let why = |pictures: &[Plane<f32>]| find_stripes(pictures, Encoding::Linear, 500.0).no_readout;
+        assert_eq!(why(&[both]), Some(NoReadout::NotOneWave));
+        assert_eq!(why(&[left.clone()]), None, "control");
+        let mut again = left.clone();
+        again.data.iter_mut().for_each(|v| *v *= 0.5);
+        assert_eq!(why(&[left.clone(), again]), Some(NoReadout::SameInEach));
+        assert_eq!(why(&[left, right]), None, "control: another phase");
+        let dark = photograph([320, 480], 0.0, 0.4, 0.5, 0.05, false);
+        assert_eq!(why(&[dark]), Some(NoReadout::NothingRepeats), "control: a global shutter");
     }
 
     #[test]
