@@ -134,6 +134,23 @@ impl Chosen {
         }
     }
 
+    /// The same where there is no time to go on after each: all effects that are useless beside the others, and the
+    /// rest too if they bring nothing together.
+    pub(super) fn deny_at_once(&mut self, mut distance: impl FnMut(&Theta) -> f64) {
+        let now = distance(&self.theta);
+        let is_useless = |n: &&'static str| distance(&self.theta.without(candidate_of(n))) <= now;
+        let useless: Vec<&'static str> = self.set.iter().copied().filter(is_useless).collect();
+        let mut left = now;
+        if !useless.is_empty() {
+            useless.into_iter().for_each(|name| self.give_up(name));
+            left = distance(&self.theta);
+        }
+        let none = self.set.iter().fold(self.theta.clone(), |t, n| t.without(candidate_of(n)));
+        if !self.set.is_empty() && distance(&none) <= left {
+            self.set.clone().into_iter().for_each(|name| self.give_up(name));
+        }
+    }
+
     /// Gives up an effect that frames which no fit has seen speak against.
     pub(super) fn give_up(&mut self, name: &'static str) {
         self.theta = self.theta.without(candidate_of(name));
@@ -405,6 +422,26 @@ mod tests {
         chosen.deny(|t| 1.0 + 9.0 * t.get(P::Row) - 100.0 * t.get(P::Hot));
         assert_eq!((chosen.set, chosen.denied), (vec!["hot_pixels"], vec!["row_noise", "read_noise"]));
         assert!(chosen.theta.get(P::Row) == 0.0 && chosen.theta.get(P::Hot) == 1e-3);
+    }
+
+    #[test]
+    fn what_there_is_no_time_to_take_out_one_by_one_goes_at_once() {
+        let theta = Theta::neutral().with(P::Row, 0.02).with(P::Hot, 1e-3).with(P::Read, 0.01);
+        let set = vec!["row_noise", "hot_pixels", "read_noise"];
+        let denied = |distance: fn(&Theta) -> f64| {
+            let mut chosen = Chosen { theta: theta.clone(), set: set.clone(), ..none() };
+            chosen.deny_at_once(distance);
+            chosen.set
+        };
+        assert_eq!(denied(|t| 1.0 + 9.0 * t.get(P::Row) - 100.0 * t.get(P::Hot)), ["hot_pixels"]);
+        // Each looks needed beside the others, and all are worse than none.
+        assert!(
+            denied(|t| {
+                let on = [P::Row, P::Hot, P::Read].iter().filter(|p| t.get(**p) > 0.0).count();
+                [1.0, 5.0, 4.0, 3.0][on]
+            })
+            .is_empty()
+        );
     }
 
     #[test]

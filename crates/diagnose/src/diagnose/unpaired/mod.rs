@@ -188,9 +188,12 @@ impl Unseen {
         distance(&self.beside(theta).0)
     }
 
-    /// Gives up effects that these frames speak against. Without time the verdict is open anyway.
+    /// Gives up effects that these frames speak against. Without time the verdict is open, and what is named all the
+    /// same must bring these frames nearer.
     fn deny(&self, chosen: &mut Chosen, clock: &Clock) {
-        if !clock.is_late() {
+        if clock.is_late() {
+            chosen.deny_at_once(|theta| self.distance(theta));
+        } else {
             chosen.deny(|theta| self.distance(theta));
             while let Some(name) = self.spoils(chosen) {
                 chosen.give_up(name);
