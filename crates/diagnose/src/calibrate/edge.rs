@@ -111,7 +111,7 @@ pub fn measure_edge(
     }
     let expected = "one edge, straight from end to end and slanted by 1 to 35 degrees, between two even surfaces, \
         neither black nor white";
-    let Some(points) = points(picture, region) else {
+    let Some(points) = points(picture, region, encoding) else {
         return refuse("no straight edge".to_owned(), expected);
     };
     if !(SLANT[0]..=SLANT[1]).contains(&points.line.slant.abs()) {
@@ -213,7 +213,7 @@ fn candidates(picture: &Plane<f32>, encoding: Encoding) -> Vec<Region> {
         for y in (0..=picture.height.saturating_sub(side)).step_by(side / 2) {
             for x in (0..=picture.width.saturating_sub(side)).step_by(side / 2) {
                 let region = [x, y, side.min(picture.width), side.min(picture.height)];
-                let Some(points) = points(picture, region) else { continue };
+                let Some(points) = points(picture, region, encoding) else { continue };
                 if (SLANT[0]..=SLANT[1]).contains(&points.line.slant.abs())
                     && points.line.course(picture, region, encoding).is_ok()
                 {
@@ -249,12 +249,16 @@ fn worth(list: &[[f64; 2]]) -> [f64; 2] {
     [contrast * (last[0] - first[0]).min(REACH_PX), contrast * steep.min(1.0)]
 }
 
-/// Finds the line of the edge: where each line of pixels is steepest.
-fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region) -> Option<Points> {
-    let grey = |x: usize, y: usize| {
-        let p = picture.pixel(x0 + x, y0 + y);
-        p.iter().map(|v| f64::from(*v)).sum::<f64>() / p.len() as f64
+/// Finds the line of the edge: where each line of pixels is steepest. Colours are mixed as light, and encoded again: the
+/// mean of encoded values is no blurred edge's where one colour rises and another falls.
+fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region, encoding: Encoding) -> Option<Points> {
+    let mixed = |i: usize| {
+        let p = picture.pixel(x0 + i % w, y0 + i / w);
+        let light = p.iter().map(|v| encoding.decode(*v)).sum::<f32>() / p.len() as f32;
+        f64::from(encoding.encode(light))
     };
+    let greys: Vec<f64> = (0..w * h).map(mixed).collect();
+    let grey = |x: usize, y: usize| greys[y * w + x];
     let slopes = |dx: usize, dy: usize| -> f64 {
         (0..h - dy)
             .flat_map(|y| (0..w - dx).map(move |x| (x, y)))
