@@ -40,6 +40,8 @@ pub enum Error {
         name: String,
         /// The nearest known name.
         nearest: Option<String>,
+        /// All known names, where they are few.
+        few: Vec<String>,
     },
     /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
     TrajectoryTooShort {
@@ -229,8 +231,13 @@ impl fmt::Display for Error {
             Self::Input { path, line, found, expected } => {
                 write!(f, "{}: found {found}; expected {expected}", place(path, *line))
             }
-            Self::UnknownName { path, line, kind, name, nearest } => {
-                write!(f, "{}: unknown {kind} `{name}`{}", place(path, *line), suggestion(nearest.as_deref()))
+            Self::UnknownName { path, line, kind, name, nearest, few } => {
+                write!(
+                    f,
+                    "{}: unknown {kind} `{name}`{}",
+                    place(path, *line),
+                    suggestion(nearest.as_deref(), few)
+                )
             }
             Self::TrajectoryTooShort { .. } | Self::MarginTooSmall { .. } => self.fmt_too_little(f),
             Self::Io { path, action, source } => write!(f, "{}: cannot {action}: {source}", path.display()),
@@ -435,8 +442,21 @@ impl Error {
         name: &str,
         known: impl IntoIterator<Item = &'a str>,
     ) -> Self {
-        let nearest = nearest(name, known).map(str::to_owned);
-        Self::UnknownName { path: path.to_owned(), line: line.into(), kind, name: name.to_owned(), nearest }
+        let known: Vec<&str> = known.into_iter().collect();
+        let nearest = nearest(name, known.iter().copied()).map(str::to_owned);
+        let few = if known.len() <= FEW_NAMES {
+            known.into_iter().map(str::to_owned).collect()
+        } else {
+            Vec::new()
+        };
+        Self::UnknownName {
+            path: path.to_owned(),
+            line: line.into(),
+            kind,
+            name: name.to_owned(),
+            nearest,
+            few,
+        }
     }
 
     /// A failed file operation.
@@ -456,8 +476,15 @@ fn spaced(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" {unit}") }
 }
 
-fn suggestion(nearest: Option<&str>) -> String {
-    nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default()
+/// Most known names that a message lists.
+const FEW_NAMES: usize = 8;
+
+fn suggestion(nearest: Option<&str>, few: &[String]) -> String {
+    match nearest {
+        Some(nearest) => format!("; did you mean `{nearest}`?"),
+        None if few.is_empty() => String::new(),
+        None => format!("; expected one of {}", few.join(", ")),
+    }
 }
 
 /// Says how much of `needed` lies before and after `covered`.
