@@ -21,10 +21,24 @@ pub(super) fn read_trajectory(path: &Path, epoch_ns: i64) -> Result<Trajectory> 
 /// Gives every object that has an `objects/<name>.tum` its trajectory; the others rest.
 ///
 /// # Errors
-/// A file that names no object of the scene (with the nearest name), and those of [`read_trajectory`].
+/// A file that names no object of the scene (with the nearest name), one that has an object's name and another ending,
+/// and those of [`read_trajectory`].
 pub(super) fn bind_objects(root: &Path, epoch_ns: i64, scene: &mut Scene) -> Result<()> {
-    for path in object_files(&root.join("objects"))? {
+    for path in files(&root.join("objects"))? {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if path.extension().is_none_or(|e| e != "tum") {
+            // Notes of the user's own are no matter.
+            if scene.objects.iter().any(|o| o.name == name) {
+                let found = format!("a file of the object `{name}` that is not read");
+                return Err(Error::input(
+                    &path,
+                    None,
+                    found,
+                    format!("its poses in {name}.tum, or no such file"),
+                ));
+            }
+            continue;
+        }
         if !scene.objects.iter().any(|o| o.name == name) {
             let known = scene.objects.iter().map(|o| o.name.as_str());
             return Err(Error::unknown_name(&path, None, "object of scene.obj", &name, known));
@@ -38,9 +52,9 @@ pub(super) fn bind_objects(root: &Path, epoch_ns: i64, scene: &mut Scene) -> Res
     Ok(())
 }
 
-/// The `.tum` files of a folder, sorted, so that the first error does not depend on the file system. None if there is
+/// The files of a folder, sorted, so that the first error does not depend on the file system. None if there is
 /// no such folder.
-fn object_files(folder: &Path) -> Result<Vec<PathBuf>> {
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = match std::fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -48,10 +62,7 @@ fn object_files(folder: &Path) -> Result<Vec<PathBuf>> {
     };
     let mut paths = Vec::new();
     for entry in entries {
-        let path = entry.map_err(|e| Error::io(folder, "list", e))?.path();
-        if path.extension().is_some_and(|e| e == "tum") {
-            paths.push(path);
-        }
+        paths.push(entry.map_err(|e| Error::io(folder, "list", e))?.path());
     }
     paths.sort();
     Ok(paths)
