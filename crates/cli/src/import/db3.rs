@@ -1,6 +1,7 @@
 //! ROS 2 bags in SQLite (`.db3`): the tables `topics` and `messages`.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use super::large::Large;
 use super::sink::Sink;
@@ -68,18 +69,26 @@ fn root(database: &mut Database, name: &str) -> Result<u64> {
             let damage = database.damage.first();
             let why = damage.map_or(String::new(), |(at, found, _)| format!(", and {found} at byte {at}"));
             let path = database.file().path();
-            Err(Error::input(path, None, format!("no table `{name}`{why}"), expected))
+            let Some(beside) = unfinished(path) else {
+                return Err(Error::input(path, None, format!("no table `{name}`{why}"), expected));
+            };
+            let found = format!("no table `{name}`{why}, and messages in {} beside it", beside.display());
+            Err(Error::input(path, None, found, CLOSED))
         }
     }
 }
 
-/// What was recorded last may stand in a second file, which only SQLite itself can fold in.
-fn note_unfinished(file: &Large, sink: &mut Sink<'_, '_>) {
-    let mut beside = file.path().as_os_str().to_owned();
+const CLOSED: &str = "a bag that was closed (`sqlite3 FILE 'pragma wal_checkpoint(truncate)'` closes it)";
+
+/// A second file, in which what was recorded last may stand: only SQLite itself can fold it in.
+fn unfinished(path: &Path) -> Option<PathBuf> {
+    let mut beside = path.as_os_str().to_owned();
     beside.push("-wal");
-    if std::fs::metadata(&beside).is_ok_and(|m| m.len() > 0) {
-        let found = format!("messages in {} beside it", std::path::Path::new(&beside).display());
-        let expected = "a bag that was closed (`sqlite3 FILE 'pragma wal_checkpoint(truncate)'` closes it)";
-        sink.damaged(file.path(), 0, found, expected);
+    std::fs::metadata(&beside).is_ok_and(|m| m.len() > 0).then(|| beside.into())
+}
+
+fn note_unfinished(file: &Large, sink: &mut Sink<'_, '_>) {
+    if let Some(beside) = unfinished(file.path()) {
+        sink.damaged(file.path(), 0, format!("messages in {} beside it", beside.display()), CLOSED);
     }
 }

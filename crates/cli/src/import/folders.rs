@@ -65,6 +65,7 @@ fn prepared(
     let camera_px = camera.as_ref().map(|c| [c.intrinsics.width, c.intrinsics.height]);
     if let Some(camera) = camera {
         // Its place on the body is in the trajectory now.
+        notes.extend(other_rate(camera.rate_hz, &frames));
         let rate_hz = camera.rate_hz.or_else(|| rate_hz(&frames));
         let camera = CameraModel { body_from_camera: None, rate_hz, ..camera };
         let (text, left_out) = write_camera(&camera, Format::Toml, Path::new("camera.toml"), None)?;
@@ -86,6 +87,19 @@ fn prepared(
         notes,
         pictures,
         broken: None,
+    })
+}
+
+/// Said where frames follow each other at another rate than a camera's file says. Frames may be missing, but come no
+/// faster, and a unit is off by a thousand.
+fn other_rate(said_hz: Option<f64>, frames: &[FrameEntry]) -> Option<String> {
+    let (said, seen) = (said_hz?, rate_hz(frames)?);
+    (seen > 2.0 * said || seen < 0.01 * said).then(|| {
+        format!(
+            "frames are {:.6} ms apart, and the camera's file says {:.6} ms ({said} a second): are the times in ns?",
+            1e3 / seen,
+            1e3 / said
+        )
     })
 }
 
