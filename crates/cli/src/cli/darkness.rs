@@ -1,4 +1,4 @@
-//! `simulate`: frames in which nothing of the scene is seen are named.
+//! `simulate`: frames in which nothing of the scene is seen, for want of light or for too much of it, are named.
 
 use shutterbug::chain::{Settings, View};
 use shutterbug::effects;
@@ -15,6 +15,8 @@ const ROUNDING_DN: u8 = 1;
 /// Mean from which on a frame has seen light, DN: a sensor delivers no quarter of white in the dark. Such frames do not
 /// cost the twin's time.
 const LIT_DN: u64 = 64;
+/// Most values that are not white, one in so many, of a frame that shows nothing but white.
+const NOT_WHITE: usize = 100;
 
 /// Looks for frames that are what the sensor delivers with no light at all: the noise of a dark frame is no scene.
 #[derive(Default)]
@@ -23,6 +25,8 @@ pub(super) struct Darkness {
     typical: Option<u64>,
     /// Places of the frames found.
     dark: Vec<usize>,
+    /// Places of frames that are white nearly everywhere.
+    white: Vec<usize>,
     looked_at: usize,
 }
 
@@ -33,6 +37,10 @@ impl Darkness {
         let picture = &frame.picture;
         let sum = |p: &Plane<u8>| p.data.iter().map(|v| u64::from(*v)).sum::<u64>();
         let (seen, values) = (sum(picture), picture.data.len() as u64);
+        if NOT_WHITE * picture.data.iter().filter(|v| **v < 255).count() < picture.data.len() {
+            self.white.push(frame.index as usize);
+            return;
+        }
         // A frame that is brighter by half a step in each value has seen light; the others are looked at closely.
         let is_lit = |typical: u64| seen > typical + values / 2;
         if seen > LIT_DN * values || self.typical.is_some_and(is_lit) {
@@ -48,20 +56,31 @@ impl Darkness {
         }
     }
 
-    /// A sentence on the frames found; `stems` are the names of all frames.
-    pub(super) fn said(&self, stems: &[String]) -> Option<String> {
-        let first: Vec<String> =
-            self.dark.iter().take(MOST_NAMED).map(|&f| format!("frame {f} ({})", stems[f])).collect();
-        if first.is_empty() {
-            return None;
+    /// A sentence on the frames of each kind that were found; `stems` are the names of all frames.
+    pub(super) fn said(&self, stems: &[String]) -> Vec<String> {
+        let named = |frames: &[usize]| {
+            let first = frames.iter().take(MOST_NAMED).map(|&f| format!("frame {f} ({})", stems[f]));
+            let more = if frames.len() > MOST_NAMED { ", ..." } else { "" };
+            format!("{}{more}", first.collect::<Vec<_>>().join(", "))
+        };
+        let all = counted(self.looked_at, "frame", "frames");
+        let mut said = Vec::new();
+        if !self.dark.is_empty() {
+            said.push(format!(
+                "nothing of the scene is seen in {} of {all}, as if there were no light: {}; is the camera outside of the \
+                 room, does it look away, or are all materials black?",
+                self.dark.len(),
+                named(&self.dark)
+            ));
         }
-        let more = if self.dark.len() > first.len() { ", ..." } else { "" };
-        Some(format!(
-            "nothing of the scene is seen in {} of {}, as if there were no light: {}{more}; is the camera \
-             outside of the room, does it look away, or are all materials black?",
-            self.dark.len(),
-            counted(self.looked_at, "frame", "frames"),
-            first.join(", ")
-        ))
+        if !self.white.is_empty() {
+            said.push(format!(
+                "{} of {all} are white nearly everywhere: {}; are materials (Kd up to 1), lamps or the exposure gain too \
+                 bright?",
+                self.white.len(),
+                named(&self.white)
+            ));
+        }
+        said
     }
 }
