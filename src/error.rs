@@ -41,7 +41,7 @@ pub enum Error {
         /// The nearest known name.
         nearest: Option<String>,
         /// All known names, where they are few.
-        few: Vec<String>,
+        few: Box<[String]>,
     },
     /// A trajectory that does not cover the time that a frame needs. Times in seconds on the capture's clock.
     TrajectoryTooShort {
@@ -444,11 +444,8 @@ impl Error {
     ) -> Self {
         let known: Vec<&str> = known.into_iter().collect();
         let nearest = nearest(name, known.iter().copied()).map(str::to_owned);
-        let few = if known.len() <= FEW_NAMES {
-            known.into_iter().map(str::to_owned).collect()
-        } else {
-            Vec::new()
-        };
+        let listed = if known.len() <= FEW_NAMES { known } else { Vec::new() };
+        let few = listed.into_iter().map(str::to_owned).collect();
         Self::UnknownName {
             path: path.to_owned(),
             line: line.into(),

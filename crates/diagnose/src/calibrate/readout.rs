@@ -266,7 +266,7 @@ mod tests {
         });
         let why = |pictures: &[Plane<f32>]| find_stripes(pictures, Encoding::Linear, 500.0).no_readout;
         assert_eq!(why(&[both]), Some(NoReadout::NotOneWave));
-        assert_eq!(why(&[left.clone()]), None, "control");
+        assert_eq!(why(std::slice::from_ref(&left)), None, "control");
         let mut again = left.clone();
         again.data.iter_mut().for_each(|v| *v *= 0.5);
         assert_eq!(why(&[left.clone(), again]), Some(NoReadout::SameInEach));

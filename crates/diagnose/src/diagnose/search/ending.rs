@@ -226,7 +226,8 @@ impl Search<'_> {
                 // may be that.
                 let clear = !described || gains_more_than_is_left(&rest_scores, &scores);
                 let better = self.prefers_noise(&unseen, &without, &theta)? && clear;
-                let needed = better || (names[i] == "hot_pixels" && self.stuck_are_missed(&without, &theta)?);
+                let needed =
+                    better || (names[i] == "hot_pixels" && self.stuck_are_missed(&without, &theta)?);
                 tracing::info!(
                     "without {}: {:.4}, with {:.4}: {needed}",
                     names[i],
