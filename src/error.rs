@@ -232,12 +232,8 @@ impl fmt::Display for Error {
                 write!(f, "{}: found {found}; expected {expected}", place(path, *line))
             }
             Self::UnknownName { path, line, kind, name, nearest, few } => {
-                write!(
-                    f,
-                    "{}: unknown {kind} `{name}`{}",
-                    place(path, *line),
-                    suggestion(nearest.as_deref(), few)
-                )
+                let hint = suggestion(nearest.as_deref(), few);
+                write!(f, "{}: unknown {kind} `{name}`{hint}", place(path, *line))
             }
             Self::TrajectoryTooShort { .. } | Self::MarginTooSmall { .. } => self.fmt_too_little(f),
             Self::Io { path, action, source } => write!(f, "{}: cannot {action}: {source}", path.display()),

@@ -255,7 +255,7 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         assert!(std::process::Command::new("mkfifo").arg(at("pipe")).status().expect("runs").success());
         std::os::unix::fs::symlink(at("pipe"), at("link")).expect("linked");
-        for (name, what) in [("pipe", "a pipe"), ("link", "a pipe"), (".", "a folder")] {
+        for (name, what) in [("pipe", "a pipe"), ("link", "a link to"), (".", "a folder")] {
             for overwrite in [true, false] {
                 let said = write_single(&at(name), b"new", overwrite, &[]).expect_err("refused").to_string();
                 assert!(said.contains(&format!("found {what}")), "{said}");

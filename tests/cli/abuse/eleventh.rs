@@ -1,4 +1,4 @@
-//! The eleventh blind set: outputs that lay on inputs, on another run's, or behind a link.
+//! The eleventh blind set: outputs on inputs, below another run's, or behind a link; what `simulate` was silent on.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -92,4 +92,35 @@ fn a_run_does_not_write_below_the_folder_of_another() {
         assert_refused(&refused, 1, &["a run that is still writing there", "a folder of its own"]);
     }
     assert_done(&below());
+}
+
+#[test]
+fn frames_of_nothing_but_white_are_named() {
+    if !device_is_there("frames_of_nothing_but_white_are_named") {
+        return;
+    }
+    let capture = Capture::new();
+    let said = |out: &str| {
+        let done = capture.simulate(&capture.beside(out), &[]);
+        assert_done(&done);
+        String::from_utf8_lossy(&done.stderr).into_owned()
+    };
+    let plain = said("plain");
+    assert!(!plain.contains("white nearly everywhere"), "control: {plain}");
+    capture.write("colours.mtl", "newmtl grey\nKd 255 255 255\nnewmtl red\nKd 255 255 255\n");
+    let white = said("white");
+    assert!(white.contains("4 of 4 frames are white nearly everywhere: frame 0 (000000)"), "{white}");
+}
+
+#[test]
+fn poses_of_an_object_under_another_ending_are_not_passed_over() {
+    let capture = Capture::new();
+    capture.write("objects/notes.txt", "mine");
+    capture.write("objects/wall.txt", "10 0 0 0 0 0 0 1\n");
+    let refused = capture.simulate(&capture.beside("out"), &[]);
+    assert_refused(&refused, 1, &["wall.txt: found a file of the object `wall`", "its poses in wall.tum"]);
+    fs::remove_file(capture.root().join("objects/wall.txt")).unwrap();
+    if device_is_there("poses_of_an_object_under_another_ending_are_not_passed_over") {
+        assert_done(&capture.simulate(&capture.beside("out"), &[]));
+    }
 }

@@ -133,7 +133,10 @@ fn objects_are_bound_by_name() {
         unknown(&["table", "cups"]),
         "objects/cup.tum: unknown object of scene.obj `cup`; did you mean `cups`?"
     );
-    assert_eq!(unknown(&["table"]), "objects/cup.tum: unknown object of scene.obj `cup`");
+    assert_eq!(
+        unknown(&["table"]),
+        "objects/cup.tum: unknown object of scene.obj `cup`; expected one of table"
+    );
     fixture.write("objects/cup.tum", OBJECT.replace("00.1", "00.05"));
     let error = unknown(&["cup"]);
     assert!(error.starts_with("objects/cup.tum: frame 1 (000001.png) needs poses from"), "{error}");

@@ -130,9 +130,9 @@ fn no_stripes(found: &Stripes) -> String {
     let [rows, columns] = [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
     let why = match found.no_readout {
         Some(NoReadout::NotOneWave) => {
-            "something repeats or steps, but it is not one wave over whole lines: lamps of different phases, light on a \
-             part of the surface, a picture that was turned or cut, or content. Nothing is known of the shutter: give a \
-             picture of an evenly lit surface as the sensor delivered it"
+            "something repeats or steps, but it is not one wave over whole lines: lamps of different phases, light on \
+             a part of the surface, a picture that was turned or cut, or content. Nothing is known of the shutter: \
+             give a picture of an evenly lit surface as the sensor delivered it"
         }
         Some(NoReadout::SameInEach) => {
             "each picture alone has them, at the same places in both: lines that are printed, or the light came to the \
@@ -146,17 +146,19 @@ fn no_stripes(found: &Stripes) -> String {
     format!("no stripes (strongest line of the spectrum along rows {rows}, along columns {columns}): {why}\n")
 }
 
-/// `calibrate readout`.
-pub fn readout(args: &CalibrateReadout) -> Result<()> {
+/// Pictures are compared two by two.
+fn check_count(args: &CalibrateReadout) -> Result<()> {
     if args.photos.len() > 1 && args.photos.len() % 2 == 1 {
         let found = counted(args.photos.len(), "picture", "pictures");
-        return Err(Error::input(
-            &args.photos[0],
-            None,
-            found,
-            "one, or an even number, which are compared two by two",
-        ));
+        let expected = "one, or an even number, which are compared two by two";
+        return Err(Error::input(&args.photos[0], None, found, expected));
     }
+    Ok(())
+}
+
+/// `calibrate readout`.
+pub fn readout(args: &CalibrateReadout) -> Result<()> {
+    check_count(args)?;
     let out = args.common.open("calibrate readout", &args.photos)?;
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;

@@ -67,16 +67,16 @@ impl Darkness {
         let mut said = Vec::new();
         if !self.dark.is_empty() {
             said.push(format!(
-                "nothing of the scene is seen in {} of {all}, as if there were no light: {}; is the camera outside of the \
-                 room, does it look away, or are all materials black?",
+                "nothing of the scene is seen in {} of {all}, as if there were no light: {}; is the camera outside of \
+                 the room, does it look away, or are all materials black?",
                 self.dark.len(),
                 named(&self.dark)
             ));
         }
         if !self.white.is_empty() {
             said.push(format!(
-                "{} of {all} are white nearly everywhere: {}; are materials (Kd up to 1), lamps or the exposure gain too \
-                 bright?",
+                "{} of {all} are white nearly everywhere: {}; are materials (Kd up to 1), lamps or the exposure gain \
+                 too bright?",
                 self.white.len(),
                 named(&self.white)
             ));

@@ -283,3 +283,26 @@ fn kitti_camera(path: &Path, number: usize) -> Result<([f64; 4], DVec3)> {
     let t = DVec3::new((p[3] - p[2] * z) / p[0], (p[7] - p[6] * z) / p[5], z);
     Ok(([p[0], p[5], p[2], p[6]], -t))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_that_are_no_nanoseconds_are_doubted() {
+        let said = |step_ns: i64| {
+            let frame = |i: i64| FrameEntry {
+                timestamp_ns: 1_000 + step_ns * i,
+                start_s: 0.0,
+                filename: format!("{i}.png"),
+            };
+            other_rate(Some(20.0), &(0..5).map(frame).collect::<Vec<_>>())
+        };
+        // As the file says, and with every second frame missing.
+        assert_eq!((said(50_000_000), said(100_000_000)), (None, None));
+        for step_ns in [1, 50_000, 50_000_000_000] {
+            let said = said(step_ns).expect("a sentence");
+            assert!(said.contains("the camera's file says 50.000000 ms (20 a second)"), "{said}");
+        }
+    }
+}

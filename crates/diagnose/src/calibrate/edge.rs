@@ -249,15 +249,21 @@ fn worth(list: &[[f64; 2]]) -> [f64; 2] {
     [contrast * (last[0] - first[0]).min(REACH_PX), contrast * steep.min(1.0)]
 }
 
-/// Finds the line of the edge: where each line of pixels is steepest. Colours are mixed as light, and encoded again: the
-/// mean of encoded values is no blurred edge's where one colour rises and another falls.
-fn points(picture: &Plane<f32>, [x0, y0, w, h]: Region, encoding: Encoding) -> Option<Points> {
+/// Brightness of the pixels of a region, row by row, encoded. Colours are mixed as light: the mean of encoded values is
+/// no blurred edge's where one colour rises and another falls.
+fn brightness(picture: &Plane<f32>, [x0, y0, w, h]: Region, encoding: Encoding) -> Vec<f64> {
     let mixed = |i: usize| {
         let p = picture.pixel(x0 + i % w, y0 + i / w);
         let light = p.iter().map(|v| encoding.decode(*v)).sum::<f32>() / p.len() as f32;
         f64::from(encoding.encode(light))
     };
-    let greys: Vec<f64> = (0..w * h).map(mixed).collect();
+    (0..w * h).map(mixed).collect()
+}
+
+/// Finds the line of the edge: where each line of pixels is steepest.
+fn points(picture: &Plane<f32>, region: Region, encoding: Encoding) -> Option<Points> {
+    let [.., w, h] = region;
+    let greys = brightness(picture, region, encoding);
     let grey = |x: usize, y: usize| greys[y * w + x];
     let slopes = |dx: usize, dy: usize| -> f64 {
         (0..h - dy)

@@ -70,6 +70,23 @@ fn blur_and_response_are_those_of_the_closed_form() {
     }
 }
 
+/// One colour rises across the edge and another falls, as from yellow to blue.
+#[test]
+fn colours_of_an_edge_are_mixed_as_light() {
+    let sigma = 1.2;
+    let one = picture(sigma, None, 0.15);
+    let falling = |v: f32| Encoding::Srgb.encode(0.7 - Encoding::Srgb.decode(v));
+    let coloured = Plane::from_fn(one.width, one.height, |x, y| {
+        let v = one.pixel(x, y)[0];
+        [v, v, falling(v)]
+    });
+    let off = |picture: &Plane<f32>| (edge(picture).defocus_sigma_px.value - sigma).abs();
+    assert!(off(&coloured) < 0.03 * sigma + 0.01, "{:?}", edge(&coloured).defocus_sigma_px);
+    // Control: the mean of encoded values is another edge's.
+    let mean = Plane::from_fn(one.width, one.height, |x, y| [coloured.pixel(x, y).iter().sum::<f32>() / 3.0]);
+    assert!(off(&mean) > 0.05 * sigma, "{:?}", edge(&mean).defocus_sigma_px);
+}
+
 #[test]
 fn sharpening_is_told_from_blur() {
     let found = edge(&picture(1.0, Some([0.8, 1.5]), 0.1));

@@ -174,12 +174,14 @@ impl Search<'_> {
                 let name = found.set[i];
                 let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
                 let enough = scores.beyond_bounds().is_empty();
+                // What the frames show by themselves needs a score that does not speak against it.
+                let known = self.is_known(name) && now.mean() <= scores.mean();
                 let needed = match (is_description(name), passes && !enough) {
                     (true, _) if enough => false,
                     (false, true) => self.is_there(found, name)?,
                     _ => self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?,
                 };
-                if !needed && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
+                if !needed && !known && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
                     weakest = Some((i, fit.theta, scores.mean()));
                 }
             }
