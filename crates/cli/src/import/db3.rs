@@ -78,9 +78,10 @@ fn root(database: &mut Database, name: &str) -> Result<u64> {
     }
 }
 
+/// What is expected where it is there.
 const CLOSED: &str = "a bag that was closed (`sqlite3 FILE 'pragma wal_checkpoint(truncate)'` closes it)";
 
-/// A second file, in which what was recorded last may stand: only SQLite itself can fold it in.
+/// The second file beside a bag, in which what was recorded last may stand: only SQLite itself can fold it in.
 fn unfinished(path: &Path) -> Option<PathBuf> {
     let mut beside = path.as_os_str().to_owned();
     beside.push("-wal");
