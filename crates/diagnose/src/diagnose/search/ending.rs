@@ -177,11 +177,12 @@ impl Search<'_> {
                 // What the frames show by themselves needs a score that does not speak against it.
                 let known = self.is_known(name) && now.mean() <= scores.mean();
                 let needed = match (is_description(name), passes && !enough) {
+                    _ if known => true,
                     (true, _) if enough => false,
                     (false, true) => self.is_there(found, name)?,
                     _ => self.prefers(&fit.theta, &found.fit.theta)? && self.is_there(found, name)?,
                 };
-                if !needed && !known && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
+                if !needed && weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
                     weakest = Some((i, fit.theta, scores.mean()));
                 }
             }
@@ -274,9 +275,14 @@ impl Search<'_> {
         if theta.is_on(P::Hot) {
             means.iter_mut().for_each(|m| self.judge.hot.put(m));
         }
+        Ok(are_far_off(self.outliers(frames, &means, theta), theta))
+    }
+
+    /// Share of values of frames that lie far from `means`, where the judge compares.
+    fn outliers(&self, frames: &[usize], means: &[Plane<f32>], theta: &Theta) -> f64 {
         let masks = self.forward.masked(self.judge.masks, theta.room.kind());
         let given = self.forward.outside.is_some();
-        Ok(are_far_off(outliers(self.evidence, frames, &means, masks.as_deref(), theta, given), theta))
+        outliers(self.evidence, frames, means, masks.as_deref(), theta, given)
     }
 
     /// Whether the interval of one of some parameters leaves out the given camera's value.
@@ -323,11 +329,9 @@ impl Search<'_> {
         let mut means = self.forward.simulate(frames, theta, Quality::Fine)?;
         let masks = self.forward.masked(Some(self.masks), theta.room.kind());
         let masks = masks.as_deref().expect("there were some");
-        let judged = self.forward.masked(self.judge.masks, theta.room.kind());
         // What is stuck is far off for a model that has none, and no sign of anything else.
         let bare = theta.get(P::Hot) == 0.0;
-        let given = self.forward.outside.is_some();
-        let far = bare.then(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
+        let far = bare.then(|| self.outliers(frames, &means, theta));
         means.iter_mut().for_each(|m| self.judge.hot.put(m));
         let left = self.noise_data(theta, frames)?;
         found.residue = residue(self.evidence, frames, &means, masks, &left, theta);
@@ -338,8 +342,7 @@ impl Search<'_> {
             let seen = smear(self.evidence, frames, &means, self.masks, &velocity);
             found.residue.smear = seen.unwrap_or_default();
         }
-        found.residue.outliers =
-            far.unwrap_or_else(|| outliers(self.evidence, frames, &means, judged.as_deref(), theta, given));
+        found.residue.outliers = far.unwrap_or_else(|| self.outliers(frames, &means, theta));
         found.residue.solved = solved(self.evidence, frames, [&before, &means], masks, theta);
         found.residue.placed = placed(self.evidence, frames, [&before, &means], masks);
         if theta.room.radiance {

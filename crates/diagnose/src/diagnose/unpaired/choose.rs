@@ -145,10 +145,19 @@ impl Chosen {
             useless.into_iter().for_each(|name| self.give_up(name));
             left = distance(&self.theta);
         }
-        let none = self.set.iter().fold(self.theta.clone(), |t, n| t.without(candidate_of(n)));
-        if !self.set.is_empty() && distance(&none) <= left {
-            self.set.clone().into_iter().for_each(|name| self.give_up(name));
+        if !self.set.is_empty() && distance(&self.without_all()) <= left {
+            self.give_up_all();
         }
+    }
+
+    /// The camera without all effects.
+    pub(super) fn without_all(&self) -> Theta {
+        self.set.iter().fold(self.theta.clone(), |theta, n| theta.without(candidate_of(n)))
+    }
+
+    /// Gives up all effects.
+    pub(super) fn give_up_all(&mut self) {
+        self.set.clone().into_iter().for_each(|name| self.give_up(name));
     }
 
     /// Gives up an effect that frames which no fit has seen speak against.

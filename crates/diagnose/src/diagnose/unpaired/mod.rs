@@ -199,14 +199,14 @@ impl Unseen {
                 chosen.give_up(name);
             }
             if !chosen.set.is_empty() && self.resembles(chosen) {
-                chosen.set.clone().into_iter().for_each(|name| chosen.give_up(name));
+                chosen.give_up_all();
             }
         }
     }
 
     /// Whether effects explain so little of what the traces differ by that they only resemble what is missing.
     fn resembles(&self, chosen: &Chosen) -> bool {
-        let without = chosen.set.iter().fold(chosen.theta.clone(), |t, n| t.without(candidate_of(n)));
+        let without = chosen.without_all();
         let after = self.beside(&chosen.theta).0;
         let closed = closed_fraction(self.distance(&without), distance(&after), outcome::BY_CHANCE);
         !outcome::left(&after).is_empty() && closed < NAMED[1]
