@@ -16,7 +16,7 @@ const ROUNDING_DN: u8 = 1;
 /// cost the twin's time.
 const LIT_DN: u64 = 64;
 /// Most values that are not white, one in so many, of a frame that shows nothing but white.
-const NOT_WHITE: usize = 100;
+const NOT_WHITE: u64 = 100;
 
 /// Looks for frames that are what the sensor delivers with no light at all: the noise of a dark frame is no scene.
 #[derive(Default)]
@@ -37,13 +37,18 @@ impl Darkness {
         let picture = &frame.picture;
         let sum = |p: &Plane<u8>| p.data.iter().map(|v| u64::from(*v)).sum::<u64>();
         let (seen, values) = (sum(picture), picture.data.len() as u64);
-        if NOT_WHITE * picture.data.iter().filter(|v| **v < 255).count() < picture.data.len() {
-            self.white.push(frame.index as usize);
-            return;
-        }
         // A frame that is brighter by half a step in each value has seen light; the others are looked at closely.
         let is_lit = |typical: u64| seen > typical + values / 2;
-        if seen > LIT_DN * values || self.typical.is_some_and(is_lit) {
+        if seen > LIT_DN * values {
+            // So many white values make a bright sum: other frames need no second look.
+            let is_bright = 255 * (NOT_WHITE - 1) * values < NOT_WHITE * seen;
+            let not_white = || picture.data.iter().filter(|v| **v < 255).count() as u64;
+            if is_bright && NOT_WHITE * not_white() < values {
+                self.white.push(frame.index as usize);
+            }
+            return;
+        }
+        if self.typical.is_some_and(is_lit) {
             return;
         }
         let none = Plane::new(picture.width, picture.height, 4);
