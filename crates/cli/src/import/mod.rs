@@ -24,6 +24,7 @@ mod messages;
 mod pixels;
 mod poses;
 mod prepared;
+mod program;
 mod sink;
 mod sqlite;
 mod tables;

@@ -2,12 +2,11 @@
 
 use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::thread::JoinHandle;
 
 use super::Damage;
 use super::contents::Body;
 use super::pixels::{PictureFile, file_of};
+use super::program::Running;
 use super::wire::Fault;
 use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::{MAX_PIXELS, MAX_SIDE_PX};
@@ -46,58 +45,6 @@ pub(super) struct Video {
     pub(super) damage: Option<String>,
 }
 
-/// A running program; its stderr is read aside so that it never waits for us.
-struct Running {
-    child: Child,
-    said: Option<JoinHandle<String>>,
-}
-
-impl Running {
-    fn start(program: &'static str, arguments: &[&str], path: &Path) -> Result<(Self, ChildStdout)> {
-        // `file:` and the list keep a file's content from sending the program elsewhere.
-        let mut input = std::ffi::OsString::from("file:");
-        input.push(path);
-        let (before, after) =
-            arguments.split_at(arguments.iter().position(|a| *a == "-i").map_or(0, |i| i + 1));
-        let mut command = Command::new(program);
-        command.args(["-v", "error", "-protocol_whitelist", "file"]).args(before).arg(input).args(after);
-        let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        let mut child = started.map_err(|e| match e.kind() {
-            ErrorKind::NotFound => {
-                let found = format!("what may be a video, and no program `{program}` on this machine");
-                Error::input(path, None, found, "ffmpeg with ffprobe (Debian: apt-get install ffmpeg)")
-            }
-            _ => Error::io(Path::new(program), "start", e),
-        })?;
-        let (out, mut errors) = (child.stdout.take().expect("piped"), child.stderr.take().expect("piped"));
-        let said = std::thread::spawn(move || {
-            let (mut kept, mut part) = (Vec::new(), [0; 4096]);
-            while let Ok(count @ 1..) = errors.read(&mut part) {
-                if kept.len() < 1 << 16 {
-                    kept.extend(&part[..count]);
-                }
-            }
-            String::from_utf8_lossy(&kept).into_owned()
-        });
-        Ok((Self { child, said: Some(said) }, out))
-    }
-
-    /// Waits for the end: whether it went well, and what was said.
-    fn end(mut self) -> (bool, String) {
-        let well = self.child.wait().is_ok_and(|s| s.success());
-        let said = self.said.take().and_then(|s| s.join().ok()).unwrap_or_default();
-        (well, said)
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Where it has ended already nothing happens.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
 /// The first line of what a program said, without the path.
 fn first_line(said: &str, path: &Path) -> String {
     let shown = format!("file:{}", path.display());
@@ -119,9 +66,9 @@ impl Video {
         let entries = "stream=codec_name,width,height,pix_fmt,time_base,nb_frames:stream_side_data=rotation:\
                        frame=best_effort_timestamp";
         let arguments = ["-select_streams", "v:0", "-show_entries", entries, "-of", "compact", "-i"];
-        let (running, mut out) = Running::start("ffprobe", &arguments, path)?;
+        let mut running = Running::start("ffprobe", &arguments, path)?;
         let mut text = Vec::new();
-        out.by_ref().take(1 << 30).read_to_end(&mut text).map_err(|e| Error::io(path, "probe", e))?;
+        running.by_ref().take(1 << 30).read_to_end(&mut text).map_err(|e| Error::io(path, "probe", e))?;
         let (well, said) = running.end();
         let text = String::from_utf8_lossy(&text);
         let mut video = Self::of(path, &text)?;
@@ -263,11 +210,11 @@ impl Video {
                 "rawvideo",
                 "-",
             ];
-            let (running, mut out) = Running::start("ffmpeg", &arguments, &self.path)?;
+            let mut running = Running::start("ffmpeg", &arguments, &self.path)?;
             let mut frames = 0;
             loop {
                 let mut values = vec![0; bytes];
-                match out.read_exact(&mut values) {
+                match running.read_exact(&mut values) {
                     Ok(()) => visit(frames, size, values)?,
                     Err(e) if e.kind() == ErrorKind::UnexpectedEof => break,
                     Err(e) => return Err(Error::io(&self.path, "decode", e)),

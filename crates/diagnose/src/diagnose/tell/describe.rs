@@ -360,9 +360,12 @@ fn shapley(search: &mut Search<'_>, found: &Found) -> Result<Vec<f64>> {
     Ok(values)
 }
 
-/// The gap with a candidate alone: `before` less what it gains where it was tried.
+/// The gap with a candidate alone. It was tried on other frames than those that are told of, which may be darker or
+/// stiller: what carries over is the share that it closes of what can be closed.
 fn gap_alone(found: &Found, alone: &Alone) -> f64 {
-    found.before.mean() - gain(&alone.against, &alone.scores).value
+    let closed = closed_fraction(alone.against.mean(), alone.scores.mean(), alone.scores.floor());
+    let (before, floor) = (found.before.mean(), found.after.floor());
+    before - closed * (before - floor.min(before))
 }
 
 fn rejected(search: &Search<'_>, found: &Found) -> Vec<Candidate> {
@@ -390,7 +393,8 @@ fn is_hidden_by_surfaces(search: &Search<'_>, alone: &Alone, found: &Found) -> b
 }
 
 fn why(search: &Search<'_>, alone: &Alone, candidate: &CandidateSpec, found: &Found) -> String {
-    let share = 100.0 * gain(&alone.against, &alone.scores).value / found.before.mean().max(1e-9);
+    let before = found.before.mean();
+    let share = 100.0 * (before - gap_alone(found, alone)) / before.max(1e-9);
     if !search.gains(&alone.against, &alone.scores) {
         return format!("alone it does not lower the gap beyond chance ({share:+.1} %)");
     }
