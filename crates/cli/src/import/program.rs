@@ -132,7 +132,8 @@ mod tests {
         }
 
         // Control: one that writes and ends, slowly.
-        let (mut text, mut running) = (String::new(), shell("for i in 1 2 3; do sleep 0.1; echo $i; done; echo no >&2"));
+        let (mut text, mut running) =
+            (String::new(), shell("for i in 1 2 3; do sleep 0.1; echo $i; done; echo no >&2"));
         running.read_to_string(&mut text).unwrap();
         assert_eq!((text.as_str(), running.end()), ("1\n2\n3\n", (true, "no\n".to_owned())));
     }

@@ -1,10 +1,13 @@
 //! A camera and the poses of all views, fitted together (Levenberg-Marquardt on the distances between points as seen
 //! and as predicted, weighed after Huber so that a wrong point does not decide).
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3};
+use nalgebra::{DMatrix, DVector};
 
 use super::motion::BoardPath;
-use super::solve::{Block, OWN, Step, covariance, step};
+use super::solve::{Block, OWN, Step, covariance, pull, step};
 use shutterbug::camera::{Distortion, Intrinsics, Pose};
 use shutterbug::error::Result;
 
@@ -191,10 +194,9 @@ impl Bundle {
             for point in &self.points[view] {
                 let p = self.predicted(path.as_ref(), view, point);
                 for axis in 0..2 {
-                    let size = p.residual[axis].abs() / spread_px;
-                    let weight = (HUBER / size).min(1.0);
-                    let by_shared: Vec<f64> = free.iter().map(|&i| p.by_shared[axis][i]).collect();
-                    block.add(&by_shared, &p.by_own[axis], p.residual[axis], weight);
+                    let by_shared = chosen(&p.by_shared[axis], free);
+                    let residual = p.residual[axis];
+                    block.add(&by_shared, &p.by_own[axis], residual, weight(residual, spread_px));
                 }
             }
             block
@@ -248,14 +250,90 @@ impl Bundle {
         k.fx > 0.0 && k.fy > 0.0 && self.camera.values.iter().all(|v| v.is_finite())
     }
 
-    /// Standard deviations of the parameters `free`; `None` where the views do not fix them.
+    /// Standard deviations of the parameters `free`; `None` where the views do not fix them. What a point is off by may
+    /// be its own in each view, or the board's, and then the same in all: the wider of both counts.
     pub(super) fn deviations(&self, free: &[usize], spread_px: f64) -> Result<Option<Vec<f64>>> {
         let own = OWN * self.poses.len();
         let left = self.residual_count().saturating_sub(own + free.len()).max(1) as f64;
         // The mean weighed square, which for normal errors is a little less than the variance.
         let variance = self.cost(spread_px)? / left * spread_px * spread_px;
-        let covariance = covariance(&self.blocks(free, spread_px)?);
-        Ok(covariance.map(|c| (0..free.len()).map(|i| (variance * c[(i, i)]).sqrt()).collect()))
+        let blocks = self.blocks(free, spread_px)?;
+        let Some(each) = covariance(&blocks) else { return Ok(None) };
+        let Some(pulls) = self.pulls(&blocks, free, spread_px)? else { return Ok(None) };
+        let points = pulls.len() as f64;
+        // As many points as parameters fit what is theirs as well.
+        let few = points / (points - (free.len() + OWN) as f64 / 2.0).max(1.0);
+        let shared = &each * pulls.iter().map(|p| p * p.transpose()).sum::<DMatrix<f64>>() * &each * few;
+        let wider = |i: usize| (variance * each[(i, i)]).max(shared[(i, i)]).sqrt();
+        Ok(Some((0..free.len()).map(wider).collect()))
+    }
+
+    /// What each point of the board pulls the parameters `free` by, in all views together.
+    fn pulls(&self, blocks: &[Block], free: &[usize], spread_px: f64) -> Result<Option<Vec<DVector<f64>>>> {
+        let path = self.path()?;
+        let mut pulls = BTreeMap::new();
+        for (view, block) in blocks.iter().enumerate() {
+            for point in &self.points[view] {
+                let p = self.predicted(path.as_ref(), view, point);
+                let sum = pulls.entry(place_of(point)).or_insert_with(|| DVector::zeros(free.len()));
+                for axis in 0..2 {
+                    let by_shared = chosen(&p.by_shared[axis], free);
+                    let weighed = p.residual[axis] * weight(p.residual[axis], spread_px);
+                    let Some(pull) = pull(block, &by_shared, &p.by_own[axis], weighed) else {
+                        return Ok(None);
+                    };
+                    *sum += pull;
+                }
+            }
+        }
+        Ok(Some(pulls.into_values().collect()))
+    }
+
+    /// How many residuals count as one: one where those of a point differ from view to view, as many as there are views
+    /// where they are the same in all (the design effect of clusters; Kish, Survey Sampling, 1965).
+    pub(super) fn alike(&self) -> Result<f64> {
+        let mut of_points = BTreeMap::new();
+        for (points, residuals) in self.points.iter().zip(self.residuals()?) {
+            for (point, r) in points.iter().zip(residuals) {
+                let (count, sum, squares) =
+                    of_points.entry(place_of(point)).or_insert((0.0, DVec2::ZERO, 0.0));
+                (*count, *sum, *squares) = (*count + 1.0, *sum + r, *squares + r.length_squared());
+            }
+        }
+        let (mut common, mut each, mut others) = (0.0, 0.0, 0.0);
+        for (count, sum, squares) in of_points.into_values() {
+            common += sum.length_squared() - squares;
+            each += squares;
+            others += (count - 1.0) * squares;
+        }
+        Ok(1.0 + (common / others.max(1e-300)).clamp(0.0, 1.0) * others / each.max(1e-300))
+    }
+
+    /// Views whose points lie further from those of every view before than what all are off by. Another picture from
+    /// the same place tells nothing of the camera.
+    pub(super) fn places(&self) -> Result<usize> {
+        let off_px = self.rms_px()?;
+        let mut kept: Vec<usize> = Vec::new();
+        for view in 0..self.points.len() {
+            if kept.iter().all(|k| self.apart_px(*k, view) > 2.0 * off_px[*k].max(off_px[view])) {
+                kept.push(view);
+            }
+        }
+        Ok(kept.len())
+    }
+
+    /// Root mean square distance of the points that two views share, px; without any they are far apart.
+    fn apart_px(&self, a: usize, b: usize) -> f64 {
+        let square = |p: &Point| {
+            let same = self.points[b].iter().find(|q| q.on_board_m == p.on_board_m)?;
+            Some((same.px - p.px).length_squared())
+        };
+        let squares: Vec<f64> = self.points[a].iter().filter_map(square).collect();
+        if squares.is_empty() {
+            f64::INFINITY
+        } else {
+            (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+        }
     }
 
     /// Root mean square distance of each view's points, px.
@@ -265,6 +343,20 @@ impl Bundle {
         };
         Ok(self.residuals()?.iter().map(rms).collect())
     }
+}
+
+/// A point's place on the board as a key.
+fn place_of(point: &Point) -> [u64; 3] {
+    point.on_board_m.to_array().map(f64::to_bits)
+}
+
+/// The weight of a residual after Huber.
+fn weight(residual_px: f64, spread_px: f64) -> f64 {
+    (HUBER * spread_px / residual_px.abs()).min(1.0)
+}
+
+fn chosen(of_all: &[f64; COUNT], free: &[usize]) -> Vec<f64> {
+    free.iter().map(|&i| of_all[i]).collect()
 }
 
 #[cfg(test)]

@@ -121,6 +121,14 @@ fn check_known(bundle: &Bundle, free: &[usize], frames: &Path) -> Result<Vec<(&'
              {apart_px:.1} px away"
         ));
     }
+    let places = bundle.places()?;
+    if places < LEAST_VIEWS {
+        return refuse(format!(
+            "{} of the board from {}, which differ by no more than what its points are off by ({off_px:.2} px rms)",
+            counted(bundle.poses.len(), "picture", "pictures"),
+            counted(places, "place", "places")
+        ));
+    }
     let deviations = bundle.deviations(free, bundle.spread_px()?)?;
     let deviations = deviations.filter(|all| all.iter().all(|d| d.is_finite()));
     let Some(deviations) = deviations else {
@@ -204,9 +212,23 @@ fn best_start(points: &[Vec<Point>], size: [u32; 2], frames: &Path) -> Result<Op
     Ok(best.map(|b| b.1))
 }
 
-/// Schwarz's criterion, less what does not depend on the parameters.
-fn criterion(bundle: &Bundle, free: usize, spread_px: f64) -> Result<f64> {
-    Ok(bundle.cost(spread_px)? + free as f64 * (bundle.residual_count() as f64).ln())
+/// What candidates are judged by: the smallest spread that one of them leaves, px, and how many residuals count as one
+/// there.
+struct Judged {
+    spread_px: f64,
+    alike: f64,
+}
+
+impl Judged {
+    fn by(bundle: &Bundle) -> Result<Self> {
+        Ok(Self { spread_px: bundle.spread_px()?, alike: bundle.alike()? })
+    }
+
+    /// Schwarz's criterion, less what does not depend on the parameters.
+    fn criterion(&self, bundle: &Bundle, free: usize) -> Result<f64> {
+        let count = bundle.residual_count() as f64 / self.alike;
+        Ok(bundle.cost(self.spread_px)? / self.alike + free as f64 * count.ln())
+    }
 }
 
 /// The lens of as many coefficients as the points ask for.
@@ -224,10 +246,10 @@ fn with_lens(pinhole: &Bundle) -> Result<(Bundle, Vec<usize>)> {
         tried.push((next, free));
     }
     // All are judged by the errors that the fullest leaves.
-    let spread_px = tried[tried.len() - 1].0.spread_px()?;
+    let judged = Judged::by(&tried[tried.len() - 1].0)?;
     let mut best: Option<(f64, Bundle, &[usize])> = None;
     for (bundle, free) in tried {
-        let value = criterion(&bundle, free.len(), spread_px)?;
+        let value = judged.criterion(&bundle, free.len())?;
         if best.as_ref().is_none_or(|b| value < b.0) {
             best = Some((value, bundle, free));
         }
@@ -249,12 +271,93 @@ fn with_readout(global: &Bundle, free: &[usize]) -> Result<(Bundle, Vec<usize>)>
             tried.push((next, free));
         }
     }
-    let mut spread_px = f64::INFINITY;
-    for (bundle, _) in &tried {
-        spread_px = spread_px.min(bundle.spread_px()?);
+    let mut judged = Judged::by(&tried[0].0)?;
+    for (bundle, _) in &tried[1..] {
+        let next = Judged::by(bundle)?;
+        if next.spread_px < judged.spread_px {
+            judged = next;
+        }
     }
-    let values =
-        tried.iter().map(|(b, free)| criterion(b, free.len(), spread_px)).collect::<Result<Vec<_>>>()?;
+    let values = tried.iter().map(|(b, free)| judged.criterion(b, free.len())).collect::<Result<Vec<_>>>()?;
     let best = (0..tried.len()).min_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
     Ok(tried.swap_remove(best))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DQuat, DVec3};
+
+    use super::super::target::Seen;
+    use super::*;
+
+    const SIZE: [u32; 2] = [640, 480];
+
+    fn dice(seed: u64) -> impl FnMut() -> f64 {
+        let mut state = seed;
+        // About normal: the sum of twelve.
+        move || {
+            let mut roll = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 40) as f64 / f64::from(1 << 24)
+            };
+            (0..12).map(|_| roll()).sum::<f64>() - 6.0
+        }
+    }
+
+    /// Views of a tilted board whose points are off by `print_px` in all of them and by `own_px` in each, from places
+    /// that are the further apart the larger `turn` is.
+    fn views(seed: u64, [print_px, own_px]: [f64; 2], turn: f64) -> (Target, Vec<View>) {
+        let target = Target::checkerboard([9, 6], [0.03, 0.03]);
+        let mut camera = Camera::pinhole(SIZE, [500.0, 500.0]);
+        (camera.values[4], camera.values[5]) = (-0.3, 0.1);
+        let mut dice = dice(seed);
+        let print: Vec<DVec2> = (0..54).map(|_| print_px * DVec2::new(dice(), dice())).collect();
+        let view = |picture: usize| {
+            let (a, b) = (2.1 * picture as f64, 0.7 * picture as f64);
+            let [x, y] = [0.35 + 0.4 * turn * a.sin(), 0.2 + 0.4 * turn * a.cos()];
+            let rotation = DQuat::from_euler(glam::EulerRot::XYZ, x, y, turn * b.sin());
+            let middle = DVec3::new(0.12, 0.075, 0.0);
+            let pose = Pose { rotation, translation_m: DVec3::new(0.0, 0.0, 0.45) - rotation * middle };
+            let seen = |i: usize| {
+                let point = [i % 9, i / 9];
+                let px = camera.project(pose.transform(target.point_m(point))).expect("in front");
+                Seen { point, px: px + print[i] + own_px * DVec2::new(dice(), dice()) }
+            };
+            View { picture, seen: (0..54).map(seen).collect() }
+        };
+        let views = (0..8).map(view).collect();
+        (target, views)
+    }
+
+    fn fit((target, views): (Target, Vec<View>)) -> Result<BoardFit> {
+        fit_board(&target, &views, SIZE, &Timing::Stills, Path::new("frames"))
+    }
+
+    /// What a print is off by is the same in every view: more views do not average it out.
+    #[test]
+    fn intervals_hold_of_a_board_that_is_off() {
+        let mut held = 0;
+        for seed in 0..30 {
+            let turn = [0.1, 0.3, 1.0][seed as usize % 3];
+            let fit = fit(views(seed, [0.3, 0.02], turn)).unwrap();
+            let half = fit.half.iter().find(|h| h.0 == "fx").expect("free").1;
+            held += usize::from((fit.camera.values[0] - 500.0).abs() < half);
+        }
+        // Expected of 95 %: 28.5. Fewer than 25 has a chance of 0.4 %.
+        assert!(held >= 25, "{held} of 30");
+        let half = |errors| fit(views(3, errors, 0.1)).unwrap().half[0].1;
+        let [print, own] = [half([0.3, 0.0]), half([0.0, 0.3])];
+        assert!(print > 1.5 * own, "control: what each view is off by averages out: {print} {own}");
+    }
+
+    #[test]
+    fn pictures_from_one_place_are_refused() {
+        let mut still = views(1, [0.2, 0.03], 0.0);
+        let error = fit(still.clone()).unwrap_err().to_string();
+        assert!(error.contains("8 pictures of the board from 1 place"), "{error}");
+        // Control: with two other places they are enough.
+        still.1.truncate(4);
+        still.1.extend(views(1, [0.2, 0.03], 1.0).1.drain(2..5));
+        assert!(fit(still).is_ok());
+    }
 }

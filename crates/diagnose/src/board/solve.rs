@@ -92,6 +92,17 @@ pub(super) fn covariance(blocks: &[Block]) -> Option<DMatrix<f64>> {
     Some(reduced(blocks, 0.0)?.0.cholesky()?.inverse())
 }
 
+/// What a residual pulls the shared parameters by, once its view's pose has taken up what it can.
+pub(super) fn pull(
+    block: &Block,
+    by_shared: &[f64],
+    by_own: &[f64; OWN],
+    weighed: f64,
+) -> Option<DVector<f64>> {
+    let own = block.own.cholesky()?.solve(&SVector::from(*by_own));
+    Some((DVector::from_column_slice(by_shared) - &block.cross * own) * weighed)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
