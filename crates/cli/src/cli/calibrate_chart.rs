@@ -218,6 +218,13 @@ fn flat_text(
     let [low, high] = f.prnu.ci95;
     let _ =
         writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
+    if f.white > 0.0 {
+        let _ = writeln!(
+            text,
+            "  white in a picture, or beside white: {}; left out of all of this",
+            percent(f.white)
+        );
+    }
     text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
         that is shifted between them tells it from the sensor's\n";
     noise_text(&mut text, f);

@@ -5,10 +5,10 @@
 //! part in. Slopes over the picture are the light and the lens: what is even about the middle is called vignetting, a
 //! tilt is the light's.
 
-use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::corners::Corners;
+use super::fall_off::Blocks;
 use super::frames::Encoding;
 use super::lines::{Bands, Lines};
 use super::odd::{Odd, Patterns};
@@ -19,8 +19,6 @@ use shutterbug::plane::Plane;
 
 /// Half a side of the square over which the surface's own brightness is taken, px.
 pub(super) const AROUND_PX: usize = 16;
-/// Side of the blocks whose means fall-off is fitted to, px.
-const BLOCK_PX: usize = 32;
 /// Mean linear values of pictures of a lit surface.
 const LEVELS: std::ops::RangeInclusive<f64> = 0.01..=0.98;
 /// Shifts by which a pattern is compared with another that it has nothing to do with.
@@ -91,6 +89,8 @@ pub struct Flat {
     pub stuck: usize,
     /// Pixels that are black in every picture, and have no part in them either.
     pub dead: usize,
+    /// Share of the picture that is white, or lies beside white, in one of the pictures: left out of all figures.
+    pub white: f64,
     /// Pictures that have another pattern than the rest.
     #[serde(skip)]
     pub odd: Option<Odd>,
@@ -112,8 +112,7 @@ pub struct FlatSums {
     halves: [Plane<f32>; 2],
     /// Sum over the pictures of the squares of their patterns.
     squares: Plane<f32>,
-    /// Sum of block means: dark pictures tell less.
-    blocks: Vec<f64>,
+    blocks: Blocks,
     lines: Lines,
     corners: Corners,
     patterns: Patterns,
@@ -124,7 +123,6 @@ pub struct FlatSums {
 impl FlatSums {
     /// For pictures of one size; `black`: the mean linear value of pictures with the cap on.
     pub fn new(width: usize, height: usize, encoding: Encoding, black: f64) -> Self {
-        let (across, down) = (width / BLOCK_PX, height / BLOCK_PX);
         Self {
             encoding,
             black,
@@ -133,7 +131,7 @@ impl FlatSums {
             levels: Vec::new(),
             halves: [Plane::new(width, height, 1), Plane::new(width, height, 1)],
             squares: Plane::new(width, height, 1),
-            blocks: vec![0.0; across * down],
+            blocks: Blocks::new(width, height),
             lines: Lines::default(),
             corners: Corners::new(width, height),
             patterns: Patterns::default(),
@@ -152,22 +150,19 @@ impl FlatSums {
         let end = |p: &[f32]| [p.iter().all(|v| *v >= 1.0 - 0.5 * step), p.iter().all(|v| *v <= 0.5 * step)];
         let ends: Vec<[bool; 2]> = encoded.data.chunks_exact(encoded.channels).map(end).collect();
         let ends = alone(&ends, w);
+        self.blocks.leave_out_white(encoded, 1.0 - 0.5 * step);
         let level = level_of(&mut data, &ends);
         for (count, end) in self.ends.iter_mut().zip(&ends) {
             (0..2).for_each(|k| count[k] += u16::from(end[k]));
         }
         let light = Plane { width: w, height: h, channels: 1, data };
-        for (k, sum) in self.blocks.iter_mut().enumerate() {
-            let across = w / BLOCK_PX;
-            let (x0, y0) = (k % across * BLOCK_PX, k / across * BLOCK_PX);
-            let rows = (y0..y0 + BLOCK_PX).flat_map(|y| &light.data[y * w + x0..y * w + x0 + BLOCK_PX]);
-            *sum += rows.map(|v| f64::from(*v)).sum::<f64>() / (BLOCK_PX * BLOCK_PX) as f64;
-        }
+        self.blocks.add(&light);
         self.lines.add(&light, level);
         self.corners.add(&light);
         let mut own = box_mean(&light, AROUND_PX);
         own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
+        self.blocks.clear_white(&mut own);
         // Of each picture: bands of a lamp that flickers are others in the next one.
         clean(&mut own);
         self.squares.data.iter_mut().zip(&own.data).for_each(|(to, v)| *to += v * v);
@@ -181,7 +176,7 @@ impl FlatSums {
     fn over_lit(&self, value: &dyn Fn(usize) -> f32) -> f64 {
         let frames = self.levels.len();
         let lit = |c: &[u16; 2]| c.iter().all(|c| usize::from(*c) < frames);
-        let some = self.ends.iter().enumerate().filter(|(_, c)| lit(c));
+        let some = self.ends.iter().enumerate().filter(|(i, c)| lit(c) && !self.blocks.is_white(*i));
         let (sum, n) = some.fold((0.0, 0usize), |(sum, n), (i, _)| (sum + f64::from(value(i)), n + 1));
         sum / n.max(1) as f64
     }
@@ -216,8 +211,15 @@ impl FlatSums {
         if self.squares.data.iter().all(|s| *s == 0.0) {
             return refuse("pictures without any noise".to_owned(), "pictures as a sensor takes them");
         }
-        if self.blocks.len() < 16 {
+        let (blocks, white) = (self.blocks.count(), self.blocks.white_share());
+        if blocks < 16 {
             return refuse(format!("{}x{} px", self.size[0], self.size[1]), "at least 128x128 px");
+        }
+        if (1.0 - white) * (blocks as f64) < 16.0 {
+            return refuse(
+                format!("white in {:.0} % of the picture", 100.0 * white),
+                "a shorter exposure: what is cut off at white has neither a fall-off nor a pattern",
+            );
         }
         Ok(())
     }
@@ -232,16 +234,18 @@ impl FlatSums {
         let level = self.level();
         self.check(level, path)?;
         let rounding = self.rounding.most() / (self.encoding.slope(level + self.black) * level);
-        let shape = self.shape(n * level, rounding);
+        let shape = self.blocks.shape(n * level, rounding);
+        let white = self.blocks.white_share();
         let both: Vec<f32> =
             self.halves[0].data.iter().zip(&self.halves[1].data).map(|(a, b)| a + b).collect();
         let mut sum = Plane { data: both, ..self.halves[0].clone() };
         let [stuck, dead] =
             [0, 1].map(|end| self.ends.iter().filter(|c| usize::from(c[end]) == frames).count());
-        let pixels = (sum.data.len() - stuck - dead) as f64;
+        let pixels = (1.0 - white) * (sum.data.len() - stuck - dead) as f64;
         let shared_noise = self.patterns.shared_noise();
         let (prnu, temporal) = self.spread(&sum, pixels, rounding, shared_noise.is_some());
-        let halves = self.halves;
+        let mut halves = self.halves;
+        halves.iter_mut().chain([&mut sum]).for_each(|plane| self.blocks.clear_white(plane));
         let itself = likeness(&halves[0], &halves[1]);
         sum.data.iter_mut().for_each(|v| *v /= n as f32);
         let [a1, a2, corner, tilt, uneven] = shape;
@@ -269,6 +273,7 @@ impl FlatSums {
             itself,
             stuck,
             dead,
+            white,
             odd: self.patterns.odd(),
             pattern: sum,
         })
@@ -295,45 +300,6 @@ impl FlatSums {
             prnu.ci95[0] = 0.0;
         }
         (prnu, (of_each / n - variance).max(0.0).sqrt())
-    }
-
-    /// Fall-off, what it leaves in the corners, tilt and the rest: values with standard deviations, where they have
-    /// one. `levels`: the sum of the pictures' levels. `rounding`: the most that each block may be off by, of
-    /// the level.
-    fn shape(&self, levels: f64, rounding: f64) -> [[f64; 2]; 5] {
-        let [w, h] = self.size.map(|s| s as f64);
-        let across = self.size[0] / BLOCK_PX;
-        let half = 0.5 * w.hypot(h);
-        let columns = |k: usize, [a1, a2]: [f64; 2]| {
-            let middle = |i: usize| (i as f64 + 0.5) * BLOCK_PX as f64;
-            let x = (middle(k % across) - 0.5 * w) / half;
-            let y = (middle(k / across) - 0.5 * h) / half;
-            let q = x * x + y * y;
-            // The light's tilt falls off with the rest of it.
-            let fall = 1.0 + a1 * q + a2 * q * q;
-            [1.0, q, q * q, x * fall, y * fall]
-        };
-        let rows = self.blocks.len();
-        let b = DVector::from_iterator(rows, self.blocks.iter().map(|v| v / levels));
-        let solved = |known: [f64; 2]| {
-            let a = DMatrix::from_fn(rows, 5, |k, c| columns(k, known)[c]);
-            let solver = (a.transpose() * &a).try_inverse()? * a.transpose();
-            let x = &solver * &b;
-            let left = (&b - &a * &x).norm_squared();
-            Some((x, solver, left))
-        };
-        let first = solved([0.0; 2]).map(|(x, _, _)| [x[1] / x[0], x[2] / x[0]]);
-        let Some((x, solver, left)) = first.and_then(solved) else { return [[0.0; 2]; 5] };
-        let variance = left / (rows as f64 - 5.0).max(1.0);
-        let by = |i: usize| {
-            let row = solver.row(i);
-            // By rounding all blocks are off together.
-            let together = rounding * row.iter().map(|v| v.abs()).sum::<f64>() / 1.96;
-            [x[i] / x[0], (variance.sqrt() * row.norm() + together) / x[0]]
-        };
-        let corner = (x[0] + x[1] + x[2]) / x[0];
-        let uneven = (left / rows as f64).sqrt() / x[0];
-        [by(1), by(2), [corner, 0.0], [x[3].hypot(x[4]) / x[0], 0.0], [uneven, 0.0]]
     }
 }
 

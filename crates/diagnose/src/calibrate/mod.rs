@@ -36,6 +36,7 @@ pub mod dark;
 #[cfg(test)]
 mod dice;
 pub mod edge;
+mod fall_off;
 pub mod figure;
 pub mod filter;
 pub mod fit;
