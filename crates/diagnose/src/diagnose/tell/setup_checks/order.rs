@@ -67,10 +67,25 @@ pub(super) fn order(pairs: &Pairs) -> Option<String> {
         return Some("each real frame stands there twice: the simulation has moved on by then".to_owned());
     }
     from_a_frame_on(pairs, &found).or_else(|| {
-        Some(format!(
-            "{moved} of {count} real frames resemble the simulation of other times: they are out of order"
-        ))
+        let how = match found.is_sorted() {
+            _ if is_between_frames(pairs, &found) => return None,
+            true => "in order: some were dropped or put in, or the clocks run at other rates",
+            false => "they are out of order",
+        };
+        Some(format!("{moved} of {count} real frames resemble the simulation of other times; {how}"))
     })
+}
+
+/// Whether all frames may be late by the same time, which is no whole number of frames: a time offset, which is a
+/// camera's. Each then resembles one of the two frames that the time lies between, and none its own.
+fn is_between_frames(pairs: &Pairs, found: &[usize]) -> bool {
+    let shift = |i: usize| found[i] as i64 - i as i64;
+    let own = |i: usize| pairs.real[i].unlike(&pairs.simulated[i]);
+    let (moved, stayed): (Vec<usize>, Vec<usize>) = (0..found.len()).partition(|i| shift(*i) != 0);
+    let least = moved.iter().map(|i| shift(*i)).min().unwrap_or(0);
+    let usual = median(moved.iter().map(|i| own(*i)));
+    moved.iter().all(|i| (least..=least + 1).contains(&shift(*i)))
+        && stayed.iter().all(|i| own(*i) > LEFT * usual)
 }
 
 /// Whether frames fit so many frames later (or earlier) so much better than one frame beside that, that they are late

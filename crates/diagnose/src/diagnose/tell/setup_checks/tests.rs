@@ -53,6 +53,17 @@ fn what_a_camera_does_is_no_fault_of_the_set_up() {
     let lin = |v: f32, gain: f32| srgb_encode((gain * srgb_decode(v)).min(1.0));
     let cameras = [
         ("nothing", simulated(12)),
+        (
+            // What is nearer changes with the camera's speed.
+            "about one and a half frames late",
+            (0..12)
+                .map(|i| {
+                    let near = frame(i + 1 + i % 2, 1);
+                    let data = near.data.iter().map(|v| v + 0.02 * i as f32).collect();
+                    Plane { data, ..near }
+                })
+                .collect(),
+        ),
         ("a gain of 0.3", per_value(|v| lin(v, 0.3))),
         ("a gain of 2.5", per_value(|v| lin(v, 2.5))),
         ("an exponent of 1.42", per_value(|v| v.powf(1.42))),
@@ -145,6 +156,7 @@ fn frames_of_other_times_are_told() {
         (real(&|i| if i == 5 { 4 } else { i }), "real frame 5 is a copy"),
         (real(&|_| 4), "one and the same"),
         (real(&|i| (i * 5 + 3) % 12), "out of order"),
+        (real(&|i| (i * 4 / 3).min(11)), "in order"),
     ] {
         let said = said(real);
         assert!(said.contains(word), "{word}: {said}");
