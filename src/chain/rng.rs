@@ -42,6 +42,11 @@ pub fn random_bits(pixel: [u32; 2], frame: u32, stream: u32, seed: [u32; 2]) -> 
     philox4x32_10([pixel[0], pixel[1], frame, stream], seed)
 }
 
+/// Four independent numbers, each anywhere from 0 to 1, of a pixel, frame and stream.
+pub fn random_uniform(pixel: [u32; 2], frame: u32, stream: u32, seed: [u32; 2]) -> [f32; 4] {
+    random_bits(pixel, frame, stream, seed).map(|b| b as f32 / u32::MAX as f32)
+}
+
 /// `-2 ln((bits + 1) / 2^32)`: 0 to 44.4, relative error below 3e-7.
 fn minus_two_log(bits: u32) -> f32 {
     let raw = (bits as f32 + 1.0).to_bits();

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::dct::{AREA, Dct, SIDE, TO_YCC, steps};
 use super::grain::Grain;
-use crate::chain::rng::random_bits;
+use crate::chain::rng::{random_bits, random_uniform};
 use crate::chain::{BANDS, Left};
 use crate::plane::Plane;
 use crate::plane::stats::{erf, robust_variance};
@@ -181,8 +181,7 @@ const DRAWN: [usize; 2] = [256, 192];
 /// Flat blocks and their noise, the same for all qualities and levels. Means of blocks lie anywhere between two steps.
 static FLAT: LazyLock<[Plane<f32>; 2]> = LazyLock::new(|| {
     let grey = |x: usize, y: usize| {
-        let bits = random_bits([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0];
-        96.0 + 64.0 * (bits as f32 / u32::MAX as f32)
+        96.0 + 64.0 * random_uniform([(x / SIDE) as u32, (y / SIDE) as u32], 1, 0x4a, [1, 2])[0]
     };
     [Plane::from_fn(DRAWN[0], DRAWN[1], |x, y| [grey(x, y); 3]), normal_noise(DRAWN)]
 });
@@ -308,8 +307,8 @@ mod tests {
                     .iter()
                     .enumerate()
                     .map(|(i, v)| {
-                        let bits = random_bits([i as u32, seed], 0, 5, [1, 1]);
-                        let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                        let uniform = random_uniform([i as u32, seed], 0, 5, [1, 1]);
+                        let noise: f32 = uniform.iter().map(|u| u - 0.5).sum();
                         (v + sigma * 1.732 * noise).round()
                     })
                     .collect(),
@@ -331,8 +330,8 @@ mod tests {
         });
         let (sigma, count) = (6.0f32, 200);
         let normal = |y: usize, seed: u32| {
-            let bits = random_bits([y as u32, seed], 0, 6, [1, 1]);
-            sigma * 1.732 * bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum::<f32>()
+            let uniform = random_uniform([y as u32, seed], 0, 6, [1, 1]);
+            sigma * 1.732 * uniform.iter().map(|u| u - 0.5).sum::<f32>()
         };
         let mut mean = Plane::<f32>::new(64, 64, 3);
         for seed in 0..count {

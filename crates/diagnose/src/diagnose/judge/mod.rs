@@ -131,13 +131,22 @@ impl Scores {
     /// How far a family lies above what the discrepancy may make of it.
     pub(crate) fn excess(&self, family: usize) -> Estimate {
         let blocks = self.blocks(Some(family));
-        let seen = |b: &&[f64; 3]| b[0] + b[2] > 0.0;
-        let all = Estimate::of(&blocks.iter().filter(seen).map(|b| b[0] - b[2]).collect::<Vec<_>>());
-        // What all blocks of a row have in common is one draw.
-        let Some(across) = self.0.first().and_then(|s| s.rows_of) else { return all };
+        let seen = blocks.iter().enumerate().filter(|(_, b)| b[0] + b[2] > 0.0);
+        self.over_places(seen.map(|(place, b)| (place, b[0] - b[2])).collect(), blocks.len())
+    }
+
+    fn rows_of(&self) -> Option<usize> {
+        self.0.first().and_then(|s| s.rows_of)
+    }
+
+    /// Of the sum over places, see [`Scores::blocks`], of which there are `count` in all. What all blocks of a row have in
+    /// common is one draw, where these are scores of a model with noise of rows.
+    fn over_places(&self, values: Vec<(usize, f64)>, count: usize) -> Estimate {
+        let all = Estimate::of(&values.iter().map(|v| v.1).collect::<Vec<_>>());
+        let Some(across) = self.rows_of() else { return all };
         let mut rows: BTreeMap<usize, f64> = BTreeMap::new();
-        for (i, b) in blocks.iter().enumerate().filter(|(_, b)| seen(b)) {
-            *rows.entry(row_of(i, across, blocks.len())).or_default() += b[0] - b[2];
+        for (place, value) in values {
+            *rows.entry(row_of(place, across, count)).or_default() += value;
         }
         let rows = Estimate::of(&rows.into_values().collect::<Vec<_>>());
         Estimate { standard_error: all.standard_error.max(rows.standard_error), ..all }
@@ -240,8 +249,10 @@ pub(crate) fn family_gain(worse: &Scores, better: &Scores, family: usize) -> Est
 fn difference(worse: &Scores, better: &Scores, family: Option<usize>) -> Estimate {
     let (a, b) = (worse.blocks(family), better.blocks(family));
     // Blocks without a statistic are no draws.
-    let seen = a.iter().zip(&b).filter(|(a, b)| a[1] + b[1] > 0.0 || a[0] + b[0] > 0.0);
-    Estimate::of(&seen.map(|(a, b)| a[0] - b[0]).collect::<Vec<_>>())
+    let seen = a.iter().zip(&b).enumerate().filter(|(_, (a, b))| a[1] + b[1] > 0.0 || a[0] + b[0] > 0.0);
+    let gains: Vec<(usize, f64)> = seen.map(|(place, (a, b))| (place, a[0] - b[0])).collect();
+    let noisy = if better.rows_of().is_some() { better } else { worse };
+    noisy.over_places(gains, a.len().min(b.len()))
 }
 
 /// Scores parameters on the frames to choose by; keeps what it has scored.
@@ -487,6 +498,26 @@ mod tests {
         assert!((share_beyond_bounds(&worse, &half) - 0.5).abs() < 1e-5);
         assert!((share_beyond_bounds(&worse, &all) - 1.0).abs() < 1e-5);
         assert_eq!(share_beyond_bounds(&all, &half), 0.0, "control: nothing is beyond");
+    }
+
+    /// What a model gains where a row happens to have much noise, and loses where it has little, is one draw a row.
+    #[test]
+    fn gains_of_a_row_of_blocks_are_one_draw() {
+        let (across, down) = (10, 8);
+        let scores = |of: &dyn Fn(usize) -> f32, rows_of| {
+            let mut frame = FrameScore { rows_of, ..FrameScore::default() };
+            let lines = down + across;
+            frame.blocks[0] = (0..across * down).map(|i| [of(i / across), 0.1, 0.1]).collect();
+            frame.blocks[0].extend(std::iter::repeat_n([0.0; 3], lines));
+            Scores(vec![frame])
+        };
+        let worse = |_| 1.0;
+        let better = |row: usize| 1.0 - [0.3, -0.2, 0.25, -0.1, 0.3, -0.2, 0.2, 0.1][row];
+        let told = |rows_of| gain(&scores(&worse, None), &scores(&better, rows_of)).is_above(1);
+        assert!(!told(Some(across)));
+        assert!(told(None), "control: blocks as draws");
+        let everywhere = gain(&scores(&worse, None), &scores(&|row| 0.9 - 0.01 * row as f32, Some(across)));
+        assert!(everywhere.is_above(1), "{everywhere:?}");
     }
 
     #[test]

@@ -228,8 +228,8 @@ mod tests {
     fn stuck_pixels_are_outliers_and_noise_is_none() {
         let mean = Plane::from_fn(96, 64, |x, _| [60.0 + 0.2 * x as f32; 3]);
         let noisy = |x: usize, y: usize, c: u32| {
-            let bits = shutterbug::chain::rng::random_bits([x as u32, y as u32], c, 9, [3, 4]);
-            8.0 * bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum::<f32>()
+            let uniform = shutterbug::chain::rng::random_uniform([x as u32, y as u32], c, 9, [3, 4]);
+            8.0 * uniform.iter().map(|u| u - 0.5).sum::<f32>()
         };
         let real = |stuck: bool| {
             Plane::from_fn(96, 64, |x, y| {

@@ -121,8 +121,8 @@ mod tests {
                 .map(|(i, j)| spot(x + i, y + j))
                 .sum();
             [0u32, 1, 2].map(|c| {
-                let bits = shutterbug::chain::rng::random_bits([x as u32, y as u32], c, seed, [3, 4]);
-                let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                let uniform = shutterbug::chain::rng::random_uniform([x as u32, y as u32], c, seed, [3, 4]);
+                let noise: f32 = uniform.iter().map(|u| u - 0.5).sum();
                 (60.0 + 120.0 * sum / count + 8.0 * noise).round()
             })
         })

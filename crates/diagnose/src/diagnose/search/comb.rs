@@ -140,15 +140,15 @@ fn evidence_for(blocks: &[Block], steps: &[f32; AREA]) -> Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shutterbug::chain::rng::random_bits;
+    use shutterbug::chain::rng::random_uniform;
     use shutterbug::plane::Plane;
 
     /// Edges and noise, rounded.
     fn picture(sigma: f32) -> Plane<f32> {
         Plane::from_fn(96, 64, |x, y| {
             [0u32, 1, 2].map(|c| {
-                let bits = random_bits([x as u32, y as u32], c, 9, [3, 4]);
-                let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                let uniform = random_uniform([x as u32, y as u32], c, 9, [3, 4]);
+                let noise: f32 = uniform.iter().map(|u| u - 0.5).sum();
                 let v = 60.0 + 25.0 * ((x / 9 + y / 7) % 5) as f32 + 0.3 * x as f32;
                 (v + 1.73 * sigma * noise).round()
             })
@@ -181,8 +181,8 @@ mod tests {
     #[test]
     fn walls_without_noise_tell_of_the_compression_that_they_have_been_through() {
         let wall = |x: usize, y: usize, c: u32| {
-            let bits = random_bits([(x / 20) as u32, (y / 24) as u32], c, 9, [7, 8])[0];
-            30.0 + 180.0 * bits as f32 / u32::MAX as f32 + 0.05 * x as f32
+            30.0 + 180.0 * random_uniform([(x / 20) as u32, (y / 24) as u32], c, 9, [7, 8])[0]
+                + 0.05 * x as f32
         };
         let walls = Plane::from_fn(320, 240, |x, y| [0u32, 1, 2].map(|c| wall(x, y, c).round()));
         for quality in [31, 60, 85] {

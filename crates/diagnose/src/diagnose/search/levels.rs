@@ -107,7 +107,7 @@ fn step_of(linear: &[f32], slopes: &[f32], count: usize) -> Option<f32> {
 mod tests {
     use super::*;
     use crate::diagnose::expect::settings::settings_of;
-    use shutterbug::chain::rng::random_bits;
+    use shutterbug::chain::rng::random_uniform;
     use shutterbug::reference::moments::mixed;
 
     /// Noisy values of a slope, encoded as sRGB, rounded to that depth before.
@@ -122,8 +122,7 @@ mod tests {
             |l: f32| (0..256).map(|dn| dn as f32).find(|dn| tone.decode(dn + 0.5, 0) >= l).unwrap_or(255.0);
         let codes = bits.map(|bits| 2.0f32.powi(bits) - 1.0);
         let linear = Plane::from_fn(96, 64, |x, y| {
-            let noise =
-                random_bits([x as u32, y as u32], 0, 7, [1, 2]).map(|b| b as f32 / u32::MAX as f32 - 0.5);
+            let noise = random_uniform([x as u32, y as u32], 0, 7, [1, 2]).map(|u| u - 0.5);
             [0, 1, 2].map(|c| {
                 let l = 0.05 + 0.6 * x as f32 / 96.0 + 0.02 * noise[c];
                 codes.map_or(l, |codes| (l * codes).round() / codes)

@@ -78,14 +78,14 @@ fn chroma(p: &[f32]) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shutterbug::chain::rng::random_bits;
+    use shutterbug::chain::rng::random_uniform;
     use shutterbug::effects::chroma_subsampling::sharing;
 
     fn picture(sigma: f32) -> Plane<f32> {
         Plane::from_fn(64, 48, |x, y| {
             [0u32, 1, 2].map(|c| {
-                let bits = random_bits([x as u32, y as u32], c, 9, [3, 4]);
-                let noise: f32 = bits.iter().map(|b| *b as f32 / u32::MAX as f32 - 0.5).sum();
+                let uniform = random_uniform([x as u32, y as u32], c, 9, [3, 4]);
+                let noise: f32 = uniform.iter().map(|u| u - 0.5).sum();
                 90.0 + 20.0 * ((x / 7 + (c as usize + 1) * (y / 5)) % 4) as f32 + 1.73 * sigma * noise
             })
         })

@@ -6,7 +6,7 @@ use crate::diagnose::evidence::{Evidence, spread_out};
 use crate::diagnose::expect::model::{P, Theta, candidate_of, combinations};
 use crate::diagnose::expect::settings::settings_of;
 use crate::diagnose::expect::tone::{Tone, dn_per_linear, noiseless};
-use shutterbug::chain::rng::random_bits;
+use shutterbug::chain::rng::random_uniform;
 use shutterbug::effects::BayerMosaic;
 use shutterbug::plane::Plane;
 use shutterbug::reference::moments::mixed;
@@ -76,8 +76,7 @@ impl Sites {
             let one = |(i, v): (usize, &f32)| tone.decode(v + off(i), i % 3);
             Plane { data: dn.data.iter().enumerate().map(one).collect(), ..dn }
         };
-        let random =
-            |i: usize| random_bits([i as u32, at as u32], 0, 0, [0, 1])[0] as f32 / u32::MAX as f32 - 0.5;
+        let random = |i: usize| random_uniform([i as u32, at as u32], 0, 0, [0, 1])[0] - 0.5;
         let slope = Plane::from_fn(dn.width, dn.height, |x, y| {
             let seen = dn.pixel(x, y);
             let of = |c: usize| dn_per_linear(tone, seen[c], c);

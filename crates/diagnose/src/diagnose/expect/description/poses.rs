@@ -207,9 +207,8 @@ mod tests {
 
     #[test]
     fn what_a_pose_could_do_is_no_longer_in_the_columns() {
-        let value = |i: usize, k: u32| {
-            shutterbug::chain::rng::random_bits([i as u32, k], 0, 5, [1, 2])[0] as f32 / u32::MAX as f32 - 0.5
-        };
+        let value =
+            |i: usize, k: u32| shutterbug::chain::rng::random_uniform([i as u32, k], 0, 5, [1, 2])[0] - 0.5;
         let own: Vec<Vec<f32>> = (0..6).map(|k| (0..600).map(|i| value(i, k)).collect()).collect();
         let both: Vec<f32> = (0..600).map(|i| 2.0 * own[1][i] + value(i, 9)).collect();
         let mut columns = vec![both.clone()];

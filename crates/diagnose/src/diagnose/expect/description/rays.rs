@@ -203,8 +203,7 @@ mod tests {
     use shutterbug::scene::SceneBuilder;
 
     fn random(i: u32) -> f32 {
-        let bits = shutterbug::chain::rng::random_bits([i, 7], 0, 3, [1, 2])[0];
-        bits as f32 / u32::MAX as f32 * 2.0 - 1.0
+        shutterbug::chain::rng::random_uniform([i, 7], 0, 3, [1, 2])[0] * 2.0 - 1.0
     }
 
     #[test]

@@ -268,14 +268,14 @@ mod tests {
     use crate::diagnose::expect::vector::PLACES;
     use crate::diagnose::judge::noise::{NoiseData, ahead_of_steps};
     use shutterbug::chain::Settings;
-    use shutterbug::chain::rng::random_bits;
+    use shutterbug::chain::rng::random_uniform;
     use shutterbug::effects::jpeg::compressed;
     use shutterbug::reference::moments::mixed;
 
     const SIDES: [usize; 2] = [320, 240];
 
     fn normal(at: [u32; 2], key: u32) -> f32 {
-        let u = random_bits(at, 0, key, [3, 4]).map(|b| b as f32 / u32::MAX as f32);
+        let u = random_uniform(at, 0, key, [3, 4]);
         (-2.0 * u[0].max(1e-9).ln()).sqrt() * (std::f32::consts::TAU * u[1]).cos()
     }
 

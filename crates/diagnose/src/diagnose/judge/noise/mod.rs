@@ -276,8 +276,9 @@ mod tests {
         let mean = Plane::from_fn(160, 120, |_, _| [120.0 + fraction; 3]);
         let real = Plane::from_fn(160, 120, |x, y| {
             [0u32, 1, 2].map(|c| {
-                let bits = |k: u32| shutterbug::chain::rng::random_bits([x as u32, y as u32], c, k, [5, 6]);
-                let sum: f32 = (0..3).flat_map(bits).map(|b| b as f32 / u32::MAX as f32 - 0.5).sum();
+                let uniform =
+                    |k: u32| shutterbug::chain::rng::random_uniform([x as u32, y as u32], c, k, [5, 6]);
+                let sum: f32 = (0..3).flat_map(uniform).map(|u| u - 0.5).sum();
                 (120.0 + fraction + sigma_dn * sum).round()
             })
         });
@@ -407,10 +408,9 @@ mod tests {
     fn what_rounding_makes_of_given_pictures_is_no_noise() {
         // Every pixel of another value: what was rounded away, seen by a camera that is darker, is like noise.
         let darker = |v: f32| 255.0 * srgb_encode(0.77 * srgb_decode(v / 255.0));
-        let at = |x: u32, y: u32| shutterbug::chain::rng::random_bits([x, y], 0, 7, [5, 6])[0];
-        let exact = Plane::from_fn(160, 120, |x, y| {
-            [100.0 + (y / 3) as f32 + 3.0 * at(x as u32, y as u32) as f32 / u32::MAX as f32; 3]
-        });
+        let at = |x: u32, y: u32| shutterbug::chain::rng::random_uniform([x, y], 0, 7, [5, 6])[0];
+        let exact =
+            Plane::from_fn(160, 120, |x, y| [100.0 + (y / 3) as f32 + 3.0 * at(x as u32, y as u32); 3]);
         let given = Plane { data: exact.data.iter().map(|v| darker(v.round())).collect(), ..exact };
         let none = Theta::neutral();
         let told = |sigma: f32, rounding: bool| {

@@ -122,13 +122,13 @@ pub(super) fn most_likely(widths: [f64; 2], likelihood: impl Fn(f64) -> f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shutterbug::chain::rng::random_bits;
+    use shutterbug::chain::rng::random_uniform;
 
     /// Steps of values that lie anywhere between two of them, or all at one place, with normal noise of a width.
     fn seen(width: f32, only: Option<f32>) -> Steps {
         let mut steps = Steps::default();
         for i in 0..40_000u32 {
-            let u = |k: u32| random_bits([i, k], 0, 9, [3, 4]).map(|b| b as f32 / u32::MAX as f32);
+            let u = |k: u32| random_uniform([i, k], 0, 9, [3, 4]);
             let normal = (-2.0 * u(0)[0].max(1e-9).ln()).sqrt() * (std::f32::consts::TAU * u(0)[1]).cos();
             let value = only.unwrap_or(20.0 * u(1)[0]);
             steps.add(value, (value + width * normal).round());
@@ -155,7 +155,7 @@ mod tests {
         let (width, wider) = (0.4f32, 0.15f32);
         let mut steps = Steps::default();
         for i in 0..40_000u32 {
-            let u = |k: u32| random_bits([i, k], 0, 9, [3, 4]).map(|b| b as f32 / u32::MAX as f32);
+            let u = |k: u32| random_uniform([i, k], 0, 9, [3, 4]);
             let normal = (-2.0 * u(0)[0].max(1e-9).ln()).sqrt() * (std::f32::consts::TAU * u(0)[1]).cos();
             let value = 1.2 * u(1)[0] - 0.6;
             let noisy = value + width * normal;
