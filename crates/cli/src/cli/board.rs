@@ -207,6 +207,7 @@ fn doubts(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
     let of_camera = fit.camera.intrinsics().doubts();
     let mut text: String =
         of_camera.iter().map(|d| format!("WARNING: {d} (or the board is another)\n")).collect();
+    text += &outliers(pictures, observed, fit);
     let Some(of) = &fit.one_camera else { return text };
     let own = &of.own_focal;
     if !own.is_empty() {
@@ -231,6 +232,34 @@ fn doubts(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
         );
     }
     text
+}
+
+/// Pictures whose points are off by far more than the others': beyond the upper quartile by three times the distance of
+/// the quartiles (Tukey's far out), of the logarithms.
+fn outliers(pictures: &[Picture], observed: &Observed, fit: &BoardFit) -> String {
+    let logs: Vec<f64> = fit.view_rms_px.iter().map(|rms| rms.max(1e-6).ln()).collect();
+    let mut sorted = logs.clone();
+    sorted.sort_by(f64::total_cmp);
+    let [lower, middle, upper] = [1, 2, 3].map(|k| sorted[(sorted.len() - 1) * k / 4]);
+    let far: Vec<String> = logs
+        .iter()
+        .enumerate()
+        .filter(|(_, log)| **log > upper + 3.0 * (upper - lower).max(std::f64::consts::LN_2 / 3.0))
+        .map(|(v, log)| {
+            let name = one_line(&pictures[observed.views[v].picture].name);
+            format!("{name} by {:.2} px", log.exp())
+        })
+        .collect();
+    if far.is_empty() {
+        return String::new();
+    }
+    let more = if far.len() > MAX_NAMED { ", ..." } else { "" };
+    format!(
+        "WARNING: points are off in {}{more}, and by {:.2} px in the middle one of the pictures: a reflection, a \
+         board that moved or bent, or corners in wrong places. Leave such pictures out\n",
+        far[..far.len().min(MAX_NAMED)].join(", "),
+        middle.exp()
+    )
 }
 
 /// A number to two figures of its uncertainty.

@@ -52,14 +52,18 @@ pub fn run(args: &CalibrateNoise) -> Result<()> {
 
 /// Noise per pixel is that of a camera of the frames' size.
 fn check_sizes(base: &CameraFile, frames: &[Frame]) -> Result<()> {
-    let k = &base.intrinsics;
-    let wanted = [k.width as usize, k.height as usize];
-    let Some(other) = frames.iter().find(|f| [f.encoded.width, f.encoded.height] != wanted) else {
+    frames.iter().try_for_each(|f| check_size(base, [f.encoded.width, f.encoded.height], &f.path))
+}
+
+/// Whether a camera's pictures have the size of that one.
+pub(super) fn check_size(camera: &CameraFile, size: [usize; 2], picture: &Path) -> Result<()> {
+    let k = &camera.intrinsics;
+    if size == [k.width as usize, k.height as usize] {
         return Ok(());
-    };
-    let found = format!("a picture of {}x{} px", other.encoded.width, other.encoded.height);
-    let expected = format!("{}x{} px, as {} says", k.width, k.height, base.path.display());
-    Err(Error::input(&other.path, None, found, expected))
+    }
+    let found = format!("a picture of {}x{} px", size[0], size[1]);
+    let expected = format!("{}x{} px, as {} says", k.width, k.height, camera.path.display());
+    Err(Error::input(picture, None, found, expected))
 }
 
 fn write(out: &Path, done: &Calibration, base: Option<&CameraFile>) -> Result<()> {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value as Json, json};
 
 use super::args_calibrate::{CalibrateEdge, CalibrateFlat, Common};
-use super::calibrate::placeholder;
+use super::calibrate::{check_size, placeholder};
 use super::terminal::print;
 use super::together::Together;
 use shutterbug::capture::CameraFile;
@@ -24,6 +24,14 @@ use shutterbug_diagnose::out::{Out, OutRules};
 /// Channel of a pattern's file.
 const PATTERN: [&str; 1] = ["gain"];
 
+/// An effect of camera.toml, and values of its parameters.
+pub(super) type Table = (&'static str, Vec<(&'static str, Value)>);
+
+/// A table of numbers.
+fn numbers(effect: &'static str, values: impl IntoIterator<Item = (&'static str, f64)>) -> Table {
+    (effect, values.into_iter().map(|(name, value)| (name, Value::Number(value))).collect())
+}
+
 impl Common {
     /// `inputs`: what is read beside the camera.
     pub(super) fn open(&self, command: &'static str, inputs: &[PathBuf]) -> Result<Out> {
@@ -34,13 +42,17 @@ impl Common {
         )
     }
 
+    /// The given camera, which must be one of pictures of that size: what is measured of others is not its.
+    pub(super) fn own_camera(&self, size: [usize; 2], picture: &Path) -> Result<Option<CameraFile>> {
+        let camera = self.camera.as_deref().map(CameraFile::read).transpose()?;
+        if let Some(camera) = &camera {
+            check_size(camera, size, picture)?;
+        }
+        Ok(camera)
+    }
+
     /// Writes report.json, and camera.toml: the given camera, or a placeholder of that size, with these tables.
-    pub(super) fn write(
-        &self,
-        size: [usize; 2],
-        report: &Json,
-        tables: &[(&str, &[(&str, f64)])],
-    ) -> Result<()> {
+    pub(super) fn write(&self, size: [usize; 2], report: &Json, tables: &[Table]) -> Result<()> {
         let path = self.out.join("camera.toml");
         let mut text = String::new();
         let mut camera = match &self.camera {
@@ -55,8 +67,8 @@ impl Common {
             let known = by_id(effect).expect("names of effects");
             camera.settings.disable(effect);
             camera.settings.enable(known);
-            for (name, value) in *values {
-                camera.settings.set(known, name, Value::Number(*value))?;
+            for (name, value) in values {
+                camera.settings.set(known, name, *value)?;
             }
         }
         write_atomic(&path, format!("{text}{}", camera.to_toml()).as_bytes())?;
@@ -91,6 +103,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         sums.get_or_insert_with(new).add(&f.encoded, f.step);
     })?;
     let sums = sums.expect("a picture at least");
+    args.common.own_camera(together.size.unwrap_or_default(), &bright[0])?;
     if let Some(dark) = &offsets {
         check_dark(&args.dark[0], dark, sums.level(), 0.0)?;
     }
@@ -106,23 +119,22 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
     }
     let other = args.pattern.as_deref().map(|p| same_sensor(p, &found)).transpose()?;
     out.start_together()?;
-    let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
+    let mut tables: Vec<Table> = Vec::new();
     let falls_off = found.a1.is_some() || found.a2.is_some();
     if falls_off && !brightens(&found) {
-        tables.push(("vignetting", vec![("a1", found.a1.value), ("a2", found.a2.value)]));
+        tables.push(numbers("vignetting", [("a1", found.a1.value), ("a2", found.a2.value)]));
     }
     if let Some(level) = offsets.as_ref().and_then(Dark::black_level) {
-        tables.push(("black_level", vec![("offset", level)]));
+        tables.push(numbers("black_level", [("offset", level)]));
     }
     let dsnu = offsets.as_ref().and_then(|d| d.dsnu).filter(Measured::is_some).map(|d| ("dsnu", d.value));
     let prnu = found.prnu.is_some().then_some(("prnu", found.prnu.value));
     if prnu.is_some() || dsnu.is_some() {
-        tables.push(("fixed_pattern_noise", prnu.into_iter().chain(dsnu).collect()));
+        tables.push(numbers("fixed_pattern_noise", prnu.into_iter().chain(dsnu)));
     }
     if found.stuck > 0 {
-        tables.push(("hot_pixels", vec![("count", found.stuck as f64)]));
+        tables.push(numbers("hot_pixels", [("count", found.stuck as f64)]));
     }
-    let tables: Vec<(&str, &[(&str, f64)])> = tables.iter().map(|(e, v)| (*e, v.as_slice())).collect();
     let report = json!({ "flat": found, "dark": offsets, "other_pattern": other });
     args.common.write(found.size_px, &report, &tables)?;
     write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
@@ -161,7 +173,7 @@ fn check_alike(paths: &[PathBuf], flat: &Flat) -> Result<()> {
     let [first, others @ ..] = odd.pictures.as_slice() else { return Ok(()) };
     let more = if others.is_empty() { String::new() } else { format!(" (and so has {})", named(others)) };
     let found = format!("a pattern that is not that of {}{more}", named(&odd.others));
-    let expected = "pictures of one sensor, none turned, cut or resized";
+    let expected = "pictures of one sensor, none turned, cut, resized or taken with the cap on";
     Err(Error::input(&paths[*first], None, found, expected))
 }
 
@@ -309,18 +321,18 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
     let frame = Frame::read(&args.photo)?;
     let picture = &frame.encoded;
+    args.common.own_camera([picture.width, picture.height], &args.photo)?;
     let encoding: Encoding = args.common.encoding.into();
     let found = edge_of(args, picture, encoding)?;
     out.start_together()?;
     let sigma = found.defocus_sigma_px;
-    let mut tables: Vec<(&str, Vec<(&str, f64)>)> = Vec::new();
+    let mut tables: Vec<Table> = Vec::new();
     if sigma.value > sigma.half {
-        tables.push(("defocus", vec![("sigma_px", sigma.value)]));
+        tables.push(numbers("defocus", [("sigma_px", sigma.value)]));
     }
     if let Some([amount, radius]) = found.sharpening {
-        tables.push(("sharpening", vec![("amount", amount.value), ("radius_px", radius.value)]));
+        tables.push(numbers("sharpening", [("amount", amount.value), ("radius_px", radius.value)]));
     }
-    let tables: Vec<(&str, &[(&str, f64)])> = tables.iter().map(|(e, v)| (*e, v.as_slice())).collect();
     args.common.write([picture.width, picture.height], &json!({ "edge": found }), &tables)?;
     write_png_atomic(&args.common.out.join("edge.png"), &edge_figure(&found)?)?;
     out.appear()?;

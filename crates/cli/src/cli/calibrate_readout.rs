@@ -5,7 +5,10 @@ use serde_json::json;
 use super::args_calibrate::CalibrateReadout;
 use super::terminal::{print, say};
 use super::together::Together;
+use shutterbug::camera::ScanOrder;
 use shutterbug::capture::CameraFile;
+use shutterbug::chain::Value;
+
 use shutterbug::error::{Error, Result, counted, one_line};
 use shutterbug::plane::Plane;
 use shutterbug_diagnose::calibrate::readout::{FEWEST_LINES, NoReadout, Readout, Stripes, find_stripes};
@@ -17,6 +20,9 @@ const LONGEST_READOUT_S: f64 = 0.1;
 const PERHAPS_MOVED: &str = "  WARNING: besides the stripes, nothing in the pictures shows whether the camera stood \
     still: lines of the scene (blinds, a fence) in front of a camera that moves look the same. Put something with \
     edges into the picture, which tells\n";
+/// Most that encoded values of a black bar differ by, and the brightest that one is: black of video, and a compression.
+const BAR_SPREAD: f32 = 3.0 / 255.0;
+const BAR_DARK: f32 = 20.0 / 255.0;
 /// Most other readouts that are named; the report has all.
 const MOST_NAMED: usize = 5;
 
@@ -125,6 +131,37 @@ fn check_light(args: &CalibrateReadout, photographs: &[Plane<f32>]) -> Result<()
     Ok(())
 }
 
+/// Bars beside the picture, as a player or an editor draws them: lines at a side that are of one dark value in all
+/// pictures, and no line further in is. They are no lines of the sensor.
+fn check_bars(args: &CalibrateReadout, photographs: &[Plane<f32>]) -> Result<()> {
+    for (rows, sides) in [(true, ["at the top", "at the bottom"]), (false, ["on the left", "on the right"])] {
+        let is_bar = |i: usize| photographs.iter().all(|p| is_of_one_dark_value(p, i, rows));
+        let count = photographs.first().map_or(0, |p| if rows { p.height } else { p.width });
+        let bars = [
+            (0..count).take_while(|i| is_bar(*i)).count(),
+            (0..count).rev().take_while(|i| is_bar(*i)).count(),
+        ];
+        if bars == [0; 2] || (bars[0]..count - bars[1]).any(is_bar) {
+            continue;
+        }
+        let lines = if rows { "rows" } else { "columns" };
+        let seen =
+            sides.iter().zip(bars).filter(|(_, n)| *n > 0).map(|(side, n)| format!("{n} {lines} {side}"));
+        let found = format!("a black bar: {}", seen.collect::<Vec<_>>().join(", "));
+        return Err(Error::input(&args.photos[0], None, found, "all lines of the sensor and no others"));
+    }
+    Ok(())
+}
+
+/// Whether all values of a line are one, but for what a compression makes of it, and near black.
+fn is_of_one_dark_value(picture: &Plane<f32>, line: usize, is_row: bool) -> bool {
+    let across = if is_row { picture.width } else { picture.height };
+    let values = (0..across)
+        .flat_map(|i| if is_row { picture.pixel(i, line) } else { picture.pixel(line, i) })
+        .fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)]);
+    values[1] - values[0] <= BAR_SPREAD && values[1] <= BAR_DARK
+}
+
 /// What was seen where there are no stripes.
 fn no_stripes(found: &Stripes) -> String {
     let [rows, columns] = [0, 1].map(|i| format!("{:.1} of {:.1}", found.strongest[i], found.threshold[i]));
@@ -156,6 +193,18 @@ fn check_count(args: &CalibrateReadout) -> Result<()> {
     Ok(())
 }
 
+/// Which line is read first, as the given camera has it where its lines are these, and why it is that one.
+fn order_of(camera: Option<&CameraFile>, rows: bool) -> (ScanOrder, &'static str) {
+    let given = camera
+        .and_then(|c| c.settings.choice("rolling_shutter", "scan_order"))
+        .and_then(ScanOrder::from_name);
+    match given.filter(|order| order.lines_are_rows() == rows) {
+        Some(order) => (order, "as --camera has it"),
+        None if rows => (ScanOrder::TopToBottom, "as most sensors do"),
+        None => (ScanOrder::LeftToRight, "which may as well be right_to_left"),
+    }
+}
+
 /// `calibrate readout`.
 pub fn readout(args: &CalibrateReadout) -> Result<()> {
     check_count(args)?;
@@ -163,16 +212,17 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
     check_light(args, &photographs)?;
+    check_bars(args, &photographs)?;
     let found = find_stripes(&photographs, args.common.encoding.into(), args.led_hz);
-    let own = args.common.camera.as_deref().map(CameraFile::read).transpose()?;
-    let longest_s = own.map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
+    let size = together.size.unwrap_or_default();
+    let own = args.common.own_camera(size, &args.photos[0])?;
+    let longest_s = own.as_ref().map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
     let mut at_rest = true;
     if let Some(readout) = &found.readout {
         check_longest(args, readout, longest_s)?;
         at_rest = check_rest(args, &photographs, readout)?;
     }
     out.start()?;
-    let size = together.size.unwrap_or_default();
     let others_s = found.readout.as_ref().map_or_else(Vec::new, |r| r.aliases_s(args.led_hz, longest_s));
     let report = json!({
         "led_hz": args.led_hz, "stripes": found, "other_readouts_s": others_s, "longest_readout_s": longest_s,
@@ -181,8 +231,12 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
         args.common.write(size, &report, &[])?;
         return print(no_stripes(&found));
     };
-    let values = [("readout_time_s", r.readout_time_s)];
-    args.common.write(size, &report, &[("rolling_shutter", &values)])?;
+    let (order, why) = order_of(own.as_ref(), r.lines_are_rows);
+    let values = vec![
+        ("readout_time_s", Value::Number(r.readout_time_s)),
+        ("scan_order", Value::Choice(order.name())),
+    ];
+    args.common.write(size, &report, &[("rolling_shutter", values)])?;
     let (lines, first) =
         if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
     let alone = if args.photos.len() == 1 {
@@ -198,14 +252,15 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     print(format!(
         "stripes along {lines}, {:.2} lines from one to the next, {:.1} % deep\n  \
          delay from line to line {:.3} us, readout of {} lines {:.3} ms [{:.3}, {:.3}]\n  \
-         one picture does not tell whether {first} is read first\n{second}{bent}{alone}{others}",
+         stripes do not tell whether {first} is read first; camera.toml has {}, {why}\n{second}{bent}{alone}{others}",
         r.period_lines,
         100.0 * r.depth,
         1e6 * r.line_delay_s,
         r.lines,
         1e3 * r.readout_time_s,
         1e3 * r.ci95_s[0],
-        1e3 * r.ci95_s[1]
+        1e3 * r.ci95_s[1],
+        order.name()
     ))?;
     say(one_line(&format!("{} written", args.common.out.join("camera.toml").display())));
     Ok(())

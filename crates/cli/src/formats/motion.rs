@@ -272,6 +272,9 @@ pub(super) fn parse_kitti_poses(path: &Path, text: &str) -> Result<Vec<Pose>> {
     Ok(poses)
 }
 
+/// Furthest that frames of a recording are thought to be apart, ns: a frame in a quarter of an hour.
+const LONGEST_STEP_NS: f64 = 900e9;
+
 /// Increasing times, s, as ns.
 pub(super) fn parse_times(path: &Path, text: &str) -> Result<Vec<i64>> {
     let mut times: Vec<i64> = Vec::new();
@@ -298,6 +301,11 @@ pub(super) fn parse_times(path: &Path, text: &str) -> Result<Vec<i64>> {
     }
     if times.is_empty() {
         return Err(Error::input(path, None, "no time", "one number of s a line"));
+    }
+    let step_ns = shutterbug::plane::stats::median(times.windows(2).map(|t| (t[1] - t[0]) as f64));
+    if step_ns > LONGEST_STEP_NS {
+        let found = format!("times that are {:.0} s apart", 1e-9 * step_ns);
+        return Err(Error::input(path, None, found, "times of frames in s: are they in ns?"));
     }
     Ok(times)
 }

@@ -62,6 +62,7 @@ pub(super) fn tum_list(path: &Path) -> Result<Vec<(i64, String)>> {
 pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
     let expected = "eight numbers: t tx ty tz qx qy qz qw";
     let text = read_text(path, expected, Limit::TABLE)?;
+    check_quaternion_order(path, &text, expected)?;
     let mut poses: Vec<(i64, Pose)> = Vec::new();
     for (line, content) in lines(&text) {
         let fields: Vec<&str> = content.split_whitespace().collect();
@@ -75,6 +76,20 @@ pub(super) fn tum_poses(path: &Path) -> Result<Vec<(i64, Pose)>> {
         poses.push((ns, pose.map_err(|f| Error::input(path, line, f.found, f.expected))?));
     }
     if poses.is_empty() { Err(Error::input(path, None, "no pose", expected)) } else { Ok(poses) }
+}
+
+/// Refuses a header that names the columns of the quaternion in another order.
+fn check_quaternion_order(path: &Path, text: &str, expected: &str) -> Result<()> {
+    for (i, header) in text.lines().enumerate().filter(|(_, l)| l.trim_start().starts_with('#')) {
+        let names =
+            header.split(|c: char| !c.is_alphanumeric()).filter(|n| ["qx", "qy", "qz", "qw"].contains(n));
+        let names: Vec<&str> = names.collect();
+        if names.len() == 4 && names != ["qx", "qy", "qz", "qw"] {
+            let found = format!("columns {}", names.join(" "));
+            return Err(Error::input(path, i + 1, found, expected));
+        }
+    }
+    Ok(())
 }
 
 /// EuRoC's `imu0/data.csv` with its axes turned.
@@ -102,6 +117,20 @@ pub(super) fn imu_table(path: &Path, text: &str, turn: DQuat, axes: &str) -> Res
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quaternions_in_another_order_are_not_taken_for_tums() {
+        let read = |names: &str| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("groundtruth.txt");
+            std::fs::write(&path, format!("# timestamp tx ty tz {names}\n1.0 0 0 0 0.5 0.5 0.5 0.5\n"))
+                .unwrap();
+            tum_poses(&path)
+        };
+        let error = read("qw qx qy qz").unwrap_err().to_string();
+        assert!(error.contains("groundtruth.txt:1") && error.contains("qw qx qy qz"), "{error}");
+        assert!(read("qx qy qz qw").is_ok(), "control");
+    }
 
     #[test]
     fn rates_in_degrees_are_not_taken_for_radians() {

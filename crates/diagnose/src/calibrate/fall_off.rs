@@ -5,6 +5,27 @@ use nalgebra::{DMatrix, DVector};
 use super::blocks::BLOCK_PX;
 use shutterbug::plane::Plane;
 
+/// Side of the cells whose means a smooth surface is fitted to, px.
+const CELL_PX: usize = 16;
+/// Powers of the two directions in a surface of the fourth degree.
+const POWERS: [[i32; 2]; 15] = [
+    [0, 0],
+    [1, 0],
+    [0, 1],
+    [2, 0],
+    [1, 1],
+    [0, 2],
+    [3, 0],
+    [2, 1],
+    [1, 2],
+    [0, 3],
+    [4, 0],
+    [3, 1],
+    [2, 2],
+    [1, 3],
+    [0, 4],
+];
+
 /// Sums over pictures.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
@@ -79,14 +100,18 @@ impl Blocks {
         let [w, h] = self.size.map(|s| s as f64);
         let across = self.size[0] / BLOCK_PX;
         let half = 0.5 * w.hypot(h);
+        let spread = ((BLOCK_PX * BLOCK_PX) as f64 - 1.0) / 12.0 / (half * half);
         let columns = |k: usize, [a1, a2]: [f64; 2]| {
             let middle = |i: usize| (i as f64 + 0.5) * BLOCK_PX as f64;
             let x = (middle(k % across) - 0.5 * w) / half;
             let y = (middle(k / across) - 0.5 * h) / half;
-            let q = x * x + y * y;
+            // Means over the block: of x^2, and of x^4 of a uniform spread.
+            let [x2, y2] = [x, y].map(|v| v * v + spread);
+            let fourth = |v: f64| v.powi(4) + 6.0 * v * v * spread + 1.8 * spread * spread;
+            let (q, q2) = (x2 + y2, fourth(x) + 2.0 * x2 * y2 + fourth(y));
             // The light's tilt falls off with the rest of it.
-            let fall = 1.0 + a1 * q + a2 * q * q;
-            [1.0, q, q * q, x * fall, y * fall]
+            let fall = 1.0 + a1 * q + a2 * q2;
+            [1.0, q, q2, x * fall, y * fall]
         };
         let kept: Vec<usize> = (0..self.sums.len()).filter(|k| !self.white[*k]).collect();
         let rows = kept.len();
@@ -113,6 +138,43 @@ impl Blocks {
     }
 }
 
+/// A picture over the surface of the fourth degree that is nearest to it: what a lens and an uneven light make of it
+/// bends within the surroundings of a pixel, and is cut off with them at the border. `blocks`: what of it is white.
+pub(super) fn without_fall_off(light: &Plane<f32>, blocks: &Blocks) -> Plane<f32> {
+    let (w, h) = (light.width, light.height);
+    let [across, down] = [w, h].map(|n| n / CELL_PX);
+    let along = |i: f64, n: usize| 2.0 * (i + 0.5) / n as f64 - 1.0;
+    let middle = |cell: usize, n: usize| along((cell * CELL_PX) as f64 + 0.5 * (CELL_PX as f64 - 1.0), n);
+    let cell = |k: usize| {
+        let (x0, y0) = (k % across * CELL_PX, k / across * CELL_PX);
+        let rows = (y0..y0 + CELL_PX).flat_map(|y| &light.row(y)[x0..x0 + CELL_PX]);
+        rows.map(|v| f64::from(*v)).sum::<f64>() / (CELL_PX * CELL_PX) as f64
+    };
+    let is_white = |k: &usize| blocks.is_white(k / across * CELL_PX * w + k % across * CELL_PX);
+    let cells: Vec<usize> = (0..across * down).filter(|k| !is_white(k)).collect();
+    let places: Vec<[f64; 2]> =
+        cells.iter().map(|k| [middle(k % across, w), middle(k / across, h)]).collect();
+    if places.len() < 2 * POWERS.len() {
+        return light.clone();
+    }
+    let terms = DMatrix::from_fn(places.len(), POWERS.len(), |k, c| term(places[k], POWERS[c]));
+    let means = DVector::from_iterator(cells.len(), cells.iter().map(|k| cell(*k)));
+    let Some(solved) = (terms.tr_mul(&terms)).cholesky().map(|a| a.solve(&terms.tr_mul(&means))) else {
+        return light.clone();
+    };
+    let top = means.max();
+    let at = |x: usize, y: usize| {
+        let place = [along(x as f64, w), along(y as f64, h)];
+        POWERS.iter().zip(&solved).map(|(powers, c)| c * term(place, *powers)).sum::<f64>()
+    };
+    // Never near nothing, where there is no light.
+    Plane::from_fn(w, h, |x, y| [(f64::from(light.row(y)[x]) * top / at(x, y).max(1e-3 * top)) as f32])
+}
+
+fn term([x, y]: [f64; 2], [i, j]: [i32; 2]) -> f64 {
+    x.powi(i) * y.powi(j)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::flat::{Flat, FlatSums};
@@ -135,6 +197,31 @@ mod tests {
             sums.add(&picture, 1.0 / 255.0);
         }
         sums.measure(std::path::Path::new("flat"))
+    }
+
+    /// Without gains of its own a sensor has no pattern, whatever the lens does.
+    #[test]
+    fn a_fall_off_is_no_pattern() {
+        let (w, h) = (240, 180);
+        let flat = |a1: f32, prnu: f32| {
+            let mut sums = FlatSums::new(w, h, Encoding::Linear, 0.0);
+            for frame in 0..4 {
+                let picture = Plane::from_fn(w, h, |x, y| {
+                    let dice = |stream: u32| random_normal([x as u32, y as u32], 0, stream, [4, 5])[0];
+                    let (dx, dy) = ((x as f32 + 0.5 - 120.0) / 150.0, (y as f32 + 0.5 - 90.0) / 150.0);
+                    let light = 0.5 * (1.0 + a1 * (dx * dx + dy * dy)) * (1.0 + prnu * dice(99));
+                    [light + 0.003 * dice(frame)]
+                });
+                sums.add(&picture, 1.0 / 65535.0);
+            }
+            sums.measure(std::path::Path::new("flat")).expect("a flat field")
+        };
+        for a1 in [0.0, -0.4, -0.6] {
+            let none = flat(a1, 0.0).prnu;
+            assert!(!none.is_some(), "{a1}: {none:?}");
+            let some = flat(a1, 0.005).prnu;
+            assert!(some.ci95[0] <= 0.005 && 0.005 <= some.ci95[1], "control, {a1}: {some:?}");
+        }
     }
 
     #[test]

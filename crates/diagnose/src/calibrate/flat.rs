@@ -8,7 +8,7 @@
 use serde::Serialize;
 
 use super::corners::Corners;
-use super::fall_off::Blocks;
+use super::fall_off::{Blocks, without_fall_off};
 use super::frames::Encoding;
 use super::lines::{Bands, Lines};
 use super::odd::{Odd, Patterns};
@@ -159,8 +159,9 @@ impl FlatSums {
         self.blocks.add(&light);
         self.lines.add(&light, level);
         self.corners.add(&light);
-        let mut own = box_mean(&light, AROUND_PX);
-        own.data.iter_mut().zip(&light.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
+        let even = without_fall_off(&light, &self.blocks);
+        let mut own = box_mean(&even, AROUND_PX);
+        own.data.iter_mut().zip(&even.data).for_each(|(a, v)| *a = v / a.max(1e-6) - 1.0);
         own.data.iter_mut().zip(&ends).filter(|(_, end)| is_end(end)).for_each(|(v, _)| *v = 0.0);
         self.blocks.clear_white(&mut own);
         // Of each picture: bands of a lamp that flickers are others in the next one.

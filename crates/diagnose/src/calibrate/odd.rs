@@ -64,10 +64,18 @@ impl Patterns {
             a.max(b) < LEVELS * a.min(b)
         };
         let clear = beyond(ALPHA / pairs.len().max(1) as f64);
-        let alike = pairs.iter().zip(&shared).filter(|(p, _)| comparable(p)).map(|(_, s)| *s);
-        let (most, error) = alike.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let most_alike = |from: f64| {
+            let bright = |p: &[usize; 2]| p.iter().all(|i| self.0[*i].level >= from);
+            let alike =
+                pairs.iter().zip(&shared).filter(|(p, _)| comparable(p) && bright(p)).map(|(_, s)| *s);
+            alike.max_by(|a, b| a.0.total_cmp(&b.0))
+        };
         let differ = |pair: &[usize; 2], (value, own): (f64, f64)| {
-            comparable(pair) && 0.5 * most - value > clear * own.hypot(0.5 * error)
+            // Offsets make more of a dark picture's pattern, and gains as much: it shares no less with a bright one than
+            // bright ones do with each other. With the cap on it shares nothing.
+            let brighter = self.0[pair[0]].level.max(self.0[pair[1]].level);
+            let from = if comparable(pair) { 0.0 } else { brighter / LEVELS };
+            most_alike(from).is_some_and(|(most, error)| 0.5 * most - value > clear * own.hypot(0.5 * error))
         };
         let all: Vec<[usize; 2]> =
             pairs.iter().zip(&shared).filter(|(p, s)| differ(p, **s)).map(|(p, _)| *p).collect();
@@ -150,6 +158,28 @@ mod tests {
         // Controls: one sensor, and patterns too faint to tell.
         assert_eq!(odd(&[0, 0, 0, 0], 9, 1.0), None);
         assert_eq!(odd(&[0, 1, 0, 1], 9, 0.0), None);
+    }
+
+    #[test]
+    fn a_picture_with_the_cap_on_is_named_and_a_dark_one_is_not() {
+        let mut dice = Dice(5);
+        let mut normal = || dice.normal() as f32;
+        let (w, h) = (160, 120);
+        let [gains, offsets] = [0.006, 0.0005].map(|s| Plane::<f32>::from_fn(w, h, |_, _| [s * normal()]));
+        let mut odd = |lit: f32| {
+            let mut all = Patterns::default();
+            for k in 0..5 {
+                let (level, lit) = if k == 4 { (0.05, lit) } else { (0.4, 1.0) };
+                let own = Plane::from_fn(w, h, |x, y| {
+                    let pattern = gains.pixel(x, y)[0] + offsets.pixel(x, y)[0] / level;
+                    [lit * pattern + 0.001 / level * normal()]
+                });
+                all.add(&own, f64::from(level));
+            }
+            all.odd().map(|odd| odd.pictures)
+        };
+        assert_eq!(odd(1.0), None, "a shorter exposure");
+        assert_eq!(odd(0.0), Some(vec![4]));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::bent::{Bent, bent};
 use super::frames::Encoding;
-use super::second::{Second, second};
+use super::second::{Second, is_most, second};
 use super::slopes;
 use super::spectrum::{self, FEWEST, MOST_HARMONICS, Spectrum, Wave, mean_of, wave_at};
 use shutterbug::plane::Plane;
@@ -117,7 +117,12 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         threshold[axis] = spectrum::threshold(lines);
         strongest[axis] = spectrum.strongest(|_| true).map_or(0.0, |i| spectrum.over_surroundings(i));
         let found = spectrum.fundamental(threshold[axis]).and_then(|f| wave_at(&parts, &mean, f));
-        let one = found.filter(|wave| !parts_are_apart(&parts, wave.frequency));
+        let is_light = |wave: &Wave| {
+            !parts_are_apart(&parts, wave.frequency)
+                && !is_of_a_slower_light(photographs, encoding, rows)
+                && (photographs.len() > 1 || is_most(&parts, *wave))
+        };
+        let one = found.filter(is_light);
         let Some(wave @ Wave { frequency, .. }) = one else { continue };
         let mut readout = readout(rows, lines, wave, spectrum.noise_near(frequency), light_hz);
         readout.second = second(&parts, wave, light_hz);
@@ -156,6 +161,19 @@ fn parts_are_apart(parts: &[Vec<f64>], frequency: f64) -> bool {
     2 * parts.iter().filter(is_harmonic).count() > parts.len()
 }
 
+/// Whether most of what two pictures differ by along the lines is slow: of a scene at rest that is a light of fewer than
+/// three periods, and what repeats are its harmonics. One picture has the lens's slopes.
+fn is_of_a_slower_light(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> bool {
+    if photographs.len() < 2 {
+        return false;
+    }
+    let mean = mean_of(&changes(photographs, encoding, rows));
+    let level = mean.iter().sum::<f64>() / mean.len() as f64;
+    let whole: f64 = mean.iter().map(|v| (v - level).powi(2)).sum();
+    let fast: f64 = slopes::without_finer(mean).iter().map(|v| v * v).sum();
+    whole > 2.0 * fast
+}
+
 fn readout(rows: bool, lines: usize, wave: Wave, noise: f64, light_hz: f64) -> Readout {
     let (n, Wave { frequency, amplitude }) = (lines as f64, wave);
     // Cramer and Rao's bound of a sine's frequency in noise of that variance a line.
@@ -176,9 +194,13 @@ fn readout(rows: bool, lines: usize, wave: Wave, noise: f64, light_hz: f64) -> R
     }
 }
 
-/// Logarithms of the lines' mean light in each part of the lines, without what changes slowly; of several photographs
-/// their changes.
+/// The same without what changes slowly.
 fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<Vec<f64>> {
+    changes(photographs, encoding, rows).into_iter().map(slopes::without).collect()
+}
+
+/// Logarithms of the lines' mean light in each part of the lines; of several photographs their changes.
+fn changes(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<Vec<f64>> {
     let logs = |p: &Plane<f32>| -> Vec<Vec<f64>> {
         let (lines, across) = if rows { (p.height, p.width) } else { (p.width, p.height) };
         let part = |k: usize| k * across / PARTS..(k + 1) * across / PARTS;
@@ -190,7 +212,7 @@ fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<V
         (0..PARTS).map(|k| (0..lines).map(|i| line(i, k)).collect()).collect()
     };
     let all: Vec<_> = photographs.iter().map(logs).collect();
-    let parts = match all.as_slice() {
+    match all.as_slice() {
         [one] => one.clone(),
         several => {
             // Pairs apart, so that what one shows is not in two changes.
@@ -202,8 +224,7 @@ fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<V
             let lines = several.first().map_or(0, |s| s[0].len());
             (0..PARTS).map(|k| (0..lines).map(|i| change(k, i)).collect()).collect()
         }
-    };
-    parts.into_iter().map(slopes::without).collect()
+    }
 }
 
 #[cfg(test)]
@@ -273,6 +294,23 @@ mod tests {
         assert_eq!(why(&[left, right]), None, "control: another phase");
         let dark = photograph([320, 480], 0.0, 0.4, 0.5, 0.05, false);
         assert_eq!(why(&[dark]), Some(NoReadout::NothingRepeats), "control: a global shutter");
+    }
+
+    /// One to two periods of a lamp that is on or off: its harmonics repeat often enough, and are no light of their own.
+    #[test]
+    fn harmonics_of_a_light_that_is_too_slow_to_be_seen_are_no_stripes() {
+        for periods in [1.0, 1.2, 1.4, 1.6, 2.0, 2.5] {
+            let delay = periods / 240.0;
+            let one = photograph([320, 240], delay, 0.1, 0.5, 0.01, false);
+            // Another moment of the light.
+            let other = Plane::from_fn(320, 240, |x, y| [one.pixel(x, 239 - y)[0]; 3]);
+            for pictures in [vec![one.clone()], vec![one, other]] {
+                let found = find_stripes(&pictures, Encoding::Linear, 60.0);
+                assert!(found.readout.is_none(), "{periods} {}: {found:?}", pictures.len());
+            }
+        }
+        let enough = photograph([320, 240], 4.2 / 240.0, 0.1, 0.5, 0.01, false);
+        assert!(find_stripes(&[enough], Encoding::Linear, 60.0).readout.is_some(), "control");
     }
 
     #[test]

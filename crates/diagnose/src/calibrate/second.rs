@@ -27,6 +27,21 @@ pub struct Second {
     pub readout_time_s: f64,
 }
 
+/// Whether a wave with its harmonics is two thirds or more, by power, of what all parts of the lines show alike. A light
+/// that blinks too slowly to be seen has been taken for a slope, and one of its harmonics for the light: the others are
+/// left then.
+pub(super) fn is_most(parts: &[Vec<f64>], first: Wave) -> bool {
+    let left: Option<Vec<Vec<f64>>> =
+        parts.iter().map(|p| Slopes::of(p).without_wave(first.frequency, HARMONICS)).collect();
+    let Some(left) = left else { return false };
+    let power = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+    let [whole, rest] = [parts, &left].map(|p| power(&mean_of(p)));
+    // Noise of each part is in their mean as well.
+    let count = parts.len() as f64;
+    let noise = (left.iter().map(|p| power(p)).sum::<f64>() - count * rest) / (count * (count - 1.0));
+    rest - noise.max(0.0) < 0.5 * (whole - rest)
+}
+
 /// The deepest wave that is none of `first`'s harmonics, if it stands out beyond chance.
 pub(super) fn second(parts: &[Vec<f64>], first: Wave, light_hz: f64) -> Option<Second> {
     let left: Vec<Vec<f64>> = parts

@@ -36,6 +36,12 @@ pub(super) fn without(values: Vec<f64>) -> Vec<f64> {
     beside(&basis, DVector::from_vec(values)).as_slice().to_vec()
 }
 
+/// Values by line, less all that may be a slope: waves of fewer than three periods too.
+pub(super) fn without_finer(values: Vec<f64>) -> Vec<f64> {
+    let basis = polynomials(values.len(), FINER_DEGREE);
+    beside(&basis, DVector::from_vec(values)).as_slice().to_vec()
+}
+
 /// Whether a wave in values is a part of a slope: beside a finer polynomial less than half of it is left. A wave of
 /// three periods and more stays as high as it is.
 pub(super) fn explain(values: &[f64], frequency: f64) -> bool {

@@ -49,7 +49,8 @@ fn odd(left: &[Left]) -> Option<Odd> {
     }
     // Upwards: frames that move more differ by more, and are as many as they are.
     let spread = at(BELOW_SIGMA, seen().map(|l| l.beyond)) - usual;
-    let apart = |l: &Left| l.beyond > 0.0 && l.beyond - usual > quantile(left.len()) * spread;
+    let from = (usual + quantile(left.len()) * spread).min(group_apart(seen().map(|l| l.beyond)));
+    let apart = |l: &Left| l.beyond > 0.0 && l.beyond > from;
     let of = |(place, l): (usize, &Left)| match hidden(l) {
         true => Some((place, None)),
         false => apart(l).then_some((place, Some(l.off))),
@@ -57,6 +58,20 @@ fn odd(left: &[Left]) -> Option<Odd> {
     let frames: Vec<_> = left.iter().enumerate().filter_map(of).collect();
     let usual_dn = median(seen().filter(|l| !apart(l)).map(|l| l.off));
     (!frames.is_empty()).then_some(Odd { frames, usual_dn })
+}
+
+/// Above which value a group of at most a third of all lies: further from the rest than these are from each other, by
+/// what chance makes of so many. Several that are off would widen the spread of few.
+fn group_apart(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let count = sorted.len();
+    let is_apart = |rest: &usize| {
+        let [low, high, next] = [sorted[0], sorted[rest - 1], sorted[*rest]];
+        next - high > quantile(count) * (high - low)
+    };
+    let rest = (count - count / 3..count).find(is_apart);
+    rest.map_or(f64::INFINITY, |rest| 0.5 * (sorted[rest - 1] + sorted[rest]))
 }
 
 impl Search<'_> {
@@ -113,6 +128,9 @@ mod tests {
         assert_eq!(odd(&with(&[-0.05])), None);
         // Half of the frames move, and differ more by as much as they like.
         assert_eq!(odd(&with(&[0.1, 0.3, -0.1, 0.2, 0.25, 0.0])), None);
+        let few = odd(&frames(&[-0.41, 42.0, -0.39, 45.0, -0.42, -0.4])).expect("two of six");
+        assert_eq!(few.frames, [(1, Some(42.5)), (3, Some(45.5))]);
+        assert_eq!(odd(&frames(&[-0.41, 0.1, -0.2, 0.15, -0.42, -0.3])), None, "two that move more");
         assert_eq!(odd(&frames(&[3.0, 2.0, 4.0, 3.5, 40.0])), None, "the model explains no frame");
         let mut covered = frames(&usual);
         covered[3].open = 0.05;
