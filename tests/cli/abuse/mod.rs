@@ -21,6 +21,7 @@ mod sixth_charts;
 mod streams;
 mod tenth;
 mod third;
+mod twelfth;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -230,6 +230,9 @@ fn flat_text(
     let [low, high] = f.prnu.ci95;
     let _ =
         writeln!(text, "  pattern (PRNU): {} [{}, {}]", percent(f.prnu.value), percent(low), percent(high));
+    text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
+        that is shifted between them tells it from the sensor's\n";
+    noise_text(&mut text, f);
     if f.white > 0.0 {
         let _ = writeln!(
             text,
@@ -237,9 +240,6 @@ fn flat_text(
             percent(f.white)
         );
     }
-    text += "    a grain of the surface that is as fine looks the same in pictures that do not move: only a camera \
-        that is shifted between them tells it from the sensor's\n";
-    noise_text(&mut text, f);
     let said = |l: &shutterbug_diagnose::calibrate::flat::Likeness| {
         format!("correlation {:.4}, {:.1} standard deviations of chance", l.correlation, l.deviations)
     };
@@ -250,25 +250,29 @@ fn flat_text(
         "  pixels that are white in every picture: {}, black in every picture: {} (neither are in the pattern)",
         f.stuck, f.dead
     );
-    if let Some(d) = dark {
-        let dsnu = match d.dsnu {
-            Some(Measured { value, ci95: [low, high] }) => format!("{value:.6} [{low:.6}, {high:.6}]"),
-            None => {
-                format!("not known: {:.1} % of the values are black, which cuts them off", 100.0 * d.black)
-            }
-        };
-        let _ = writeln!(text, "  dark: mean {:.5}, offsets (DSNU) {dsnu}, {} hot pixels", d.level, d.hot);
-        let _ = writeln!(
-            text,
-            "    slow changes over the dark picture, which are not in the offsets: {:.6} rms (amplifier glow, or light \
-             that leaks in)",
-            d.uneven
-        );
+    if let Some(dark) = dark {
+        dark_text(&mut text, dark);
     }
     if let Some(other) = other {
         let _ = writeln!(text, "  beside the given pattern: {}", said(other));
     }
     text
+}
+
+fn dark_text(text: &mut String, d: &Dark) {
+    let dsnu = match d.dsnu {
+        Some(Measured { value, ci95: [low, high] }) => format!("{value:.6} [{low:.6}, {high:.6}]"),
+        None => {
+            format!("not known: {:.1} % of the values are black, which cuts them off", 100.0 * d.black)
+        }
+    };
+    let _ = writeln!(text, "  dark: mean {:.5}, offsets (DSNU) {dsnu}, {} hot pixels", d.level, d.hot);
+    let _ = writeln!(
+        text,
+        "    slow changes over the dark picture, which are not in the offsets: {:.6} rms (amplifier glow, or light \
+         that leaks in)",
+        d.uneven
+    );
 }
 
 fn noise_text(text: &mut String, f: &Flat) {

@@ -39,6 +39,7 @@ pub fn run(args: &Import) -> Result<()> {
     };
     let out = Out::open(folder, &rules)?;
     let prepared = recording.prepare(&args.request(), &mut progress)?;
+    prepared.note_pictures()?;
     let goes_on = begin(args, folder, &out)?;
     let delivered = write(args, folder, &prepared, (&out, goes_on))?;
     for note in prepared.notes.iter().chain(&delivered.note) {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::large::Large;
 use super::log::Log;
 use super::video::Video;
 use crate::formats::Motion;
@@ -131,6 +132,15 @@ const OWN: [&str; 8] = [
 ];
 
 impl Prepared {
+    /// Notes the pictures that are files among what was read: a run that goes on must be of the same ones.
+    ///
+    /// # Errors
+    /// A file that cannot be read; one that is not there is a frame that is left out.
+    pub(crate) fn note_pictures(&self) -> Result<()> {
+        let Pictures::Files(paths) = &self.pictures else { return Ok(()) };
+        paths.iter().filter(|p| p.is_file()).try_for_each(|path| Large::open(path).map(drop))
+    }
+
     /// Refuses pictures under the names of files that are something else; on some disks capitals make no difference.
     pub(super) fn check_names(&self) -> Result<()> {
         let is_own = |name: &&String| {
