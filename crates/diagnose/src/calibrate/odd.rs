@@ -71,8 +71,8 @@ impl Patterns {
             alike.max_by(|a, b| a.0.total_cmp(&b.0))
         };
         let differ = |pair: &[usize; 2], (value, own): (f64, f64)| {
-            // Offsets make more of a dark picture's pattern, and gains as much: it shares no less with a bright one than
-            // bright ones do with each other. With the cap on it shares nothing.
+            // Offsets make more of a dark picture's pattern, and gains as much: it shares no less with a bright one
+            // than bright ones do with each other. With the cap on it shares nothing.
             let brighter = self.0[pair[0]].level.max(self.0[pair[1]].level);
             let from = if comparable(pair) { 0.0 } else { brighter / LEVELS };
             most_alike(from).is_some_and(|(most, error)| 0.5 * most - value > clear * own.hypot(0.5 * error))

@@ -161,8 +161,8 @@ fn parts_are_apart(parts: &[Vec<f64>], frequency: f64) -> bool {
     2 * parts.iter().filter(is_harmonic).count() > parts.len()
 }
 
-/// Whether most of what two pictures differ by along the lines is slow: of a scene at rest that is a light of fewer than
-/// three periods, and what repeats are its harmonics. One picture has the lens's slopes.
+/// Whether most of what two pictures differ by along the lines is slow: of a scene at rest that is a light of fewer
+/// than three periods, and what repeats are its harmonics. One picture has the lens's slopes.
 fn is_of_a_slower_light(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> bool {
     if photographs.len() < 2 {
         return false;
@@ -296,7 +296,7 @@ mod tests {
         assert_eq!(why(&[dark]), Some(NoReadout::NothingRepeats), "control: a global shutter");
     }
 
-    /// One to two periods of a lamp that is on or off: its harmonics repeat often enough, and are no light of their own.
+    /// One to two periods of a lamp that is on or off: its harmonics repeat often enough, and are no light themselves.
     #[test]
     fn harmonics_of_a_light_that_is_too_slow_to_be_seen_are_no_stripes() {
         for periods in [1.0, 1.2, 1.4, 1.6, 2.0, 2.5] {

@@ -27,9 +27,9 @@ pub struct Second {
     pub readout_time_s: f64,
 }
 
-/// Whether a wave with its harmonics is two thirds or more, by power, of what all parts of the lines show alike. A light
-/// that blinks too slowly to be seen has been taken for a slope, and one of its harmonics for the light: the others are
-/// left then.
+/// Whether a wave with its harmonics is two thirds or more, by power, of what all parts of the lines show alike. A
+/// light that blinks too slowly to be seen has been taken for a slope, and one of its harmonics for the light: the
+/// others are left then.
 pub(super) fn is_most(parts: &[Vec<f64>], first: Wave) -> bool {
     let left: Option<Vec<Vec<f64>>> =
         parts.iter().map(|p| Slopes::of(p).without_wave(first.frequency, HARMONICS)).collect();

@@ -139,8 +139,8 @@ impl Scores {
         self.0.first().and_then(|s| s.rows_of)
     }
 
-    /// Of the sum over places, see [`Scores::blocks`], of which there are `count` in all. What all blocks of a row have in
-    /// common is one draw, where these are scores of a model with noise of rows.
+    /// Of the sum over places, see [`Scores::blocks`], of which there are `count` in all. What all blocks of a row have
+    /// in common is one draw, where these are scores of a model with noise of rows.
     fn over_places(&self, values: Vec<(usize, f64)>, count: usize) -> Estimate {
         let all = Estimate::of(&values.iter().map(|v| v.1).collect::<Vec<_>>());
         let Some(across) = self.rows_of() else { return all };
