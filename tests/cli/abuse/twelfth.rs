@@ -9,7 +9,12 @@ const SIZE: [u32; 2] = [160, 128];
 
 /// 128 lines in 20 ms under a lamp of 500 Hz, with `bars` black lines at the top and at the bottom.
 fn light(y: u32, bars: u32) -> f64 {
-    let cycles = 500.0 * 0.02 / 128.0 * f64::from(y);
+    light_from(0.0, y, bars)
+}
+
+/// The same from another moment of the lamp on, in periods.
+fn light_from(start: f64, y: u32, bars: u32) -> f64 {
+    let cycles = start + 500.0 * 0.02 / 128.0 * f64::from(y);
     let is_bar = y < bars || y >= SIZE[1] - bars;
     if is_bar { 0.0 } else { 0.4 * (0.05 + if cycles.rem_euclid(1.0) < 0.5 { 1.0 } else { 0.0 }) }
 }
@@ -57,9 +62,10 @@ fn stripes_leave_the_scan_order_that_a_camera_has() {
 #[test]
 fn bars_are_no_lines_of_a_sensor_and_a_camera_is_one_of_the_pictures_size() {
     let folder = Folder::new();
-    let barred = folder.save("barred", SIZE, &|_, y| light(y, 12));
+    let barred = [("barred", 0.0), ("later", 0.4)]
+        .map(|(name, start)| folder.save(name, SIZE, &|_, y| light_from(start, y, 12)));
     let words = ["barred.png: found a black bar: 12 rows at the top, 12 rows at the bottom"];
-    assert_refused(&folder.calibrate("readout", &[barred], &["--led-hz", "500"]), 1, &words);
+    assert_refused(&folder.calibrate("readout", &barred, &["--led-hz", "500"]), 1, &words);
     // Control: stripes that are as black are a light's.
     let dark = folder.save("dark", SIZE, &|_, y| (light(y, 0) - 0.02).max(0.0));
     assert_done(&folder.calibrate("readout", std::slice::from_ref(&dark), &["--led-hz", "500"]));

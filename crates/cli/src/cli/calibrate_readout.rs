@@ -212,13 +212,13 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
     let (mut photographs, mut together) = (Vec::new(), Together::default());
     together.each(&args.photos, |f| photographs.push(f.encoded.clone()))?;
     check_light(args, &photographs)?;
-    check_bars(args, &photographs)?;
     let found = find_stripes(&photographs, args.common.encoding.into(), args.led_hz);
     let size = together.size.unwrap_or_default();
     let own = args.common.own_camera(size, &args.photos[0])?;
     let longest_s = own.as_ref().map_or(LONGEST_READOUT_S, |camera| camera.frame_period_s);
     let mut at_rest = true;
     if let Some(readout) = &found.readout {
+        check_bars(args, &photographs)?;
         check_longest(args, readout, longest_s)?;
         at_rest = check_rest(args, &photographs, readout)?;
     }
