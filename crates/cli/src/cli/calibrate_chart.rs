@@ -51,12 +51,18 @@ impl Common {
         Ok(camera)
     }
 
-    /// Writes report.json, and camera.toml: the given camera, or a placeholder of that size, with these tables.
-    pub(super) fn write(&self, size: [usize; 2], report: &Json, tables: &[Table]) -> Result<()> {
+    /// Writes report.json, and camera.toml: the user's `own` camera, or a placeholder of that size, with these tables.
+    pub(super) fn write(
+        &self,
+        own: Option<CameraFile>,
+        size: [usize; 2],
+        report: &Json,
+        tables: &[Table],
+    ) -> Result<()> {
         let path = self.out.join("camera.toml");
         let mut text = String::new();
-        let mut camera = match &self.camera {
-            Some(path) => CameraFile::read(path)?,
+        let mut camera = match own {
+            Some(camera) => camera,
             None => {
                 text += "# Focal length, principal point and frame period are placeholders: give --camera FILE for \
                     yours.\n";
@@ -103,7 +109,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         sums.get_or_insert_with(new).add(&f.encoded, f.step);
     })?;
     let sums = sums.expect("a picture at least");
-    args.common.own_camera(together.size.unwrap_or_default(), &bright[0])?;
+    let own = args.common.own_camera(together.size.unwrap_or_default(), &bright[0])?;
     if let Some(dark) = &offsets {
         check_dark(&args.dark[0], dark, sums.level(), 0.0)?;
     }
@@ -136,7 +142,7 @@ pub fn flat(args: &CalibrateFlat) -> Result<()> {
         tables.push(numbers("hot_pixels", [("count", found.stuck as f64)]));
     }
     let report = json!({ "flat": found, "dark": offsets, "other_pattern": other });
-    args.common.write(found.size_px, &report, &tables)?;
+    args.common.write(own, found.size_px, &report, &tables)?;
     write_exr_plane(&args.common.out.join("pattern.exr"), &found.pattern, &PATTERN)?;
     out.appear()?;
     print(flat_text(&found, offsets.as_ref(), other.as_ref()))
@@ -325,7 +331,8 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     let out = args.common.open("calibrate edge", std::slice::from_ref(&args.photo))?;
     let frame = Frame::read(&args.photo)?;
     let picture = &frame.encoded;
-    args.common.own_camera([picture.width, picture.height], &args.photo)?;
+    let size = [picture.width, picture.height];
+    let own = args.common.own_camera(size, &args.photo)?;
     let encoding: Encoding = args.common.encoding.into();
     let found = edge_of(args, picture, encoding)?;
     out.start_together()?;
@@ -337,7 +344,7 @@ pub fn edge(args: &CalibrateEdge) -> Result<()> {
     if let Some([amount, radius]) = found.sharpening {
         tables.push(numbers("sharpening", [("amount", amount.value), ("radius_px", radius.value)]));
     }
-    args.common.write([picture.width, picture.height], &json!({ "edge": found }), &tables)?;
+    args.common.write(own, size, &json!({ "edge": found }), &tables)?;
     write_png_atomic(&args.common.out.join("edge.png"), &edge_figure(&found)?)?;
     out.appear()?;
     let [x, y, w, h] = found.region;

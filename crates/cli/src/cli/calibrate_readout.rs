@@ -228,7 +228,7 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
         "led_hz": args.led_hz, "stripes": found, "other_readouts_s": others_s, "longest_readout_s": longest_s,
     });
     let Some(r) = &found.readout else {
-        args.common.write(size, &report, &[])?;
+        args.common.write(own, size, &report, &[])?;
         return print(no_stripes(&found));
     };
     let (order, why) = order_of(own.as_ref(), r.lines_are_rows);
@@ -236,7 +236,7 @@ pub fn readout(args: &CalibrateReadout) -> Result<()> {
         ("readout_time_s", Value::Number(r.readout_time_s)),
         ("scan_order", Value::Choice(order.name())),
     ];
-    args.common.write(size, &report, &[("rolling_shutter", values)])?;
+    args.common.write(own, size, &report, &[("rolling_shutter", values)])?;
     let (lines, first) =
         if r.lines_are_rows { ("rows", "top or bottom") } else { ("columns", "left or right") };
     let alone = if args.photos.len() == 1 {

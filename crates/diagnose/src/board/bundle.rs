@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use nalgebra::{DMatrix, DVector};
 
 use super::motion::BoardPath;
-use super::solve::{Block, OWN, Step, covariance, pull, step};
+use super::solve::{Block, OWN, Step, covariance, step};
 use shutterbug::camera::{Distortion, Intrinsics, Pose};
 use shutterbug::error::Result;
 
@@ -250,6 +250,11 @@ impl Bundle {
         k.fx > 0.0 && k.fy > 0.0 && self.camera.values.iter().all(|v| v.is_finite())
     }
 
+    /// Whether the views fix the parameters `free`.
+    pub(super) fn fixes(&self, free: &[usize], spread_px: f64) -> Result<bool> {
+        Ok(covariance(&self.blocks(free, spread_px)?).is_some())
+    }
+
     /// Standard deviations of the parameters `free`; `None` where the views do not fix them. What a point is off by may
     /// be its own in each view, or the board's, and then the same in all: the wider of both counts.
     pub(super) fn deviations(&self, free: &[usize], spread_px: f64) -> Result<Option<Vec<f64>>> {
@@ -273,16 +278,14 @@ impl Bundle {
         let path = self.path()?;
         let mut pulls = BTreeMap::new();
         for (view, block) in blocks.iter().enumerate() {
+            let Some(pull) = block.pull() else { return Ok(None) };
             for point in &self.points[view] {
                 let p = self.predicted(path.as_ref(), view, point);
                 let sum = pulls.entry(place_of(point)).or_insert_with(|| DVector::zeros(free.len()));
                 for axis in 0..2 {
                     let by_shared = chosen(&p.by_shared[axis], free);
                     let weighed = p.residual[axis] * weight(p.residual[axis], spread_px);
-                    let Some(pull) = pull(block, &by_shared, &p.by_own[axis], weighed) else {
-                        return Ok(None);
-                    };
-                    *sum += pull;
+                    *sum += pull(&by_shared, &p.by_own[axis]) * weighed;
                 }
             }
         }
@@ -309,13 +312,15 @@ impl Bundle {
         Ok(1.0 + (common / others.max(1e-300)).clamp(0.0, 1.0) * others / each.max(1e-300))
     }
 
-    /// Views whose points lie further from those of every view before than what all are off by. Another picture from
-    /// the same place tells nothing of the camera.
-    pub(super) fn places(&self) -> Result<usize> {
+    /// Views, counted up to `enough`, whose points lie further from those of every view before than what all are off
+    /// by. Another picture from the same place tells nothing of the camera.
+    pub(super) fn places(&self, enough: usize) -> Result<usize> {
         let off_px = self.rms_px()?;
         let mut kept: Vec<usize> = Vec::new();
         for view in 0..self.points.len() {
-            if kept.iter().all(|k| self.apart_px(*k, view) > 2.0 * off_px[*k].max(off_px[view])) {
+            if kept.len() < enough
+                && kept.iter().all(|k| self.apart_px(*k, view) > 2.0 * off_px[*k].max(off_px[view]))
+            {
                 kept.push(view);
             }
         }

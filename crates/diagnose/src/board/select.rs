@@ -121,7 +121,7 @@ fn check_known(bundle: &Bundle, free: &[usize], frames: &Path) -> Result<Vec<(&'
              {apart_px:.1} px away"
         ));
     }
-    let places = bundle.places()?;
+    let places = bundle.places(LEAST_VIEWS)?;
     if places < LEAST_VIEWS {
         return refuse(format!(
             "{} of the board from {}, which differ by no more than what its points are off by ({off_px:.2} px rms)",
@@ -204,7 +204,7 @@ fn best_start(points: &[Vec<Point>], size: [u32; 2], frames: &Path) -> Result<Op
         let pinhole = trial.clone();
         trial.fit(LENSES[1], trial.spread_px()?)?;
         let spread_px = trial.spread_px()?;
-        let is_camera = trial.deviations(LENSES[1], spread_px)?.is_some() && spread_px.is_finite();
+        let is_camera = trial.fixes(LENSES[1], spread_px)? && spread_px.is_finite();
         if is_camera && best.as_ref().is_none_or(|b| spread_px < b.0) {
             best = Some((spread_px, pinhole));
         }
@@ -240,7 +240,7 @@ fn with_lens(pinhole: &Bundle) -> Result<(Bundle, Vec<usize>)> {
         for _ in 0..3 {
             next.fit(free, next.spread_px()?)?;
         }
-        if next.deviations(free, next.spread_px()?)?.is_none() {
+        if !next.fixes(free, next.spread_px()?)? {
             break;
         }
         tried.push((next, free));
@@ -267,7 +267,7 @@ fn with_readout(global: &Bundle, free: &[usize]) -> Result<(Bundle, Vec<usize>)>
         for _ in 0..3 {
             next.fit(&free, next.spread_px()?)?;
         }
-        if next.deviations(&free, next.spread_px()?)?.is_some() {
+        if next.fixes(&free, next.spread_px()?)? {
             tried.push((next, free));
         }
     }

@@ -44,6 +44,17 @@ impl Block {
     }
 }
 
+impl Block {
+    /// What a residual with these derivatives pulls the shared parameters by, once the pose has taken up what it can.
+    /// `None` where the view cannot fix its pose.
+    pub(super) fn pull(&self) -> Option<impl Fn(&[f64], &[f64; OWN]) -> DVector<f64> + '_> {
+        let own = self.own.cholesky()?;
+        Some(move |by_shared: &[f64], by_own: &[f64; OWN]| {
+            DVector::from_column_slice(by_shared) - &self.cross * own.solve(&SVector::from(*by_own))
+        })
+    }
+}
+
 /// A step of all parameters.
 pub(super) struct Step {
     pub shared: DVector<f64>,
@@ -90,17 +101,6 @@ pub(super) fn step(blocks: &[Block], damping: f64) -> Option<Step> {
 /// Covariance of the shared parameters over the variance of a residual.
 pub(super) fn covariance(blocks: &[Block]) -> Option<DMatrix<f64>> {
     Some(reduced(blocks, 0.0)?.0.cholesky()?.inverse())
-}
-
-/// What a residual pulls the shared parameters by, once its view's pose has taken up what it can.
-pub(super) fn pull(
-    block: &Block,
-    by_shared: &[f64],
-    by_own: &[f64; OWN],
-    weighed: f64,
-) -> Option<DVector<f64>> {
-    let own = block.own.cholesky()?.solve(&SVector::from(*by_own));
-    Some((DVector::from_column_slice(by_shared) - &block.cross * own) * weighed)
 }
 
 #[cfg(test)]

@@ -70,12 +70,15 @@ impl Patterns {
                 pairs.iter().zip(&shared).filter(|(p, _)| comparable(p) && bright(p)).map(|(_, s)| *s);
             alike.max_by(|a, b| a.0.total_cmp(&b.0))
         };
+        let of_all = most_alike(0.0);
+        let of_bright: Vec<_> = self.0.iter().map(|picture| most_alike(picture.level / LEVELS)).collect();
         let differ = |pair: &[usize; 2], (value, own): (f64, f64)| {
             // Offsets make more of a dark picture's pattern, and gains as much: it shares no less with a bright one
             // than bright ones do with each other. With the cap on it shares nothing.
-            let brighter = self.0[pair[0]].level.max(self.0[pair[1]].level);
-            let from = if comparable(pair) { 0.0 } else { brighter / LEVELS };
-            most_alike(from).is_some_and(|(most, error)| 0.5 * most - value > clear * own.hypot(0.5 * error))
+            let [a, b] = *pair;
+            let brighter = if self.0[a].level > self.0[b].level { a } else { b };
+            let alike = if comparable(pair) { of_all } else { of_bright[brighter] };
+            alike.is_some_and(|(most, error)| 0.5 * most - value > clear * own.hypot(0.5 * error))
         };
         let all: Vec<[usize; 2]> =
             pairs.iter().zip(&shared).filter(|(p, s)| differ(p, **s)).map(|(p, _)| *p).collect();

@@ -107,7 +107,8 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
     let mut threshold = [0.0; 2];
     let mut best: Option<(f64, Readout)> = None;
     for (axis, rows) in [true, false].into_iter().enumerate() {
-        let parts = lines_of(photographs, encoding, rows);
+        let seen = changes(photographs, encoding, rows);
+        let parts = without_slopes(&seen);
         let lines = parts.first().map_or(0, Vec::len);
         if lines < FEWEST_LINES {
             continue;
@@ -118,9 +119,9 @@ pub fn find_stripes(photographs: &[Plane<f32>], encoding: Encoding, light_hz: f6
         strongest[axis] = spectrum.strongest(|_| true).map_or(0.0, |i| spectrum.over_surroundings(i));
         let found = spectrum.fundamental(threshold[axis]).and_then(|f| wave_at(&parts, &mean, f));
         let is_light = |wave: &Wave| {
-            !parts_are_apart(&parts, wave.frequency)
-                && !is_of_a_slower_light(photographs, encoding, rows)
-                && (photographs.len() > 1 || is_most(&parts, *wave))
+            // One picture has the lens's slopes, two of a scene at rest have none.
+            let is_seen = if photographs.len() > 1 { !is_slow(&seen) } else { is_most(&parts, *wave) };
+            is_seen && !parts_are_apart(&parts, wave.frequency)
         };
         let one = found.filter(is_light);
         let Some(wave @ Wave { frequency, .. }) = one else { continue };
@@ -161,13 +162,10 @@ fn parts_are_apart(parts: &[Vec<f64>], frequency: f64) -> bool {
     2 * parts.iter().filter(is_harmonic).count() > parts.len()
 }
 
-/// Whether most of what two pictures differ by along the lines is slow: of a scene at rest that is a light of fewer
-/// than three periods, and what repeats are its harmonics. One picture has the lens's slopes.
-fn is_of_a_slower_light(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> bool {
-    if photographs.len() < 2 {
-        return false;
-    }
-    let mean = mean_of(&changes(photographs, encoding, rows));
+/// Whether most of what pictures differ by along the lines is slow: a light of fewer than three periods, of which what
+/// repeats are harmonics.
+fn is_slow(changes: &[Vec<f64>]) -> bool {
+    let mean = mean_of(changes);
     let level = mean.iter().sum::<f64>() / mean.len() as f64;
     let whole: f64 = mean.iter().map(|v| (v - level).powi(2)).sum();
     let fast: f64 = slopes::without_finer(mean).iter().map(|v| v * v).sum();
@@ -194,9 +192,9 @@ fn readout(rows: bool, lines: usize, wave: Wave, noise: f64, light_hz: f64) -> R
     }
 }
 
-/// The same without what changes slowly.
-fn lines_of(photographs: &[Plane<f32>], encoding: Encoding, rows: bool) -> Vec<Vec<f64>> {
-    changes(photographs, encoding, rows).into_iter().map(slopes::without).collect()
+/// The parts of the lines without what changes slowly.
+fn without_slopes(seen: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    seen.iter().cloned().map(slopes::without).collect()
 }
 
 /// Logarithms of the lines' mean light in each part of the lines; of several photographs their changes.
@@ -337,7 +335,7 @@ mod tests {
         let found = find_stripes(std::slice::from_ref(&print), Encoding::Linear, 200.0);
         assert!(found.readout.is_none(), "{found:?}");
         // Control: without the comparison of places it would be a light.
-        let parts = lines_of(&[print], Encoding::Linear, true);
+        let parts = without_slopes(&changes(&[print], Encoding::Linear, true));
         let spectrum = Spectrum::of(&mean_of(&parts));
         let wave = spectrum.fundamental((240.0 / ALPHA).ln()).expect("a line of the spectrum");
         assert!(in_phase(&parts, wave), "control");

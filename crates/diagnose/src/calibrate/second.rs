@@ -27,13 +27,16 @@ pub struct Second {
     pub readout_time_s: f64,
 }
 
+/// What the parts of the lines show beside a wave and its harmonics.
+fn beside(parts: &[Vec<f64>], first: Wave) -> Option<Vec<Vec<f64>>> {
+    parts.iter().map(|p| Slopes::of(p).without_wave(first.frequency, HARMONICS)).collect()
+}
+
 /// Whether a wave with its harmonics is two thirds or more, by power, of what all parts of the lines show alike. A
 /// light that blinks too slowly to be seen has been taken for a slope, and one of its harmonics for the light: the
 /// others are left then.
 pub(super) fn is_most(parts: &[Vec<f64>], first: Wave) -> bool {
-    let left: Option<Vec<Vec<f64>>> =
-        parts.iter().map(|p| Slopes::of(p).without_wave(first.frequency, HARMONICS)).collect();
-    let Some(left) = left else { return false };
+    let Some(left) = beside(parts, first) else { return false };
     let power = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
     let [whole, rest] = [parts, &left].map(|p| power(&mean_of(p)));
     // Noise of each part is in their mean as well.
@@ -44,10 +47,7 @@ pub(super) fn is_most(parts: &[Vec<f64>], first: Wave) -> bool {
 
 /// The deepest wave that is none of `first`'s harmonics, if it stands out beyond chance.
 pub(super) fn second(parts: &[Vec<f64>], first: Wave, light_hz: f64) -> Option<Second> {
-    let left: Vec<Vec<f64>> = parts
-        .iter()
-        .map(|p| Slopes::of(p).without_wave(first.frequency, HARMONICS))
-        .collect::<Option<_>>()?;
+    let left = beside(parts, first)?;
     let (mean, lines) = (mean_of(&left), left.first()?.len());
     let spectrum = Spectrum::of(&mean);
     let at = spectrum.strongest(|f| !is_harmonic(f, first.frequency, NEAR / lines as f64))?;

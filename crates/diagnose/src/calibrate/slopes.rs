@@ -30,16 +30,19 @@ fn beside(basis: &[DVector<f64>], mut column: DVector<f64>) -> DVector<f64> {
     column
 }
 
+/// Values by line, less the nearest polynomial of a degree.
+fn less(values: Vec<f64>, degree: usize) -> Vec<f64> {
+    beside(&polynomials(values.len(), degree), DVector::from_vec(values)).as_slice().to_vec()
+}
+
 /// Values by line, less the nearest cubic.
 pub(super) fn without(values: Vec<f64>) -> Vec<f64> {
-    let basis = polynomials(values.len(), DEGREE);
-    beside(&basis, DVector::from_vec(values)).as_slice().to_vec()
+    less(values, DEGREE)
 }
 
 /// Values by line, less all that may be a slope: waves of fewer than three periods too.
 pub(super) fn without_finer(values: Vec<f64>) -> Vec<f64> {
-    let basis = polynomials(values.len(), FINER_DEGREE);
-    beside(&basis, DVector::from_vec(values)).as_slice().to_vec()
+    less(values, FINER_DEGREE)
 }
 
 /// Whether a wave in values is a part of a slope: beside a finer polynomial less than half of it is left. A wave of
