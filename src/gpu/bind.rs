@@ -1,4 +1,4 @@
-//! What a pipeline binds: layouts made from the reflected table, and groups of resources checked against it by name.
+//! Groups of resources for a pipeline, checked by name against the reflected table.
 
 use std::sync::Arc;
 
@@ -6,98 +6,10 @@ use ash::vk;
 
 use super::context::Context;
 use super::failed;
+use super::interface::{Interface, descriptor_type};
 use super::memory::{Buffer, Image, Sampler};
 use crate::error::Result;
-use crate::kernels::{Binding, BindingKind, Kernel};
-
-/// Descriptor set layouts and the pipeline layout of one or two shader stages.
-pub(super) struct Interface {
-    pub(super) layout: vk::PipelineLayout,
-    pub(super) stages: vk::ShaderStageFlags,
-    sets: Vec<vk::DescriptorSetLayout>,
-    bindings: Vec<Binding>,
-    context: Arc<Context>,
-}
-
-impl Interface {
-    pub(super) fn new(
-        context: &Arc<Context>,
-        kernels: &[&Kernel],
-        stages: vk::ShaderStageFlags,
-    ) -> Result<Self> {
-        // Each pipeline has one interface, so this counts pipelines.
-        context.count_allocation();
-        let mut bindings: Vec<Binding> = Vec::new();
-        for binding in kernels.iter().flat_map(|k| k.bindings) {
-            if !bindings.contains(binding) {
-                bindings.push(*binding);
-            }
-        }
-        let mut interface = Self {
-            layout: vk::PipelineLayout::null(),
-            stages,
-            sets: Vec::new(),
-            bindings,
-            context: context.clone(),
-        };
-        let set_count = interface.bindings.iter().map(|b| b.set + 1).max().unwrap_or(0);
-        for set in 0..set_count {
-            let layout = interface.set_layout(set)?;
-            interface.sets.push(layout);
-        }
-        let push_bytes = kernels.iter().map(|k| k.push_bytes()).max().unwrap_or(0) as u32;
-        let push = [vk::PushConstantRange::default().stage_flags(stages).size(push_bytes)];
-        let info = vk::PipelineLayoutCreateInfo::default()
-            .set_layouts(&interface.sets)
-            .push_constant_ranges(if push_bytes > 0 { &push } else { &[] });
-        // SAFETY: the device and the set layouts are alive.
-        let layout = unsafe { context.device.create_pipeline_layout(&info, None) };
-        interface.layout = layout.map_err(failed("vkCreatePipelineLayout"))?;
-        Ok(interface)
-    }
-
-    fn set_layout(&self, set: u32) -> Result<vk::DescriptorSetLayout> {
-        let of_set = self.bindings.iter().filter(|b| b.set == set);
-        let rows: Vec<_> = of_set
-            .map(|b| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(b.binding)
-                    .descriptor_type(descriptor_type(b.kind))
-                    .descriptor_count(1)
-                    .stage_flags(self.stages)
-            })
-            .collect();
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&rows);
-        // SAFETY: the device is alive.
-        let layout = unsafe { self.context.device.create_descriptor_set_layout(&info, None) };
-        layout.map_err(failed("vkCreateDescriptorSetLayout"))
-    }
-}
-
-impl Drop for Interface {
-    fn drop(&mut self) {
-        if !self.context.alive() {
-            return;
-        }
-        // SAFETY: slots wait for their work before pipelines are dropped; null handles are allowed.
-        unsafe {
-            self.context.device.destroy_pipeline_layout(self.layout, None);
-            for &set in &self.sets {
-                self.context.device.destroy_descriptor_set_layout(set, None);
-            }
-        }
-    }
-}
-
-fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
-    match kind {
-        BindingKind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
-        BindingKind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
-        BindingKind::TexelBuffer => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
-        BindingKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
-    }
-}
+use crate::kernels::{Binding, BindingKind};
 
 /// A resource to be bound.
 #[derive(Clone, Copy)]
@@ -126,8 +38,12 @@ impl BindGroup {
     ///
     /// # Panics
     /// If a name of the set is not given, or given as another kind of resource: a bug of the caller.
-    pub(super) fn new(interface: &Interface, set: u32, resources: &[(&str, Bound<'_>)]) -> Result<Self> {
-        let context = &interface.context;
+    pub(super) fn new(
+        context: &Arc<Context>,
+        interface: &Interface,
+        set: u32,
+        resources: &[(&str, Bound<'_>)],
+    ) -> Result<Self> {
         let rows: Vec<_> = interface.bindings.iter().filter(|b| b.set == set).collect();
         context.count_allocation();
         let sizes: Vec<_> = rows

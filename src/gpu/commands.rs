@@ -184,18 +184,18 @@ impl Recorder<'_> {
         let (device, commands) = (&self.context.device, self.slot.commands);
         // SAFETY: recording; pipeline, layout and set are alive and were made from the same reflected table.
         unsafe {
-            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.handle);
+            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.handle);
             device.cmd_bind_descriptor_sets(
                 commands,
                 vk::PipelineBindPoint::COMPUTE,
-                kernel.interface.layout,
+                kernel.pipeline.interface.layout,
                 0,
                 &[group.set],
                 &[],
             );
             if !bytes.is_empty() {
                 let stages = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(commands, kernel.interface.layout, stages, 0, bytes);
+                device.cmd_push_constants(commands, kernel.pipeline.interface.layout, stages, 0, bytes);
             }
         }
     }
@@ -243,11 +243,15 @@ impl Recorder<'_> {
 
     fn draw_one<P: NoUninit>(&self, batch: &DrawBatch<'_, P>, draw: &DrawCall<'_>) {
         let (device, commands) = (&self.context.device, self.slot.commands);
-        let interface = &draw.pipeline.interface;
+        let interface = &draw.pipeline.pipeline.interface;
         let sets: Vec<_> = draw.groups.iter().map(|g| g.set).collect();
         // SAFETY: recording inside a render pass; sets and push constants match the pipeline's layout.
         unsafe {
-            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, draw.pipeline.handle);
+            device.cmd_bind_pipeline(
+                commands,
+                vk::PipelineBindPoint::GRAPHICS,
+                draw.pipeline.pipeline.handle,
+            );
             let point = vk::PipelineBindPoint::GRAPHICS;
             if !sets.is_empty() {
                 device.cmd_bind_descriptor_sets(commands, point, interface.layout, 0, &sets, &[]);

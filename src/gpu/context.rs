@@ -13,6 +13,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::failed;
 use super::instance::{self, Opened};
 use super::open::{HostDevice, Loader, OpenDevice};
+use super::pipelines::Pipelines;
 use super::select::{self, DeviceChoice, DeviceInfo};
 use super::validation::{Messenger, Validation};
 use crate::error::{Error, Result};
@@ -32,6 +33,7 @@ pub struct Context {
     pub(super) pipeline_cache: vk::PipelineCache,
     queue: Mutex<vk::Queue>,
     allocator: Mutex<Option<Allocator>>,
+    pub(super) pipelines: Pipelines,
     names: Option<debug_utils::Device>,
     info: DeviceInfo,
     abandoned: AtomicBool,
@@ -111,6 +113,7 @@ impl Context {
             queue: Mutex::new(open.queue),
             allocator: Mutex::new(Some(allocator)),
             names,
+            pipelines: Pipelines::default(),
             info,
             abandoned: AtomicBool::new(false),
             allocations: AtomicU64::new(0),
@@ -187,6 +190,7 @@ impl Drop for Context {
         // SAFETY: every wrapper holds an `Arc` of this context, so all other handles are gone; slots have waited for
         // their work. The order is the reverse of creation.
         unsafe {
+            self.pipelines.destroy(&self.device);
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             ManuallyDrop::drop(&mut self.open);
             ManuallyDrop::drop(&mut self.root);

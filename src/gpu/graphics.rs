@@ -4,11 +4,14 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::bind::{BindGroup, Bound, Interface};
+use super::bind::{BindGroup, Bound};
 use super::context::{Context, MAIN};
 use super::failed;
+use super::interface::Interface;
 use super::kernel::{ShaderModule, specialization_entries};
 use super::memory::{Format, Image, ImageSpec};
+use super::pipeline::Pipeline;
+use super::pipelines::{Key, Made};
 use crate::error::Result;
 use crate::kernels::Kernel;
 
@@ -18,6 +21,7 @@ pub struct Attachments {
     pub(super) framebuffer: vk::Framebuffer,
     pub(super) render_pass: vk::RenderPass,
     colors: Vec<Image>,
+    formats: Vec<Format>,
     depth: Image,
     context: Arc<Context>,
 }
@@ -43,6 +47,7 @@ impl Attachments {
             framebuffer: vk::Framebuffer::null(),
             render_pass: make_render_pass(context, formats, samples)?,
             colors,
+            formats: formats.to_vec(),
             depth,
             context: context.clone(),
         };
@@ -139,9 +144,7 @@ pub struct GraphicsSpec {
 
 /// A pipeline that draws triangles, both sides, nearest wins.
 pub struct GraphicsPipeline {
-    pub(super) handle: vk::Pipeline,
-    pub(super) interface: Interface,
-    context: Arc<Context>,
+    pub(super) pipeline: Pipeline,
 }
 
 impl GraphicsPipeline {
@@ -151,10 +154,12 @@ impl GraphicsPipeline {
     /// Out of memory, or a driver that refuses the shaders.
     pub fn new(context: &Arc<Context>, attachments: &Attachments, spec: &GraphicsSpec) -> Result<Self> {
         let flags = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
-        let interface = Interface::new(context, &[spec.vertex, spec.fragment], flags)?;
-        let handle = make_pipeline(context, attachments, spec, &interface)?;
-        context.name(handle, spec.vertex.file);
-        Ok(Self { handle, interface, context: context.clone() })
+        let kernels = [spec.vertex, spec.fragment];
+        let pipeline = Pipeline::of(context, Key::new(&kernels, state(attachments, spec)), || {
+            let interface = Interface::new(&context.device, &kernels, flags)?;
+            Made::with(&context.device, interface, |layout| make_pipeline(context, attachments, spec, layout))
+        })?;
+        Ok(Self { pipeline })
     }
 
     /// Binds the resources of one descriptor set by name.
@@ -162,15 +167,25 @@ impl GraphicsPipeline {
     /// # Errors
     /// Out of memory.
     pub fn bind(&self, set: u32, resources: &[(&str, Bound<'_>)]) -> Result<BindGroup> {
-        BindGroup::new(&self.interface, set, resources)
+        BindGroup::new(&self.pipeline.context, &self.pipeline.interface, set, resources)
     }
+}
+
+/// All that a pipeline depends on besides its kernels.
+fn state(attachments: &Attachments, spec: &GraphicsSpec) -> Vec<u32> {
+    let attributes = spec.format.attributes;
+    let counts =
+        [spec.samples, spec.format.stride, attributes.len() as u32, attachments.formats.len() as u32];
+    let pairs = attributes.iter().flat_map(|(offset, components)| [*offset, *components]);
+    let formats = attachments.formats.iter().map(|f| f.vk().as_raw() as u32);
+    counts.into_iter().chain(pairs).chain(formats).chain(spec.constants.iter().copied()).collect()
 }
 
 fn make_pipeline(
     context: &Arc<Context>,
     attachments: &Attachments,
     spec: &GraphicsSpec,
-    interface: &Interface,
+    layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
     let (vertex, fragment) =
         (ShaderModule::new(context, spec.vertex)?, ShaderModule::new(context, spec.fragment)?);
@@ -218,11 +233,13 @@ fn make_pipeline(
         .depth_stencil_state(&depth)
         .color_blend_state(&blend)
         .dynamic_state(&dynamic)
-        .layout(interface.layout)
+        .layout(layout)
         .render_pass(attachments.render_pass);
     // SAFETY: all handles are alive; the layout comes from the reflected table of both stages.
     let made = unsafe { context.device.create_graphics_pipelines(context.pipeline_cache, &[info], None) };
-    Ok(made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?[0])
+    let handle = made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines")(e))?[0];
+    context.name(handle, spec.vertex.file);
+    Ok(handle)
 }
 
 fn vertex_attributes(format: &VertexFormat) -> Vec<vk::VertexInputAttributeDescription> {
@@ -239,13 +256,4 @@ fn vertex_attributes(format: &VertexFormat) -> Vec<vk::VertexInputAttributeDescr
             vk::VertexInputAttributeDescription::default().location(location).offset(offset).format(format)
         })
         .collect()
-}
-
-impl Drop for GraphicsPipeline {
-    fn drop(&mut self) {
-        if self.context.alive() {
-            // SAFETY: slots wait for their work before pipelines are dropped.
-            unsafe { self.context.device.destroy_pipeline(self.handle, None) };
-        }
-    }
 }

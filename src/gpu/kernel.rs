@@ -5,18 +5,19 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::bind::{BindGroup, Bound, Interface};
+use super::bind::{BindGroup, Bound};
 use super::context::{Context, MAIN};
 use super::failed;
+use super::interface::Interface;
+use super::pipeline::Pipeline;
+use super::pipelines::{Key, Made};
 use crate::error::{Error, Result};
 use crate::kernels::Kernel;
 
 /// A kernel, ready to be dispatched.
 pub struct ComputePipeline {
-    pub(super) handle: vk::Pipeline,
-    pub(super) interface: Interface,
+    pub(super) pipeline: Pipeline,
     pub(super) kernel: &'static Kernel,
-    context: Arc<Context>,
 }
 
 impl ComputePipeline {
@@ -33,22 +34,12 @@ impl ComputePipeline {
     /// # Errors
     /// As for [`Self::new`].
     pub fn specialized(context: &Arc<Context>, kernel: &'static Kernel, constants: &[u32]) -> Result<Self> {
-        let interface = Interface::new(context, &[kernel], vk::ShaderStageFlags::COMPUTE)?;
-        let module = ShaderModule::new(context, kernel)?;
-        let entries = specialization_entries(constants.len());
-        let constants =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module.handle)
-            .name(MAIN)
-            .specialization_info(&constants);
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(interface.layout);
-        // SAFETY: module and layout are alive and match: both come from the same reflected table.
-        let made = unsafe { context.device.create_compute_pipelines(context.pipeline_cache, &[info], None) };
-        let handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines")(e))?[0];
-        context.name(handle, kernel.file);
-        Ok(Self { handle, interface, kernel, context: context.clone() })
+        let key = Key::new(&[kernel], constants.to_vec());
+        let pipeline = Pipeline::of(context, key, || {
+            let interface = Interface::new(&context.device, &[kernel], vk::ShaderStageFlags::COMPUTE)?;
+            Made::with(&context.device, interface, |layout| make_pipeline(context, kernel, constants, layout))
+        })?;
+        Ok(Self { pipeline, kernel })
     }
 
     /// File name of the kernel in `glsl/`.
@@ -61,17 +52,31 @@ impl ComputePipeline {
     /// # Errors
     /// Out of memory.
     pub fn bind(&self, resources: &[(&str, Bound<'_>)]) -> Result<BindGroup> {
-        BindGroup::new(&self.interface, 0, resources)
+        BindGroup::new(&self.pipeline.context, &self.pipeline.interface, 0, resources)
     }
 }
 
-impl Drop for ComputePipeline {
-    fn drop(&mut self) {
-        if self.context.alive() {
-            // SAFETY: slots wait for their work before pipelines are dropped.
-            unsafe { self.context.device.destroy_pipeline(self.handle, None) };
-        }
-    }
+fn make_pipeline(
+    context: &Arc<Context>,
+    kernel: &Kernel,
+    constants: &[u32],
+    layout: vk::PipelineLayout,
+) -> Result<vk::Pipeline> {
+    let module = ShaderModule::new(context, kernel)?;
+    let entries = specialization_entries(constants.len());
+    let constants =
+        vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
+    let stage = vk::PipelineShaderStageCreateInfo::default()
+        .stage(vk::ShaderStageFlags::COMPUTE)
+        .module(module.handle)
+        .name(MAIN)
+        .specialization_info(&constants);
+    let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
+    // SAFETY: module and layout are alive and match: both come from the same reflected table.
+    let made = unsafe { context.device.create_compute_pipelines(context.pipeline_cache, &[info], None) };
+    let handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines")(e))?[0];
+    context.name(handle, kernel.file);
+    Ok(handle)
 }
 
 /// First word of SPIR-V.

@@ -166,6 +166,25 @@ fn a_steady_stream_allocates_nothing() {
 }
 
 #[test]
+fn a_second_engine_makes_no_pipelines_and_the_same_frames() {
+    let test = "a_second_engine_makes_no_pipelines_and_the_same_frames";
+    let Some(_turn) = device(test) else { return };
+    for (name, method) in methods() {
+        // A test that has a context already gets one of its own the second time: this one has no pipelines yet.
+        let Some(watched) = device(test) else { return };
+        let made_by = || {
+            let before = watched.0.allocation_count();
+            let frame = stream_engine(&watched, method.clone(), 2).render(&stream(0)).unwrap();
+            (watched.0.allocation_count() - before, hash(&frame))
+        };
+        let (first, second, third) = (made_by(), made_by(), made_by());
+        assert_eq!(first.1, second.1, "{name}");
+        assert_eq!(second, third, "{name}: memory and descriptor sets are made each time");
+        assert!(first.0 >= second.0 + 5, "{name}: {} things, then {}", first.0, second.0);
+    }
+}
+
+#[test]
 fn times_of_the_passes_are_told() {
     let Some(watched) = device("times_of_the_passes_are_told") else { return };
     let passes: [&[&str]; 2] = [
