@@ -19,5 +19,7 @@ mod diagnose_support;
 mod dice_support;
 #[path = "../support/gpu/mod.rs"]
 mod gpu_support;
+#[path = "../support/long/mod.rs"]
+mod long_support;
 #[path = "../support/report/mod.rs"]
 mod report_support;

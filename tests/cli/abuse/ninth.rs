@@ -22,7 +22,7 @@ fn a_frame_of_another_exposure_among_the_others_is_named() {
         fs::copy(made.join(format!("{i:06}.png")), capture.join(format!("real/{i:06}.png"))).unwrap();
     }
     // What is asked is what one frame of another exposure might be taken for.
-    let others = all_but(&["exposure_gain", "flicker", "gamma", "vignetting", "time_offset"]);
+    let others = all_but(&["exposure_gain", "flicker", "gamma"]);
     let diagnosed = || {
         let out = folder.path().join("out");
         let mut command = shutterbug();
