@@ -405,11 +405,12 @@ fn kept_text(kept: &Option<PathBuf>) -> String {
 
 impl Error {
     /// Whether the command line itself asks for what cannot be, whatever the files hold: the "file" that is named is an
-    /// option.
+    /// option or an argument, as help writes it.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Input { path, .. } | Self::UnknownName { path, .. } => {
-                path.to_string_lossy().starts_with("--")
+                let name = path.to_string_lossy();
+                name.starts_with("--") || (name.starts_with('<') && name.ends_with('>'))
             }
             _ => false,
         }

@@ -34,7 +34,7 @@ fn presets_are_listed_and_printed() {
     assert!(list.contains("global shutter"));
     let (code, out, error) = shutterbug(&["presets", "fone"]);
     assert_eq!((code, out.as_str()), (2, ""));
-    assert!(error.contains("unknown preset `fone`; did you mean `phone`?"), "{error}");
+    assert!(error.contains("<NAME>: unknown preset `fone`; did you mean `phone`?"), "{error}");
 }
 
 /// A table of two cameras, of which the second sees 90 degrees, and a profile of Gyroflow that names its shutter.

@@ -123,3 +123,30 @@ fn an_import_goes_on_with_the_same_pictures_alone() {
     );
     assert_done(&import(&["--overwrite"]));
 }
+
+/// A file that may be absent is not taken for absent where a folder has its name.
+#[test]
+fn a_folder_in_the_place_of_a_file_that_may_be_absent_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("in");
+    fs::create_dir_all(root.join("rgb")).unwrap();
+    fs::write(root.join("rgb.txt"), "1.0 rgb/a.png\n1.1 rgb/b.png\n").unwrap();
+    for name in ["a.png", "b.png"] {
+        image::GrayImage::new(8, 6).save(root.join("rgb").join(name)).unwrap();
+    }
+    let import = |out: &str| {
+        shutterbug().arg("import").arg(&root).arg("--out").arg(folder.path().join(out)).output().unwrap()
+    };
+    assert_done(&import("control"));
+    fs::create_dir(root.join("groundtruth.txt")).unwrap();
+    assert_refused(&import("out"), 1, &["groundtruth.txt: found a folder; expected a regular file"]);
+}
+
+/// A negative number is a value, and the option says what it expects.
+#[test]
+fn negative_values_are_told_by_their_option() {
+    let run = |arguments: &[&str]| shutterbug().args(arguments).output().unwrap();
+    let limit = run(&["diagnose", "nowhere", "--out", "out", "--time-limit-s", "-5"]);
+    assert_refused(&limit, 2, &["invalid value '-5' for '--time-limit-s"]);
+    assert_refused(&run(&["diagnose", "nowhere", "--out", "out", "-5"]), 2, &["unexpected argument '-5'"]);
+}

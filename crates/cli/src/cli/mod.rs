@@ -31,7 +31,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 
 use args::{Args, Calibrate, Camera, Command};
 use terminal::{end_log, print, say, start_log};
@@ -74,7 +74,9 @@ fn ended(done: Result<()>) -> u8 {
 }
 
 fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, clap::Error> {
-    let args = Args::try_parse_from(args)?;
+    let mut command = with_negative_numbers(Args::command());
+    let read = command.try_get_matches_from_mut(args).and_then(|m| Args::from_arg_matches(&m));
+    let args = read.map_err(|e| e.format(&mut command))?;
     let checked = match &args.command {
         Command::Simulate(simulate) => simulate.check(),
         Command::Board(board) => board.check(),
@@ -84,6 +86,15 @@ fn parse(args: impl IntoIterator<Item = OsString>) -> std::result::Result<Args, 
         Ok(()) => Ok(args),
         Err(problem) => Err(Args::command().error(ErrorKind::ArgumentConflict, problem)),
     }
+}
+
+/// Takes `-5` as a value: what is wrong with it is said by the option, which knows what it expects.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let number = |arg: clap::Arg| {
+        let has_value = arg.get_action().takes_values() && !arg.is_positional();
+        if has_value { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(number).mut_subcommands(with_negative_numbers)
 }
 
 /// Prints help, which was asked for, or what is wrong with the arguments; the exit code. clap's own way would let
@@ -155,7 +166,10 @@ mod tests {
         let unknown = |path: &str| Error::unknown_name(Path::new(path), None, "candidate", "x", ["y"]);
         let code = |error: Error| exit_code(&error);
         assert_eq!(code(unknown("--without")), 2);
-        assert_eq!(code(crate::formats::preset("none", None).map(|_| ()).expect_err("no such preset")), 2);
+        assert_eq!(
+            code(crate::formats::preset("none", None, "<NAME>").map(|_| ()).expect_err("no such preset")),
+            2
+        );
         assert_eq!(code(unknown("camera.toml")), 1);
         assert_eq!(code(Error::NoDevice { wanted: String::new(), present: String::new() }), 1);
     }

@@ -10,6 +10,8 @@ use crate::formats::{PRESETS, Preset, Profile, Profiles, preset};
 use shutterbug::effects::{MotionBlur, RollingShutter};
 use shutterbug::error::{Result, counted, one_line};
 
+/// Where the name is given.
+const ARGUMENT: &str = "<NAME>";
 /// Names a folder of lens profiles.
 const FOLDER: &str = "SHUTTERBUG_PROFILES";
 
@@ -17,21 +19,22 @@ const FOLDER: &str = "SHUTTERBUG_PROFILES";
 pub fn run(args: &Presets) -> Result<()> {
     match (&args.action, &args.name) {
         (Some(PresetsAction::Show { name, profiles }), _) => {
-            print(&find_preset(name, profiles.as_deref())?.toml)
+            print(&find_preset(name, profiles.as_deref(), ARGUMENT)?.toml)
         }
         (Some(PresetsAction::Search { words, profiles }), _) => search(words, profiles.as_deref()),
-        (None, Some(name)) => print(&find_preset(name, None)?.toml),
+        (None, Some(name)) => print(&find_preset(name, None, ARGUMENT)?.toml),
         (None, None) => list(),
     }
 }
 
-/// The preset of that name: one that ships, or one of the folder of lens profiles that is named.
-pub fn find_preset(name: &str, folder: Option<&Path>) -> Result<Preset> {
+/// The preset of that name: one that ships, or one of the folder of lens profiles that is named. `option` is where the
+/// name was given.
+pub fn find_preset(name: &str, folder: Option<&Path>, option: &str) -> Result<Preset> {
     // Those that ship need no folder, not even one that is wrong.
     if PRESETS.iter().any(|p| p.name == name) {
-        return preset(name, None);
+        return preset(name, None, option);
     }
-    preset(name, read(folder)?.as_ref())
+    preset(name, read(folder)?.as_ref(), option)
 }
 
 /// The profiles of the folder, or of the one that the environment names.

@@ -33,7 +33,8 @@ const LOG_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Runs the command.
 pub fn run(args: &Simulate) -> Result<()> {
-    let preset = args.preset.as_ref().map(|name| find_preset(name, args.profiles.as_deref())).transpose()?;
+    let of_name = |name: &String| find_preset(name, args.profiles.as_deref(), "--preset");
+    let preset = args.preset.as_ref().map(of_name).transpose()?;
     let mut capture = read_capture(&args.capture, args.camera.as_deref(), preset.as_ref())?;
     let description = Description::of(args.description.as_deref(), &mut capture)?;
     capture.gap_warnings(0.0).iter().for_each(|gap| tracing::warn!("{gap}"));

@@ -6,7 +6,7 @@ use super::presets::{Preset, apply_preset};
 use super::read_camera;
 use shutterbug::capture::{CameraFile, Capture, parse_frames, read_text};
 use shutterbug::error::{Error, Result};
-use shutterbug::files::Limit;
+use shutterbug::files::{Limit, is_there};
 
 /// Files that stand for `camera.toml` in a capture without one, as ROS, Kalibr and EuRoC call them.
 const STAND_INS: [&str; 3] = ["camera_info.yaml", "camchain.yaml", "sensor.yaml"];
@@ -42,13 +42,13 @@ fn stand_in(root: &Path) -> Option<PathBuf> {
     if root.join("camera.toml").exists() {
         return None;
     }
-    STAND_INS.iter().map(|name| root.join(name)).find(|path| path.is_file())
+    STAND_INS.iter().map(|name| root.join(name)).find(|path| is_there(path))
 }
 
 fn from_yaml(path: &Path, root: &Path) -> Result<CameraFile> {
     let imported = read_camera(path, None, None)?;
     let own_path = root.join("camera.toml");
-    let own = if own_path.is_file() { Some(CameraFile::read(&own_path)?) } else { None };
+    let own = if is_there(&own_path) { Some(CameraFile::read(&own_path)?) } else { None };
     let rate_hz = match (imported.camera.rate_hz, &own) {
         (Some(rate), _) => rate,
         (None, Some(own)) => 1.0 / own.frame_period_s,
@@ -131,7 +131,7 @@ mod tests {
         // Poses to 20 ms after the last frame: enough for an instant, not for a readout of 31 ms.
         write("trajectory.tum", "0.9 0 0 0 0 0 0 1\n1.06 1 0 0 0 0 0 1\n");
         assert!(read_capture(folder.path(), None, None).is_ok());
-        let humanoid = preset("humanoid-2008", None).expect("known");
+        let humanoid = preset("humanoid-2008", None, "").expect("known");
         let error = read_capture(folder.path(), None, Some(&humanoid)).expect_err("too short").to_string();
         assert!(error.contains("frame 1 (000001.png)"), "{error}");
     }

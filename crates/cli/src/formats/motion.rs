@@ -11,7 +11,7 @@ use super::{CameraModel, Imported, euroc};
 use shutterbug::camera::{Pose, Stamp};
 use shutterbug::capture::{FrameEntry, check_columns, parse_frames, read_text};
 use shutterbug::error::{Error, Result, counted};
-use shutterbug::files::Limit;
+use shutterbug::files::{Limit, is_there};
 
 /// Length of a recorded quaternion, as in `trajectory.tum`.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
@@ -126,7 +126,7 @@ pub fn read_euroc(folder: &Path, camera: Option<&str>) -> Result<Motion> {
 
 /// `T_BS` of the ground truth's own sensor, if it says one.
 fn body_from_truth(path: &Path) -> Result<Option<Pose>> {
-    if path.is_file() { body_from_sensor(path) } else { Ok(None) }
+    if is_there(path) { body_from_sensor(path) } else { Ok(None) }
 }
 
 /// `T_BS` of a sensor's `sensor.yaml`, if it says one.

@@ -223,17 +223,17 @@ impl Profile {
     }
 }
 
-/// The preset of that name: one that ships, or one of `profiles`.
+/// The preset of that name: one that ships, or one of `profiles`. `option` is where the name was given.
 ///
 /// # Errors
 /// An unknown name, with the nearest known one; a profile whose lens no pinhole's picture shows.
-pub fn preset(name: &str, profiles: Option<&Profiles>) -> Result<Preset> {
+pub fn preset(name: &str, profiles: Option<&Profiles>, option: &str) -> Result<Preset> {
     if let Some(known) = PRESETS.iter().find(|p| p.name == name) {
         return Ok(known.clone());
     }
     profiles.and_then(|p| p.preset(name)).unwrap_or_else(|| {
         let names = PRESETS.iter().map(|p| p.name.as_ref()).chain(profiles.iter().flat_map(|p| p.names()));
-        Err(Error::unknown_name(Path::new("--preset"), None, "preset", name, names))
+        Err(Error::unknown_name(Path::new(option), None, "preset", name, names))
     })
 }
 

@@ -12,7 +12,7 @@ use crate::formats::{
 use shutterbug::camera::{Intrinsics, Pose};
 use shutterbug::capture::{FrameEntry, parse_frames, read_text};
 use shutterbug::error::{Error, Result, counted};
-use shutterbug::files::{Limit, read};
+use shutterbug::files::{Limit, is_there, read};
 
 /// KITTI's pixel centres are at whole numbers.
 const PIXEL_CENTRE: f64 = 0.5;
@@ -166,12 +166,12 @@ fn euroc_imu(
     notes: &mut Vec<String>,
 ) -> Result<Option<(&'static str, String)>> {
     let path = folder.join("data.csv");
-    if !path.is_file() {
+    if !is_there(&path) {
         return Ok(None);
     }
     let text = read_text(&path, "samples of the inertial sensor", Limit::TABLE)?;
     let about = folder.join("sensor.yaml");
-    let body_from_imu = if about.is_file() { body_from_sensor(&about)? } else { None };
+    let body_from_imu = if is_there(&about) { body_from_sensor(&about)? } else { None };
     let turn = body_from_camera.zip(body_from_imu).map(|(c, i)| (c.inverse().then_from(&i)).rotation);
     let axes = match turn {
         Some(_) => format!("of the camera `{camera}` (x right, y down, z forward)"),
@@ -199,7 +199,7 @@ fn tum(folder: &Path, request: &Request) -> Result<Prepared> {
     }
     let truth = folder.join("groundtruth.txt");
     let wanted = request.poses.as_deref() != Some(super::prepared::NONE);
-    let poses = if wanted && truth.is_file() { tum_poses(&truth)? } else { Vec::new() };
+    let poses = if wanted && is_there(&truth) { tum_poses(&truth)? } else { Vec::new() };
     let mut motion = Motion { camera: None, frames, poses, notes };
     if motion.poses.is_empty() {
         motion.notes.push("no groundtruth.txt: no trajectory.tum".to_owned());
@@ -226,7 +226,7 @@ fn kitti(folder: &Path, request: &Request) -> Result<Prepared> {
     let times = request.times.clone().unwrap_or_else(|| folder.join("times.txt"));
     let stem = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let laid_out = folder.ancestors().nth(2).map(|top| top.join("poses").join(format!("{stem}.txt")));
-    let poses = [Some(folder.join("poses.txt")), laid_out].into_iter().flatten().find(|p| p.is_file());
+    let poses = [Some(folder.join("poses.txt")), laid_out].into_iter().flatten().find(|p| is_there(p));
     let wanted = request.poses.as_deref() != Some(super::prepared::NONE);
     let mut motion = match poses.filter(|_| wanted) {
         Some(path) => read_kitti(&path, Some(&times))?,

@@ -96,7 +96,7 @@ fn every_table_and_number_has_its_source_above_it() {
 #[test]
 fn derived_numbers_follow_from_their_sources() {
     let value = |name: &str, effect: &str, parameter: &str| {
-        let table: toml::Table = preset(name, None).expect("known").toml.parse().expect("TOML");
+        let table: toml::Table = preset(name, None, "").expect("known").toml.parse().expect("TOML");
         table[effect][parameter].as_float().expect("a float")
     };
     let near = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 2e-3, "{got} {want}");
@@ -106,7 +106,7 @@ fn derived_numbers_follow_from_their_sources() {
     near(value("phone", "shot_noise", "full_well_e"), 6000.0 * 55.0 / 270.0);
     near(value("machine-vision", "shot_noise", "full_well_e"), 10f64.powf(4.51));
     near(value("machine-vision", "read_noise", "sigma"), 10f64.powf(-73.0 / 20.0));
-    let fov = preset("humanoid-2008", None).expect("known").camera().expect("valid").intrinsics;
+    let fov = preset("humanoid-2008", None, "").expect("known").camera().expect("valid").intrinsics;
     near((320.0 / fov.fx).atan().to_degrees(), 47.8 / 2.0);
 }
 
@@ -117,7 +117,8 @@ const OWN: &str =
 fn a_preset_adds_effects_and_the_cameras_own_win() {
     let parse = |text: &str| CameraFile::parse(Path::new("camera.toml"), text).expect("valid");
     let mut camera = parse(&format!("{OWN}[motion_blur]\nexposure_time_s = 0.001\n"));
-    let notes = apply_preset(&preset("humanoid-2008", None).expect("known"), &mut camera).expect("applies");
+    let notes =
+        apply_preset(&preset("humanoid-2008", None, "").expect("known"), &mut camera).expect("applies");
     assert_eq!(MotionBlur::exposure_time_s(&camera.settings), 0.001);
     assert_eq!(RollingShutter::readout_time_s(&camera.settings), 0.031_372_549);
     // Size, pinhole and frame period stay the capture's.
@@ -127,13 +128,13 @@ fn a_preset_adds_effects_and_the_cameras_own_win() {
     assert!(notes.iter().any(|n| n.contains("longer than frame_period_s = 0.02")), "{notes:#?}");
     // Control: without a table of its own the camera takes the preset's.
     let mut plain = parse(OWN);
-    apply_preset(&preset("humanoid-2008", None).expect("known"), &mut plain).expect("applies");
+    apply_preset(&preset("humanoid-2008", None, "").expect("known"), &mut plain).expect("applies");
     assert_eq!(plain.settings.get("motion_blur", "exposure_time_s"), Some(Value::Number(0.01)));
 }
 
 #[test]
 fn an_unknown_preset_names_the_nearest() {
-    let error = preset("usb_webcam", None).expect_err("unknown").to_string();
+    let error = preset("usb_webcam", None, "--preset").expect_err("unknown").to_string();
     assert_eq!(error, "--preset: unknown preset `usb_webcam`; did you mean `usb-webcam`?");
-    assert!(!preset("banana", None).expect_err("unknown").to_string().contains("did you mean"));
+    assert!(!preset("banana", None, "").expect_err("unknown").to_string().contains("did you mean"));
 }

@@ -510,7 +510,7 @@ mod tests {
     #[ignore = "long: more than a minute"]
     fn what_a_sensor_leaves_is_found_among_all_that_can_be_named() {
         tells_what_a_sensor_leaves(&all());
-        let mosaic = found(&Theta::neutral().with(P::Mosaic, 3.0).with(P::Hot, 2e-3), names);
+        let mosaic = found(&Theta::neutral().with(P::Mosaic, 3.0).with(P::Hot, 2e-3), &all());
         assert!(
             mosaic.set.contains(&"bayer_mosaic") && mosaic.theta.get(P::Mosaic) == 3.0,
             "{:?}",

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use shutterbug::capture::{FrameEntry, is_plain_name, of_period, parse_frames, read_text, spacing_warning};
 use shutterbug::error::{Error, Result, one_line};
-use shutterbug::files::Limit;
+use shutterbug::files::{Limit, is_there};
 
 /// Extensions of pictures.
 const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -30,7 +30,7 @@ pub(super) fn matched(sim: &Path, real: &Path, given: Option<&Path>) -> Result<V
     let (sims, reals) = (pictures(sim)?, pictures(real)?);
     let beside = [Some(sim), Some(real), sim.parent(), real.parent()];
     let mut found = beside.into_iter().flatten().map(|folder| folder.join(MATCH_FILE));
-    if let Some(path) = given.map(Path::to_owned).or_else(|| found.find(|p| p.is_file())) {
+    if let Some(path) = given.map(Path::to_owned).or_else(|| found.find(|p| is_there(p))) {
         return by_file(&path, (sim, real));
     }
     if let (Some(a), Some(b)) = (times(sim)?, times(real)?) {
@@ -148,7 +148,7 @@ fn by_file(path: &Path, (sim, real): (&Path, &Path)) -> Result<Vec<Matched>> {
 /// `frames.csv` of a folder, if there is one.
 fn times(folder: &Path) -> Result<Option<Vec<FrameEntry>>> {
     let path = folder.join("frames.csv");
-    if !path.is_file() {
+    if !is_there(&path) {
         return Ok(None);
     }
     let text = read_text(&path, "lines `timestamp in ns,file name`", Limit::TABLE)?;

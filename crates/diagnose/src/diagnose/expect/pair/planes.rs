@@ -8,7 +8,7 @@ use super::matched::{Matched, stem};
 use shutterbug::camera::Trajectory;
 use shutterbug::capture::read_text;
 use shutterbug::error::{Error, Result};
-use shutterbug::files::Limit;
+use shutterbug::files::{Limit, is_there};
 use shutterbug::plane::{Plane, read_exr_plane, read_rgb8};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
     let stem = stem(&frame.sim);
     let plane = |folder: &str, channels: &[&str]| -> Result<Option<Plane<f32>>> {
         let path = sim.join(folder).join(format!("{stem}.exr"));
-        if !path.is_file() {
+        if !is_there(&path) {
             return Ok(None);
         }
         let plane = read_exr_plane(&path, channels)?;
@@ -66,7 +66,7 @@ pub(super) fn read(sim: &Path, frame: &Matched, size: [u32; 2], linear: bool) ->
 /// known.
 fn open(sim: &Path, stem: &str, [w, h]: [usize; 2], radiance: &Plane<f32>) -> Result<Plane<f32>> {
     let path = sim.join("mask").join(format!("{stem}.png"));
-    let mask = if path.is_file() { Some(read_rgb8(&path)?) } else { None };
+    let mask = if is_there(&path) { Some(read_rgb8(&path)?) } else { None };
     if let Some(mask) = &mask {
         same_size(&path, mask, [w, h])?;
     }
