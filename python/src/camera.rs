@@ -54,7 +54,7 @@ pub fn presets() -> Vec<(&'static str, &'static str)> {
 /// A preset's `camera.toml`, with the source of every number as comments.
 #[pyfunction]
 pub fn preset_text(py: Python<'_>, name: &str) -> PyResult<String> {
-    formats::preset(name, None).map(|p| p.toml.into_owned()).map_err(|e| input_error(py, &e))
+    formats::preset(name, None, "name").map(|p| p.toml.into_owned()).map_err(|e| input_error(py, &e))
 }
 
 /// Runs the command line in this process, whose signals it takes over, and returns its exit code. The first argument is

@@ -71,8 +71,8 @@ pub fn read_as(path: &Path, shown: &Path, limit: Limit) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Whether something has this name. A file that may be absent is read where it has: a folder or a pipe in its place is an
-/// error then, and not taken for nothing.
+/// Whether something has this name. A file that may be absent is read where it has: a folder or a pipe in its place is
+/// an error then, and not taken for nothing.
 pub fn is_there(path: &Path) -> bool {
     path.symlink_metadata().is_ok()
 }

@@ -1,5 +1,5 @@
-//! All pipelines of a device. They are kept when nothing uses them any more: to make one takes a driver up to a tenth of
-//! a second, and the next engine of a device, or the same one with another camera, needs most of them again.
+//! All pipelines of a device. They are kept when nothing uses them any more: to make one takes a driver up to a tenth
+//! of a second, and the next engine of a device, or the same one with another camera, needs most of them again.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
