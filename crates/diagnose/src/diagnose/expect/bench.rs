@@ -146,8 +146,8 @@ pub(crate) fn options(quality: Quality) -> EngineOptions {
     }
 }
 
-/// Renders several frames; linear radiance, shape `[height, width, 3]`. Of a frame in four channels, which takes a third
-/// more, there are never more than are in flight.
+/// Renders several frames; linear radiance, shape `[height, width, 3]`. Frames in four channels, which take a third
+/// more, are never more than are in flight.
 pub(super) fn in_flight(engine: &mut Engine, requests: &[FrameRequest]) -> Result<Vec<Plane<f32>>> {
     let mut tickets = VecDeque::new();
     let mut done = Vec::new();
