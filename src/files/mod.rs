@@ -7,6 +7,6 @@ mod read;
 mod watch;
 mod write;
 
-pub use read::{Limit, is_there, read, read_as, read_if_there};
+pub use read::{Limit, is_there, open_regular, read, read_as, read_if_there};
 pub use watch::{Watcher, set_watcher};
 pub use write::{Existing, Staged, identity, is_temporary, put, stage, write_atomic, write_single};

@@ -53,13 +53,9 @@ pub fn read(path: &Path, limit: Limit) -> Result<Vec<u8>> {
 /// As [`read`].
 pub fn read_as(path: &Path, shown: &Path, limit: Limit) -> Result<Vec<u8>> {
     let failed = |e| Error::io(shown, "read", e);
-    // Before it is opened: to open a pipe can block for ever, to open a device can have effects.
-    check_regular(&path.metadata().map_err(failed)?, shown)?;
-    let file = open(path).map_err(failed)?;
-    let about = file.metadata().map_err(failed)?;
-    check_regular(&about, shown)?;
-    check_size(about.len(), shown, limit)?;
-    let mut bytes = Vec::with_capacity(about.len() as usize);
+    let (file, length) = open_regular(path, shown)?;
+    check_size(length, shown, limit)?;
+    let mut bytes = Vec::with_capacity(length as usize);
     // One byte beyond the limit tells too long from just fitting, also where the file system gives no length.
     file.take(limit.bytes + 1).read_to_end(&mut bytes).map_err(failed)?;
     check_size(bytes.len() as u64, shown, limit)?;
@@ -100,6 +96,20 @@ const O_NONBLOCK: i32 =
     } else {
         4
     };
+
+/// Opens a regular file to read; with its length, bytes. Errors call it `shown`.
+///
+/// # Errors
+/// A missing or unreadable file; a pipe, a device or a folder, which would block or never end.
+pub fn open_regular(path: &Path, shown: &Path) -> Result<(File, u64)> {
+    let failed = |e| Error::io(shown, "read", e);
+    // Before it is opened: to open a pipe can block for ever, to open a device can have effects.
+    check_regular(&path.metadata().map_err(failed)?, shown)?;
+    let file = open(path).map_err(failed)?;
+    let about = file.metadata().map_err(failed)?;
+    check_regular(&about, shown)?;
+    Ok((file, about.len()))
+}
 
 /// Opens a file to read. It may have become a pipe since it was looked at: opening must not wait for a writer.
 fn open(path: &Path) -> std::io::Result<File> {

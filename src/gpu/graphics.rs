@@ -7,11 +7,9 @@ use ash::vk;
 use super::bind::{BindGroup, Bound};
 use super::context::{Context, MAIN};
 use super::failed;
-use super::interface::Interface;
 use super::kernel::{ShaderModule, specialization_entries};
 use super::memory::{Format, Image, ImageSpec};
 use super::pipeline::Pipeline;
-use super::pipelines::{Key, Made};
 use crate::error::Result;
 use crate::kernels::Kernel;
 
@@ -153,12 +151,10 @@ impl GraphicsPipeline {
     /// # Errors
     /// Out of memory, or a driver that refuses the shaders.
     pub fn new(context: &Arc<Context>, attachments: &Attachments, spec: &GraphicsSpec) -> Result<Self> {
-        let flags = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
-        let kernels = [spec.vertex, spec.fragment];
-        let pipeline = Pipeline::of(context, Key::new(&kernels, state(attachments, spec)), || {
-            let interface = Interface::new(&context.device, &kernels, flags)?;
-            Made::with(&context.device, interface, |layout| make_pipeline(context, attachments, spec, layout))
-        })?;
+        let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
+        let kernels: (&[_], _) = (&[spec.vertex, spec.fragment], stages);
+        let make = |layout| make_pipeline(context, attachments, spec, layout);
+        let pipeline = Pipeline::of(context, kernels, state(attachments, spec), make)?;
         Ok(Self { pipeline })
     }
 

@@ -8,9 +8,7 @@ use ash::vk;
 use super::bind::{BindGroup, Bound};
 use super::context::{Context, MAIN};
 use super::failed;
-use super::interface::Interface;
 use super::pipeline::Pipeline;
-use super::pipelines::{Key, Made};
 use crate::error::{Error, Result};
 use crate::kernels::Kernel;
 
@@ -34,11 +32,9 @@ impl ComputePipeline {
     /// # Errors
     /// As for [`Self::new`].
     pub fn specialized(context: &Arc<Context>, kernel: &'static Kernel, constants: &[u32]) -> Result<Self> {
-        let key = Key::new(&[kernel], constants.to_vec());
-        let pipeline = Pipeline::of(context, key, || {
-            let interface = Interface::new(&context.device, &[kernel], vk::ShaderStageFlags::COMPUTE)?;
-            Made::with(&context.device, interface, |layout| make_pipeline(context, kernel, constants, layout))
-        })?;
+        let kernels: (&[_], _) = (&[kernel], vk::ShaderStageFlags::COMPUTE);
+        let make = |layout| make_pipeline(context, kernel, constants, layout);
+        let pipeline = Pipeline::of(context, kernels, constants.to_vec(), make)?;
         Ok(Self { pipeline, kernel })
     }
 

@@ -239,7 +239,7 @@ fn times_beside(poses: &Path) -> PathBuf {
     let laid_out =
         poses.parent().and_then(Path::parent).map(|p| p.join("sequences").join(stem).join("times.txt"));
     match laid_out {
-        Some(path) if !beside.is_file() && path.is_file() => path,
+        Some(path) if !is_there(&beside) && is_there(&path) => path,
         _ => beside,
     }
 }

@@ -1,11 +1,12 @@
 //! Files that are too large to hold in memory: recordings. They are read from front to back, or at offsets that the
 //! file itself names.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use shutterbug::error::{Error, Result};
+use shutterbug::files;
 use shutterbug_diagnose::out::{note_read, sha256_hex};
 
 /// Of a large file, so much of its beginning and of its end tell it from others.
@@ -20,23 +21,6 @@ pub struct Large {
     at: u64,
 }
 
-fn check_regular(about: &std::fs::Metadata, shown: &Path) -> Result<()> {
-    if about.is_file() {
-        return Ok(());
-    }
-    let found = if about.is_dir() { "a folder" } else { "a pipe, socket or device" };
-    Err(Error::input(shown, None, found, "a regular file"))
-}
-
-/// Opens a file to read. It may have become a pipe since it was looked at: opening must not wait for a writer.
-fn open(path: &Path) -> std::io::Result<File> {
-    let mut options = OpenOptions::new();
-    options.read(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
-    options.open(path)
-}
-
 impl Large {
     /// Opens a file and notes it as read: by its length and its first and last MiB, as hashing all of a recording takes
     /// as long as reading it.
@@ -44,17 +28,9 @@ impl Large {
     /// # Errors
     /// A missing or unreadable file; a pipe, a device or a folder.
     pub fn open(path: &Path) -> Result<Self> {
-        let failed = |e| Error::io(path, "read", e);
-        check_regular(&path.metadata().map_err(failed)?, path)?;
-        let file = open(path).map_err(failed)?;
-        let about = file.metadata().map_err(failed)?;
-        check_regular(&about, path)?;
-        let mut large = Self {
-            path: path.to_owned(),
-            file: BufReader::with_capacity(1 << 16, file),
-            bytes: about.len(),
-            at: 0,
-        };
+        let (file, bytes) = files::open_regular(path, path)?;
+        let file = BufReader::with_capacity(1 << 16, file);
+        let mut large = Self { path: path.to_owned(), file, bytes, at: 0 };
         let mark = large.mark()?;
         note_read(path, mark);
         large.seek(0)?;
