@@ -1,7 +1,7 @@
 //! Hidden effects are found, with their parameters, and nothing else is; what is no candidate is not sold as one.
 #![allow(clippy::unwrap_used)]
 
-use crate::diagnose_support::{frames_of, make, make_by, names, near, parameter, run};
+use crate::diagnose_support::{frames_of, make, make_by, names, near, parameter, run, run_exact};
 use crate::gpu_support::device;
 use crate::long_support::{left_out, long};
 use shutterbug::capture::Capture;
@@ -179,6 +179,30 @@ fn a_cause_that_is_no_candidate_is_not_sold_as_another() {
     assert_ne!(without.verdict, Verdict::Explained, "{:?} {:?}", without.gap, names(&without));
     assert_ne!(without.verdict, Verdict::NoGap);
     assert!(without.effects.iter().all(|e| e.name != "rolling_shutter"));
+}
+
+/// More contrast over 20 px is on no list. A sharpening takes it up with the largest radius that it may have.
+#[test]
+fn an_effect_is_named_beside_one_at_the_end_of_its_range() {
+    /// Share of what differs from its surroundings that is added.
+    const CONTRAST: f64 = 0.15;
+    let Some(context) = device("beside_one_at_the_end") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let capture = make(&context.0, folder.path(), "[rolling_shutter]\nreadout_time_s = 0.021\n", "", 1.0, 8);
+    for path in std::fs::read_dir(folder.path().join("real")).unwrap().map(|f| f.unwrap().path()) {
+        let picture = image::open(&path).unwrap().into_rgb8();
+        let mut more = picture.clone();
+        for (value, mean) in more.iter_mut().zip(image::imageops::fast_blur(&picture, 20.0).iter()) {
+            let stretched = f64::from(*value) + CONTRAST * (f64::from(*value) - f64::from(*mean));
+            *value = stretched.round().clamp(0.0, 255.0) as u8;
+        }
+        more.save(&path).unwrap();
+    }
+    let asked = ["rolling_shutter", "sharpening"];
+    let report = run_exact(&context.0, &capture, &all_but(&asked)).report;
+    assert_eq!(report.verdict, Verdict::UnknownEffect, "{:?} {:?}", report.gap, names(&report));
+    assert_eq!(names(&report), ["rolling_shutter"], "{:?}", report.gap);
+    near(&report, "rolling_shutter", "readout_time_s", 0.021, 0.03);
 }
 
 #[test]

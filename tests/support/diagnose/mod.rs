@@ -159,8 +159,23 @@ impl Progress for Silent {
 
 /// Diagnoses with everything, or without some candidates.
 pub fn run(context: &Arc<Context>, capture: &Capture, without: &[&str]) -> Diagnosis {
+    run_by(context, capture, without, DiagnoseOptions::default())
+}
+
+/// The same with a description that is known to be right.
+pub fn run_exact(context: &Arc<Context>, capture: &Capture, without: &[&str]) -> Diagnosis {
+    let exact = DiagnoseOptions { scene_exact: true, poses_exact: true, ..DiagnoseOptions::default() };
+    run_by(context, capture, without, exact)
+}
+
+fn run_by(
+    context: &Arc<Context>,
+    capture: &Capture,
+    without: &[&str],
+    options: DiagnoseOptions,
+) -> Diagnosis {
     let without = without.iter().map(|w| (*w).to_owned()).collect();
-    let options = DiagnoseOptions { without, ..DiagnoseOptions::default() };
+    let options = DiagnoseOptions { without, ..options };
     diagnose(context, capture, &options, &mut Silent).unwrap_or_else(|e| panic!("{e}"))
 }
 

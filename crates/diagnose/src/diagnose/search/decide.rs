@@ -102,7 +102,7 @@ impl Facts {
             closed: crate::diagnose::judge::closed_fraction(before, after, floor),
             solved: found.residue.solved,
             placed: search.forward.static_camera && moves && found.residue.placed >= PLACED,
-            bounded: ends_at_a_bound(found),
+            bounded: !found.at_an_end().is_empty(),
             elsewhere: found.residue.shows_another_scene(),
             within: found.after.estimate().interval()[1] <= found.after.bound(),
             like_values: match found.residue.by_value {
@@ -144,15 +144,6 @@ fn failed_of_noise(found: &Found) -> Vec<&'static str> {
     let kinds = ["the spread of single values", "noise of rows", "a fixed pattern"];
     let beyond = |(z, words): (&f64, &'static str)| (*z > quantile(kinds.len())).then_some(words);
     found.residue.noise.iter().zip(kinds).filter_map(beyond).collect()
-}
-
-/// Whether a fit has run to the end of what a parameter may be.
-fn ends_at_a_bound(found: &Found) -> bool {
-    found.free().into_iter().any(|p| {
-        let value = found.fit.theta.get(p);
-        // An effect may be none.
-        !p.spec().fit.ends && found.fit.theta.is_on(p) && p.spec().range.contains(&value)
-    })
 }
 
 #[cfg(test)]

@@ -76,7 +76,29 @@ impl Search<'_> {
             self.sharpen(found)?;
         }
         self.judge.quality = finest_of(&found.fit.theta);
-        self.prune_finely(found)
+        self.prune_finely(found)?;
+        self.drop_what_is_at_an_end(found)
+    }
+
+    /// Takes out members that were fitted to the end of their range, as long as others are left: what is beside them
+    /// can be named, and is fitted without them. The one that costs least goes first.
+    fn drop_what_is_at_an_end(&mut self, found: &mut Found) -> Result<()> {
+        while found.set.len() > 1 {
+            let mut weakest: Option<(usize, Theta, f64)> = None;
+            for name in found.at_an_end() {
+                let i = found.set.iter().position(|n| *n == name).expect("a member");
+                let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
+                if weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
+                    weakest = Some((i, fit.theta, scores.mean()));
+                }
+            }
+            let Some((i, theta, gap)) = weakest else { break };
+            tracing::info!("drops {}, at the end of its range: {gap:.3} DN without", found.set[i]);
+            found.set.remove(i);
+            found.fit.theta = theta;
+            self.refit_to_the_end(found)?;
+        }
+        Ok(())
     }
 
     /// Exchanges members of the set. What explained nothing beside the set that the search came to may do so beside the

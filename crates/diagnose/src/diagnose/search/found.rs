@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::model::{P, Theta};
+use crate::diagnose::expect::model::{P, Theta, candidate_of};
 use crate::diagnose::judge::Scores;
 use crate::diagnose::judge::residue::Residue;
 
@@ -94,6 +94,21 @@ impl Found {
     /// Continuous parameters that fits of the set free.
     pub(crate) fn free(&self) -> Vec<P> {
         crate::diagnose::expect::model::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
+    }
+
+    /// Members of the set of which a parameter was fitted to the end of what it may be: they wanted to be something else.
+    pub(crate) fn at_an_end(&self) -> Vec<&'static str> {
+        let free = self.free();
+        // An effect may be none.
+        let ends = |p: &P| {
+            let value = self.fit.theta.get(*p);
+            !p.spec().fit.ends && self.fit.theta.is_on(*p) && p.spec().range.contains(&value)
+        };
+        let own = |name: &str| {
+            let candidate = candidate_of(name);
+            candidate.parameters.iter().chain(candidate.more).any(|p| free.contains(p) && ends(p))
+        };
+        self.set.iter().copied().filter(|name| own(name)).collect()
     }
 
     /// Whether what is left was looked at.
