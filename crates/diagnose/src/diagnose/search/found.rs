@@ -96,7 +96,7 @@ impl Found {
         crate::diagnose::expect::model::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
     }
 
-    /// Members of the set of which a parameter was fitted to the end of what it may be: they wanted to be something else.
+    /// Members of the set with a parameter that was fitted to the end of its range: they wanted to be something else.
     pub(crate) fn at_an_end(&self) -> Vec<&'static str> {
         let free = self.free();
         // An effect may be none.
