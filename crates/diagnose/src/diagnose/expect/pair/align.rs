@@ -83,18 +83,27 @@ impl Grey {
 
     /// Blurred by one pixel, so that pictures of unlike sharpness have slopes alike.
     fn soft(&self) -> Self {
-        let (w, h) = (self.w as isize, self.h as isize);
-        let pass = |data: &[f32], dx: isize, dy: isize| -> Vec<f32> {
-            let at = |x: isize, y: isize| data[(y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize];
-            let one = |i: isize| {
-                let (x, y) = (i % w, i / w);
-                let sum = |k: isize| at(x - k * dx, y - k * dy) + at(x + k * dx, y + k * dy);
-                0.375 * at(x, y) + 0.25 * sum(1) + 0.0625 * sum(2)
-            };
-            (0..w * h).into_par_iter().map(one).collect()
-        };
-        let across = pass(&self.data, 1, 0);
-        Self { data: pass(&across, 0, 1), ..*self }
+        let (w, h) = (self.w, self.h);
+        let of_five = |v: [f32; 5]| 0.375 * v[2] + 0.25 * (v[1] + v[3]) + 0.0625 * (v[0] + v[4]);
+        // Beyond the picture it goes on as at its border.
+        let near = |at: usize, side: usize| [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(side - 1));
+        let mut across = vec![0.0; w * h];
+        across.par_chunks_mut(w).zip(self.data.par_chunks(w)).for_each(|(out, row)| {
+            for x in (0..w.min(2)).chain(w.saturating_sub(2)..w) {
+                out[x] = of_five(near(x, w).map(|x| row[x]));
+            }
+            for (out, five) in out.iter_mut().skip(2).zip(row.windows(5)) {
+                *out = of_five([five[0], five[1], five[2], five[3], five[4]]);
+            }
+        });
+        let mut data = vec![0.0; w * h];
+        data.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
+            let [a, b, c, d, e] = near(y, h).map(|y| &across[y * w..][..w]);
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = of_five([a[x], b[x], c[x], d[x], e[x]]);
+            }
+        });
+        Self { data, ..*self }
     }
 
     fn read(&self, x: f64, y: f64) -> f32 {
@@ -408,6 +417,25 @@ pub(super) mod tests {
 
     fn picture(f: impl Fn(f64, f64) -> f32) -> Plane<f32> {
         Plane::from_fn(320, 240, |x, y| [f(x as f64, y as f64); 3])
+    }
+
+    #[test]
+    fn a_picture_is_blurred_up_to_its_border() {
+        for (w, h) in [(7, 5), (5, 1), (4, 3), (2, 6), (1, 2)] {
+            let data: Vec<f32> = (0..w * h).map(|i| ((i * 7919) % 251) as f32).collect();
+            let taps = [(-2, 0.0625), (-1, 0.25), (0, 0.375), (1, 0.25), (2, 0.0625)];
+            let near = |at: usize, k: i32, side: usize| (at as i32 + k).clamp(0, side as i32 - 1) as usize;
+            let by_hand = |i: usize| -> f64 {
+                let one = |(j, b): (i32, f64), (k, a): (i32, f64)| {
+                    a * b * f64::from(data[near(i / w, j, h) * w + near(i % w, k, w)])
+                };
+                taps.iter().flat_map(|&rows| taps.iter().map(move |&columns| one(rows, columns))).sum()
+            };
+            let soft = Grey { w, h, data: data.clone() }.soft().data;
+            for (i, v) in soft.iter().enumerate() {
+                assert!((f64::from(*v) - by_hand(i)).abs() < 1e-3, "{w}x{h}, {i}: {v} for {}", by_hand(i));
+            }
+        }
     }
 
     #[test]
