@@ -45,23 +45,21 @@ pub(super) fn tables(settings: &Settings) -> (Vec<&'static str>, [Table; 3]) {
     // The encoding alone, which every camera has.
     static PLAIN: LazyLock<Table> = LazyLock::new(|| {
         let plain = Settings::default();
-        one_table(&switched_on(&plain).collect::<Vec<_>>(), &plain, None)
+        tables_of(&switched_on(&plain).collect::<Vec<_>>(), &plain)[0].clone()
     });
     let plain = settings.iter().all(|(stem, _)| !stems.contains(&stem));
     if plain {
         return (stems, [0; 3].map(|_| PLAIN.clone()));
     }
-    // Only a response tells colours apart.
-    if stems.contains(&"response_curve") {
-        let all = [0, 1, 2].map(|c| one_table(&curves, settings, Some(c)));
-        return (stems, all);
-    }
-    let table = one_table(&curves, settings, None);
-    (stems, [0; 3].map(|_| table.clone()))
+    let tables = tables_of(&curves, settings);
+    (stems, tables)
 }
 
-/// What curves make of values, DN; `channel`: of one that differs from the others.
-fn one_table(curves: &[&dyn Effect], settings: &Settings, channel: Option<usize>) -> Table {
+/// Greys that a curve is asked for, to see whether it bends the channels of each alike.
+const GREYS: usize = 64;
+
+/// What curves make of values, DN, by channel.
+fn tables_of(curves: &[&dyn Effect], settings: &Settings) -> [Table; 3] {
     let packed = Packed::new(LIST, settings, &ANYWHERE);
     let source = Plane::new(0, 0, 4);
     let twins: Vec<_> = curves
@@ -80,16 +78,24 @@ fn one_table(curves: &[&dyn Effect], settings: &Settings, channel: Option<usize>
         })
     };
     let value = |i: usize| i as f32 / TABLE as f32;
-    let mut table = [0.0; TABLE + 2];
-    // Where colours are alike three entries are made at once.
-    for i in (0..TABLE + 2).step_by(if channel.is_some() { 1 } else { 3 }) {
-        match channel {
-            Some(c) => table[i] = 255.0 * bent([value(i); 3])[c],
-            None => {
-                let three = bent([value(i), value(i + 1), value(i + 2)]);
-                table[i..].iter_mut().zip(three).for_each(|(to, v)| *to = 255.0 * v);
-            }
+    let mut tables = [[0.0; TABLE + 2]; 3];
+    let differ = |grey: usize| {
+        let [r, g, b] = bent([grey as f32 / GREYS as f32; 3]);
+        r != g || g != b
+    };
+    if (0..=GREYS).any(differ) {
+        for i in 0..TABLE + 2 {
+            let bent = bent([value(i); 3]);
+            tables.iter_mut().zip(bent).for_each(|(table, v)| table[i] = 255.0 * v);
         }
+        return tables.map(Arc::new);
     }
-    Arc::new(table)
+    // Where channels are alike three entries are made at once.
+    let [mut table, ..] = tables;
+    for i in (0..TABLE + 2).step_by(3) {
+        let three = bent([value(i), value(i + 1), value(i + 2)]);
+        table[i..].iter_mut().zip(three).for_each(|(to, v)| *to = 255.0 * v);
+    }
+    let table = Arc::new(table);
+    [0; 3].map(|_| table.clone())
 }
