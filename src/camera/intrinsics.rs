@@ -60,7 +60,7 @@ impl Intrinsics {
                 self.fx, self.fy
             ));
         }
-        let off = |at: f64, side: u32| (at / f64::from(side) - 0.5).abs() > AXIS_OFF;
+        let off = |at: f64, side: u32| (at / f64::from(side) - 0.5).abs() >= AXIS_OFF;
         if off(self.cx, self.width) || off(self.cy, self.height) {
             all.push(format!(
                 "the optical axis at ({:.0}, {:.0}) px of a picture of {}x{} px, expected within the middle half: \

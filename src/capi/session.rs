@@ -7,13 +7,10 @@ use std::time::Duration;
 use super::exposure::{Exposure, Place};
 use super::options::Settings;
 use super::status::{self, Fault, Outcome};
-use crate::camera::{Distortion, Intrinsics, Lens, Pose, ScanOrder, ShutterTiming, Trajectory};
+use crate::camera::{Distortion, Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
 use crate::capture::{CameraFile, Capture};
 use crate::chain::{Effect, Settings as Effects, Work};
-use crate::effects::{
-    BayerMosaic, ChromaticAberration, FocalLengthError, LIST, LensDistortion, MotionBlur, PoseOffset,
-    RollingShutter, TimeOffset,
-};
+use crate::effects::{BayerMosaic, ChromaticAberration, FocalLengthError, LIST, LensDistortion, PoseOffset};
 use crate::engine::{
     Delivery, Engine, EngineOptions, Flight, Frame, FrameRequest, Method, OutsideEngine, OutsideFrame, Ticket,
 };
@@ -174,21 +171,12 @@ impl Session {
     fn request(&self, index: u32, time_s: f64, planes: bool) -> Outcome<FrameRequest> {
         let camera = self.camera.as_ref();
         let camera = camera.ok_or_else(|| Fault::new(status::STATE, "no camera is set"))?;
-        let settings = &camera.settings;
-        let scan_order = RollingShutter::scan_order(settings);
-        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         Ok(FrameRequest {
             index,
-            shutter: ShutterTiming {
-                start_s: time_s + TimeOffset::offset_s(settings),
-                exposure_time_s: MotionBlur::exposure_time_s(settings),
-                readout_time_s: RollingShutter::readout_time_s(settings),
-                scan_order,
-                line_count: ScanOrder::line_count(scan_order, width, height),
-            },
+            shutter: camera.shutter_at(time_s),
             frame_interval_s: camera.frame_period_s,
             seed: self.settings.seed,
-            settings: settings.clone(),
+            settings: camera.settings.clone(),
             static_camera: camera.static_camera,
             planes,
             statistics: false,

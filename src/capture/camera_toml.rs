@@ -8,9 +8,9 @@ use toml::de::{DeTable, DeValue};
 
 use super::effect_tables::{KEYS, choose, read_effects};
 use super::text::{Entry, TomlText, read_text};
-use crate::camera::Intrinsics;
+use crate::camera::{Intrinsics, ShutterTiming};
 use crate::chain::{ParamKind, Settings, Value};
-use crate::effects;
+use crate::effects::{self, MotionBlur, RollingShutter, TimeOffset};
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::plane::MAX_SIDE_PX;
@@ -75,6 +75,18 @@ impl CameraFile {
         }
     }
 
+    /// When each line of the frame of a timestamp (s) is exposed.
+    pub fn shutter_at(&self, timestamp_s: f64) -> ShutterTiming {
+        let scan_order = RollingShutter::scan_order(&self.settings);
+        ShutterTiming {
+            start_s: timestamp_s + TimeOffset::offset_s(&self.settings),
+            exposure_time_s: MotionBlur::exposure_time_s(&self.settings),
+            readout_time_s: RollingShutter::readout_time_s(&self.settings),
+            scan_order,
+            line_count: scan_order.line_count(self.intrinsics.width, self.intrinsics.height),
+        }
+    }
+
     /// Reads the file's text; `path` is what errors name.
     ///
     /// # Errors
@@ -96,7 +108,7 @@ impl CameraFile {
         };
         let frame_period_s = keys.frame_period_s()?;
         let (settings, mut warnings) = read_effects(&toml, &table, frame_period_s)?;
-        warnings.extend(intrinsics.doubt_of_unit());
+        warnings.extend(intrinsics.doubts());
         Ok(Self {
             path: path.to_owned(),
             intrinsics,

@@ -21,7 +21,7 @@ pub use json::{JsonFault, parse_json};
 pub use lights::parse_lights;
 
 use crate::camera::{Intrinsics, Lens, Pose, ShutterTiming, Trajectory};
-use crate::effects::{FocalLengthError, LensDistortion, MotionBlur, PoseOffset, RollingShutter, TimeOffset};
+use crate::effects::{FocalLengthError, LensDistortion, PoseOffset, TimeOffset};
 use crate::error::{Error, Result};
 use crate::files::Limit;
 use crate::scene::{Scene, Shading, load_obj};
@@ -128,15 +128,7 @@ impl Capture {
     /// # Panics
     /// If there is no such frame.
     pub fn shutter(&self, frame: usize) -> ShutterTiming {
-        let settings = &self.camera.settings;
-        let scan_order = RollingShutter::scan_order(settings);
-        ShutterTiming {
-            start_s: self.start_s(frame),
-            exposure_time_s: MotionBlur::exposure_time_s(settings),
-            readout_time_s: RollingShutter::readout_time_s(settings),
-            scan_order,
-            line_count: scan_order.line_count(self.camera.intrinsics.width, self.camera.intrinsics.height),
-        }
+        self.camera.shutter_at(self.frames[frame].start_s)
     }
 
     /// The true camera's pose at an instant of a frame's exposure. A camera that rests during each frame
