@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import threading
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -19,10 +20,23 @@ from ._closing import Closing
 from ._device import open_engine
 from ._given import Given, outside_of
 from ._outputs import layout_of, outputs_of
-from .errors import ArgumentError
+from .errors import ArgumentError, InputError
 from .frame import Frame
 
 _METHODS = {"default": 0, "paper": 2, "fast": 4}
+
+
+def _read(text: str, name: str | None) -> tuple[str, list[str]]:
+    """Let the library read the text of a camera.toml, of the file or preset `name`. None: it was made of arguments. Whoever gave those
+    knows no lines: errors name the table instead."""
+    try:
+        return _core.check_camera(text, "camera" if name is None else name)
+    except InputError as error:
+        placed = re.match(r"camera:(\d+): ", str(error))
+        if name is not None or not placed:
+            raise
+        above = re.findall(r"^\[(\w+)\]", "\n".join(text.splitlines()[: int(placed[1])]), re.MULTILINE)
+        raise InputError(": ".join(["camera", *above[-1:], str(error)[placed.end() :]])) from None
 
 
 class Camera(Closing):
@@ -88,16 +102,16 @@ class Camera(Closing):
             "cy": height / 2 if cy is None else float(cy),
             "frame_period_s": float(frame_period_s),
         }
-        self._begin(_toml.dumps(description | tables), "camera", options)
+        self._begin(_toml.dumps(description | tables), None, options)
 
     @classmethod
-    def _of_text(cls, text: str, name: str, options: Mapping[str, Any], notes: Sequence[str] = ()) -> Camera:
+    def _of_text(cls, text: str, name: str | None, options: Mapping[str, Any], notes: Sequence[str] = ()) -> Camera:
         camera = cls.__new__(cls)
         camera._begin(text, name, options)
         camera.notes = [*notes, *camera.notes]
         return camera
 
-    def _begin(self, text: str, name: str, options: Mapping[str, Any]) -> None:
+    def _begin(self, text: str, name: str | None, options: Mapping[str, Any]) -> None:
         known = {
             "device": None,
             "seed": 0,
@@ -111,7 +125,7 @@ class Camera(Closing):
                 raise TypeError(f"there is no option {option!r}: {', '.join(known)} are expected")
         self._options: dict[str, Any] = known | dict(options)
         one_of(_METHODS, self._options["method"], "method")
-        self._text, self.notes = _core.check_camera(text, name)
+        self._text, self.notes = _read(text, name)
         self._description: dict[str, Any] = tomllib.loads(self._text)
         self._engine: _core.Engine | None = None
         self._lock, self._pid = threading.Lock(), os.getpid()
@@ -198,7 +212,7 @@ class Camera(Closing):
         pinhole = {"width", "height", "fx", "fy", "cx", "cy", "frame_period_s"}
         bare = Camera(width, height, fovy=fovy, fx=fx, fy=fy, cx=cx, cy=cy, frame_period_s=self.frame_period_s)
         kept = {name: value for name, value in self._description.items() if name not in pinhole}
-        return self._of_text(_toml.dumps(bare._description | kept), "camera", self._options | options, self.notes)
+        return self._of_text(_toml.dumps(bare._description | kept), None, self._options | options, self.notes)
 
     def with_effects(self, effects: Mapping[str, Mapping[str, Any] | None], **options: Any) -> Camera:
         """Give a camera with the tables of `effects` in place of its own of the same names; None takes one away. `options`, as of `Camera`,
@@ -210,7 +224,7 @@ class Camera(Closing):
                 tables.pop(name, None)
             else:
                 tables[name] = {**tables.get(name, {}), **values}
-        return self._of_text(_toml.dumps(tables), "camera", self._options | options)
+        return self._of_text(_toml.dumps(tables), None, self._options | options)
 
     def become(self, other: Camera) -> None:
         """Take the size, pinhole and effects of `other`, another camera, and keep the device, where opening one would take a tenth of a
@@ -388,5 +402,5 @@ class Camera(Closing):
         return {"text": self._text, "options": dict(self._options), "notes": list(self.notes)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._begin(state["text"], "camera", state["options"])
+        self._begin(state["text"], None, state["options"])
         self.notes = state["notes"]

@@ -207,6 +207,7 @@ def test_lens_profiles_are_read_as_the_program_reads_them(tmp_path):
         (lambda: Camera(64, 48, fovy=50, readout_time_s=-1), errors.InputError, "readout_time_s"),
         (lambda: Camera(64, 48, fovy=50, effects={"red_noise": {}}), errors.InputError, "read_noise"),
         (lambda: Camera(64, 48, fovy=50, effects={"read_noise": {"sigma": float("nan")}}), errors.InputError, "sigma"),
+        (lambda: Camera(64, 48, fovy=50, effects={"vignetting": {"a9": 1.0}}), errors.InputError, "^camera: vignetting: unknown .*`a9`"),
         (lambda: Camera(64, 48, fovy=50, colour=3), TypeError, "colour"),
         (lambda: Camera(64, 48, fovy=50, method="slow"), errors.ArgumentError, "paper"),
         (lambda: Camera.preset("fone"), errors.InputError, "phone"),
