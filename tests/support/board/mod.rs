@@ -53,15 +53,21 @@ impl Oracle {
             let line = if self.readout_s < 0.0 { h - 1 - y } else { y };
             let (turn, place) = pose(start_s + self.readout_s.abs() * line as f64 / h as f64);
             for x in 0..w {
-                let mut sum = 0.0;
-                for ray in 0..RAYS * RAYS {
+                let seen = |i: usize, j: usize| {
                     let part = |i: usize| (i as f64 + 0.5) / RAYS as f64;
-                    let px = DVec2::new(x as f64 + part(ray % RAYS), y as f64 + part(ray / RAYS));
-                    let d = turn * self.ray(px);
+                    let d = turn * self.ray(DVec2::new(x as f64 + part(i), y as f64 + part(j)));
                     let hit = place - d * (place.z / d.z);
-                    sum += self.radiance(hit.truncate() / self.square_m);
-                }
-                let linear = (sum / (RAYS * RAYS) as f64) as f32;
+                    self.radiance(hit.truncate() / self.square_m)
+                };
+                // Squares are many px wide: where the outermost rays see one of them, so do all.
+                let last = RAYS - 1;
+                let outermost = [seen(0, 0), seen(last, 0), seen(0, last), seen(last, last)];
+                let linear = if outermost.iter().all(|v| *v == outermost[0]) {
+                    outermost[0]
+                } else {
+                    let sum: f64 = (0..RAYS * RAYS).map(|ray| seen(ray % RAYS, ray / RAYS)).sum();
+                    sum / (RAYS * RAYS) as f64
+                } as f32;
                 out.pixel_mut(x, y).fill(shutterbug::plane::srgb8(linear));
             }
         }
