@@ -92,7 +92,7 @@ fn places(object: &str) -> Where {
     };
     Where {
         summary: vec![
-            "81 % of the gap lies on edges that move faster than 200 px/s".to_owned(),
+            "81 % of the difference lies on edges that move faster than 200 px/s".to_owned(),
             format!("it grows from the top line to the bottom, most of all on {object}"),
         ],
         by_row: bins(240, 1.0, |i| format!("row {i}"), |p| 1.0 + 11.0 * p),

@@ -84,14 +84,14 @@ fn edges(frames: &[Compared<'_>], total: f64) -> Said {
     let quick = limit >= 20.0 && fast_share / fast_area.max(1e-9) > 1.5 * slow_gap / slow_area.max(1e-9);
     let text = if quick && fast_share > 0.6 * share {
         format!(
-            "{:.0} % of the gap lies on edges that move faster than {limit:.0} px/s, which cover {:.0} % of the \
+            "{:.0} % of the difference lies on edges that move faster than {limit:.0} px/s, which cover {:.0} % of the \
              picture.",
             100.0 * fast_share,
             100.0 * fast_area
         )
     } else {
         format!(
-            "{:.0} % of the gap lies on edges, which cover {:.0} % of the picture.",
+            "{:.0} % of the difference lies on edges, which cover {:.0} % of the picture.",
             100.0 * share,
             100.0 * area
         )
@@ -109,7 +109,7 @@ fn trend(bins: &[Bin], total: f64, along: &str) -> Said {
     let size = (last - first).abs() / total;
     let word = if last > first { "grows" } else { "falls" };
     (size > 0.3 && last.max(first) > 1.4 * last.min(first))
-        .then(|| (size, format!("The gap {word} {along}: {first:.1} to {last:.1} DN.")))
+        .then(|| (size, format!("The mean absolute difference {word} {along}: {first:.1} to {last:.1} DN.")))
 }
 
 fn mean(bins: &[Bin]) -> f64 {
@@ -123,7 +123,7 @@ fn apart(bins: &[Bin], total: f64, what: &str, more: &str) -> Said {
     let most = bins.iter().max_by(|a, b| share(a).total_cmp(&share(b)))?;
     (bins.len() > 1 && share(most) > 0.35 && share(most) > 1.6 * most.weight).then(|| {
         let text = format!(
-            "{:.0} % of the gap lies on {what} {}{more}, which covers {:.0} % of the picture.",
+            "{:.0} % of the difference lies on {what} {}{more}, which covers {:.0} % of the picture.",
             100.0 * share(most),
             most.label,
             100.0 * most.weight
@@ -137,7 +137,7 @@ fn channels(bins: &[Bin], total: f64) -> Said {
     let (least, most) = (bins.iter().min_by(by)?, bins.iter().max_by(by)?);
     (most.before > 1.4 * least.before).then(|| {
         let text = format!(
-            "The gap is widest in {} ({:.1} DN) and narrowest in {} ({:.1} DN).",
+            "The difference is widest in {} ({:.1} DN) and narrowest in {} ({:.1} DN).",
             most.label, most.before, least.label, least.before
         );
         ((most.before - least.before) / total, text)
@@ -155,7 +155,7 @@ fn frequency(bins: &[Bin]) -> Said {
         } else {
             format!("in {}", most.label)
         };
-        (share, format!("{:.0} % of the gap is {what}.", 100.0 * share))
+        (share, format!("{:.0} % of the difference is {what}.", 100.0 * share))
     })
 }
 
@@ -199,7 +199,7 @@ mod tests {
             (|w| &mut w.by_direction, "moves towards bin 2"),
             (|w| &mut w.by_object, "scene calls bin 2"),
             (|w| &mut w.by_channel, "widest in bin 2 (10.0 DN)"),
-            (|w| &mut w.by_frequency, "67 % of the gap is in bin 2"),
+            (|w| &mut w.by_frequency, "67 % of the difference is in bin 2"),
         ];
         for (axis, words) in axes {
             let mut places = Where::default();
