@@ -25,7 +25,7 @@
  * UNITS     Seconds, metres, pixels; the names end in the unit. Pixel (0,0) is top left, its centre is (0.5, 0.5), x
  *           points right, y points down. Pictures are stored top row first. A camera looks along +z (x right, y down).
  *           World coordinates are metres in any right-handed frame. A pose maps camera to world coordinates;
- *           quaternions are x y z w. See docs/conventions.md.
+ *           quaternions are x y z w. docs/conventions.md of the sources has drawings.
  * TIME      time_s of a frame is the START of exposure of the first line read. Line i of N (in scan order) starts at
  *           time_s + readout_time_s i/N and integrates for exposure_time_s.
  * STRUCTS   Set struct_size = sizeof(struct) before you pass one, for outputs too, and zero the rest (= {0}) before you

@@ -301,7 +301,7 @@ impl Error {
             } => write!(
                 f,
                 "{}: {what} needs poses from {needed_from_s:.9} s to {needed_to_s:.9} s, but the trajectory covers \
-                 only {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the capture's clock; poses are \
+                 only {covered_from_s:.9} s to {covered_to_s:.9} s: {} (times on the frames' clock; poses are \
                  never extrapolated)",
                 path.display(),
                 missing_span([*needed_from_s, *needed_to_s], [*covered_from_s, *covered_to_s])
