@@ -67,7 +67,7 @@ fn trajectories_that_are_wrong() {
 #[test]
 fn trajectories_that_do_not_cover_a_frame() {
     // Line 239 of 240 starts at 0.04 + 0.02 * 239/240 and integrates for 0.01: until 0.069916667.
-    let tail = "(times on the capture's clock; poses are never extrapolated)";
+    let tail = "(times on the frames' clock; poses are never extrapolated)";
     let error = format!(
         "trajectory.tum: frame 1 (000001.png) needs poses from 0.040000000 s to 0.069916667 s, but the trajectory \
          covers only 0.000000000 s to 0.069900000 s: missing 0.069900000 s to 0.069916667 s {tail}"
