@@ -347,7 +347,7 @@ pub struct FrameEntry {
     pub time_s: f64,
     /// Whether it was kept from the fits.
     pub held_out: bool,
-    /// Gap before and after, DN.
+    /// Gap before and after, DN: of the frame and of its change from the frame before, where that was compared too.
     #[serde(deserialize_with = "figure")]
     pub before: f64,
     /// See `before`.
