@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::exchange::sorted;
 use super::found::{FINER, FITS, Found, INTERVALS, REST};
 use super::support::restored;
 use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
@@ -107,7 +108,9 @@ impl Search<'_> {
         for _ in 0..MOST_EXCHANGES {
             let before = found.set.clone();
             self.exchange(found)?;
-            if found.set == before || self.late() {
+            // Round and round: what it grew into was exchanged before.
+            let seen = self.outdone.contains(&sorted(&found.set, None));
+            if found.set == before || seen || self.late() {
                 break;
             }
             let exchanged = found.set.clone();

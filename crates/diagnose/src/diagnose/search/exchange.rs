@@ -68,6 +68,7 @@ impl Search<'_> {
                 other.scores.mean(),
                 scores.mean()
             );
+            self.outdone.push(sorted(&found.set, None));
             (found.set, found.fit, scores) = (other.set, other.fit, other.scores);
         }
         Ok(())
@@ -130,12 +131,20 @@ impl Search<'_> {
             let mut set = rest.clone();
             set.push(name);
             let fit = self.add(candidate_of(name), &rest, &start)?;
-            let other = self.under_its_noise(set, fit)?;
-            tracing::info!("{name} in place of {out:?}: {:.4} for {:.4} DN", other.scores.mean(), now.mean());
-            let simpler = out.len() > 1 || size(&[name]) < size(out);
+            // What comes to nothing there says that nothing may do as well.
+            let nothing = is_as_given(name, &fit.theta, &self.base);
+            if nothing {
+                set.pop();
+            }
+            let other = self.under_its_noise(set, fit, moves(candidate_of(name)))?;
+            let by = if nothing { "nothing" } else { name };
+            tracing::info!("{by} in place of {out:?}: {:.4} for {:.4} DN", other.scores.mean(), now.mean());
+            let simpler = nothing || out.len() > 1 || size(&[name]) < size(out);
             match (self.compare(other, found, now, (simpler, size(&[name]) == size(out)))?, out) {
                 (Compared::Rather(other), _) => return Ok(Some(other)),
-                (Compared::AsGood, [member]) => found.alternatives.entry(member).or_default().push(name),
+                (Compared::AsGood, [member]) if !nothing => {
+                    found.alternatives.entry(member).or_default().push(name);
+                }
                 _ => {}
             }
         }
@@ -171,7 +180,7 @@ impl Search<'_> {
             });
             let start = self.forward.bounded(start);
             let fit = self.refit(&set, &start, VALUES)?;
-            let other = self.under_its_noise(set, fit)?;
+            let other = self.under_its_noise(set, fit, false)?;
             tracing::info!("{swap:?}: {:.4} for {:.4} DN", other.scores.mean(), now.mean());
             let (by, out) = (size(&swap.by), size(&swap.out));
             if let Compared::Rather(other) = self.compare(other, found, now, (by < out, by == out))? {
@@ -183,8 +192,8 @@ impl Search<'_> {
 
     /// A set with the noise that shows beside it: it was fitted under that of what it replaces, which moves means that
     /// are bent otherwise.
-    fn under_its_noise(&mut self, set: Vec<&'static str>, mut fit: Fit) -> Result<Other> {
-        if !set.last().is_some_and(|n| moves(candidate_of(n))) && Tone::new(&fit.theta).is_noisy() {
+    fn under_its_noise(&mut self, set: Vec<&'static str>, mut fit: Fit, moves: bool) -> Result<Other> {
+        if !moves && Tone::new(&fit.theta).is_noisy() {
             fit = self.refit(&set, &fit.theta, VALUES)?;
             fit.theta = self.with_noise(&fit.theta)?;
         }
@@ -300,6 +309,20 @@ impl Search<'_> {
     }
 }
 
+/// Whether an effect was fitted to what the given camera has: to nothing, where that has none. How wide a filter of no
+/// strength is does not count.
+fn is_as_given(name: &str, theta: &Theta, base: &Theta) -> bool {
+    let counts = |p: &P| p.spec().fit.rest.is_none();
+    candidate_of(name).parameters.iter().copied().filter(counts).all(|p| theta.get(p) == base.get(p))
+}
+
+/// The members of a set, with one more or none, in an order that does not depend on how they came.
+pub(super) fn sorted(set: &[&'static str], more: Option<&'static str>) -> Vec<&'static str> {
+    let mut all: Vec<_> = set.iter().copied().chain(more).collect();
+    all.sort_unstable();
+    all
+}
+
 /// All pairs of one kind: both move the picture, or neither does.
 fn alike_pairs(names: &[&'static str]) -> Vec<Vec<&'static str>> {
     let kind = |n: &str| moves(candidate_of(n));
@@ -308,4 +331,25 @@ fn alike_pairs(names: &[&'static str]) -> Vec<Vec<&'static str>> {
         before.map(move |&b| vec![names[i], b])
     };
     (0..names.len()).flat_map(with).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_of_no_strength_is_nothing_however_wide() {
+        let base = Theta::neutral();
+        let sharpening = base.with(P::Radius, 0.77);
+        assert!(is_as_given("sharpening", &sharpening, &base));
+        assert!(!is_as_given("sharpening", &sharpening.with(P::Sharpen, 0.1), &base));
+        assert!(!is_as_given("lens_distortion", &base.with(P::K2, 0.1), &base), "one of two counts");
+        assert!(!is_as_given("sharpening", &base, &base.with(P::Sharpen, 0.5)), "the given camera sharpens");
+    }
+
+    #[test]
+    fn sets_are_alike_in_whatever_order_they_came() {
+        assert_eq!(sorted(&["gamma", "defocus"], None), sorted(&["defocus"], Some("gamma")));
+        assert_ne!(sorted(&["gamma"], None), sorted(&["defocus"], Some("gamma")));
+    }
 }

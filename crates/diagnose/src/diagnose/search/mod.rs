@@ -81,6 +81,8 @@ pub(crate) struct Search<'a> {
     pub moved_alone: Vec<(&'static str, Theta)>,
     /// Candidates that explained nothing when they were asked last.
     pub idle: Vec<&'static str>,
+    /// Sets that were exchanged for another one, each sorted: none is grown into again.
+    pub outdone: Vec<Vec<&'static str>>,
 }
 
 /// What another search of the same frames has found out.

@@ -78,6 +78,7 @@ impl<'a> Question<'a> {
             shown: self.shown.clone(),
             moved_alone: Vec::new(),
             idle: Vec::new(),
+            outdone: Vec::new(),
         }
     }
 

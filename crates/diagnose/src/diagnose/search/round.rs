@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use super::exchange::sorted;
 use super::{NEARLY_ALL, probe};
 use crate::diagnose::evidence::budget::in_time;
 use crate::diagnose::evidence::quality::Quality;
@@ -43,7 +44,8 @@ impl Search<'_> {
     /// Candidates that a round asks of.
     pub(super) fn left_beside(&self, set: &[&'static str]) -> Vec<&'static str> {
         let beside = |n: &&str| !set.contains(n) && !candidate_of(n).noise && !is_in_surfaces(n, set);
-        self.names.iter().copied().filter(beside).collect()
+        let open = |n: &&'static str| !self.outdone.contains(&sorted(set, Some(n)));
+        self.names.iter().copied().filter(beside).filter(open).collect()
     }
 
     /// Candidates beside the set: ranked by what the linearised model promises, the best of them fitted jointly, and
