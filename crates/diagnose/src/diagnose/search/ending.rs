@@ -81,6 +81,14 @@ impl Search<'_> {
         self.drop_what_is_at_an_end(found)
     }
 
+    /// Takes a member out, `theta` being a fit without it, and fits the others to the end.
+    fn take_out(&mut self, found: &mut Found, i: usize, theta: Theta) -> Result<()> {
+        let name = found.set.remove(i);
+        found.more.retain(|p| !candidate_of(name).more.contains(p));
+        found.fit.theta = theta;
+        self.refit_to_the_end(found)
+    }
+
     /// Takes out members that were fitted to the end of their range, as long as others are left: what is beside them
     /// can be named, and is fitted without them. The one that costs least goes first.
     fn drop_what_is_at_an_end(&mut self, found: &mut Found) -> Result<()> {
@@ -95,9 +103,7 @@ impl Search<'_> {
             }
             let Some((i, theta, gap)) = weakest else { break };
             tracing::info!("drops {}, at the end of its range: {gap:.3} DN without", found.set[i]);
-            found.set.remove(i);
-            found.fit.theta = theta;
-            self.refit_to_the_end(found)?;
+            self.take_out(found, i, theta)?;
         }
         Ok(())
     }
@@ -213,9 +219,7 @@ impl Search<'_> {
             }
             let Some((i, theta, gap)) = weakest else { break };
             tracing::info!("at last drops {}: {gap:.3} DN without, {:.3} with", found.set[i], now.mean());
-            found.set.remove(i);
-            found.fit.theta = theta;
-            self.refit_to_the_end(found)?;
+            self.take_out(found, i, theta)?;
         }
         Ok(())
     }
@@ -334,9 +338,7 @@ impl Search<'_> {
             }
             let Some((without, i, theta)) = least else { return Ok(()) };
             tracing::info!("beside the noise drops {}: {without:.4} DN without, {now:.4} with", found.set[i]);
-            found.set.remove(i);
-            found.fit.theta = theta;
-            self.refit_to_the_end(found)?;
+            self.take_out(found, i, theta)?;
             self.choose_noise_anew(found)?;
         }
     }
