@@ -27,8 +27,9 @@ _METHODS = {"default": 0, "paper": 2, "fast": 4}
 
 
 def _read(text: str, name: str | None) -> tuple[str, list[str]]:
-    """Let the library read the text of a camera.toml, of the file or preset `name`. None: it was made of arguments. Whoever gave those
-    knows no lines: errors name the table instead."""
+    """Let the library read the text of a camera.toml, of the file or preset `name`. None: it was made of arguments, and errors name the
+    table instead of a line, which whoever gave those does not know.
+    """
     try:
         return _core.check_camera(text, "camera" if name is None else name)
     except InputError as error:

@@ -45,7 +45,8 @@ fn report(out: &Path) -> Value {
 }
 
 /// Candidates that are not looked for: they take long.
-const FEW: &str = "defocus,chromatic_aberration,bayer_mosaic,jpeg,noise_reduction,sharpening";
+const FEW: &str = "defocus,chromatic_aberration,bayer_mosaic,jpeg,noise_reduction,sharpening,quantization,\
+    chroma_subsampling";
 
 /// Mean size of the files of a folder apart from that of another, bytes.
 const SIZES: &str = "mean() { echo $(( $(cat \"$1\"/* | wc -c) / $(ls \"$1\" | wc -l) )); }\n\
