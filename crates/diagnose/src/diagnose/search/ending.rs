@@ -9,7 +9,7 @@ use super::support::restored;
 use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
 use crate::diagnose::expect::fitted::Fit;
-use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete};
+use crate::diagnose::expect::model::{P, Theta, candidate_of, free, is_discrete, moves};
 use crate::diagnose::expect::room::{Room, is_description};
 use crate::diagnose::fit::{FILTERS, FINE};
 use crate::diagnose::judge::noise::{NOISES, NoiseData};
@@ -90,11 +90,15 @@ impl Search<'_> {
     }
 
     /// Takes out members that were fitted to the end of their range, as long as others are left: what is beside them
-    /// can be named, and is fitted without them. The one that costs least goes first.
+    /// can be named, and is fitted without them. The one that costs least goes first. What moves photographs by a camera
+    /// at rest is judged by where things come to lie: the verdict asks for that alone.
     fn drop_what_is_at_an_end(&mut self, found: &mut Found) -> Result<()> {
         while found.set.len() > 1 {
             let mut weakest: Option<(usize, Theta, f64)> = None;
             for name in found.at_an_end() {
+                if self.forward.static_camera && moves(candidate_of(name)) {
+                    continue;
+                }
                 let i = found.set.iter().position(|n| *n == name).expect("a member");
                 let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
                 if weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
