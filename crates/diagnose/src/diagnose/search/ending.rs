@@ -90,8 +90,8 @@ impl Search<'_> {
     }
 
     /// Takes out members that were fitted to the end of their range, as long as others are left: what is beside them
-    /// can be named, and is fitted without them. The one that costs least goes first. What moves photographs by a camera
-    /// at rest is judged by where things come to lie: the verdict asks for that alone.
+    /// can be named, and is fitted without them. The one that costs least goes first. What moves photographs by a
+    /// camera at rest is judged by where things come to lie: the verdict asks for that alone.
     fn drop_what_is_at_an_end(&mut self, found: &mut Found) -> Result<()> {
         while found.set.len() > 1 {
             let mut weakest: Option<(usize, Theta, f64)> = None;
