@@ -109,7 +109,8 @@ class Camera(Closing):
     def _of_text(cls, text: str, name: str | None, options: Mapping[str, Any], notes: Sequence[str] = ()) -> Camera:
         camera = cls.__new__(cls)
         camera._begin(text, name, options)
-        camera.notes = [*notes, *camera.notes]
+        # What reading it says anew has been said where it was read before.
+        camera.notes = list(dict.fromkeys([*notes, *camera.notes]))
         return camera
 
     def _begin(self, text: str, name: str | None, options: Mapping[str, Any]) -> None:

@@ -34,7 +34,7 @@ const AXIS_OFF: f64 = 0.25;
 
 impl Intrinsics {
     /// That focal lengths are hardly px.
-    pub fn doubt_of_unit(&self) -> Option<String> {
+    fn doubt_of_unit(&self) -> Option<String> {
         let longer = f64::from(self.width.max(self.height));
         (self.fx.max(self.fy) < SHORTEST_FOCAL * longer).then(|| {
             format!(

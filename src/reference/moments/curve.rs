@@ -51,8 +51,7 @@ pub(super) fn tables(settings: &Settings) -> (Vec<&'static str>, [Table; 3]) {
     if plain {
         return (stems, [0; 3].map(|_| PLAIN.clone()));
     }
-    let tables = tables_of(&curves, settings);
-    (stems, tables)
+    (stems, tables_of(&curves, settings))
 }
 
 /// Greys that a curve is asked for, to see whether it bends the channels of each alike.

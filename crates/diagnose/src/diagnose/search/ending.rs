@@ -95,11 +95,10 @@ impl Search<'_> {
     fn drop_what_is_at_an_end(&mut self, found: &mut Found) -> Result<()> {
         while found.set.len() > 1 {
             let mut weakest: Option<(usize, Theta, f64)> = None;
-            for name in found.at_an_end() {
-                if self.forward.static_camera && moves(candidate_of(name)) {
+            for i in found.at_an_end() {
+                if self.forward.static_camera && moves(candidate_of(found.set[i])) {
                     continue;
                 }
-                let i = found.set.iter().position(|n| *n == name).expect("a member");
                 let (fit, scores) = self.pruned(&found.set, i, &found.fit.theta)?;
                 if weakest.as_ref().is_none_or(|w| scores.mean() < w.2) {
                     weakest = Some((i, fit.theta, scores.mean()));

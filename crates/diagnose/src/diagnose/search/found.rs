@@ -96,8 +96,9 @@ impl Found {
         crate::diagnose::expect::model::free(&self.set).into_iter().chain(self.more.iter().copied()).collect()
     }
 
-    /// Members of the set with a parameter that was fitted to the end of its range: they wanted to be something else.
-    pub(crate) fn at_an_end(&self) -> Vec<&'static str> {
+    /// Places in the set of members with a parameter that was fitted to the end of its range: they wanted to be
+    /// something else.
+    pub(crate) fn at_an_end(&self) -> Vec<usize> {
         let free = self.free();
         // An effect may be none.
         let ends = |p: &P| {
@@ -108,7 +109,7 @@ impl Found {
             let candidate = candidate_of(name);
             candidate.parameters.iter().chain(candidate.more).any(|p| free.contains(p) && ends(p))
         };
-        self.set.iter().copied().filter(|name| own(name)).collect()
+        (0..self.set.len()).filter(|&i| own(self.set[i])).collect()
     }
 
     /// Whether what is left was looked at.
