@@ -133,7 +133,13 @@ def test_the_stub_is_what_the_compiled_part_has(tmp_path):
     own = (SOURCES / "python/shutterbug/_core.pyi").read_text("utf-8")
     (tmp_path / "own").mkdir()
     assert against_the_compiled_part(own, tmp_path / "own") == ""
-    # The controls: another default, a parameter too many, a function that is not there.
+
+
+def test_a_stub_of_something_else_is_seen(tmp_path):
+    """The controls: another default, a parameter too many, a function that is not there."""
+    needs.long("mypy runs once more")
+    pytest.importorskip("mypy")
+    own = (SOURCES / "python/shutterbug/_core.pyi").read_text("utf-8")
     wrong = own.replace("seed: int = 0", "seed: int = 1").replace("limit_s: float = ...)", "limit_s: float = ..., frame: int = 0)")
     (tmp_path / "wrong").mkdir()
     said = against_the_compiled_part(wrong + "\ndef nothing() -> None:\n    ...\n", tmp_path / "wrong")
