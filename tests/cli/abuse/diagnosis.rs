@@ -3,12 +3,14 @@
 use shutterbug::plane::{Plane, read_rgb8, write_png_atomic};
 
 use super::*;
+use crate::long_support::{left_out, long};
 
 /// How much longer than its limit a diagnosis may take on a machine that does other things too, s.
 const BEYOND_S: f64 = 30.0;
 
 /// A4, P5, and "diagnose on nonsense": a fault of the set-up comes before any effect, and none is seen where there is
-/// none. What is asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report.
+/// none. What is asked of each fault is asked in src/diagnose/setup_checks; here that it comes to the report. The same
+/// frames as they are: tests/cli/abuse/ninth.rs, with a time limit beyond all clocks.
 #[test]
 fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     if !device_is_there("frames_that_are_mirrored_are_said_to_be_before_anything_else") {
@@ -20,8 +22,8 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     let made = folder.path().join("made");
     let mut simulate = shutterbug();
     assert_done(&simulate.arg("simulate").arg(&capture).arg("--out").arg(&made).output().unwrap());
-    let diagnose = |out: &str, limit_s: &str| {
-        let out = folder.path().join(out);
+    let diagnose = |limit_s: &str| {
+        let out = folder.path().join("out");
         let mut command = shutterbug();
         command.arg("diagnose").arg(&capture).arg("--out").arg(&out).args(["--time-limit-s", limit_s]);
         // What is asked does not depend on what takes longest.
@@ -40,21 +42,15 @@ fn frames_that_are_mirrored_are_said_to_be_before_anything_else() {
     };
     fs::create_dir_all(capture.join("real")).unwrap();
     for i in 0..6 {
-        fs::copy(made.join(format!("{i:06}.png")), capture.join(format!("real/{i:06}.png"))).unwrap();
-    }
-    let control = diagnose("control", "18446744073709551615").unwrap();
-    assert_eq!(control["verdict"], "no_gap", "{}", control["sentence"]);
-    assert!(!control["sentence"].as_str().unwrap().contains("set-up"));
-    for i in 0..6 {
         let path = capture.join(format!("real/{i:06}.png"));
-        let picture = read_rgb8(&path).unwrap();
+        let picture = read_rgb8(&made.join(format!("{i:06}.png"))).unwrap();
         let mirrored = Plane::from_fn(picture.width, picture.height, |x, y| {
             let p = picture.pixel(picture.width - 1 - x, y);
             [p[0], p[1], p[2]]
         });
         write_png_atomic(&path, &mirrored).unwrap();
     }
-    let report = ["1", "2", "4", "8"].iter().find_map(|limit_s| diagnose("mirrored", limit_s));
+    let report = ["1", "2", "4", "8"].iter().find_map(|limit_s| diagnose(limit_s));
     let report = report.expect("eight seconds are enough to compare the frames once");
     let sentence = report["sentence"].as_str().unwrap();
     assert!(sentence.starts_with("Look at the set-up") && sentence.contains("mirrored"), "{sentence}");
@@ -164,8 +160,12 @@ fn time_limits_are_kept_by_every_stage() {
         let output = command.output().unwrap();
         (begun.elapsed().as_secs_f64(), output, out.join("report.json"))
     };
+    if !long() {
+        left_out("time_limits_are_kept_by_every_stage", "pairs that are stopped after 4 s");
+    }
     for (form, more) in [("pairs", &[][..]), ("unpaired", &["--unpaired"][..])] {
-        for limit_s in [1.0f64, 4.0] {
+        let limits_s: &[f64] = if form == "unpaired" || long() { &[1.0, 4.0] } else { &[1.0] };
+        for &limit_s in limits_s {
             let (took_s, output, path) = diagnose(&format!("{form}{limit_s}"), &format!("{limit_s}"), more);
             // What is promised is 5 s (docs/robustness.md has how it is kept). Other tests run beside this one, so this
             // bound is only what no diagnosis without a limit would keep.

@@ -83,6 +83,7 @@ fn pairs_of_no_one_place_are_not_alike() {
 
 /// What blurs the real frames takes their grain, and noise of rows is not what they lack.
 #[test]
+#[ignore = "long: a quarter of a minute"]
 fn what_makes_other_traces_differ_is_not_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
