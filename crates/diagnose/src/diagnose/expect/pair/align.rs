@@ -5,6 +5,7 @@
 use rayon::prelude::*;
 
 use super::GoOn;
+use super::grey::Grey;
 use shutterbug::error::Result;
 use shutterbug::plane::Plane;
 use shutterbug::plane::stats::median;
@@ -26,14 +27,6 @@ const SMOOTH: f64 = 0.3;
 const WINDOW_PX: usize = 1 << 16;
 /// A window shows the same in both frames if it correlates so well.
 const ALIKE: f64 = 0.8;
-
-/// A single-channel picture.
-#[derive(Clone)]
-pub(super) struct Grey {
-    pub w: usize,
-    pub h: usize,
-    pub data: Vec<f32>,
-}
 
 /// Displacements of a grid of windows, px: where content of the first picture is in the second.
 #[derive(Clone)]
@@ -63,59 +56,6 @@ pub(crate) struct Lies {
     pub alike: Plane<f32>,
 }
 
-impl Grey {
-    pub(super) fn of(plane: &Plane<f32>) -> Self {
-        let data = plane.data.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect();
-        Self { w: plane.width, h: plane.height, data }
-    }
-
-    /// Half the size.
-    fn half(&self) -> Self {
-        let soft = self.soft();
-        let (w, h) = (self.w / 2, self.h / 2);
-        let at = |x: usize, y: usize| soft.data[y * self.w + x];
-        let mean = |i: usize| {
-            let (x, y) = (2 * (i % w), 2 * (i / w));
-            0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1))
-        };
-        Self { w, h, data: (0..w * h).map(mean).collect() }
-    }
-
-    /// Blurred by one pixel, so that pictures of unlike sharpness have slopes alike.
-    fn soft(&self) -> Self {
-        let (w, h) = (self.w, self.h);
-        let of_five = |v: [f32; 5]| 0.375 * v[2] + 0.25 * (v[1] + v[3]) + 0.0625 * (v[0] + v[4]);
-        // Beyond the picture it goes on as at its border.
-        let near = |at: usize, side: usize| [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(side - 1));
-        let mut across = vec![0.0; w * h];
-        across.par_chunks_mut(w).zip(self.data.par_chunks(w)).for_each(|(out, row)| {
-            for x in (0..w.min(2)).chain(w.saturating_sub(2)..w) {
-                out[x] = of_five(near(x, w).map(|x| row[x]));
-            }
-            for (out, five) in out.iter_mut().skip(2).zip(row.windows(5)) {
-                *out = of_five([five[0], five[1], five[2], five[3], five[4]]);
-            }
-        });
-        let mut data = vec![0.0; w * h];
-        data.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
-            let [a, b, c, d, e] = near(y, h).map(|y| &across[y * w..][..w]);
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = of_five([a[x], b[x], c[x], d[x], e[x]]);
-            }
-        });
-        Self { data, ..*self }
-    }
-
-    fn read(&self, x: f64, y: f64) -> f32 {
-        let (x, y) = (x.clamp(0.0, self.w as f64 - 1.001), y.clamp(0.0, self.h as f64 - 1.001));
-        let (x0, y0) = (x as usize, y as usize);
-        let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
-        let at = |x: usize, y: usize| self.data[y.min(self.h - 1) * self.w + x.min(self.w - 1)];
-        (at(x0, y0) * (1.0 - fx) + at(x0 + 1, y0) * fx) * (1.0 - fy)
-            + (at(x0, y0 + 1) * (1.0 - fx) + at(x0 + 1, y0 + 1) * fx) * fy
-    }
-}
-
 impl Field {
     fn zero(w: usize, h: usize) -> Self {
         Self::across(ACROSS, w, h)
@@ -132,20 +72,26 @@ impl Field {
         [part(i % self.nx, self.nx, w), part(i / self.nx, self.ny, h)]
     }
 
-    /// The displacement at a pixel of a picture of that size.
-    fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
-        // Straight on beyond the outer windows: displacements by a turn grow towards the border.
-        let place = |v: f64, n: usize, side: usize| {
-            let u = (v + 0.5) / side as f64 * n as f64 - 0.5;
-            let low = (u.floor().max(0.0) as usize).min(n - 2);
-            (low, u - low as f64)
-        };
-        let ((x0, fx), (y0, fy)) = (place(x, self.nx, w), place(y, self.ny, h));
+    /// The window left of (or above) a pixel, and how far beyond its middle the pixel lies. Straight on beyond the
+    /// outer windows: displacements by a turn grow towards the border.
+    fn place(v: f64, n: usize, side: usize) -> (usize, f64) {
+        let u = (v + 0.5) / side as f64 * n as f64 - 0.5;
+        let low = (u.floor().max(0.0) as usize).min(n - 2);
+        (low, u - low as f64)
+    }
+
+    /// The displacement at a place between windows.
+    fn between(&self, (x0, fx): (usize, f64), (y0, fy): (usize, f64)) -> [f64; 2] {
         let at = |x: usize, y: usize, k: usize| self.at[y * self.nx + x][k];
         [0, 1].map(|k| {
             (at(x0, y0, k) * (1.0 - fx) + at(x0 + 1, y0, k) * fx) * (1.0 - fy)
                 + (at(x0, y0 + 1, k) * (1.0 - fx) + at(x0 + 1, y0 + 1, k) * fx) * fy
         })
+    }
+
+    /// The displacement at a pixel of a picture of that size.
+    fn read(&self, x: f64, y: f64, (w, h): (usize, usize)) -> [f64; 2] {
+        self.between(Self::place(x, self.nx, w), Self::place(y, self.ny, h))
     }
 
     /// Moves every window by what it and its neighbours see.
@@ -211,27 +157,25 @@ fn windows(a: &Grey, b: &Grey, field: &Field) -> Vec<Window> {
         let [columns, rows] = [range(0, a.w), range(1, a.h)];
         let every = (columns.len() * rows.len()).div_ceil(WINDOW_PX).isqrt().max(1);
         let mut seen = Vec::with_capacity(columns.len().div_ceil(every) * rows.len().div_ceil(every));
+        let columns: Vec<_> =
+            columns.step_by(every).map(|x| (x, Field::place(x as f64, field.nx, a.w))).collect();
         for y in rows.step_by(every) {
-            for x in columns.clone().step_by(every) {
+            let across = Field::place(y as f64, field.ny, a.h);
+            for &(x, along) in &columns {
+                let own = f64::from(a.data[y * a.w + x]);
                 if rests {
                     let at = |x: usize, y: usize| f64::from(b.data[y * b.w + x]);
                     let (gx, gy) = (0.5 * (at(x + 1, y) - at(x - 1, y)), 0.5 * (at(x, y + 1) - at(x, y - 1)));
-                    seen.push([f64::from(a.data[y * a.w + x]), at(x, y), gx, gy]);
+                    seen.push([own, at(x, y), gx, gy]);
                     continue;
                 }
-                let [u, v] = field.read(x as f64, y as f64, size);
+                let [u, v] = field.between(along, across);
                 let (px, py) = (x as f64 + u, y as f64 + v);
-                if px < 1.0 || py < 1.0 || px > a.w as f64 - 2.0 || py > a.h as f64 - 2.0 {
+                if px < 1.0 || py < 1.0 || px >= a.w as f64 - 2.0 || py >= a.h as f64 - 2.0 {
                     continue;
                 }
-                let gx = 0.5 * (b.read(px + 1.0, py) - b.read(px - 1.0, py));
-                let gy = 0.5 * (b.read(px, py + 1.0) - b.read(px, py - 1.0));
-                seen.push([
-                    f64::from(a.data[y * a.w + x]),
-                    f64::from(b.read(px, py)),
-                    f64::from(gx),
-                    f64::from(gy),
-                ]);
+                let [value, gx, gy] = b.read(px, py).map(f64::from);
+                seen.push([own, value, gx, gy]);
             }
         }
         window(&seen)
@@ -249,8 +193,9 @@ fn window(seen: &[[f64; 4]]) -> Window {
     let mut c = [[0.0; 4]; 4];
     for s in seen {
         let d: [f64; 4] = std::array::from_fn(|k| s[k] - mean[k]);
-        (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j] / n));
+        (0..4).for_each(|i| (0..4).for_each(|j| c[i][j] += d[i] * d[j]));
     }
+    let c = c.map(|row| row.map(|v| v / n));
     let alike = c[0][1] / (c[0][0] * c[1][1]).sqrt().max(1e-9);
     if !(alike > 0.3) || c[1][1] < 0.25 {
         return Window { alike, ..Window::default() };
@@ -368,19 +313,33 @@ pub(crate) fn slopes_to(a: &Plane<f32>, b: &Plane<f32>) -> Vec<([f64; 2], [f64; 
 /// The shift of the whole picture that makes two small ones most alike, up to a fifth of their sides.
 fn whole_shift(a: &Grey, b: &Grey) -> [f64; 2] {
     let (rx, ry) = ((a.w / 5) as isize, (a.h / 5) as isize);
+    // What of a side lies in both pictures, in the first one and in the second.
+    let both = |d: isize, side: usize| {
+        let from = (-d).max(0);
+        (from as usize, (from + d) as usize, side - d.unsigned_abs())
+    };
     let alike = |dx: isize, dy: isize| {
-        let mut seen = Vec::new();
-        for y in (0..a.h as isize).filter(|y| (0..a.h as isize).contains(&(y + dy))) {
-            for x in (0..a.w as isize).filter(|x| (0..a.w as isize).contains(&(x + dx))) {
-                let at = |g: &Grey, x: isize, y: isize| f64::from(g.data[y as usize * g.w + x as usize]);
-                seen.push([at(a, x, y), at(b, x + dx, y + dy), 0.0, 0.0]);
-            }
-        }
-        window(&seen).alike
+        let ((xa, xb, columns), (ya, yb, rows)) = (both(dx, a.w), both(dy, a.h));
+        let row = |g: &'_ Grey, x: usize, y: usize| g.data[y * g.w + x..][..columns].to_vec();
+        let pairs = (0..rows).flat_map(|k| row(a, xa, ya + k).into_iter().zip(row(b, xb, yb + k)));
+        correlation(&pairs.map(|(a, b)| [f64::from(a), f64::from(b)]).collect::<Vec<_>>())
     };
     let all: Vec<(isize, isize)> = (-ry..=ry).flat_map(|y| (-rx..=rx).map(move |x| (x, y))).collect();
     let best = all.into_par_iter().map(|(x, y)| (alike(x, y), x, y)).max_by(|a, b| a.0.total_cmp(&b.0));
     best.map_or([0.0; 2], |(_, x, y)| [x as f64, y as f64])
+}
+
+/// How alike the values of two pictures are at the same places: 1 where one is the other by a gain and an offset.
+fn correlation(pairs: &[[f64; 2]]) -> f64 {
+    let mean = [0, 1].map(|k| pairs.iter().map(|p| p[k]).sum::<f64>() / pairs.len() as f64);
+    let mut sums = [0.0; 3];
+    for p in pairs {
+        let d = [p[0] - mean[0], p[1] - mean[1]];
+        sums[0] += d[0] * d[0];
+        sums[1] += d[0] * d[1];
+        sums[2] += d[1] * d[1];
+    }
+    sums[1] / (sums[0] * sums[2]).sqrt().max(1e-9)
 }
 
 /// Root mean square over windows of how far two pictures that are compared lie beside each other, px; nothing where
@@ -417,25 +376,6 @@ pub(super) mod tests {
 
     fn picture(f: impl Fn(f64, f64) -> f32) -> Plane<f32> {
         Plane::from_fn(320, 240, |x, y| [f(x as f64, y as f64); 3])
-    }
-
-    #[test]
-    fn a_picture_is_blurred_up_to_its_border() {
-        for (w, h) in [(7, 5), (5, 1), (4, 3), (2, 6), (1, 2)] {
-            let data: Vec<f32> = (0..w * h).map(|i| ((i * 7919) % 251) as f32).collect();
-            let taps = [(-2, 0.0625), (-1, 0.25), (0, 0.375), (1, 0.25), (2, 0.0625)];
-            let near = |at: usize, k: i32, side: usize| (at as i32 + k).clamp(0, side as i32 - 1) as usize;
-            let by_hand = |i: usize| -> f64 {
-                let one = |(j, b): (i32, f64), (k, a): (i32, f64)| {
-                    a * b * f64::from(data[near(i / w, j, h) * w + near(i % w, k, w)])
-                };
-                taps.iter().flat_map(|&rows| taps.iter().map(move |&columns| one(rows, columns))).sum()
-            };
-            let soft = Grey { w, h, data: data.clone() }.soft().data;
-            for (i, v) in soft.iter().enumerate() {
-                assert!((f64::from(*v) - by_hand(i)).abs() < 1e-3, "{w}x{h}, {i}: {v} for {}", by_hand(i));
-            }
-        }
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod align;
 mod beside;
 mod frames;
 pub(crate) mod given;
+mod grey;
 mod guess;
 mod kinds;
 mod left_over;

@@ -50,42 +50,62 @@ fn cubic(f: f32) -> [f32; 4] {
     [-0.5 * f * g * g, 1.0 + ff * (1.5 * f - 2.5), f * (0.5 + f * (2.0 - 1.5 * f)), -0.5 * ff * g]
 }
 
-/// The sixteen pixels around a place and their weights in the cubic.
-fn around([x, y]: [isize; 2], [fx, fy]: [f32; 2]) -> impl Iterator<Item = (isize, isize, f32)> {
-    let (wx, wy) = (cubic(fx), cubic(fy));
-    (0..16usize).map(move |i| (x + (i % 4) as isize - 1, y + (i / 4) as isize - 1, wx[i % 4] * wy[i / 4]))
+/// The sixteen values of a channel around a place (px; a pixel's centre at +0.5), by their places in the data, and
+/// weights of columns and rows in the cubic. Beyond the border a picture goes on as on it.
+struct Around {
+    columns: [usize; 4],
+    rows: [usize; 4],
+    weights: [[f32; 4]; 2],
+}
+
+impl Around {
+    fn of(plane: &Plane<f32>, [x, y]: [f32; 2]) -> Self {
+        let (x0, y0) = (x.floor(), y.floor());
+        let near = |at: f32, side: usize| {
+            [-1, 0, 1, 2].map(|k| (at as isize + k).clamp(0, side as isize - 1) as usize)
+        };
+        let (column, row) = (plane.channels, plane.channels * plane.width);
+        Self {
+            columns: near(x0, plane.width).map(|x| x * column),
+            rows: near(y0, plane.height).map(|y| y * row),
+            weights: [cubic(x - x0), cubic(y - y0)],
+        }
+    }
+
+    fn read(&self, data: &[f32], channel: usize) -> f32 {
+        let [across, down] = self.weights;
+        let row = |at: usize| -> f32 {
+            self.columns.iter().zip(across).map(|(x, weight)| weight * data[at + x + channel]).sum()
+        };
+        self.rows.iter().zip(down).map(|(at, weight)| weight * row(*at)).sum::<f32>().max(0.0)
+    }
 }
 
 /// A picture at a place (px; a pixel's centre at +0.5), never negative; beyond the border as on it.
 pub(super) fn read(plane: &Plane<f32>, s: Vec2, quality: Quality) -> [f32; 3] {
     let (w, h) = (plane.width as isize, plane.height as isize);
     let (x, y) = ((s.x - 0.5).clamp(-1.0, w as f32), (s.y - 0.5).clamp(-1.0, h as f32));
+    if quality != Quality::Coarse {
+        let around = Around::of(plane, [x, y]);
+        return [0, 1, 2].map(|c| around.read(&plane.data, c));
+    }
     let (x0, y0) = (x.floor() as isize, y.floor() as isize);
     let (fx, fy) = (x - x0 as f32, y - y0 as f32);
     let at = |x: isize, y: isize| 3 * (y.clamp(0, h - 1) * w + x.clamp(0, w - 1)) as usize;
     let mut out = [0.0f32; 3];
-    let mut add = |i: usize, weight: f32| (0..3).for_each(|c| out[c] += weight * plane.data[i + c]);
-    if quality == Quality::Coarse {
-        for (dy, wy) in [(0, 1.0 - fy), (1, fy)] {
-            for (dx, wx) in [(0, 1.0 - fx), (1, fx)] {
-                add(at(x0 + dx, y0 + dy), wx * wy);
-            }
+    for (dy, wy) in [(0, 1.0 - fy), (1, fy)] {
+        for (dx, wx) in [(0, 1.0 - fx), (1, fx)] {
+            let i = at(x0 + dx, y0 + dy);
+            (0..3).for_each(|c| out[c] += wx * wy * plane.data[i + c]);
         }
-    } else {
-        around([x0, y0], [fx, fy]).for_each(|(x, y, weight)| add(at(x, y), weight));
     }
     out.map(|v| v.max(0.0))
 }
 
 /// One channel of a picture at a place, px.
 pub(crate) fn channel_at(plane: &Plane<f32>, [x, y]: [f32; 2], channel: usize) -> f32 {
-    let (w, h) = (plane.width as isize, plane.height as isize);
-    let (x, y) = ((x - 0.5).clamp(0.0, w as f32 - 1.0), (y - 0.5).clamp(0.0, h as f32 - 1.0));
-    let (x0, y0) = (x.floor() as isize, y.floor() as isize);
-    let value =
-        |x: isize, y: isize| plane.pixel(x.clamp(0, w - 1) as usize, y.clamp(0, h - 1) as usize)[channel];
-    let sixteen = around([x0, y0], [x - x0 as f32, y - y0 as f32]);
-    sixteen.map(|(x, y, weight)| weight * value(x, y)).sum::<f32>().max(0.0)
+    let inside = |v: f32, side: usize| (v - 0.5).clamp(0.0, side as f32 - 1.0);
+    Around::of(plane, [inside(x, plane.width), inside(y, plane.height)]).read(&plane.data, channel)
 }
 
 /// Where the content of the next frame was in this one, px from there; from where this one's content goes.

@@ -1,0 +1,120 @@
+//! A picture of one channel: halved, softened, and read between its pixels with its slopes.
+
+use rayon::prelude::*;
+use shutterbug::plane::Plane;
+
+/// A single-channel picture.
+#[derive(Clone)]
+pub(super) struct Grey {
+    pub w: usize,
+    pub h: usize,
+    pub data: Vec<f32>,
+}
+
+impl Grey {
+    pub fn of(plane: &Plane<f32>) -> Self {
+        let data = plane.data.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect();
+        Self { w: plane.width, h: plane.height, data }
+    }
+
+    /// Half the size.
+    pub fn half(&self) -> Self {
+        let soft = self.soft();
+        let (w, h) = (self.w / 2, self.h / 2);
+        let at = |x: usize, y: usize| soft.data[y * self.w + x];
+        let mean = |i: usize| {
+            let (x, y) = (2 * (i % w), 2 * (i / w));
+            0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1))
+        };
+        Self { w, h, data: (0..w * h).map(mean).collect() }
+    }
+
+    /// Blurred by one pixel, so that pictures of unlike sharpness have slopes alike.
+    pub fn soft(&self) -> Self {
+        let (w, h) = (self.w, self.h);
+        let of_five = |v: [f32; 5]| 0.375 * v[2] + 0.25 * (v[1] + v[3]) + 0.0625 * (v[0] + v[4]);
+        // Beyond the picture it goes on as at its border.
+        let near = |at: usize, side: usize| [0, 1, 2, 3, 4].map(|k| (at + k).saturating_sub(2).min(side - 1));
+        let mut across = vec![0.0; w * h];
+        across.par_chunks_mut(w).zip(self.data.par_chunks(w)).for_each(|(out, row)| {
+            for x in (0..w.min(2)).chain(w.saturating_sub(2)..w) {
+                out[x] = of_five(near(x, w).map(|x| row[x]));
+            }
+            for (out, five) in out.iter_mut().skip(2).zip(row.windows(5)) {
+                *out = of_five([five[0], five[1], five[2], five[3], five[4]]);
+            }
+        });
+        let mut data = vec![0.0; w * h];
+        data.par_chunks_mut(w).enumerate().for_each(|(y, out)| {
+            let [a, b, c, d, e] = near(y, h).map(|y| &across[y * w..][..w]);
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = of_five([a[x], b[x], c[x], d[x], e[x]]);
+            }
+        });
+        Self { data, ..*self }
+    }
+
+    /// Value and slopes at a place that lies at least one pixel inside, between four pixels each.
+    pub fn read(&self, x: f64, y: f64) -> [f32; 3] {
+        let (x0, y0) = (x as usize, y as usize);
+        let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+        let row = |j: usize| -> &[f32; 4] {
+            let at = (y0 + j - 1) * self.w + x0 - 1;
+            self.data[at..at + 4].try_into().expect("four pixels")
+        };
+        // Places one pixel apart have the same weights.
+        let across = |row: &[f32; 4], k: usize| row[k] * (1.0 - fx) + row[k + 1] * fx;
+        let rows = [0, 1, 2, 3].map(row);
+        let column = [0, 1, 2, 3].map(|j| across(rows[j], 1));
+        let down = |j: usize| column[j] * (1.0 - fy) + column[j + 1] * fy;
+        let beside = |k: usize| across(rows[1], k) * (1.0 - fy) + across(rows[2], k) * fy;
+        [down(1), 0.5 * (beside(2) - beside(0)), 0.5 * (down(2) - down(0))]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_blurred_up_to_its_border() {
+        for (w, h) in [(7, 5), (5, 1), (4, 3), (2, 6), (1, 2)] {
+            let data: Vec<f32> = (0..w * h).map(|i| ((i * 7919) % 251) as f32).collect();
+            let taps = [(-2, 0.0625), (-1, 0.25), (0, 0.375), (1, 0.25), (2, 0.0625)];
+            let near = |at: usize, k: i32, side: usize| (at as i32 + k).clamp(0, side as i32 - 1) as usize;
+            let by_hand = |i: usize| -> f64 {
+                let one = |(j, b): (i32, f64), (k, a): (i32, f64)| {
+                    a * b * f64::from(data[near(i / w, j, h) * w + near(i % w, k, w)])
+                };
+                taps.iter().flat_map(|&rows| taps.iter().map(move |&columns| one(rows, columns))).sum()
+            };
+            let soft = Grey { w, h, data: data.clone() }.soft().data;
+            for (i, v) in soft.iter().enumerate() {
+                assert!((f64::from(*v) - by_hand(i)).abs() < 1e-3, "{w}x{h}, {i}: {v} for {}", by_hand(i));
+            }
+        }
+    }
+
+    #[test]
+    fn value_and_slopes_are_those_of_five_places() {
+        let (w, h) = (9, 7);
+        let grey = Grey { w, h, data: (0..w * h).map(|i| ((i * 7919) % 251) as f32).collect() };
+        let one = |x: f64, y: f64| {
+            let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+            let of = |(i, j): (f64, f64)| {
+                let at = (x.floor() + i, y.floor() + j);
+                let weight = (1.0 - (x - at.0).abs()) * (1.0 - (y - at.1).abs());
+                weight * f64::from(grey.data[at.1 as usize * w + at.0 as usize])
+            };
+            corners.map(of).iter().sum::<f64>()
+        };
+        for (x, y) in [(1.0, 1.0), (3.25, 4.5), (6.75, 4.125), (4.0, 2.875)] {
+            let slopes = [one(x + 1.0, y) - one(x - 1.0, y), one(x, y + 1.0) - one(x, y - 1.0)];
+            let expected = [one(x, y), 0.5 * slopes[0], 0.5 * slopes[1]];
+            let found = grey.read(x, y);
+            for (e, f) in expected.iter().zip(found) {
+                assert!((e - f64::from(f)).abs() < 1e-3, "({x}, {y}): {found:?} for {expected:?}");
+            }
+        }
+    }
+}
