@@ -1,5 +1,7 @@
 //! `calibrate noise`: measure, fit, simulate, compare.
 
+use std::collections::HashSet;
+
 use super::black;
 use super::frames::{Encoding, Frame};
 use super::model::IspCamera;
@@ -239,6 +241,7 @@ fn shared_note(ratio: &Estimate) -> String {
 /// What limits the result.
 fn notes(c: &Calibration, together: &Together) -> Vec<String> {
     let mut notes = Vec::new();
+    notes.extend(undivided(&c.real.fits));
     c.registration.iter().for_each(|r| notes_on_place(r, &mut notes));
     for (name, fit) in NAMES.iter().zip(&c.real.fits) {
         match fit {
@@ -291,13 +294,50 @@ fn notes(c: &Calibration, together: &Together) -> Vec<String> {
                 .to_owned(),
         );
     }
+    // Each frame has its place, and they say the same of it.
+    let mut said = HashSet::new();
+    notes.retain(|note| said.insert(note.clone()));
     notes
+}
+
+/// Of a picture of one brightness: its noise is known, and not of what.
+fn undivided(fits: &[Option<PtcFit>; 3]) -> Option<String> {
+    fits.iter().all(Option::is_none).then(|| {
+        "WARNING: brightness differs too little over the picture to tell the noise of light from that of reading: \
+         shot_noise and read_noise are right together at the brightness that was photographed, and a guess at others. \
+         Photograph something with dark and bright parts"
+            .to_owned()
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use shutterbug::plane::Plane;
+
+    #[test]
+    fn of_one_brightness_the_parts_of_the_noise_are_not_told_and_each_note_comes_once() {
+        let noisy = |from: u8, to: u8| {
+            let mut dice = crate::calibrate::dice::Dice(3);
+            let frame = |k: usize| {
+                let plane = Plane::from_fn(96, 64, |x, _| {
+                    let mean = f64::from(from) + f64::from(to - from) * x as f64 / 95.0;
+                    [0, 1, 2].map(|_| ((mean + 2.0 * dice.normal()).round() / 255.0) as f32)
+                });
+                Frame::from_plane(&format!("{k}"), plane, 1.0 / 255.0)
+            };
+            let frames: Vec<Frame> = (0..4).map(frame).collect();
+            let options = NoiseOptions { encoding: Encoding::Srgb, seed: 0, black_level: None };
+            calibrate_noise(&frames, options).expect("a calibration").notes
+        };
+        let flat = noisy(128, 128);
+        assert!(flat[0].starts_with("WARNING: brightness differs too little"), "{flat:?}");
+        for note in &flat {
+            assert_eq!(flat.iter().filter(|n| *n == note).count(), 1, "{flat:?}");
+        }
+        let ramp = noisy(40, 220);
+        assert!(!ramp.iter().any(|n| n.contains("differs too little")), "control: {ramp:?}");
+    }
 
     #[test]
     fn a_camera_that_misses_as_much_as_none_would_is_no_finding() {
