@@ -64,6 +64,8 @@ const BARREL: Distortion = Distortion::BrownConrady { k: [-0.3, 0.09, 0.01], p: 
 const FISHEYE: Distortion = Distortion::Equidistant { k: [0.03, -0.01, 0.004, -0.001] };
 const QUOTIENT: Distortion =
     Distortion::Rational { k: [0.52, -0.03, 0.002, 0.9, 0.1, 0.01], p: [0.001, -0.002] };
+/// Its pole is at 0.577; what the picture shows ends at 0.40.
+const POLE: Distortion = Distortion::Rational { k: [0.0, 0.0, 0.0, -3.0, 0.0, 0.0], p: [0.0; 2] };
 const DIVISION: Distortion = Distortion::Division { k1: -0.2 };
 
 fn exact() -> Method {
@@ -81,7 +83,7 @@ fn a_still_frame_is_the_oracles() {
     let mut request = still(&K);
     let plain = oracle(&scene, &request, &Distortion::None, [1.0; 2], 1);
     let none = levels(&render(&watched, &scene, exact(), &request), &plain).0;
-    let lenses = [BARREL, PINCUSHION, FISHEYE, DIVISION, QUOTIENT];
+    let lenses = [BARREL, PINCUSHION, FISHEYE, DIVISION, POLE, QUOTIENT];
     for distortion in some_of("a_still_frame_is_the_oracles", 2, lenses) {
         let want = oracle(&scene, &request, &distortion, [1.0; 2], 1);
         request.settings = settings(&distortion, [1.0; 2]);
@@ -93,7 +95,7 @@ fn a_still_frame_is_the_oracles() {
                 "{distortion:?}, {method:?}: mean {mean:.4}, largest {largest} levels; pinhole {none:.4}"
             );
             // A chord may be off by a tenth of a px: at edges that is a tenth of what a px is.
-            assert!(mean < none + 0.06, "{mean}");
+            assert!(mean < none + 0.02, "{mean}");
             assert!(control > 10.0 * mean, "control: the pinhole: {control}");
         }
     }

@@ -100,6 +100,13 @@ impl Lens {
         })
     }
 
+    /// Ideal radius of the ray furthest from the axis that the picture shows, focal lengths.
+    pub fn furthest_ray(&self) -> f64 {
+        let steps = self.intrinsics.width.max(self.intrinsics.height) as usize;
+        let radius = |px: &DVec2| self.ideal_of(normalised(&self.intrinsics, *px)).map_or(0.0, DVec2::length);
+        border(&self.intrinsics, steps).iter().map(radius).fold(0.0, f64::max)
+    }
+
     fn ideal_of(&self, distorted: DVec2) -> Option<DVec2> {
         self.distortion.undistort_within(distorted, self.max_radius)
     }

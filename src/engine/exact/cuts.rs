@@ -5,6 +5,7 @@
 //! triangles. Frames whose blur hides it are cut more coarsely. A frame that nobody announced is drawn with triangles
 //! cut for the whole trajectory.
 
+use super::ExactOptions;
 use super::cut::{Limits, Views, cut, strength};
 use crate::engine::scene::Stage;
 use crate::error::{Result, counted};
@@ -13,6 +14,8 @@ use crate::raster::{Geometry, Mesh, MotionGroups, Place, PlaceInput};
 
 /// Spans that differ by less are the same frame's, s.
 const SAME_S: f64 = 1e-9;
+/// An edge that lies further beside its place is worth a warning, px.
+const VISIBLE_PX: f64 = 0.5;
 
 /// Triangles, bound to the knots of each frame in flight.
 pub(super) struct Placeable {
@@ -124,6 +127,13 @@ impl Cuts {
             counted(frames.len(), "frame", "frames"),
             self.lines.0
         );
+        // Who asks for fewer triangles than there are by default has asked for coarser edges.
+        if chord_px > VISIBLE_PX && limits.most >= ExactOptions::default().most_triangles as usize {
+            tracing::warn!(
+                "edges may lie {chord_px} px beside where the shutter and the lens put them: {to} triangles are as \
+                 many as are made of {from}"
+            );
+        }
         let placeable = Placeable::new(stage, source.place, source.knots, &mesh)?;
         self.cuts.push(Cut { class, placeable });
         Ok(())
