@@ -7,8 +7,8 @@ use super::hidden::{Hidden, Kind};
 use super::make::Case;
 use super::{Form, WithholdOptions};
 use crate::diagnose::{DiagnoseOptions, Progress, Report, Verdict, diagnose, effect_names};
-use shutterbug::capture::Capture;
-use shutterbug::chain::{Settings, Value};
+use shutterbug::capture::{CameraFile, Capture};
+use shutterbug::chain::Value;
 use shutterbug::effects;
 use shutterbug::gpu::{Context, ContextOptions, DeviceChoice, Validation};
 
@@ -37,8 +37,8 @@ fn capture(folder: &Path) -> Capture {
         only: Vec::new(),
         form: Form::Capture,
     };
-    let hide = |known: &Settings| {
-        let mut settings = known.clone();
+    let hide = |camera: &CameraFile| {
+        let mut settings = camera.settings.clone();
         settings.set(effects::by_id(ADDED).expect("in the list"), "amount", Value::Number(AMOUNT))?;
         Ok(Hidden { kind: Kind::Single, names: vec![ADDED], settings })
     };

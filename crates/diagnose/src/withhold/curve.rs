@@ -11,6 +11,7 @@ use super::curve_result::{Curve, CurveCase, CurvePoint, CurveResult};
 use super::hidden::{Grade, grade, graded};
 use super::make::Case;
 use super::{WithholdOptions, begin, diagnose, unless_stopped};
+use shutterbug::capture::CameraFile;
 use shutterbug::error::{Error, Result};
 use shutterbug::files::{Limit, read_if_there};
 use shutterbug::plane::{write_atomic, write_png_atomic};
@@ -115,7 +116,7 @@ fn one_case(
     stop: &dyn Fn() -> bool,
 ) -> Result<CurveCase> {
     let capture = folder.join("capture");
-    let hide = |known: &shutterbug::chain::Settings| graded(options.seed, repeat, name, strength, known);
+    let hide = |camera: &CameraFile| graded(options.seed, repeat, name, strength, &camera.settings);
     let case = Case::make(options, repeat, &capture, true, &hide)?;
     case.render(stop)?;
     let report = diagnose(options, &capture, &folder.join("diagnosis"), None, &[], stop)?;

@@ -1,8 +1,9 @@
 //! Which effects a case hides, and how strong they are.
 
 use super::draw::Draw;
+use shutterbug::camera::{Intrinsics, Lens};
 use shutterbug::chain::{Effect, Law, ParamKind, ParamSpec, Settings, Trial, Value, neutral};
-use shutterbug::effects;
+use shutterbug::effects::{self, FocalLengthError, LensDistortion};
 use shutterbug::error::Result;
 
 /// What a case asks of a diagnosis.
@@ -27,6 +28,9 @@ const PATTERN: [Kind; 20] = {
         Several, None, Single, Several, Single, LeftOut, Several, Single,
     ]
 };
+
+/// Strengths are not drawn more often than that; what does not fit then is an error where it is rendered.
+const MOST_DRAWS: usize = 100;
 
 /// How many effects a set has: one in three has four or five.
 const SET_SIZES: [usize; 9] = [2, 2, 2, 3, 3, 3, 4, 4, 5];
@@ -58,11 +62,24 @@ fn is_coprime(a: usize, b: usize) -> bool {
     if b == 0 { a == 1 } else { is_coprime(b, a % b) }
 }
 
-/// Draws what case `case` hides. `known` are the effects that its camera.toml models.
+/// Whether every pixel of that camera sees something: a lens may fold inside a picture of a shorter focal length.
+pub(super) fn has_rays(settings: &Settings, intrinsics: &Intrinsics) -> bool {
+    let intrinsics = FocalLengthError::apply(settings, intrinsics);
+    Lens::new(intrinsics, LensDistortion::distortion(settings)).is_ok()
+}
+
+/// Draws what case `case` hides. `known` are the effects that its camera.toml models. Strengths are drawn anew until they
+/// fit.
 ///
 /// # Errors
 /// None in practice: all strengths lie within their effects' ranges (tested).
-pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &Settings) -> Result<Hidden> {
+pub(super) fn draw(
+    seed: u64,
+    case: usize,
+    available: &[&'static str],
+    known: &Settings,
+    fits: &dyn Fn(&Settings) -> bool,
+) -> Result<Hidden> {
     let mut draw = Draw::new(seed, case, "hidden");
     let mut free: Vec<_> = available.iter().copied().filter(|n| !known.has(n)).collect();
     let kind = if free.is_empty() { Kind::None } else { PATTERN[case % PATTERN.len()] };
@@ -89,16 +106,28 @@ pub(super) fn draw(seed: u64, case: usize, available: &[&'static str], known: &S
     }
     chosen.sort_unstable();
     let names: Vec<_> = chosen.into_iter().map(|i| free[i]).collect();
+    let mut settings = strengths(&names, known, &mut draw)?;
+    for _ in 0..MOST_DRAWS {
+        if fits(&settings) {
+            break;
+        }
+        settings = strengths(&names, known, &mut draw)?;
+    }
+    Ok(Hidden { kind, names, settings })
+}
+
+/// The camera with these effects, of drawn strengths.
+fn strengths(names: &[&'static str], known: &Settings, draw: &mut Draw) -> Result<Settings> {
     let mut settings = known.clone();
-    for name in &names {
+    for name in names {
         let effect = effects::by_id(name).expect("taken from the list");
         let mut drawn = 0.0;
         for (spec, trial) in trials(effect) {
-            let strength = blind(trial, &mut draw);
-            drawn = put(&mut settings, effect, spec, (trial.law, strength, drawn), &mut draw)?;
+            let strength = blind(trial, draw);
+            drawn = put(&mut settings, effect, spec, (trial.law, strength, drawn), draw)?;
         }
     }
-    Ok(Hidden { kind, names, settings })
+    Ok(settings)
 }
 
 /// Parameters of an effect that blind trials hide, in the order of its specs.
@@ -220,6 +249,25 @@ pub(super) fn graded(seed: u64, case: usize, name: &'static str, s: f64, known: 
 mod tests {
     use super::*;
 
+    /// With the shortest focal length that a camera of these trials may have. Seed 82006, case 15, had such a lens.
+    #[test]
+    fn a_lens_that_folds_inside_the_picture_is_drawn_anew() {
+        let intrinsics = Intrinsics { width: 320, height: 240, fx: 224.0, fy: 224.0, cx: 162.0, cy: 119.0 };
+        let (mut anew, none) = (0, Settings::default());
+        for case in (1..2000).step_by(20) {
+            let draw = |fits: &dyn Fn(&Settings) -> bool| {
+                super::draw(7, case, &["focal_length_error", "lens_distortion"], &none, fits)
+                    .expect("in range")
+            };
+            let fits = |settings: &Settings| has_rays(settings, &intrinsics);
+            let (first, hidden) = (draw(&|_| true), draw(&fits));
+            assert!(fits(&hidden.settings) && hidden.names == first.names, "case {case}");
+            assert!(hidden == first || !fits(&first.settings), "case {case}: what fits stays");
+            anew += usize::from(hidden != first);
+        }
+        assert!(anew > 0, "control: none of them folded");
+    }
+
     #[test]
     fn every_strength_is_in_range_and_not_neutral() {
         let ids: Vec<_> = effects::LIST.iter().map(|e| e.id()).collect();
@@ -227,8 +275,8 @@ mod tests {
         assert!(available.len() >= 15, "{available:?}");
         let mut seen = std::collections::BTreeSet::new();
         for case in 0..400 {
-            let hidden =
-                super::draw(5, case, &available, &Settings::default()).unwrap_or_else(|e| panic!("{e}"));
+            let hidden = super::draw(5, case, &available, &Settings::default(), &|_| true)
+                .unwrap_or_else(|e| panic!("{e}"));
             let count = hidden.names.len();
             let fits = match hidden.kind {
                 Kind::None => count == 0,
@@ -275,7 +323,8 @@ mod tests {
         let read_noise = effects::by_id("read_noise").expect("an effect");
         known.set(read_noise, "sigma", Value::Number(0.01)).expect("in range");
         for case in 0..60 {
-            let hidden = super::draw(1, case, &["read_noise", "defocus"], &known).expect("in range");
+            let hidden =
+                super::draw(1, case, &["read_noise", "defocus"], &known, &|_| true).expect("in range");
             assert!(!hidden.names.contains(&"read_noise") && hidden.settings.has("read_noise"));
         }
     }

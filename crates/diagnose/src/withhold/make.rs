@@ -58,7 +58,7 @@ impl Case {
         index: usize,
         folder: &Path,
         plain: bool,
-        hide: &dyn Fn(&Settings) -> Result<Hidden>,
+        hide: &dyn Fn(&CameraFile) -> Result<Hidden>,
     ) -> Result<Self> {
         let stream = |purpose: &str| Draw::new(options.seed, index, purpose);
         for made in [folder.to_owned(), folder.join("objects"), folder.join("real")] {
@@ -91,7 +91,7 @@ impl Case {
         }
         write_atomic(&folder.join("frames.csv"), csv.as_bytes())?;
         write_atomic(&folder.join("camera.toml"), camera.to_toml().as_bytes())?;
-        let hidden = hide(&camera.settings)?;
+        let hidden = hide(&camera)?;
         // What a stranger would read, but with the true camera; its file is written only when the answer is opened.
         let nominal = Capture::read(folder, None)?;
         let truth = CameraFile { settings: hidden.settings.clone(), ..nominal.camera };

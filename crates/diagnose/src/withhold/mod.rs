@@ -42,7 +42,8 @@ use crate::diagnose::{REPORT_FILE, Report};
 use crate::out;
 use child::made;
 use make::Case;
-use shutterbug::capture::read_text;
+use shutterbug::capture::{CameraFile, read_text};
+use shutterbug::chain::Settings;
 use shutterbug::error::{Error, Result, counted};
 use shutterbug::files::{self, Limit};
 use shutterbug::plane::write_atomic;
@@ -169,7 +170,10 @@ fn one_case(
     stop: &dyn Fn() -> bool,
 ) -> Result<CaseScore> {
     let capture = folder.join("capture");
-    let hide = |known: &shutterbug::chain::Settings| hidden::draw(options.seed, index, available, known);
+    let hide = |camera: &CameraFile| {
+        let fits = |settings: &Settings| hidden::has_rays(settings, &camera.intrinsics);
+        hidden::draw(options.seed, index, available, &camera.settings, &fits)
+    };
     // Simulated frames show what their camera models: an ideal one shows nothing.
     let plain = options.form != Form::Capture;
     let case = Case::make(options, index, &capture, plain, &hide)?;
