@@ -106,6 +106,22 @@ fn a_report_with_nothing_in_it_is_a_page_too() {
 }
 
 #[test]
+fn effects_that_do_the_same_together_are_named_with_their_parameters() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut report = sample(folder.path(), 1, "desk");
+    let one = |name: &str, key: &str, value| (name.to_owned(), [(key.to_owned(), value)].into());
+    let gain = one("exposure_gain", "gain", 0.803);
+    report.effects[0].same_together = [gain, one("black_level", "offset", 0.0316)].into();
+    report.effects[0].footage = "frames with the lens capped".to_owned();
+    let (_, page) = page_of(&report, folder.path());
+    assert!(page.errors().is_empty(), "{:?}", page.errors());
+    let notes: Vec<String> = page.all("#effects p").iter().map(|p| p.text()).collect();
+    let said = "from black level (offset 0.0316) with exposure gain (gain 0.803), film: frames with the lens capped.";
+    assert!(notes.iter().any(|note| note.contains(said)), "{notes:?}");
+    assert!(page.all("#effects small").iter().any(|s| s.text() == "or black level with exposure gain"));
+}
+
+#[test]
 fn a_gap_below_the_floor_leaves_nothing_unexplained() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut report = sample(folder.path(), 2, "desk");

@@ -131,6 +131,7 @@ fn effects() -> Vec<EffectFound> {
         gap_alone: 2.0,
         gain_ci95: [4.1, 5.3],
         alternatives: Vec::new(),
+        same_together: BTreeMap::new(),
         footage: String::new(),
     };
     let map = |p: &[(&str, Parameter)]| p.iter().map(|(n, p)| ((*n).to_owned(), p.clone())).collect();

@@ -137,6 +137,9 @@ pub struct Gap {
     pub renderer_difference: f64,
 }
 
+/// Parameters of several effects, by the names of `camera.toml`.
+pub type Together = BTreeMap<String, BTreeMap<String, f64>>;
+
 /// An effect that the frames support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EffectFound {
@@ -165,6 +168,9 @@ pub struct EffectFound {
     /// Effects that do the same on these frames, within noise and what correct simulations differ by.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<String>,
+    /// Effects that do the same on any frames together, none of them alone, with their parameters.
+    #[serde(skip_serializing_if = "Together::is_empty", default)]
+    pub same_together: Together,
     /// What to film to tell it from its alternatives; empty where there is none.
     #[serde(skip_serializing_if = "String::is_empty", default)]
     pub footage: String,

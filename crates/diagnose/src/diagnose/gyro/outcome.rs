@@ -237,6 +237,7 @@ fn effect(name: &str, theta: &Theta, half: &BTreeMap<P, f64>, without_px: f64, g
         gap_alone: gap.before,
         gain_ci95: [gain; 2],
         alternatives: Vec::new(),
+        same_together: Together::new(),
         footage: String::new(),
     }
 }

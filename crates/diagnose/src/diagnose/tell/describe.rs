@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::same_together::{FILM, same_together};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::evidence::budget::{Budgeted, Stage, in_time};
 use crate::diagnose::evidence::quality::Quality;
@@ -299,21 +300,24 @@ fn as_found(
         // The lamps may be brighter, or the exposure longer: a constant factor is the same in both.
         let same = |n: &&'static str| !set.contains(n) && is_in_surfaces(n, &[name]);
         alternatives.extend(search.names.iter().copied().filter(same));
+        let parameters = if is_description(name) {
+            search.description_parameters(name, &found.fit.theta)?
+        } else {
+            found.fit.theta.report(candidate_of(name), &found.fit.half)
+        };
+        let same_together = same_together(name, set, &parameters);
         out.push(EffectFound {
             name: (*name).to_owned(),
             share: shares[i],
-            parameters: if is_description(name) {
-                search.description_parameters(name, &found.fit.theta)?
-            } else {
-                found.fit.theta.report(candidate_of(name), &found.fit.half)
-            },
+            footage: footage(name, &alternatives, &same_together),
+            parameters,
             camera: !is_description(name),
             gap_without: if set.len() == 1 { found.before.mean() } else { found.after.mean() + gain.value },
             gap_with: found.after.mean(),
             gap_alone: alone.map_or(found.before.mean(), |a| gap_alone(found, a)),
             gain_ci95: gain.interval(),
             alternatives: alternatives.iter().map(|n| (*n).to_owned()).collect(),
-            footage: footage(name, &alternatives),
+            same_together,
         });
     }
     out.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -321,13 +325,17 @@ fn as_found(
 }
 
 /// What to film to tell an effect from its alternatives: where each of them shows best.
-fn footage(name: &str, alternatives: &[&str]) -> String {
+fn footage(name: &str, alternatives: &[&str], together: &Together) -> String {
     let shown_by = |name: &str| shutterbug::effects::by_id(name).map_or("", |e| e.shown_by());
     let mut films: Vec<&str> =
         std::iter::once(name).chain(alternatives.iter().copied()).map(shown_by).collect();
+    if alternatives.is_empty() {
+        films.clear();
+    }
+    films.extend((!together.is_empty()).then_some(FILM));
     films.dedup();
     films.retain(|film| !film.is_empty());
-    if alternatives.is_empty() { String::new() } else { films.join("; or ") }
+    films.join("; or ")
 }
 
 /// Shares of the closed gap that do not depend on an order: the mean gain over all orders in which the effects of the

@@ -8,6 +8,7 @@ pub(super) mod output;
 pub mod percepts;
 pub(super) mod places;
 pub(super) mod run;
+mod same_together;
 pub(super) mod sentences;
 pub(super) mod setup_checks;
 pub(super) mod task;

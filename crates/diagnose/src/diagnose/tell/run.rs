@@ -323,6 +323,7 @@ fn say_objects(report: &mut Report, objects: &Objects) {
         gap_alone: report.gap.before,
         gain_ci95: [0.0, f64::max(none, 0.0)],
         alternatives: Vec::new(),
+        same_together: Together::new(),
         footage: String::new(),
     });
     if report.verdict == Verdict::NoGap {

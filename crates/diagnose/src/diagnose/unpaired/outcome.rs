@@ -200,6 +200,7 @@ fn effects(what: &What<'_>, gap: &Gap) -> Vec<EffectFound> {
             gap_alone: what.held.distance(&alone),
             gain_ci95: [gains[i]; 2],
             alternatives: Vec::new(),
+            same_together: Together::new(),
             footage: String::new(),
         }
     };
